@@ -1,5 +1,5 @@
-//! Trees that nobody thought of, with special and with skew geometry: layer 1
-//! finds as many base parameters as random states show.
+//! Random trees with special and with skew geometry: layer 1 finds as many base parameters as
+//! random states show.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod base_support;
@@ -10,7 +10,7 @@ use base_support::{base, evaluate};
 use proptest::prelude::*;
 use regen_codegen::base::certificate::certify;
 
-/// A joint and where it stands.
+/// A joint with its placement.
 #[derive(Clone, Debug)]
 struct RandomJoint {
     kind: &'static str,
@@ -26,13 +26,13 @@ struct RandomJoint {
 struct RandomTree {
     gravity: &'static str,
     joints: Vec<RandomJoint>,
-    /// Where a second limb starts: joints before it are the first limb, and it
-    /// stands on one of their bodies or on the ground.
+    /// Index of the first joint of a second limb, and the body of the first limb, or the ground, on
+    /// which it starts.
     branch: Option<(usize, usize)>,
 }
 
-/// Zero and right angles most of the time, so that axes meet, are parallel or
-/// the same; angles in rational proportion; and skew ones.
+/// Zero and right angles most of the time, so that axes meet, are parallel or coincide; also angles
+/// in rational proportion, and skew ones.
 fn angle() -> impl Strategy<Value = &'static str> {
     prop_oneof![
         6 => Just("0"),
@@ -41,7 +41,7 @@ fn angle() -> impl Strategy<Value = &'static str> {
     ]
 }
 
-/// Names of which two are equal by value and two are multiples.
+/// Geometry names, of which two are equal by value and two are multiples.
 fn length() -> impl Strategy<Value = &'static str> {
     prop_oneof![
         6 => Just("0"),
@@ -84,7 +84,7 @@ prop_compose! {
 }
 
 impl RandomTree {
-    /// The spec; `None` where nothing moves or nothing has mass.
+    /// The spec's text; `None` if nothing moves or nothing has mass.
     fn text(&self) -> Option<String> {
         let mut text = format!(
             "name: tree\ngravity: [{}]\ngeometry: {{a: 0.3, b: 0.3, c: 0.15}}\nlimbs:\n",
@@ -129,16 +129,15 @@ impl RandomTree {
     }
 }
 
-/// As the spec that it is.
+/// Prints the text of the spec.
 impl std::fmt::Debug for RandomTree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.text().unwrap_or_default())
     }
 }
 
-/// Layer 1 against random states in multiple precision, and every coefficient
-/// against its value.
-fn judge(text: &str) {
+/// Compares layer 1 with random states in multiple precision, and every coefficient with its value.
+fn compare_with_states(text: &str) {
     let (model, found) = base(text);
     let home = vec![0.1; model.coordinates.len()];
     let certificate = certify(&model, &home, 3).unwrap().certificate();
@@ -148,7 +147,7 @@ fn judge(text: &str) {
     let terms: Vec<_> = found.parameters.iter().flat_map(|p| &p.terms).collect();
     let texts: Vec<String> = terms.iter().map(|t| t.coefficient.to_string()).collect();
     for (term, value) in terms.iter().zip(evaluate(text, &texts)) {
-        // a coefficient too long to be read is written as its number
+        // a coefficient that is too long to be read is written as its number
         let error = value.sub(&term.value);
         let small = error.to_f64().abs() <= 1e-16 * term.value.to_f64().abs();
         assert!(
@@ -162,7 +161,7 @@ fn judge(text: &str) {
 
 proptest! {
     #![proptest_config(ProptestConfig {
-        // more by the environment variable PROPTEST_CASES
+        // the environment variable PROPTEST_CASES sets another number
         cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(60),
         failure_persistence: None,
         ..ProptestConfig::default()
@@ -171,7 +170,7 @@ proptest! {
     #[test]
     fn layer_1_finds_as_many_base_parameters_as_random_states_show(tree in tree()) {
         if let Some(text) = tree.text() {
-            judge(&text);
+            compare_with_states(&text);
         }
     }
 }
@@ -192,9 +191,9 @@ fn arm(gravity: &str, joints: &[(&str, &str, &str)]) -> String {
 
 #[test]
 fn two_joints_on_one_axis_need_more_states_than_rows_suggest() {
-    // without gravity, and with rates of the second joint that say little, all
-    // that is left comes from one row a state
-    judge(&arm(
+    // without gravity, and with few different rates of the second joint, each state adds only one
+    // row to the rank
+    compare_with_states(&arm(
         "0, 0, 0",
         &[
             ("revolute", "z", ""),
@@ -206,7 +205,7 @@ fn two_joints_on_one_axis_need_more_states_than_rows_suggest() {
 
 #[test]
 fn a_sum_of_roots_keeps_its_sign_in_print() {
-    judge(&arm(
+    compare_with_states(&arm(
         "0, 0, -9.81",
         &[
             ("revolute", "z", ""),
@@ -219,7 +218,7 @@ fn a_sum_of_roots_keeps_its_sign_in_print() {
 
 #[test]
 fn what_nobody_would_read_is_a_number() {
-    judge(&arm(
+    compare_with_states(&arm(
         "0, 0, -9.81",
         &[
             ("revolute", "x", ""),

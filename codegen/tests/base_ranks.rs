@@ -1,5 +1,5 @@
-//! The numbers of base parameters that are known for these mechanisms, and how
-//! far trees account for them.
+//! The known numbers of base parameters of some mechanisms, and the numbers that the spanning trees
+//! give.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod base_support;
@@ -46,8 +46,8 @@ fn gravity_off_the_first_axis_shows_two_more_parameters() {
     assert_eq!(rank(&tilted), 38);
 }
 
-/// Path, base parameters by the spec's own tree, by the sum over trees, and
-/// how many there are.
+/// Path, and the number of base parameters by the spec's tree, by the sum over trees, and
+/// certified.
 const LOOPS: [(&str, usize, usize, usize); 12] = [
     ("robots/fourbar.yaml", 9, 8, 8),
     ("tests/fixtures/pairs/slider_crank/pin.yaml", 7, 6, 6),
@@ -56,9 +56,9 @@ const LOOPS: [(&str, usize, usize, usize); 12] = [
     ("tests/fixtures/oracle/3rps.yaml", 27, 25, 25),
     ("tests/fixtures/mechanisms/hexapod.yaml", 87, 82, 82),
     ("tests/fixtures/pairs/rsur/universal.yaml", 15, 14, 14),
-    // 12 friction parameters and rotors beside 21 and 19
+    // 12 parameters of friction and rotors in addition to 21 and 19
     ("tests/fixtures/mechanisms/prs3.yaml", 33, 31, 31),
-    // what no tree shows
+    // null directions that no tree gives
     ("tests/fixtures/mechanisms/delta.yaml", 45, 43, 34),
     ("tests/fixtures/mechanisms/parallelogram_cut.yaml", 9, 8, 3),
     ("tests/fixtures/pairs/turntable/pin.yaml", 24, 22, 21),
@@ -109,7 +109,7 @@ fn a_target_ends_the_search_with_the_same_null_space() {
         let (model, all) = base(&text);
         let (_, targeted) = base_with(&text, Some(model.parameters.len() - known));
         assert!(targeted.trees <= all.trees, "{path}");
-        // the reduced form of a null space does not depend on how it was found
+        // the reduced form of a null space does not depend on how the space was found
         assert_eq!(targeted.null.len(), all.null.len(), "{path}");
         assert_eq!(targeted.parameters, all.parameters, "{path}");
     }
@@ -139,7 +139,7 @@ fn identical_legs_leave_the_known_numbers() {
         ),
         9
     );
-    // 12 friction parameters and rotors stay
+    // 12 parameters of friction and rotors remain
     let prs = "[slider1, slider2, slider3], [rod1, rod2, rod3]";
     assert_eq!(with("tests/fixtures/mechanisms/prs3.yaml", prs), 13 + 12);
     let ups = "[1, 3, 5, 7, 9, 11], [2, 4, 6, 8, 10, 12]";
@@ -163,7 +163,7 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     assert_eq!(found.rank(), 11 + 16 - 1);
     let (_, symmetric) = base(&text.replace("actuated: true", "actuated: true, friction: linear"));
     assert_eq!(symmetric.rank(), 11 + 8);
-    // the one that is combined: m(4) with Fc+(q4) and Fc-(q4), weighing 9.81 N/kg
+    // the combined parameter: m(4) with Fc+(q4) and Fc-(q4), weighing 9.81 N/kg
     let label = |c: usize| model.parameters[c].label.as_str();
     let mixed: Vec<Vec<(&str, String)>> = found
         .null
@@ -185,9 +185,9 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
     insta::assert_debug_snapshot!((labels, &mixed[0]));
 }
 
-/// The slide stands on the world by its moved side: its tree begins at the cut, passes
-/// the joint backward, and weighs what slides against the slide's one-sided friction with
-/// the other sign.
+/// The moving side of the slide is on the world: the tree begins at the cut, passes the joint
+/// backward, and combines the sliding mass with the slide's asymmetric friction with the opposite
+/// sign.
 #[test]
 fn a_slide_that_is_passed_backward_has_its_friction_weighed_with_its_sign() {
     let text = "name: backward
@@ -218,7 +218,7 @@ independent: [v]
 
 #[test]
 fn a_rotor_merges_where_its_joint_is_the_first_on_the_ground() {
-    // J(q1) acts as Izz(1) does where nothing else moves body 1
+    // J(q1) has the same effect as Izz(1) where nothing else moves body 1
     let (model, found) = base(&with_rotors(&file("robots/puma560.yaml")));
     let label = |c: usize| model.parameters[c].label.as_str();
     let together = found.null.iter().any(|row| {

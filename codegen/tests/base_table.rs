@@ -1,5 +1,4 @@
-//! Table 1 of the chapter, its Models 2 and 3, and names that are equal only by
-//! value.
+//! Table 1 of the chapter, its Models 2 and 3, and names that are equal only by value.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod base_support;
@@ -19,8 +18,8 @@ fn the_3_rps_has_the_rows_of_table_1_with_the_side_as_a_symbol() {
     insta::assert_snapshot!(rows.join("\n"));
 }
 
-/// Table 1 as printed, with the minus that row 12 lacks there (Table 8 has it):
-/// row number, then kept parameter, then factors and parameters.
+/// Table 1 as printed, with the minus sign that is missing there in row 12 (Table 8 has it): row
+/// number, then kept parameter, then factors and parameters.
 const TABLE_1: [(usize, &[(f64, &str)]); 25] = [
     (1, &[(1.0, "mx(1)")]),
     (2, &[(1.0, "my(1)")]),
@@ -89,11 +88,11 @@ fn the_3_rps_has_the_printed_numbers_of_table_1() {
         .collect();
     assert_eq!(found.len(), 25);
     for (number, printed) in TABLE_1 {
-        // which of Izz and Iyy of a swinging leg is kept is free: sums are sums
+        // for a swinging leg, either Izz or Iyy may be the kept parameter of their sum
         let same = found.iter().any(|row| {
             row.len() == printed.len()
                 && printed.iter().all(|(factor, label)| {
-                    // four printed figures
+                    // the chapter prints four digits
                     let close = |x: f64| (x - factor).abs() <= 0.5e-3 * factor.abs().max(0.1);
                     row.iter().any(|(l, x)| l == label && close(*x))
                 })
@@ -133,7 +132,7 @@ fn model_2_drops_ten_rows_and_keeps_15() {
     let (_, two) = base(&file("tests/fixtures/base/model2.yaml"));
     assert_eq!(two.rank(), 15);
     assert_eq!(two.parameters.iter().filter(|p| p.dropped).count(), 10);
-    // rows are left out, columns are not: what is kept is combined as before
+    // rows are left out, columns are not: the other rows do not change
     for (a, b) in all.parameters.iter().zip(&two.parameters) {
         assert_eq!(a.terms, b.terms);
     }
@@ -141,7 +140,7 @@ fn model_2_drops_ten_rows_and_keeps_15() {
 
 #[test]
 fn without_a_column_there_are_16_where_without_its_row_there_are_15() {
-    // taking the column Ixy(3) for zero leaves a/2 my(3) of row 7
+    // setting the parameter Ixy(3) to zero leaves a/2 my(3) of row 7
     let text = file("tests/fixtures/base/model2.yaml");
     let text = text.replace("mx(2), Ixy(3), ", "mx(2), ") + "  zero: [Ixy(3)]\n";
     let (model, found) = base(&text);
@@ -156,7 +155,7 @@ fn model_3_has_equal_legs_and_9_rows() {
     let (model, three) = base(&text);
     assert_eq!(three.parameters.len(), 15);
     assert_eq!(three.rank(), 9);
-    // the legs' other bodies stand under the first one's labels
+    // the parameters of the other legs' bodies are replaced by those of the first leg
     for known in &three.known {
         assert_eq!(known.terms.len(), 1);
         assert!(known.terms[0].coefficient.is_one());
@@ -179,14 +178,14 @@ fn a_known_linear_form_takes_one_parameter_out() {
     let known = &found.known[0];
     assert_eq!(model.parameters[known.column].label, "Ixy(3)");
     assert_eq!(known.terms[0].coefficient.to_string(), "-a/2");
-    // row 7 is that form: it is gone, and with it one of the 25
+    // the form of row 7 is zero, so one of the 25 base parameters is removed
     assert_eq!(found.parameters.len(), 24);
     assert_eq!(found.rank(), 15);
 }
 
 #[test]
 fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
-    // the second axis comes back to the first by another name
+    // the second axis returns to the first, by a length with another name
     let text = file("tests/fixtures/base/two_r.yaml");
     let back = |b: &str| {
         text.replace("{a: 0.3}", &format!("{{a: 0.3, b: {b}}}"))
@@ -198,7 +197,7 @@ fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
     let (_, other) = base(&back("0.31"));
     assert_eq!(other.rank(), 4);
     assert!(other.coincidences.is_empty());
-    // a name that is defined by the other is equal by its expression
+    // a name defined by the other one is equal by its expression, too
     let (_, defined) = base(&back("a"));
     assert_eq!(defined.rank(), 2);
     assert!(defined.coincidences.is_empty());
@@ -206,7 +205,7 @@ fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
 
 #[test]
 fn no_tree_of_a_parallelogram_rests_on_its_equal_sides() {
-    // trees say 8 whether or not opposite sides are equal, so nothing is noted
+    // trees give 8 whether or not opposite sides are equal, so no coincidence is recorded
     let text = file("tests/fixtures/base/fourbar_two_names.yaml");
     let (_, equal) = base(&text);
     let (_, skew) = base(&text.replace("rocker: 0.4", "rocker: 0.53"));
@@ -227,7 +226,7 @@ fn a_length_of_zero_is_noted_where_it_decides() {
 
 #[test]
 fn sines_of_angles_in_rational_proportion_are_related() {
-    // the second axis meets the first at 0.3, the third is turned by 0.6 back: in the frame
+    // the second axis meets the first at 0.3, the third is rotated back by 0.6: in the frame
     // between, sin 0.6 = 2 sin 0.3 cos 0.3 decides
     let arm = |angle: &str| {
         file("tests/fixtures/base/two_r.yaml").replace(
@@ -241,7 +240,7 @@ fn sines_of_angles_in_rational_proportion_are_related() {
             "type: fixed, origin: {rpy: [0.3, 0, 0]}}",
         )
     };
-    // back to parallel axes through one point: a yaw alone
+    // rotated back to parallel axes through one point: a yaw alone
     let (_, parallel) = base(&arm("-0.6"));
     let (_, skew) = base(&arm("-0.5"));
     assert_eq!(parallel.rank(), 2);
@@ -265,7 +264,7 @@ fn lengths_written_as_powers_and_quotients_are_the_same_symbols() {
     assert_eq!(by("L^-1"), inverse);
     assert_eq!(by("L^2*L^-3"), inverse);
     assert_ne!(by("L^1"), inverse);
-    // a sum in a denominator keeps its brackets
+    // a sum in a denominator keeps its parentheses
     let quotient = by("h/(L + h)").join(" ");
     assert!(quotient.contains("/(L + h)"), "{quotient}");
 }
@@ -281,7 +280,8 @@ fn friction_of_geared_joints_adds_up_by_the_ratio_and_turns_with_its_sign() {
              couplings: {{q2: -2*q1}}\nhome: {{q1: 0.3}}\n"
         )
     };
-    // twice as fast: power goes by the square of the ratio, dry friction by the ratio
+    // at twice the rate, viscous friction counts by the square of the ratio, Coulomb friction by
+    // the ratio
     assert_eq!(
         table(&geared("linear")),
         [
@@ -290,7 +290,8 @@ fn friction_of_geared_joints_adds_up_by_the_ratio_and_turns_with_its_sign() {
             "Fc(q2) + 1/2 Fc(q1)"
         ]
     );
-    // and the other way round: what opposes one opposes the other backwards
+    // with the opposite direction of rotation, the friction of positive rates becomes that of
+    // negative ones
     assert_eq!(
         table(&geared("asymmetric")),
         [

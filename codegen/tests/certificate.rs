@@ -1,5 +1,4 @@
-//! The ranks that are known for these mechanisms, from samples in multiple
-//! precision.
+//! The known ranks of some mechanisms, from samples in multiple precision.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write;
@@ -18,7 +17,7 @@ fn file(path: &str) -> String {
     std::fs::read_to_string(root.join(path)).unwrap()
 }
 
-/// A mechanism and its closed home.
+/// A mechanism with a home that satisfies the closure equations.
 fn mechanism(text: &str) -> (Model, Vec<f64>) {
     let spec = spec::parse(&Source::new("test.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
     let model = model::build(&spec);
@@ -39,7 +38,7 @@ fn samples(text: &str) -> (Model, Samples) {
     (model, samples)
 }
 
-/// The rank, with a gap that leaves no doubt.
+/// The certified rank of a spec.
 fn rank(text: &str) -> usize {
     let certificate = samples(text).1.certificate();
     assert!(certificate.is_certain(), "{certificate:?}");
@@ -60,7 +59,7 @@ fn trees_and_loops_have_their_known_ranks() {
         ("robots/fourbar.yaml", 8),
         ("tests/fixtures/pairs/slider_crank/pin.yaml", 6),
         ("tests/fixtures/mechanisms/rrr3.yaml", 19),
-        // and 12 columns of friction
+        // in addition 12 columns of friction
         ("tests/fixtures/mechanisms/prs3.yaml", 19 + 12),
     ] {
         assert_eq!(rank(&file(path)), expected, "{path}");
@@ -94,7 +93,7 @@ fn a_parallelogram_stays_on_its_branch_and_has_3() {
         rank(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml")),
         3
     );
-    // with viscous and Coulomb friction of q2, and a rotor that is like an inertia
+    // with viscous and Coulomb friction of q2, and a rotor that has the effect of an inertia
     assert_eq!(
         rank(&file("tests/fixtures/mechanisms/parallelogram.yaml")),
         3 + 2
@@ -153,12 +152,12 @@ fn arms_have_their_known_ranks() {
     assert_eq!(rank(&skew), 36);
     let tilted = skew.replace("limbs:", "gravity: [1.1, 0.7, -9.6]\nlimbs:");
     assert_eq!(rank(&tilted), 38);
-    // rotors: those of the first two joints are like inertias
+    // the rotors of the first two joints have the effect of inertias
     let rotors = seven.replace("actuated: true", "actuated: true, rotor_inertia: true");
     assert_eq!(rank(&rotors), 48);
 }
 
-/// A SCARA arm; `more` is said of every joint.
+/// A SCARA arm; `more` is added to the description of every joint.
 fn scara(more: &str) -> String {
     format!(
         "name: scara
@@ -188,13 +187,14 @@ fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
     let rail = file("tests/fixtures/pairs/slider_crank/rail.yaml");
     let with = |kind: &str| rail.replace(", body:", &format!(", friction: {kind}, body:"));
     assert_eq!(rank(&with("viscous")), 6 + 3);
-    // |qd| of the three is independent only over changes of their signs
+    // the three powers |qd| are independent only if the signs of the rates change
     assert_eq!(rank(&with("linear")), 6 + 6);
-    // q1 + q2 + q3 is constant: the same offset on all three does no work
+    // q1 + q2 + q3 is constant: equal offsets on all three do no work
     assert_eq!(rank(&with("coulomb_asymmetric")), 6 + 9 - 1);
 }
 
-/// Lengths from 1e-6 to 1e3 m, any gravity: what is rounding does not depend on units.
+/// Lengths from 1e-6 to 1e3 m, any gravity: the distinction between rounding and other numbers does
+/// not depend on units.
 #[test]
 fn absurd_scales_do_not_change_a_rank() {
     let planar = |lengths: [&str; 2], gravity: &str| {
@@ -221,7 +221,7 @@ fn absurd_scales_do_not_change_a_rank() {
                 "{lengths:?} {gravity}"
             );
         }
-        // without gravity, the first body's moments stay hidden
+        // without gravity, the first moments of the first body have no effect
         assert_eq!(rank(&planar(lengths, "0")), 7 + 9, "{lengths:?}");
     }
     let loops = [
@@ -258,7 +258,7 @@ fn combinations_hold_at_states_that_they_were_not_made_from() {
         let found = model.parameters.iter().position(|p| p.label == label);
         found.unwrap()
     };
-    // kept: greedily, what the chapter's Table 1 eliminates last in line
+    // kept columns are chosen greedily; those that the chapter's Table 1 eliminates come last
     let last = ["my(3)", "m(3)", "m(2)"].map(column);
     let others = (0..model.parameters.len())
         .rev()

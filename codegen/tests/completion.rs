@@ -1,4 +1,4 @@
-//! Mechanisms whose base parameters trees do not show.
+//! Mechanisms with null directions that the trees do not give.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write as _;
@@ -46,9 +46,9 @@ fn table(model: &Model, analysis: &Analysis) -> String {
     text
 }
 
-/// The analysis of a mechanism with some completed directions: complete, of this
-/// rank, all of it recognised, and with directions that are null at states of
-/// their own.
+/// The analysis of a mechanism with some completed directions, after asserting that it is complete,
+/// has the given rank, that all factors are recognised, and that the directions are null at further
+/// states.
 fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, Analysis) {
     let (model, home, analysis) = analysed(text);
     let table = table(&model, &analysis);
@@ -73,7 +73,7 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
     (model, analysis)
 }
 
-/// At fresh states, W(all) phi is W(base) beta.
+/// Asserts that W(all) phi = W(base) beta at fresh states.
 fn reproduces(path: &str, model: &Model, home: &[f64], analysis: &Analysis) {
     let fresh = certify(model, home, 99).unwrap();
     let phi: Vec<Float320> = (0..model.parameters.len())
@@ -91,7 +91,7 @@ fn reproduces(path: &str, model: &Model, home: &[f64], analysis: &Analysis) {
     assert!(fresh.left_over(&difference) < 1e-60, "{path}");
 }
 
-/// The combination with a kept parameter.
+/// The combination of the base parameter with the given kept parameter.
 fn combination(model: &Model, analysis: &Analysis, kept: &str) -> Vec<String> {
     let label = |c: usize| model.parameters[c].label.as_str();
     let mut parameters = analysis.base.parameters.iter();
@@ -138,7 +138,7 @@ fn sides_that_are_equal_by_value_only_stay_equal() {
     );
 }
 
-/// Ties that hold by construction leave nothing to complete.
+/// Velocity constraints that hold by construction leave no direction to complete.
 #[test]
 fn coupled_trees_are_derived() {
     for (path, rank) in [
@@ -158,8 +158,8 @@ fn coupled_trees_are_derived() {
     );
 }
 
-/// Frames of coupled bodies may stand anyhow: with a constant in the coupling, and
-/// turned by a skew angle about skew axes.
+/// Frames of coupled bodies may have any orientation: with a constant in the coupling, and rotated
+/// by a skew angle about skew axes.
 #[test]
 fn coupled_bodies_of_one_orientation_are_derived_in_any_axes() {
     let text = "name: carried
@@ -189,7 +189,7 @@ home: {q1: 0.3}
 fn a_translational_delta_has_34() {
     let path = "mechanisms/delta.yaml";
     let (model, analysis) = complete(path, &file(path), 34, 9);
-    // its platform never rotates: nothing but its mass counts
+    // its platform never rotates: only its mass has an effect
     for parameter in &analysis.base.parameters {
         for term in &parameter.terms {
             let label = &model.parameters[term.column].label;
@@ -234,7 +234,7 @@ fn overconstrained_linkages_are_complete() {
     }
 }
 
-/// Trees show all there is to know of loops whose shape is not special.
+/// Trees give all null directions of loops without special geometry.
 #[test]
 fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
     for (file_name, rank) in [("spherical_fourbar", 11), ("tilted_fourbar", 8)] {
@@ -245,8 +245,8 @@ fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
     }
 }
 
-/// A Bennett linkage closes for one ratio of its lengths only, and at angles that
-/// stay as they are: no factor of it is known as a function of all of them.
+/// A Bennett linkage closes for one ratio of its lengths only, and at angles that cannot be varied:
+/// no factor of it is known as a function of all of them.
 #[test]
 fn factors_that_hold_at_the_given_values_only_are_marked() {
     let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
@@ -274,7 +274,7 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
     assert!(delta.base.null.iter().all(|row| everywhere(row.exactness)));
 }
 
-/// The rocker's frame is turned by 0.3 rad, whose sine no short expression is.
+/// The rocker's frame is rotated by 0.3 rad, whose sine has no short expression.
 #[test]
 fn a_factor_without_short_expression_is_a_number_and_says_so() {
     let text = file("mechanisms/parallelogram_cut.yaml")

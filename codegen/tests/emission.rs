@@ -1,4 +1,4 @@
-//! The shape of emitted functions, which decides whether the compiler survives them: rustc's
+//! The structure of emitted functions, which decides whether the compiler can process them: rustc's
 //! debug-information writer overflows its stack at some thousands of variables in a scope.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -12,10 +12,10 @@ use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, digest, module};
 use regen_codegen::pipeline::{BaseFrom, derive, derive_with};
 
-/// Variables in a scope, at most.
-const MOST: usize = 800;
+/// Largest number of variables in a scope.
+const MAX_VARIABLES: usize = 800;
 
-/// Without base parameters, whose functions are smaller than these.
+/// The emitted module without base parameters, whose functions are smaller than the others.
 fn emit(text: &str) -> String {
     let source = Source::new("robot.yaml", text);
     let robot =
@@ -23,12 +23,12 @@ fn emit(text: &str) -> String {
     module(&robot, &Options::default())
 }
 
-/// The words and signs of Rust text, comments and strings left out.
+/// The tokens of Rust text, without comments and strings.
 fn tokens(text: &str) -> Vec<&str> {
     let mut tokens = Vec::new();
     for line in text.lines() {
         let code = line.split("//").next().unwrap_or("");
-        // every second part stands between quotes
+        // every second part is between quotes
         for part in code.split('"').step_by(2) {
             let mut rest = part.trim_start();
             while let Some(first) = rest.chars().next() {
@@ -82,7 +82,7 @@ fn variables_are_counted_scope_by_scope() {
     assert_eq!(largest_scope(&(many + "}")), 900);
 }
 
-/// A chain of hinges with some ball joints: 50 coordinates.
+/// A chain of 50 coordinates: revolute joints and some spherical ones.
 fn chain() -> String {
     let mut text = "name: chain\nlimbs:\n  - name: chain\n    joints:\n".to_owned();
     for joint in 1..=40 {
@@ -100,7 +100,7 @@ fn chain() -> String {
     text
 }
 
-/// A platform on twelve legs, every one with a length of its own: six of them would do.
+/// A platform on twelve legs, each with a length of its own; six legs would determine it.
 fn twelve_legs() -> String {
     const LEGS: usize = 12;
     const BASE: f64 = 0.5;
@@ -163,24 +163,26 @@ fn no_scope_of_the_repositorys_robots_holds_many_variables() {
     for path in paths {
         let text = emit(&std::fs::read_to_string(&path).unwrap());
         let largest = largest_scope(&text);
-        assert!(largest <= MOST, "{}: {largest}", path.display());
+        assert!(largest <= MAX_VARIABLES, "{}: {largest}", path.display());
     }
 }
 
 #[test]
 fn large_robots_keep_their_values_in_arrays() {
-    // the arguments of the one, the results of a solve of the other are too many to be named
+    // the arguments of the first and the results of a solve of the second are too many for separate
+    // variables
     for (spec, part) in [(chain(), ", phi["), (twelve_legs(), "let (solved, found)")] {
         let text = emit(&spec);
         for part in [part, " = kept[0];", "mul_add(kept["] {
             assert!(text.contains(part), "{part}");
         }
         let largest = largest_scope(&text);
-        assert!(largest <= MOST, "{largest}");
+        assert!(largest <= MAX_VARIABLES, "{largest}");
     }
 }
 
-/// The checked-in modules, or their digests, were written by another process, optimised, on some other day.
+/// The checked-in modules, or their digests, were written by another process, optimised, at another
+/// time.
 #[test]
 fn every_process_writes_the_same_bytes() {
     let generated = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated");
@@ -196,7 +198,7 @@ fn every_process_writes_the_same_bytes() {
             digested += 1;
             continue;
         };
-        // a line in front says where it comes from
+        // the first line names the source
         let (banner, written) = written.split_once('\n').unwrap();
         assert!(banner.starts_with("// @generated"));
         assert!(written == text, "{name} differs");

@@ -1,4 +1,4 @@
-//! Mechanisms in words.
+//! The explanation of mechanisms in words.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ fn freedom(explanation: &Explanation, body: &str) -> (Freedom, Evidence) {
     (found.freedom, found.evidence)
 }
 
-/// The evidence of a relation that begins so.
+/// The evidence of the relation that begins with the given text.
 fn relation(explanation: &Explanation, start: &str) -> Option<Evidence> {
     let mut all = explanation.relations.iter();
     all.find(|f| f.text.starts_with(start)).map(|f| f.evidence)
@@ -33,14 +33,14 @@ fn is_sampled(evidence: Evidence) -> bool {
     matches!(evidence, Evidence::Sampled { states, digits } if states >= 10 && digits >= 80)
 }
 
-/// Why a parameter has no effect.
+/// The reason why a parameter has no effect.
 fn reason<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
     let has = |labels: &[String]| labels.iter().any(|l| l == parameter);
     let found = explanation.unseen.iter().find(|u| has(&u.parameters))?;
     found.reason.as_deref()
 }
 
-/// Why a parameter acts only together with others.
+/// The reason why a parameter acts only together with others.
 fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
     let found = explanation
         .merged
@@ -113,7 +113,7 @@ fn a_delta_has_a_platform_that_never_rotates() {
 
 #[test]
 fn an_ordinary_planar_loop_has_the_one_relation_of_its_turns_and_it_is_exact() {
-    // the angle of its pin is no coordinate
+    // the angle of its pin is not a coordinate
     let found = explained(&file("robots/fourbar.yaml"));
     assert_eq!(found.relations, []);
     let crank = explained(&file("tests/fixtures/pairs/slider_crank/rail.yaml"));

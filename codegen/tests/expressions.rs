@@ -1,4 +1,4 @@
-//! Derived expressions as text, to be held against the chapter by a person.
+//! Derived expressions as text, which a person compares with the chapter.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write as _;
@@ -36,7 +36,7 @@ fn file(name: &str) -> Model {
     read(name, &text)
 }
 
-/// The nonzero entries of a matrix, a line each.
+/// The nonzero entries of a matrix, one per line.
 fn entries(
     g: &Graph,
     name: &str,
@@ -79,23 +79,23 @@ fn rates(g: &mut Graph, model: &Model) -> Rates {
 /// Checked by hand against Eq. 4, with w the angular velocity, al its rate, a
 /// the acceleration of a frame's origin less gravity, r = r_OkOi:
 ///
-/// - Body 1 stands still but for its turn: a_1 = R_1^T (0, g, 0) =
+/// - Body 1 only rotates about its axis: a_1 = R_1^T (0, g, 0) =
 ///   (g sin q1, g cos q1, 0). With r = 0, Eq. 4 leaves z.(eta_hat I - a_1 x m r):
 ///   Izz: al, mx: a_1y, my: -a_1x.
 /// - Body 2: w = q1' + q2', al = q1'' + q2'', and its origin adds eta_tilde_1 (l1, 0, 0) =
-///   (-l1 q1'^2, l1 q1'', 0) to a_1, turned back by q2:
+///   (-l1 q1'^2, l1 q1'', 0) to a_1, rotated back by q2:
 ///   a_2x = cos(q2) (g sin q1 - l1 q1'^2) + sin(q2) (g cos q1 + l1 q1''),
 ///   a_2y = -sin(q2) (g sin q1 - l1 q1'^2) + cos(q2) (g cos q1 + l1 q1'').
 ///   In row q2 again r = 0: mx: a_2y, my: -a_2x.
 /// - Row q1 of body 2 has r = l1 (cos q2, -sin q2, 0) in frame 2, from O1 to O2:
 ///   r x eta_tilde m r adds l1 (cos(q2) al - sin(q2) w^2) to mx and
 ///   -l1 (cos(q2) w^2 + sin(q2) al) to my, and r x a_2 m is
-///   l1 (cos(q2) a_2y + sin(q2) a_2x), with l1^2 q1'' > 0 in it.
-///   Read as the chapter's words have it, from Oi to Ok, these three would change
-///   sign, and a mass at the elbow would help to accelerate the arm.
+///   l1 (cos(q2) a_2y + sin(q2) a_2x), which contains l1^2 q1'' > 0.
+///   With r from Oi to Ok, as the chapter's text says, these three would change sign, and a
+///   mass at the elbow would help to accelerate the arm.
 /// - No entry for mz, for Ixx ... Iyz, or in row q2 for body 1 and m(2).
 /// - Friction opposes: +Fv q' and +Fc sgn(q') on the side of the effort (Eq. 14 with its
-///   sign mended); a rotor takes its own row's q'' (Eq. 18).
+///   sign corrected); a rotor is multiplied by the q'' of its row (Eq. 18).
 #[test]
 fn columns_of_a_planar_arm_are_those_of_equation_4() {
     let model = read("arm.yaml", ARM);
@@ -121,12 +121,12 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
 }
 
 /// Checked by hand: a leg's pivot is r (cos p, sin p, 0), p = 0, 120, -120 degrees, and the
-/// leg goes q (cos p sin t, sin p sin t, cos t) for its length q and tilt t about the
-/// tangent. So f of s2 ends in -r/2 - q7 sin(q6)/2, sqrt(3)/2 (r + q7 sin(q6)), q7 cos(q6),
-/// and begins with minus the joint on the platform, r + q2 sin(q1), 0, q2 cos(q1) and the
-/// platform's side a along its x axis. s3 is half of that along x and sqrt(3)/2 a along y.
-/// A's columns are the partial derivatives; s1.3 turns about the side to s2, which s2
-/// therefore does not feel.
+/// leg extends by q (cos p sin t, sin p sin t, cos t) for its length q and tilt t about the
+/// tangent. So f of s2 ends with -r/2 - q7 sin(q6)/2, sqrt(3)/2 (r + q7 sin(q6)), q7 cos(q6),
+/// and begins with minus the position of the joint on the platform, r + q2 sin(q1), 0, q2 cos(q1)
+/// and the platform's side a along its x axis. s3 is half of that along x and sqrt(3)/2 a along y.
+/// A's columns are the partial derivatives; s1.3 rotates the platform about its side towards s2, so
+/// the column of s1.3 is zero in s2.
 #[test]
 fn closure_equations_of_the_3rps_are_those_of_its_legs() {
     let model = file("3rps.yaml");
@@ -145,7 +145,7 @@ fn closure_equations_of_the_3rps_are_those_of_its_legs() {
     insta::assert_snapshot!(shown);
 }
 
-/// `s2.1`: row 1 of the cut s2.
+/// Names of the rows: `s2.1` is row 1 of the cut s2.
 fn row_names(model: &Model) -> Vec<String> {
     let cuts = model.cuts.iter().flat_map(|cut| {
         let rows = 1..=cut.kind.equations();
@@ -157,7 +157,7 @@ fn row_names(model: &Model) -> Vec<String> {
     cuts.chain(velocity_constraints).collect()
 }
 
-/// What each stage hands to the next, in words.
+/// A summary of the output of each stage.
 fn stages(model: &Model) -> String {
     let mut g = Graph::new();
     let _ = Symbols::new(&mut g, model);
@@ -174,7 +174,7 @@ fn stages(model: &Model) -> String {
     writeln!(out, "dependent: {}", names(&model.dependent)).unwrap();
     writeln!(out, "home:").unwrap();
     for (coordinate, value) in model.coordinates.iter().zip(&closed.home) {
-        // + 0.0: no minus in front of a zero
+        // adding 0.0 turns -0.0 into 0.0
         let rounded = (value * 1e6).round() / 1e6 + 0.0;
         writeln!(out, "  {} = {rounded}", coordinate.name).unwrap();
     }
@@ -201,7 +201,8 @@ fn stages(model: &Model) -> String {
     out
 }
 
-/// The planar loop keeps the two rows in its plane, whichever way the plane is carried.
+/// The closure of the planar loop keeps the two rows in its plane, whatever the orientation of the
+/// plane.
 #[test]
 fn stages_of_the_fivebar() {
     insta::assert_snapshot!(stages(&file("fivebar.yaml")));

@@ -1,5 +1,4 @@
-//! Bad input never panics in the derivation either: specs that were valid before they were
-//! mutated, from text to Rust.
+//! Mutated specs never make the derivation panic, from the text of the spec to Rust.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod files;
@@ -14,7 +13,7 @@ use regen_codegen::emit::{Options, module};
 use regen_codegen::interpret;
 use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
 
-/// Small robots: a derivation each time.
+/// Small robots that are quick to derive.
 fn seeds() -> Vec<String> {
     let folders = [
         "robots",
@@ -34,10 +33,10 @@ fn seeds() -> Vec<String> {
         .collect()
 }
 
-/// Derives, writes and runs what the text describes; says whether it describes a robot.
-fn survive(text: &str) -> bool {
+/// Derives, writes and runs the robot that the text describes; false if it describes none.
+fn derive_without_panic(text: &str) -> bool {
     let source = Source::new("fuzz.yaml", text);
-    // with base parameters where they are quick, as the macro has it
+    // with base parameters if they are quick to derive, as in the macro
     let robot = match derive_with(&source, BaseFrom::Store(None)) {
         Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
         other => other,
@@ -51,7 +50,7 @@ fn survive(text: &str) -> bool {
         Err(problem) => panic!("{problem:?}"),
     };
     let source = module(&robot, &Options::default());
-    // a number that is none would not compile
+    // a value that is not finite would not compile
     for word in ["NaN", "inf)", "inf,"] {
         assert!(!source.contains(word), "{word} in\n{source}");
     }
@@ -71,11 +70,11 @@ fn survive(text: &str) -> bool {
 #[test]
 fn unmutated_seeds_are_derived() {
     for text in seeds() {
-        assert!(survive(&text));
+        assert!(derive_without_panic(&text));
     }
 }
 
-/// More with `PROPTEST_CASES`.
+/// The number of cases; the environment variable `PROPTEST_CASES` increases it.
 fn config() -> ProptestConfig {
     let config = ProptestConfig::default();
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() {
@@ -101,6 +100,6 @@ proptest! {
         let seeds = seeds();
         let seed = seeds[seed.index(seeds.len())].clone();
         let text = mutations.iter().fold(seed, |text, mutation| mutate(&text, mutation));
-        survive(&text);
+        derive_without_panic(&text);
     }
 }

@@ -1,4 +1,4 @@
-//! The interpreted regressor and Jacobian against vectors from an independent
+//! Comparison of the interpreted regressor and Jacobian with vectors from an independent
 //! implementation.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -22,8 +22,8 @@ fn oracle(name: &str) -> (Robot, Value) {
     (robot, serde_json::from_str(&vectors).unwrap())
 }
 
-/// The largest difference in a row relative to its largest entry; a row that
-/// holds nothing but rounding (below 1e-12 in metres and radians) counts as zero.
+/// The largest difference in a row, relative to the row's largest entry; a row of rounding errors
+/// (below 1e-12 in metres and radians) counts as zero.
 fn row_error(x: &[f64], y: &[f64]) -> f64 {
     assert_eq!(x.len(), y.len());
     let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -63,7 +63,7 @@ fn check(name: &str) {
         for (i, row) in state["regressor"].as_array().unwrap().iter().enumerate() {
             let ours: Vec<f64> = columns.iter().skip(i).step_by(dof).copied().collect();
             let error = row_error(&ours, &numbers(row));
-            // both are double precision with a condition below a thousand
+            // both are in double precision, with a condition number below a thousand
             assert!(
                 error < 1e-11,
                 "{name}: regressor row {i} is off by {error:e}"

@@ -1,10 +1,10 @@
-//! Every room of the generator keeps to what `ARCHITECTURE.md` lets it know.
+//! Each module of the generator uses only those modules that `ARCHITECTURE.md` permits.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The rooms, and which others each may name. A room names only rooms above it.
+/// The modules ("rooms"), and which others each may use. A module uses only modules above it.
 const ROOMS: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("diag", &[]),
@@ -99,7 +99,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// The rooms that a file's text names after `crate::`, its unit tests left out.
+/// The modules that a file's text names after `crate::`, without its unit tests.
 fn named(text: &str) -> BTreeSet<String> {
     let shipped = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or("");
     let code = shipped
@@ -115,7 +115,7 @@ fn named(text: &str) -> BTreeSet<String> {
     named
 }
 
-/// What a room names that it must not know.
+/// The modules that a module uses but may not.
 fn trespasses(room: &str, text: &str) -> Vec<String> {
     let allowed = ROOMS.iter().find(|(name, _)| *name == room).unwrap().1;
     let known = |other: &String| other == room || allowed.contains(&other.as_str());
@@ -125,7 +125,7 @@ fn trespasses(room: &str, text: &str) -> Vec<String> {
         .collect()
 }
 
-/// The texts of a room's files.
+/// The texts of a module's files.
 fn texts(path: &Path) -> Vec<String> {
     if path.ends_with("tests.rs") {
         return Vec::new();
@@ -194,7 +194,7 @@ fn a_trespass_is_noticed() {
     );
     assert!(trespasses("emit", "// crate::sym\n").is_empty());
     assert!(trespasses("emit", "#[cfg(test)]\nmod tests {\nuse crate::sym::Graph;").is_empty());
-    // the rooms that the rules are about do name others
+    // the modules that the rules are about do use others
     let named: usize = sources()
         .iter()
         .flat_map(|(_, texts)| texts)
@@ -203,7 +203,7 @@ fn a_trespass_is_noticed() {
     assert!(named > 100);
 }
 
-/// Files of the base room that decide anything in layers 1 and 2.
+/// Files of the module `base` that take decisions in layers 1 and 2.
 const EXACT: [&str; 16] = [
     "kept_columns.rs",
     "coefficient.rs",
@@ -233,6 +233,6 @@ fn layers_1_and_2_hold_no_double() {
     for file in EXACT {
         assert!(!holds(file), "{file} speaks of doubles");
     }
-    // where doubles belong, they are found
+    // double precision is found where it is permitted
     assert!(holds("analysis.rs"));
 }

@@ -1,4 +1,5 @@
-//! Every function of every robot in single precision, held by the bound of its rounding error.
+//! Every function of every robot in single precision: the error is within the computed bound of the
+//! rounding error.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::PathBuf;
@@ -32,7 +33,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// At states about home, closed or not: functions take coordinates as they are.
+/// At states about home, closed or not, since the functions accept any coordinates.
 #[test]
 fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
     let mut seed = 5;
@@ -68,7 +69,7 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
                     let missed = (f64::from(*found) - bound.value).abs();
                     compared += 1;
                     unbounded += usize::from(!bound.error.is_finite());
-                    // double precision's own error is a roundoff of single's
+                    // the value in double precision is off by a roundoff of this bound
                     assert!(
                         missed <= bound.error * (1.0 + 1e-6),
                         "{} {:?}: {missed:e} {bound:?}",
@@ -80,6 +81,6 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
         }
     }
     assert!(compared > 20_000, "{compared}");
-    // where a pivot may be zero in single precision there is no bound, and the condition says so
+    // if a pivot may be zero in single precision there is no bound, and the conditioning shows this
     assert!(unbounded * 100 < compared, "{unbounded} of {compared}");
 }

@@ -1,4 +1,4 @@
-//! The scene that pictures are made of.
+//! The scene from which pictures are drawn.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
@@ -31,7 +31,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
         let scene = Mechanism::open(&source).unwrap().scene();
         let derived = derive_with(&source, BaseFrom::Skip).unwrap();
         let poses = derived.function(FunctionKind::Poses).unwrap();
-        // closed or not: any coordinates
+        // any coordinates, whether the loops are closed or not
         let n = derived.coordinates.len();
         let q: Vec<f64> = (0..n).map(|k| (1.3 * k as f64 + 0.4).sin()).collect();
         let (expected, _) = interpret::run(&poses.program, &[&q]);
@@ -39,7 +39,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
         assert_eq!(expected.len(), 12 * scene.bodies.len());
         for (body, expected) in scene.bodies.iter().zip(expected.chunks(12)) {
             for (ours, theirs) in frames[body.link].iter().zip(expected) {
-                // some twenty products of entries of size 1
+                // a sum of some twenty products of entries of magnitude 1
                 assert!(
                     (ours - theirs).abs() < 1e-13,
                     "{robot}, body {}",
@@ -69,7 +69,7 @@ fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
 
 #[test]
 fn what_is_joined_to_a_body_is_among_its_points() {
-    // the platform of the 3-RPS: its origin under the first leg, and the corners of its cuts
+    // the platform of the 3-RPS: its origin at the first leg, and the corners at its cuts
     let scene = Mechanism::open(&source("3rps")).unwrap().scene();
     let platform = scene.bodies.iter().find(|b| b.label == "3").unwrap();
     let a = 0.4563;
@@ -87,7 +87,7 @@ fn what_is_joined_to_a_body_is_among_its_points() {
         .map(|j| (j.name.as_str(), j.coordinates.len()))
         .collect();
     assert_eq!(names[2], ("s1", 3));
-    // the Stewart platform's six corners, and not its frame's origin between them
+    // the six corners of the Stewart platform, without the frame's origin between them
     let scene = Mechanism::open(&source("stewart")).unwrap().scene();
     let most = scene.bodies.iter().map(|b| b.points.len()).max();
     assert_eq!(most, Some(6));

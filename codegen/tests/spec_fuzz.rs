@@ -1,4 +1,4 @@
-//! Bad input never panics: specs mutated by bytes, lines and tokens.
+//! Specs mutated by bytes, lines and tokens never make the reader panic.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod files;
@@ -24,7 +24,7 @@ fn seeds() -> Vec<String> {
 }
 
 /// Reads a text and checks its errors.
-fn survive(text: &str) {
+fn parse_without_panic(text: &str) {
     if let Err(report) = parse(&Source::new("fuzz.yaml", text)) {
         check_report(text, &report);
     }
@@ -37,20 +37,20 @@ proptest! {
     fn mutated_specs_never_panic(seed in any::<Index>(), mutations in prop::collection::vec(mutation(), 1..6)) {
         let seeds = seeds();
         let text = mutations.iter().fold(seeds[seed.index(seeds.len())].clone(), |text, mutation| mutate(&text, mutation));
-        survive(&text);
+        parse_without_panic(&text);
     }
 
     #[test]
     fn random_tokens_never_panic(tokens in prop::collection::vec(0..TOKENS.len(), 0..60)) {
         let text: String = tokens.iter().map(|token| TOKENS[*token]).collect();
-        survive(&text);
+        parse_without_panic(&text);
     }
 
     #[test]
     fn random_expressions_never_panic(expression in "[-+*/^() .0-9a-eqpisnrt]{0,40}") {
         let head = "name: r\ngeometry: {a: 2, b: ";
         let tail = "}\nlimbs: [{name: l, joints: [{name: q, type: revolute, body: 1, actuated: true}]}]\n";
-        survive(&format!("{head}{expression}{tail}"));
+        parse_without_panic(&format!("{head}{expression}{tail}"));
     }
 }
 
@@ -66,18 +66,18 @@ fn a_file_over_the_limit_is_refused_before_it_is_read() {
 
 #[test]
 fn wide_files_are_refused_or_read_in_time() {
-    // thousands of limbs in one chain, of constants in terms of each other, of errors
+    // thousands of limbs in one chain, of constants defined by each other, of errors
     let joint =
         |n: usize| format!("joints: [{{name: q{n}, type: revolute, body: {n}, actuated: true}}]");
     let mut limbs = "name: r\nlimbs:\n".to_owned();
     for n in 1..1000 {
         writeln!(limbs, "- {{name: l{n}, from: {}, {}}}", n + 1, joint(n)).unwrap();
     }
-    survive(&limbs);
+    parse_without_panic(&limbs);
     let mut constants = "name: r\ngeometry:\n  a0: 1\n".to_owned();
     for n in 1..9000 {
         writeln!(constants, "  a{n}: a{} + b{n}", n - 1).unwrap();
     }
     writeln!(constants, "limbs: [{{name: l, {}}}]", joint(1)).unwrap();
-    survive(&constants);
+    parse_without_panic(&constants);
 }

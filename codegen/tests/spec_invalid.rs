@@ -1,4 +1,4 @@
-//! Invalid specs: every error of tests/fixtures/invalid, as it is shown.
+//! Invalid specs: all errors in tests/fixtures/invalid, as they are printed.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn files() -> Vec<String> {
 fn source(file: &str) -> Source {
     let name = format!("tests/fixtures/invalid/{file}");
     let text = std::fs::read_to_string(root().join(&name)).unwrap();
-    // what git checked out on Windows reads the same
+    // line ends that git changed on Windows give the same result
     Source::new(name, text.replace("\r\n", "\n"))
 }
 

@@ -9,7 +9,7 @@ fn robots() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots")
 }
 
-/// With `REGEN_UPDATE=1` in the environment it is written instead.
+/// With `REGEN_UPDATE=1` in the environment the file is written instead of compared.
 #[test]
 fn the_schema_beside_the_robots_is_fresh() {
     let path = robots().join("spec.schema.json");

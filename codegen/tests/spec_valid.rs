@@ -1,4 +1,4 @@
-//! Valid specs: what is read from them.
+//! Valid specs: the values that are read from them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::Path;
@@ -40,7 +40,7 @@ fn the_oracle_files_are_valid_and_number_their_coordinates_in_order() {
     assert_eq!(oracle("puma560.yaml").coordinates().len(), 6);
 }
 
-/// Everything that the format knows, in one file.
+/// All keys of the format in one spec.
 const FULL: &str = r#"
 name: everything   # a comment
 description: >

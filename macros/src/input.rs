@@ -1,4 +1,4 @@
-//! What stands between the parentheses.
+//! The arguments of the macro.
 
 use syn::ext::IdentExt;
 use syn::parse::{Parse, ParseStream};
@@ -8,7 +8,7 @@ use syn::{Ident, LitStr, Token};
 pub(crate) struct Input {
     /// The spec's path.
     pub(crate) file: LitStr,
-    /// The module's name, if it is not the robot's.
+    /// The module's name; default: the robot's name.
     pub(crate) module: Option<Ident>,
 }
 

@@ -1,22 +1,22 @@
-//! Where the spec is.
+//! Search for the spec's file.
 
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A spec that was found.
-pub(crate) struct Found {
-    /// The path that errors show: from the directory the compiler runs in, where possible.
+/// The file of a spec.
+pub(crate) struct LocatedSpec {
+    /// The path in error messages, relative to the compiler's working directory where possible.
     pub(crate) shown: String,
-    /// The path that `include_bytes!` gets.
+    /// The absolute path for `include_bytes!`.
     pub(crate) absolute: PathBuf,
 }
 
-/// Looks a spec up; the error says where it was looked for.
+/// Searches for a spec; the error lists the places that were searched.
 ///
-/// `source`: the file that the macro is called in, if it is known.
-pub(crate) fn locate(file: &str, source: Option<&Path>) -> Result<Found, String> {
+/// `source` is the file in which the macro is called, if known.
+pub(crate) fn locate(file: &str, source: Option<&Path>) -> Result<LocatedSpec, String> {
     let manifest = env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from);
     let mut tried: Vec<(PathBuf, String)> = Vec::new();
     if let Some(dir) = source.and_then(Path::parent) {
@@ -28,7 +28,7 @@ pub(crate) fn locate(file: &str, source: Option<&Path>) -> Result<Found, String>
         tried.push((robots, "in the crate's directory `robots`".to_owned()));
     }
     if let Some((path, _)) = tried.iter().find(|(path, _)| path.is_file()) {
-        return Ok(Found {
+        return Ok(LocatedSpec {
             shown: shown(path),
             absolute: path.canonicalize().unwrap_or_else(|_| path.clone()),
         });
@@ -45,7 +45,7 @@ pub(crate) fn locate(file: &str, source: Option<&Path>) -> Result<Found, String>
     Err(message)
 }
 
-/// The YAML file in these directories whose name is nearest, if one is near.
+/// The YAML file in these directories with the most similar name, if one is similar enough.
 fn nearest<'a>(file: &str, dirs: impl Iterator<Item = &'a Path>) -> Option<String> {
     let wanted = Path::new(file);
     let name = wanted.file_name()?.to_string_lossy().into_owned();
@@ -62,7 +62,8 @@ fn nearest<'a>(file: &str, dirs: impl Iterator<Item = &'a Path>) -> Option<Strin
                 continue;
             }
             let path = wanted.with_file_name(&other).display().to_string();
-            // By name where two are as near: the order of a directory is not fixed.
+            // Sorted by name among equally similar ones, since the order of a directory is not
+            // fixed.
             if best
                 .as_ref()
                 .is_none_or(|b| (distance, &path) < (b.0, &b.1))

@@ -1,4 +1,4 @@
-//! One call into the generator, and its text as tokens.
+//! Generation of the robot's module and conversion of its text to tokens.
 
 use std::fs;
 use std::path::Path;
@@ -37,7 +37,7 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
     let robot =
         pipeline::derive_with(&source, BaseFrom::Store(stored.as_deref())).map_err(|problem| {
             match problem {
-                DeriveError::Spec(report) => error(told(&report)),
+                DeriveError::Spec(report) => error(report_message(&report)),
                 DeriveError::Store(problem) => {
                     let name = Path::new(&file.shown)
                         .with_extension("base")
@@ -69,13 +69,13 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         #[allow(non_snake_case)]
         pub mod #name { #inside }
         #inputs
-        // Names the spec as an input of the crate, so that an edit rebuilds it.
+        // Makes the spec an input of the crate, so that an edit rebuilds it.
         const _: &[u8] = ::core::include_bytes!(#path);
     })
 }
 
-/// A report under a line of its own: the compiler puts "error: " before the first line.
-fn told(report: &Report) -> String {
+/// The report, starting on a new line, as the compiler puts "error: " before the first one.
+fn report_message(report: &Report) -> String {
     let mut shown = report.shown();
     let place = shown.next().map_or_else(String::new, |first| {
         let (line, column) = (first.line(), first.column());
@@ -99,11 +99,11 @@ fn module_name(name: &str) -> Result<Ident, String> {
         })
 }
 
-/// The path of the runtime in the crate that calls the macro, renamed or not.
+/// The path of the runtime in the crate that calls the macro, which may have renamed it.
 fn runtime() -> Result<String, String> {
     match crate_name("regen-runtime") {
         Ok(FoundCrate::Name(name)) => Ok(format!("::{name}")),
-        // The runtime's own tests, examples and documentation.
+        // The runtime's tests, examples and documentation.
         Ok(FoundCrate::Itself) => Ok("::regen_runtime".to_owned()),
         Err(_) => Err(
             "robot_model! needs the crate `regen-runtime` as a dependency of this crate".to_owned(),

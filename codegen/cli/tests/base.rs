@@ -1,4 +1,4 @@
-//! `regen base`: tables, JSON, and what is not certified.
+//! `regen base`: tables, JSON, and bases that are not certified.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -19,7 +19,7 @@ fn base_json(file: &str, code: i32) -> Value {
     run.ended(code).json()
 }
 
-/// The text without the numbers of the certificate, which depend on the states sampled.
+/// The text without the numbers of the certificate, which depend on the sampled states.
 fn masked(text: &str) -> String {
     let figure = |word: &str| {
         let digits = word.trim_end_matches([',', '.', '\\']).split_once("e-");
@@ -124,7 +124,8 @@ fn the_json_has_the_keys_of_the_format() {
     assert!((term["value"].as_f64().unwrap() - expected).abs() < 1e-15);
 }
 
-/// A four-bar that closes to the digits of a decimal angle only: nothing certifies its base.
+/// A four-bar that closes only to the digits of a decimal angle, so that its base cannot be
+/// certified.
 fn uncertified() -> String {
     let text = fs::read_to_string(common::root().join("robots/fourbar.yaml")).unwrap();
     let (before, after) = text.split_once("name: following").unwrap();
@@ -176,7 +177,7 @@ fn directions_that_trees_miss_are_completed_and_marked() {
     assert!(run.out.contains("completed  mx(1)"), "{}", run.out);
 }
 
-/// The 3-RPS with more choices about its base.
+/// The 3-RPS with further choices under `base`.
 fn chosen(choices: &str) -> String {
     let text = fs::read_to_string(oracle("3rps.yaml")).unwrap();
     format!("{}\n{choices}", text.trim_end())
@@ -207,7 +208,7 @@ fn what_the_spec_knows_and_leaves_out_is_said() {
     assert_eq!(base["rank"], rows);
     assert_eq!(base["dropped"][0]["label"], "mz(3)");
     assert_eq!(base["known"].as_array().unwrap().len(), 42);
-    // the numeric path on the columns that are left
+    // the numeric method on the remaining columns
     let run = regen(&dir, &["verify", "c.yaml", "--format", "json"])
         .ended(0)
         .json();
@@ -233,7 +234,7 @@ fn names_that_are_equal_only_by_value_are_told() {
     assert!(!other.contains("by value"), "{other}");
 }
 
-/// Choices that make coefficients fill lines.
+/// Choices that give coefficients of several lines.
 const LONG: &str = "\
 name: long
 geometry: {a: 0.31, b: 0.42, c: 0.17, d: 0.23, e: 0.5, f: 0.11}

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use common::regen;
 
-/// A small search.
+/// Options of a small search.
 const SMALL: [&str; 12] = [
     "--harmonics",
     "3",
@@ -76,7 +76,7 @@ fn what_stands_in_the_way_is_named_with_its_exit_code() {
     let cone = excite(&["--cone", "q1=1"]).ended(3);
     assert!(cone.err.contains("no cone of q1"), "{}", cone.err);
     excite(&["--limit", "q1.position=1"]).ended(2);
-    // a range that leaves out every singularity's distance: no trajectory
+    // a range without any state far enough from a singularity: no trajectory
     let narrow = [
         "--limit", LIMITS[0], "--limit", LIMITS[1], "--margin", "1000",
     ];
@@ -88,7 +88,7 @@ fn what_stands_in_the_way_is_named_with_its_exit_code() {
     );
 }
 
-/// A search of far more starts than anybody waits for, interrupted after so many seconds.
+/// A search with very many starts, interrupted after the given number of seconds.
 #[cfg(unix)]
 fn interrupted(dir: &Path, seconds: u64) -> (Option<i32>, String) {
     let spec = robots().join("../runtime/guide/fivebar/fivebar.yaml");
@@ -118,7 +118,7 @@ fn interrupted(dir: &Path, seconds: u64) -> (Option<i32>, String) {
 #[test]
 fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
     let dir = common::scratch("excite_interrupted");
-    // On a busy machine the search may not have begun: it is given longer then.
+    // On a busy machine the search may not have begun: it is repeated with more time.
     let ended = [2, 8, 32]
         .into_iter()
         .map(|seconds| interrupted(&dir, seconds))

@@ -1,4 +1,4 @@
-//! Exit codes, and what goes to which stream.
+//! Exit codes, and the distribution of output on the two streams.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -63,7 +63,7 @@ fn a_word_that_is_neither_a_command_nor_a_file_is_told_the_nearest_command() {
         let run = regen(&dir, args).ended(2);
         assert!(run.err.contains(text), "{}", run.err);
     }
-    // a file may have a plain name
+    // the name of a file needs no extension
     fs::write(dir.join("arm"), pendulum("arm")).unwrap();
     regen(&dir, &["arm", "--out", "o"]).ended(0);
 }
@@ -143,7 +143,8 @@ fn text_that_is_not_utf8_exits_with_3() {
 #[test]
 fn a_singular_state_exits_with_4() {
     let dir = scratch("singular");
-    // All links stretched along a line: the two halves of the five-bar determine nothing.
+    // with all links stretched along a line, the two halves of the five-bar do not determine the
+    // state
     let info = regen(&dir, &["info", &oracle("fivebar.yaml"), "--format", "json"])
         .ended(0)
         .json();
@@ -185,7 +186,7 @@ fn a_directory_that_cannot_be_written_exits_with_5() {
 
 #[test]
 fn no_workspace_upward_is_explained() {
-    // Beside the root of the file system no workspace can lie.
+    // A workspace cannot be next to the root of the file system.
     let run = regen(std::path::Path::new("/"), &["generate"]).ended(3);
     assert!(
         run.err.contains("robots/ and generated/src/"),

@@ -1,5 +1,5 @@
 //! Faults of measurement, injected into logs of simulated robots: each is found, with its rows and
-//! columns, and logs without any are read without a word.
+//! columns, and logs without faults give no warning.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -29,7 +29,7 @@ impl Log {
         self.0[0].iter().position(|c| c == name).unwrap()
     }
 
-    /// Changes the numbers of a column; rows are counted from 0 behind the header.
+    /// Changes the numbers of a column; rows are counted from 0 after the header.
     fn each(&self, name: &str, change: impl Fn(usize, f64) -> f64) -> Self {
         let mut out = self.clone();
         let column = self.column(name);
@@ -59,7 +59,7 @@ fn bench(test: &str) -> (PathBuf, Log) {
     (dir, Log::read(&guide.join("run1.csv")))
 }
 
-/// Every fifth state, where many fits are compared.
+/// Options to use every fifth state, where many fits are compared.
 const SOME: [&str; 2] = ["--decimate", "5"];
 
 fn identify(dir: &Path, text: &str, more: &[&str]) -> Run {
@@ -68,7 +68,7 @@ fn identify(dir: &Path, text: &str, more: &[&str]) -> Run {
     regen(dir, &[&args[..], more].concat())
 }
 
-/// Where a fault begins: places that a seed draws.
+/// Random rows where faults begin, from a fixed seed.
 fn places() -> Vec<usize> {
     let draw = |seed: u64| {
         let mixed = (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -84,7 +84,7 @@ fn logs_without_a_fault_are_read_without_a_word() {
     for log in [log, other] {
         let run = identify(&dir, &log.text(), &[]).ended(0);
         assert_eq!(run.err, "");
-        // no end of the last line is no fault
+        // a missing line end in the last line is not a fault
         assert_eq!(identify(&dir, log.text().trim_end(), &[]).ended(0).err, "");
     }
     // other robots, with coarse encoders and noise, at rest at both ends
@@ -121,7 +121,7 @@ fn stuck_encoders_are_found_with_their_rows() {
             }
         };
         let run = identify(&dir, &log.each(name, freeze).text(), &[]).ended(3);
-        // the row that is repeated first stands in line start + 2
+        // the row that is repeated first is line start + 2
         let (first, last) = (start + 3, (start + rows + 1).min(2002));
         let told = format!("row {first}: column `{name}` stands still at {held} until row {last}");
         assert!(run.err.contains(&told), "{told}\n{}", run.err);
@@ -167,7 +167,7 @@ fn saturated_efforts_are_found_with_their_rows() {
         let run = identify(&dir, &cut.text(), &[]).ended(3);
         let told = format!("column `{name}` stands still at its extreme");
         assert!(run.err.contains(&told), "{}", run.err);
-        // the first stretch of four rows
+        // the first four consecutive rows
         let first = (0..1998)
             .find(|k| (0..4).all(|d| log.value(name, k + d).abs() >= flat))
             .unwrap();
@@ -179,8 +179,8 @@ fn saturated_efforts_are_found_with_their_rows() {
     }
 }
 
-/// What is doubtful and yet a number is used on request, in silence or told; what is no number is
-/// left out and never in silence.
+/// Doubtful numbers are used on request, with or without a message; values that are not numbers are
+/// left out, always with a message.
 #[test]
 fn doubtful_rows_are_kept_on_request_and_told_on_request() {
     let (dir, log) = bench("kept_rows");
@@ -199,7 +199,7 @@ fn doubtful_rows_are_kept_on_request_and_told_on_request() {
     let (whole, silent) = json(&log, &[]);
     assert_eq!(beyond_length(&silent), "");
 
-    // by default nothing is computed, and the rows are listed with both remedies' option
+    // by default nothing is computed, and the rows are listed with the option for both remedies
     let run = identify(&dir, &doubtful.text(), &[]).ended(3);
     for word in ["a stuck encoder", "is an outlier", "--problems"] {
         assert!(run.err.contains(word), "{word}\n{}", run.err);
@@ -226,11 +226,11 @@ fn doubtful_rows_are_kept_on_request_and_told_on_request() {
     assert!(told.contains("a stuck encoder"), "{told}");
     assert!(told.contains("row 1502: 1.91392"), "{told}");
     assert!(told.contains("is an outlier"), "{told}");
-    // the same rows, the same fit
+    // the same rows give the same fit
     assert_eq!(tell["parameters"], kept["parameters"]);
     assert_eq!(tell["files"], kept["files"]);
 
-    // no policy makes a number of what is none
+    // no option uses a value that is not a number
     let broken = {
         let mut out = doubtful.clone();
         let column = out.column("tau_q1");
@@ -261,7 +261,7 @@ fn a_last_row_that_is_cut_anywhere_is_found() {
     for kept in (1..row).step_by(7) {
         let cut = &text[..text.len() - 1 - row + kept];
         let run = identify(&dir, cut, &[]);
-        // the last digits of a number are missed by nobody
+        // leaving out the last digits of a number has no effect
         let end = |text: &str| -> f64 {
             let number = text.trim_end().rsplit(',').next().unwrap();
             number.parse().unwrap_or(f64::NAN)
@@ -276,7 +276,7 @@ fn a_last_row_that_is_cut_anywhere_is_found() {
     assert!(found > row / 7 - 3, "{found}");
 }
 
-/// What is said beside that a log is short: what these tests read is.
+/// The messages without the one that the log is short, which these tests do not check.
 fn beyond_length(messages: &str) -> String {
     let lines = messages.lines();
     let other = lines.filter(|line| !line.contains("too few to know how uncertain"));
@@ -300,13 +300,13 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         (turned("q1"), &["`q1`", "flipped"]),
     ] {
         let run = identify(&dir, &changed.text(), &[]);
-        // the first warning may be of the log's length
+        // the first warning may be about the log's length
         let told = run.err.lines().find(|line| line.contains("read it with"));
         let warning = told.unwrap_or_default();
         for word in columns {
             assert!(warning.contains(word), "{columns:?}\n{}", run.err);
         }
-        // so read, the log is as good as the one that was not changed
+        // read with the suggested options, the log is as good as the unchanged one
         let (_, remedy) = warning.split_once("read it with ").unwrap();
         let options: Vec<&str> = remedy.split(' ').map(|x| x.trim_matches('\'')).collect();
         let run = identify(&dir, &changed.text(), &options).ended(0);
@@ -321,7 +321,7 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         "{}",
         run.err
     );
-    // nothing is looked for where nobody wants to know
+    // with `--no-suspicion` nothing is searched for
     let run = identify(&dir, &upside.text(), &["--no-suspicion"]).ended(0);
     assert_eq!(beyond_length(&run.err), "");
 }

@@ -1,4 +1,4 @@
-//! `regen generate`: files, their set, and `--check`.
+//! `regen generate`: the files, the list of modules, and `--check`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -143,7 +143,7 @@ fn of_robots_that_are_no_sources_a_digest_is_held() {
         .collect();
     assert_eq!(robots, ["one", "three"]);
 
-    // another robot under the name changes its digest, and the check names file and command
+    // another robot under the same name changes its digest, and the check names file and command
     let spec = dir.join("robots/one.yaml");
     let text = fs::read_to_string(&spec).unwrap();
     fs::write(&spec, text.replace("revolute", "prismatic")).unwrap();
@@ -158,7 +158,7 @@ fn of_robots_that_are_no_sources_a_digest_is_held() {
     let run = regen(&dir, &["verify", "robots/one.yaml"]).ended(1);
     assert!(run.err.contains("one is not verified"), "{}", run.err);
 
-    // naming the file mends its digest and leaves the other
+    // generating this file corrects its digest only
     regen(&dir, &["generate", "robots/one.yaml"]).ended(0);
     regen(&dir, &["verify", "robots/one.yaml"]).ended(0);
     regen(&dir, &["generate", "--check"]).ended(0);

@@ -1,4 +1,5 @@
-//! The guide, word for word: every block headed `sh run`, page by page, as in a clone.
+//! The commands of the guide: every block headed `sh run` is run, page by page, as in a clone of
+//! the repository.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -31,7 +32,7 @@ fn commands(page: &str) -> Vec<String> {
     found
 }
 
-/// What of a clone the pages name.
+/// Copies the files of the repository that the pages name.
 fn clone(dir: &Path) {
     for folder in [
         "robots",
@@ -49,7 +50,7 @@ fn clone(dir: &Path) {
     }
 }
 
-/// Runs a page's commands; every file that one writes must be there and not empty.
+/// Runs a page's commands; every file that a command writes must exist and not be empty.
 fn follow(page: &str) -> Vec<String> {
     let text = fs::read_to_string(root().join(format!("runtime/guide/pages/{page}.md"))).unwrap();
     let dir = scratch(&format!("guide_{page}"));
@@ -121,10 +122,10 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
                 --against runtime/guide/fivebar/run2.csv --format json";
     let args: Vec<_> = args.split_whitespace().collect();
     let json = regen(&dir, &args).ended(0).json();
-    // The log has 1 % of noise; what fits it fits the other one too.
+    // The log has 1 % of noise; parameters fitted to one log must fit the other one too.
     assert!(json["relative_absolute"].as_f64().unwrap() < 3.0, "{json}");
     assert_eq!(json["parameters"].as_array().unwrap().len(), 15);
-    // The pages show figures of this report.
+    // The pages quote figures of this report.
     let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \
                 --against runtime/guide/fivebar/run2.csv --report report.html --figures figures";
     let args: Vec<_> = args.split_whitespace().collect();
@@ -133,7 +134,8 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
         let entry = entry.unwrap();
         let made = fs::read_to_string(dir.join("figures").join(entry.file_name())).unwrap();
         let kept = fs::read_to_string(entry.path()).unwrap();
-        // Labels, curves and bars are the same; a coordinate may be rounded otherwise elsewhere.
+        // Labels, curves and bars are the same; coordinates may be rounded differently on other
+        // machines.
         let shape = |text: &str| text.replace(|c: char| c.is_ascii_digit(), "");
         assert_eq!(shape(&made), shape(&kept), "{}", entry.path().display());
     }

@@ -1,5 +1,5 @@
-//! Descriptions and logs made to break a reader: each is answered within a second or so and within
-//! a bound of memory, never by a panic, an overflow of the stack or a hang.
+//! Specs and logs designed to break a reader: each gets an answer within a second or so and within
+//! a bound of memory, never a panic, a stack overflow or a hang.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -13,14 +13,14 @@ use std::time::{Duration, Instant};
 
 use common::{root, scratch};
 
-/// Time for an answer. A second on a machine that does nothing else; tests run beside others.
-const ANSWER: Duration = Duration::from_secs(10);
-/// Memory of a run in kilobytes of address space, where the shell limits it.
-const MEMORY: u32 = 1_000_000;
+/// Time limit of an answer. It takes a second on an idle machine; tests run at the same time.
+const MAX_ANSWER_TIME: Duration = Duration::from_secs(10);
+/// Address space of a run in kilobytes, where the shell can limit it.
+const MAX_MEMORY_KB: u32 = 1_000_000;
 
-/// A run within a bound of memory, or as it is where the shell has no such limit.
+/// Starts a run with the limit of memory, or without it where the shell has no such limit.
 fn bounded(dir: &Path, args: &[&str]) -> Child {
-    let script = format!("ulimit -v {MEMORY} 2>/dev/null; exec \"$@\"");
+    let script = format!("ulimit -v {MAX_MEMORY_KB} 2>/dev/null; exec \"$@\"");
     Command::new("sh")
         .current_dir(dir)
         .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_regen")])
@@ -32,7 +32,7 @@ fn bounded(dir: &Path, args: &[&str]) -> Child {
         .unwrap()
 }
 
-/// The exit code and what was said.
+/// The exit code and the output of a run.
 #[track_caller]
 fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
     let start = Instant::now();
@@ -41,9 +41,9 @@ fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
         if let Some(status) = child.try_wait().unwrap() {
             break status.code().unwrap_or(-1);
         }
-        if start.elapsed() > ANSWER {
+        if start.elapsed() > MAX_ANSWER_TIME {
             let _ = child.kill();
-            panic!("{name}: no answer within {ANSWER:?}");
+            panic!("{name}: no answer within {MAX_ANSWER_TIME:?}");
         }
         sleep(Duration::from_millis(5));
     };
@@ -56,7 +56,7 @@ fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
 
 const JOINT: &str = "joints: [{name: q, type: revolute, body: 1, actuated: true}]";
 
-/// One line after the other.
+/// Text of `count` lines.
 fn lines(count: usize, line: impl Fn(usize) -> String) -> String {
     let mut text = String::new();
     for k in 0..count {

@@ -1,4 +1,4 @@
-//! The commands from a log to parameters and their validation, as a user runs them.
+//! The commands from a log to identified parameters and their validation, as a user runs them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -10,7 +10,7 @@ use std::path::Path;
 use common::{Run, regen, regen_with, root, scratch};
 use serde_json::{Value, json};
 
-/// A cart on a rail with a pendulum under it: both measured, both with efforts.
+/// A cart on a rail with a pendulum: both coordinates are measured and have efforts.
 const CART: &str = "\
 name: cart
 gravity: [0, 0, -9.81]
@@ -23,7 +23,8 @@ limbs:
 home: {x: 0.1, q: 0.3}
 ";
 
-/// Its log with forces from the base regressor of `regen eval`, a beat of 0.2 Hz and 3 harmonics.
+/// A log of the cart, with forces from the base regressor of `regen eval`, a base frequency of 0.2
+/// Hz and 3 harmonics.
 fn log(dir: &Path, samples: u32, seed: f64) -> String {
     let states: Vec<Value> = (0..samples)
         .map(|k| {
@@ -88,7 +89,8 @@ fn run(dir: &Path, args: &[&str]) -> Run {
     regen(dir, &all)
 }
 
-/// Equations are thinned behind the filter: instruments are needed at every state before it.
+/// Equations are thinned out after the filter, but instruments are computed at every state before
+/// it.
 #[test]
 fn instruments_are_found_for_equations_that_are_thinned() {
     let dir = scratch("thinned");
@@ -119,11 +121,12 @@ fn instruments_are_found_for_equations_that_are_thinned() {
     }
 }
 
-/// A log without motion predicts nothing where rests are left out: that is said, with the remedy.
+/// A log without motion gives no predictions if states at rest are left out: the message contains
+/// the remedy.
 #[test]
 fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
     let dir = scratch("rest");
-    // a joint without friction is held by nothing at rest, and its equations stay
+    // equations of a joint without friction are used at rest too, so this joint gets friction
     let held = CART.replace(
         "body: rod, actuated: true",
         "body: rod, actuated: true, friction: linear",
@@ -155,7 +158,7 @@ fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
     assert!(!kept.err.contains("rest"), "{}", kept.err);
     let rms = &kept.json()["models"][0]["logs"][0]["relative_rms"];
     assert!(rms.as_f64().unwrap() > 0.0, "{rms}");
-    // a log that moves says nothing of the kind
+    // for a log with motion there is no such message
     let moving = regen(&dir, &["validate", "cart.yaml", "p.json", "a.csv"]).ended(0);
     assert!(!moving.err.contains("rest"), "{}", moving.err);
 }
@@ -197,7 +200,7 @@ fn logs_become_parameters_that_predict_other_logs() {
         (unit("Fv(x)").as_str(), unit("Fc(x)").as_str()),
         ("N s/m", "N")
     );
-    // friction turns round with the velocity between samples: what is near is left out
+    // friction changes its sign with the velocity, between samples: nearby rows are left out
     let taken = found["equations"].as_u64().unwrap();
     let left = found["left_out"]["resting"].as_array().unwrap();
     let left: u64 = left.iter().map(|n| n.as_u64().unwrap()).sum();
@@ -207,7 +210,7 @@ fn logs_become_parameters_that_predict_other_logs() {
         assert!(cross["relative_absolute"].as_f64().unwrap() < 1.0);
     }
 
-    // factors of the logs give the same values, in whatever order
+    // QR factors of the logs give the same values, in any order
     for name in ["a", "b"] {
         let (log, out) = (format!("{name}.csv"), format!("{name}.json"));
         run(&dir, &["observe", "cart.yaml", &log, "--out", &out]).ended(0);
@@ -313,7 +316,7 @@ fn what_is_wrong_with_logs_and_factors_is_said() {
     let unit = ["identify", "cart.yaml", "a.csv", "--column", "x=x:inch"];
     assert!(regen(&dir, &unit).ended(2).err.contains("the unit `inch`"));
 
-    // at rest nothing but gravity speaks
+    // at rest only gravity acts
     let mut still = "t,x,q,tau_x,tau_q\n".to_owned();
     for k in 0..50 {
         let _ = writeln!(still, "{},0.1,0.3,0,{}", f64::from(k) * 0.02, 1.0);
@@ -322,7 +325,7 @@ fn what_is_wrong_with_logs_and_factors_is_said() {
     let open = regen(&dir, &["identify", "cart.yaml", "still.csv"]).ended(4);
     assert!(open.err.contains("undetermined: "), "{}", open.err);
 
-    // factors of another geometry
+    // QR factors of another geometry
     run(&dir, &["observe", "cart.yaml", "a.csv", "--out", "a.json"]).ended(0);
     fs::write(dir.join("up.yaml"), CART.replace("-9.81", "-1.62")).unwrap();
     let mix = regen(&dir, &["identify", "up.yaml", "--from", "a.json"]).ended(3);
@@ -335,8 +338,8 @@ fn what_is_wrong_with_logs_and_factors_is_said() {
     assert!(part.err.contains("values are missing for"), "{}", part.err);
 }
 
-/// The closed five-bar with encoder noise of 0.1 mrad, twice differenced at 200 Hz: least squares is
-/// off by tens of deviations, and `--iv` is not, along the reference too.
+/// The closed five-bar with encoder noise of 0.1 mrad, differentiated twice at 200 Hz: the error of
+/// least squares is tens of standard deviations, that of `--iv` is not, with the reference too.
 #[test]
 fn instrumental_variables_are_not_biased_by_noise_of_positions() {
     let dir = scratch("identify-iv");

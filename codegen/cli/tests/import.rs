@@ -33,7 +33,7 @@ fn an_imported_file_is_a_spec_that_regen_derives() {
         .json();
     assert_eq!(info["robot"], "robotiq_2f85");
     assert_eq!(info["dof"], 3);
-    // the same on standard output
+    // the same text on standard output
     let printed = regen(&dir, &["import", &gripper]).ended(0);
     assert_eq!(
         printed.out,
@@ -56,11 +56,11 @@ fn a_spec_that_exists_is_replaced_with_force_only() {
     let forced = regen(&dir, &[&args[..], &["--force"]].concat()).ended(0);
     assert_eq!(forced.out, "wrote mine.yaml\n");
     assert!(text().contains("name: robotiq_2f85\n"), "{}", text());
-    // A file that does not exist needs no force, but may be given it.
+    // Writing a new file does not need --force, but accepts it.
     let args = ["import", &gripper, "--out", "new/arm.yaml", "--force"];
     regen(&dir, &args).ended(0);
     assert!(dir.join("new/arm.yaml").exists());
-    // Without a file there is nothing to replace.
+    // Without an output file --force is an error.
     regen(&dir, &["import", &gripper, "--force"]).ended(2);
 }
 
@@ -124,7 +124,7 @@ fn wrong_files_and_words_exit_with_3_and_show_the_place() {
     )
     .ended(3);
     assert!(run.err.contains("--cut:1:5"), "{}", run.err);
-    // what the library says in the file's terms goes with the option that helps
+    // errors that the library explains in the file's terms are followed by the option that helps
     let joint = |name: &str, parent: &str, child: &str| {
         format!(
             "<joint name=\"{name}\" type=\"fixed\"><parent link=\"{parent}\"/>\
@@ -153,7 +153,7 @@ fn wrong_files_and_words_exit_with_3_and_show_the_place() {
 fn loops_are_closed_from_the_command_line() {
     let dir = scratch("import_cut");
     let arm = published("airo-models/ur5e.urdf");
-    // the hand is held at a point: where it is at zero; half of the freedoms are left
+    // the hand is fixed at a point, at its position at zero; half of the degrees of freedom remain
     let cut = "hold:spherical:wrist_3_link@0,0,0.1:world";
     let home = "elbow_joint=pi/3";
     let args = [
@@ -209,7 +209,7 @@ fn parameters_are_written_back() {
     let changed: Vec<&str> = new.lines().filter(|l| !kept(l)).collect();
     assert_eq!(changed.len(), 5, "{changed:#?}");
     assert_eq!(new.lines().count(), old.lines().count());
-    // and they are what the file then says
+    // and the changed file contains these values
     let again = regen(&dir, &["import", "new.urdf"]).ended(0).out;
     assert!(
         again.contains(

@@ -1,5 +1,5 @@
-//! Whether intervals hold the truth where nothing but the way from positions to derivatives stands
-//! between a log and it: simulated logs without noise.
+//! Coverage of the intervals for simulated logs without noise, where the only errors come from the
+//! differentiation of positions.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -18,7 +18,8 @@ fn parameters(dir: &Path, spec: &str, log: &str, options: &[&str]) -> Vec<Value>
     json["parameters"].as_array().unwrap().clone()
 }
 
-/// Simulates a motion without noise and holds each interval, and each status, against the truth.
+/// Simulates a motion without noise, and compares each interval and each status with the true
+/// value.
 #[track_caller]
 fn every_interval_holds_the_truth(
     robot: &str,
@@ -43,7 +44,8 @@ fn every_interval_holds_the_truth(
         .iter()
         .map(|p| (p["label"].as_str().unwrap(), p["value"].as_f64().unwrap()))
         .collect();
-    // simulated friction turns round softly, which biases what is found in an exact log a little
+    // simulated friction changes its sign smoothly, which biases the result from an exact log a
+    // little
     truth.extend(friction.iter().copied());
     for options in readings {
         for found in parameters(&dir, &spec, "log.csv", options) {

@@ -1,4 +1,4 @@
-//! The JSON of `info`, `eval` and the main job.
+//! The JSON output of `info`, `eval` and the identification.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;

@@ -1,5 +1,5 @@
-//! Mistakes that people make, in descriptions, logs and command lines: what each is answered. The
-//! table is a snapshot, to be read by a person.
+//! Common mistakes in specs, logs and command lines, with the answer to each. The table is a
+//! snapshot, to be read by a person.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -10,8 +10,8 @@ use std::path::Path;
 
 use common::{regen, root, scratch};
 
-/// What is told of the first error: its message, its place and the remedy.
-fn told(name: &str, code: i32, err: &str) -> String {
+/// The first error of a run: its message, its place and the remedy.
+fn first_error(name: &str, code: i32, err: &str) -> String {
     let mut text = format!("## {name} (exit {code})\n");
     let mut errors = 0;
     for line in err.lines() {
@@ -51,12 +51,12 @@ fn every_mistake_in_a_description_is_answered_with_its_place() {
         let run = regen(&dir, &["info", &name]).ended(3);
         assert!(run.out.is_empty(), "{}", run.out);
         assert!(run.err.contains(&format!("--> {name}:")), "{}", run.err);
-        table += &told(&name, run.code, &run.err);
+        table += &first_error(&name, run.code, &run.err);
     }
     insta::assert_snapshot!("specs", table);
 }
 
-/// The log of the guide with its rows changed.
+/// Writes the log of the guide with changed rows.
 fn log(dir: &Path, change: impl FnOnce(&mut Vec<String>)) {
     let text = fs::read_to_string(root().join("runtime/guide/fivebar/run1.csv")).unwrap();
     let mut lines: Vec<String> = text.lines().take(801).map(str::to_owned).collect();
@@ -71,7 +71,7 @@ fn cell(lines: &mut [String], row: usize, column: usize, with: &str) {
     lines[row] = cells.join(",");
 }
 
-/// A name, what is done to the log, and arguments beside it.
+/// The name of a mistake, the change of the log, and further arguments.
 type Mistake = (&'static str, fn(&mut Vec<String>), &'static [&'static str]);
 
 const LOGS: [Mistake; 23] = [
@@ -150,7 +150,7 @@ fn every_mistake_in_a_log_is_answered_with_its_rows() {
             run.err
         );
         assert!(!dir.join("p.json").exists(), "{name}");
-        table += &told(name, run.code, &run.err);
+        table += &first_error(name, run.code, &run.err);
     }
     insta::assert_snapshot!("logs", table);
 }

@@ -1,7 +1,7 @@
-//! The pages that `regen view` and `regen report` write: on their own, and in a browser.
+//! The pages that `regen view` and `regen report` write: the files themselves, and in a browser.
 //!
-//! The browser is the one that `REGEN_BROWSER` names, a Chromium; without the variable those
-//! tests say that they were left out.
+//! The environment variable `REGEN_BROWSER` names the browser, a Chromium; without it the tests
+//! that need a browser print that they were left out.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -17,14 +17,14 @@ fn robot(name: &str) -> String {
     root().join("robots").join(name).display().to_string()
 }
 
-/// A page of the mechanism.
+/// The page of a mechanism.
 fn view(dir: &Path, name: &str) -> PathBuf {
     let spec = robot(name);
     regen(dir, &["view", &spec, "--out", "view.html"]).ended(0);
     dir.join("view.html")
 }
 
-/// Two logs of a robot with friction, and the report on what is identified from one of them:
+/// Two logs of a robot with friction, and the report on the parameters identified from one of them:
 /// made once for all tests.
 fn report() -> &'static Path {
     static PAGE: OnceLock<PathBuf> = OnceLock::new();
@@ -77,7 +77,7 @@ const FIGURES: [&str; 10] = [
     "singular-values",
 ];
 
-/// Fails unless every element is closed where it must be.
+/// Asserts that every element is closed where it must be.
 fn is_well_formed(page: &str) {
     const VOID: [&str; 5] = ["meta", "link", "input", "br", "!doctype"];
     let mut open: Vec<&str> = Vec::new();
@@ -103,7 +103,7 @@ fn is_well_formed(page: &str) {
     assert!(open.is_empty(), "{open:?}");
 }
 
-/// Fails if the page would ask for anything beyond itself.
+/// Asserts that the page loads nothing from outside.
 fn is_self_contained(page: &str) {
     for asks in [
         "http:", "https:", "src=", "url(", "@import", "fetch(", "import(", "XMLHttp",
@@ -174,7 +174,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
     assert!(page.contains("<td>run-2.csv</td><td>validation</td>"));
     assert!(!page.contains(dir.to_str().unwrap()));
 
-    // the same from the files, by the command of its own
+    // the same report, made from the files by its own command
     let spec = robot("3rps_friction.yaml");
     let args = [
         "report",
@@ -189,7 +189,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
     assert_eq!(fs::read_to_string(dir.join("again.html")).unwrap(), page);
 }
 
-/// The browser, if there is one to be used.
+/// The browser, if one is available.
 fn browser() -> Option<PathBuf> {
     let named = std::env::var_os("REGEN_BROWSER").filter(|b| !b.is_empty());
     if named.is_none() {
@@ -198,7 +198,7 @@ fn browser() -> Option<PathBuf> {
     named.map(PathBuf::from)
 }
 
-/// The document after scripts have run for three seconds, and what the console was told.
+/// The document after scripts have run for three seconds, and the messages on the console.
 fn rendered(browser: &Path, page: &Path, fragment: &str) -> (String, Vec<String>) {
     let profile = page.with_extension("profile");
     let _ = fs::remove_dir_all(&profile);
@@ -228,7 +228,7 @@ fn rendered(browser: &Path, page: &Path, fragment: &str) -> (String, Vec<String>
     (String::from_utf8(output.stdout).unwrap(), told)
 }
 
-/// The text of the element with an id, tags left in.
+/// The text of the element with an id, with the tags inside.
 fn element<'a>(dom: &'a str, id: &str) -> &'a str {
     let start = dom.find(&format!("id=\"{id}\"")).expect(id);
     let open = start + dom[start..].find('>').unwrap() + 1;
@@ -253,7 +253,7 @@ fn in_a_browser_errors_of_a_page_are_seen() {
     );
 }
 
-/// What the view says at a moment: the time, and the coordinates' values.
+/// The time and the coordinates' values that the view displays at a moment.
 fn moment(browser: &Path, page: &Path, part: &str) -> (String, Vec<f64>) {
     let (dom, told) = rendered(browser, page, &format!("#t={part}"));
     assert!(told.is_empty(), "{told:?}");
@@ -262,7 +262,7 @@ fn moment(browser: &Path, page: &Path, part: &str) -> (String, Vec<f64>) {
         let cell = row.split("<td>").nth(2).unwrap();
         cell.split('<').next().unwrap().parse().unwrap()
     });
-    // both are written at the end of a drawing
+    // both are written at the end of each drawing
     (element(&dom, "now").to_owned(), values.collect())
 }
 
@@ -286,7 +286,7 @@ fn in_a_browser_the_view_draws_each_moment_without_errors() {
     }
 }
 
-/// The cuts that the view shows in red at a moment.
+/// The cuts that the view draws in red at a moment.
 fn red(browser: &Path, page: &Path, part: &str) -> String {
     let (dom, told) = rendered(browser, page, &format!("#t={part}"));
     assert!(told.is_empty(), "{told:?}");
@@ -298,7 +298,8 @@ fn red(browser: &Path, page: &Path, part: &str) -> String {
 fn in_a_browser_loops_that_close_do_not_gape_between_samples() {
     let Some(browser) = browser() else { return };
     let dir = scratch("pages_gaps");
-    // two large turns with few samples: what is drawn between them is open by a part in 2000
+    // two large turns with few samples: between the samples, the drawn loops are open by one part
+    // in 2000
     let page = view(&dir, "fivebar.yaml");
     assert_eq!(red(&browser, &page, "0.0463"), "");
     let text = fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();

@@ -12,7 +12,7 @@ fn robot(name: &str) -> String {
     root().join("robots").join(name).display().to_string()
 }
 
-/// The columns of a log by their headers.
+/// The columns of a log with their headers.
 fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
@@ -38,7 +38,7 @@ fn a_minute_keeps_loops_closed_to_a_nanometre_and_energy_to_a_microjoule() {
     assert_eq!(run["samples"], 6001);
     assert!(run["drift"].as_f64().unwrap() < 1e-9, "{run}");
     assert!(run["imbalance"].as_f64().unwrap() < 1e-6, "{run}");
-    // it moved, and stayed near what it was told to follow
+    // it moved, and followed the reference closely
     assert!(run["kinetic"].as_f64().unwrap() > 1e-3, "{run}");
     assert!(run["tracking"].as_f64().unwrap() < 0.01, "{run}");
 }
@@ -81,7 +81,7 @@ bodies:
     let found = regen(&dir, &[&fit[..], &["--butterworth", "4,15"]].concat())
         .ended(0)
         .json();
-    // what was identified can be simulated in turn
+    // the identified parameters can be simulated in turn
     let out = [&fit[..], &["--butterworth", "4,15", "--out", "p.json"]].concat();
     regen(&dir, &out).ended(0);
     let again = [
@@ -106,8 +106,8 @@ bodies:
         let row = rows.iter().find(|r| r["label"] == label).unwrap();
         row["value"].as_f64().unwrap()
     };
-    // what is left is differentiation and the filter: a twentieth of a percent; an effort half a
-    // sample early, 5 ms of 1.6 s a radian, would be 2 percent
+    // the remaining error is due to differentiation and the filter: a twentieth of a percent; an
+    // effort half a sample early, 5 ms of 1.6 s per radian, would give 2 percent
     for (label, truth) in [("Fv(x)", 4.0), ("Fv(q)", 0.3), ("mx(rod)", 0.0)] {
         let off = (value(label) - truth).abs();
         assert!(
@@ -118,7 +118,7 @@ bodies:
     }
 }
 
-/// The values of the identified parameters and eps_RA, in percent.
+/// The values of the identified parameters, and eps_RA in percent.
 fn identified(dir: &Path, spec: &str, log: &str) -> (Vec<f64>, f64) {
     let found = regen(dir, &["identify", spec, log, "--format", "json"]).ended(0);
     let found = found.json();
@@ -127,8 +127,8 @@ fn identified(dir: &Path, spec: &str, log: &str) -> (Vec<f64>, f64) {
     (values, found["relative_absolute"].as_f64().unwrap())
 }
 
-/// Central differences at 100 Hz are off by 1e-4 to 1e-3 of the motion's derivatives; a log whose
-/// efforts are half a sample ahead of its motion misses these bounds ten times over.
+/// Central differences at 100 Hz have errors of 1e-4 to 1e-3 of the motion's derivatives; a log
+/// whose efforts are half a sample ahead of its motion exceeds these bounds tenfold.
 #[test]
 fn default_logs_without_noise_give_the_parameters_that_were_simulated() {
     let dir = scratch("simulate_unbiased");
@@ -162,7 +162,7 @@ bodies:
         regen(&dir, &[&simulate[..], &["exact.csv", "--exact"]].concat()).ended(0);
         let (found, error) = identified(&dir, &spec, "log.csv");
         let (truth, exact) = identified(&dir, &spec, "exact.csv");
-        // each row of an exact log is consistent in itself, to rounding
+        // each row of an exact log is consistent, up to rounding
         assert!(exact < 1e-8, "{spec}: {exact} %");
         assert!(error < 0.01, "{spec}: {error} %");
         for (found, truth) in found.iter().zip(&truth) {
@@ -204,7 +204,7 @@ fn runs_differ_in_noise_and_the_same_seed_gives_the_same_files() {
             _ => 1e-5,
         };
         for x in values {
-            // what is printed is the nearest double to the step's multiple
+            // the printed number is the double nearest to a multiple of the step
             assert!((x / step - (x / step).round()).abs() < 1e-6, "{head} {x}");
         }
     }
@@ -221,7 +221,7 @@ fn exact_logs_hold_every_coordinate_with_its_rates() {
     let find = |head: &str| &columns.iter().find(|c| c.0 == head).unwrap().1;
     assert_eq!(find("t").len(), 21);
     assert!(find("t")[0].abs() < 1e-12);
-    // central differences of positions are the velocities: T^2/6 of a jerk below 10 m/s^3
+    // central differences of positions are the velocities, up to T^2/6 times a jerk below 10 m/s^3
     let (q, qd) = (find("s1.2"), find("qd_s1.2"));
     for k in 1..20 {
         let rate = (q[k + 1] - q[k - 1]) / 0.02;
@@ -256,7 +256,7 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     says(&["--perturb", "1"], 3, "--perturb");
     fs::write(dir.join("p.json"), "{\"m(2)\": -9}").unwrap();
     says(&["--parameters", "p.json"], 4, "not positive definite");
-    // a controller this slow does not hold it
+    // a controller this slow does not stabilise it
     says(&["--pid", "0,0,0", "--duration", "9"], 4, "ended after");
 }
 

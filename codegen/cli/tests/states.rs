@@ -1,4 +1,4 @@
-//! Wrong states are explained with their places.
+//! Errors in states, with their places.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;

@@ -1,5 +1,5 @@
-//! The same robot in other units: metres, millimetres and tonnes, or a millionth of its size. What
-//! is found must be the same when it is scaled back.
+//! The same robot in other units: metres, millimetres and tonnes, or a millionth of its size. The
+//! results must be the same after scaling back.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -10,7 +10,7 @@ use std::path::Path;
 use common::{regen, root, scratch};
 use serde_json::{Value, json};
 
-/// A scalar of the file times a power of ten, still exact.
+/// Multiplies a scalar of the file by a power of ten, exactly.
 fn times(value: &mut Value, exponent: i32) {
     let text = match &*value {
         Value::String(text) => text.clone(),
@@ -28,13 +28,13 @@ fn each(value: Option<&mut Value>, exponent: i32) {
     }
 }
 
-/// The spec with lengths in units of 10^-`length` m and masses in 10^-`mass` kg, seconds kept.
-/// Limits go; friction and rotors of turning joints are torques, and scale with mass length^2.
+/// The spec with lengths in units of 10^-`length` m, masses in 10^-`mass` kg, and seconds. Limits
+/// are removed; friction and rotors of revolute joints are torques, and scale with mass length^2.
 fn rescaled(text: &str, length: i32, mass: i32) -> String {
-    // `y` is an axis
+    // without this option `y`, the name of an axis, is a boolean
     let options = serde_saphyr::options! { strict_booleans: true };
     let mut spec: Value = serde_saphyr::from_str_with_options(text, options).unwrap();
-    // names follow from earlier ones: they stay in their order, as they are
+    // names are defined by earlier ones: they keep their order and values
     spec.as_object_mut().unwrap().remove("geometry");
     let mut inside = false;
     let names = text.lines().filter(|line| {
@@ -98,13 +98,13 @@ fn rescaled(text: &str, length: i32, mass: i32) -> String {
     names + &serde_saphyr::to_string(&spec).unwrap()
 }
 
-/// The unit of a parameter in the new units, by its label.
+/// The power of ten of a parameter's unit, by the parameter's label.
 fn unit(label: &str, length: i32, mass: i32) -> f64 {
     let (symbol, _) = label.split_once('(').unwrap();
     let lengths = match symbol {
         "m" => 0,
         "mx" | "my" | "mz" => 1,
-        // of turning joints, too
+        // inertias, and friction and rotors of revolute joints
         _ => 2,
     };
     10_f64.powi(mass + lengths * length)
@@ -121,8 +121,8 @@ fn base(dir: &Path, text: &str) -> Value {
         .json()
 }
 
-/// Exponents drawn by a fixed seed: from nanometres to thousands of kilometres beside everything
-/// from a metre's point of view.
+/// Random exponents from a fixed seed: a length of a metre appears as anything from nanometres to
+/// thousands of kilometres.
 fn exponents(count: usize) -> Vec<i32> {
     let mut state = 11_u64;
     (0..count)
@@ -201,8 +201,9 @@ fn every_check_holds_in_any_units() {
     }
 }
 
-/// The guide's five-bar and its log, torques scaled with mass length^2: millimetres and tonnes, a
-/// toy of a millimetre and a milligram whose inertias are 1e-15 kg m^2, and a crane.
+/// The guide's five-bar and its log, with torques scaled with mass length^2: in millimetres and
+/// tonnes, as a toy of a millimetre and a milligram whose inertias are 1e-15 kg m^2, and as a
+/// crane.
 #[test]
 fn identified_parameters_are_the_same_in_any_units() {
     let dir = scratch("units-identify");
@@ -252,8 +253,8 @@ fn identified_parameters_are_the_same_in_any_units() {
         assert_eq!(usual.len(), other.len());
         for ((label, x), (same, y)) in usual.iter().zip(other) {
             assert_eq!(label, same);
-            // least squares loses condition times epsilon; the semidefinite programme is solved
-            // to 1e-9 of the largest parameter in its units
+            // least squares loses the condition number times epsilon; the semidefinite programme is
+            // solved to 1e-9 of the largest parameter in its units
             let tolerance = if label.starts_with("feasible") {
                 1e-6 * x.abs() + 1e-8
             } else {

@@ -1,4 +1,4 @@
-//! `regen verify`: the numeric path beside the analytic one.
+//! `regen verify`: the numeric method compared with the analytic one.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -12,7 +12,7 @@ fn the_oracles_robots_are_verified_beside_the_numeric_path() {
     let dir = scratch("verify-robots");
     for name in ["3rps", "fivebar", "puma560", "tree_branch"] {
         let file = oracle(&format!("{name}.yaml"));
-        // away from the workspace: whether generated/ is up to date is the gate's question
+        // outside the workspace: `.ci/run` checks whether generated/ is up to date
         fs::copy(&file, dir.join("robot.yaml")).unwrap();
         let run = regen(&dir, &["verify", "robot.yaml", "--format", "json"]).ended(0);
         let report = run.json();
@@ -28,7 +28,7 @@ fn the_oracles_robots_are_verified_beside_the_numeric_path() {
     }
 }
 
-/// Every robot, and the guide's page: what the command prints now, byte for byte.
+/// Every robot, and the guide's page: the current output of the command, byte for byte.
 #[test]
 fn the_guide_shows_the_evidence_for_every_robot() {
     let run = regen(&root(), &["verify", "--all", "--format", "markdown"]).ended(0);
@@ -71,7 +71,7 @@ fn the_evidence_of_ones_own_spec_fits_80_columns_and_is_json_too() {
     for robot in robots {
         assert_eq!(robot["ok"], true);
         for check in robot["checks"].as_array().unwrap() {
-            // no vectors are kept beside these, and the tree has no loop
+            // there are no vectors for these, and the tree has no loop
             let absent = check["verdict"] == "absent";
             assert!(absent || check["verdict"] == "holds", "{check}");
             assert_eq!(absent, check["figure"].is_null(), "{check}");
@@ -129,7 +129,7 @@ fn completed_base_parameters_pass() {
     assert!(!run.out.contains("FAILED"), "{}", run.out);
 }
 
-/// Axes so nearly parallel that some parameters act below double precision's reach.
+/// Axes so nearly parallel that double precision cannot resolve the effect of some parameters.
 #[test]
 fn a_rank_that_double_precision_cannot_decide_is_a_doubt_and_no_failure() {
     let dir = scratch("verify-doubt");

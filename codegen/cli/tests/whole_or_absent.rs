@@ -1,5 +1,5 @@
-//! Whatever ends a run, an output is the old one, the new one, or absent: killed at any moment,
-//! a full disk, a directory that cannot be written, two runs at once.
+//! However a run ends, an output file is the old one, the new one, or absent: after a kill at any
+//! moment, with a full disk, in a directory without write permission, or with two runs at once.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -18,7 +18,7 @@ fn weighed(name: &str) -> String {
     format!("{}bodies: {{1: {inertia}}}\n", pendulum(name))
 }
 
-/// Starts a run that says nothing.
+/// Starts a run without output.
 fn start(dir: &Path, args: &[&str]) -> Child {
     let mut command = command(dir, args);
     command
@@ -28,7 +28,7 @@ fn start(dir: &Path, args: &[&str]) -> Child {
     command.spawn().unwrap()
 }
 
-/// The files that a run left in the making.
+/// The temporary files that a run left.
 fn unfinished(dir: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path());
     entries
@@ -36,8 +36,8 @@ fn unfinished(dir: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Kills runs at moments that a seed draws over their whole length; after each, the output is
-/// what it was before or what a whole run writes. A run after all of them is not disturbed.
+/// Kills runs at random moments over their whole length, from a fixed seed; after each, the output
+/// is the old file or the one that a complete run writes. Killed runs do not disturb a later run.
 #[track_caller]
 fn killed_at_any_moment(dir: &Path, args: &[&str], out: &str, old: Option<&str>, kills: u32) {
     let path = dir.join(out);
@@ -55,7 +55,7 @@ fn killed_at_any_moment(dir: &Path, args: &[&str], out: &str, old: Option<&str>,
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1);
-        // most towards the end, where files are written
+        // most moments are near the end, when files are written
         let part = 1.0 - ((state >> 40) as f64 / (1_u64 << 24) as f64).powi(2);
         let mut child = start(dir, args);
         sleep(length.mul_f64(1.1 * part));
@@ -66,7 +66,7 @@ fn killed_at_any_moment(dir: &Path, args: &[&str], out: &str, old: Option<&str>,
             found.as_deref() == Some(&new[..]) || found.as_deref() == old.map(str::as_bytes);
         assert!(whole, "{args:?}, killed the {kill}th time: {found:?}");
     }
-    // what killed runs left behind disturbs no other
+    // files left by killed runs do not disturb another run
     reset();
     assert!(start(dir, args).wait().unwrap().success());
     assert!(
@@ -141,8 +141,8 @@ fn two_runs_at_once_leave_the_file_of_one() {
     }
 }
 
-/// A run whose files may not grow beyond so many blocks of 512 bytes: a full disk, from the
-/// program's point of view. Nothing where the shell has no such limit.
+/// A run whose files may not grow beyond the given number of blocks of 512 bytes, which looks like
+/// a full disk to the program. `None` where the shell has no such limit.
 #[cfg(unix)]
 fn limited(dir: &Path, blocks: u32, args: &[&str]) -> Option<(i32, String)> {
     // the signal for a file that is too large is ignored, so that writing fails instead
@@ -196,7 +196,7 @@ fn what_is_no_file_is_written_to_and_stays_what_it_is() {
     }
     regen(&dir, &["view", "a.yaml", "--out", "/dev/null"]).ended(0);
     assert!(!fs::metadata("/dev/null").unwrap().is_file());
-    // a link stays a link, and a private file private
+    // a link stays a link, and a private file stays private
     use std::os::unix::fs::{PermissionsExt, symlink};
     fs::write(dir.join("real.html"), "old").unwrap();
     fs::set_permissions(dir.join("real.html"), fs::Permissions::from_mode(0o600)).unwrap();
@@ -234,7 +234,7 @@ fn a_place_that_cannot_be_written_is_told() {
             run.err
         );
     };
-    // beneath a file, where a directory stands, where nobody may write
+    // below a file, at the place of a directory, in a directory without write permission
     told("file/m.html");
     told("taken.html");
     assert_eq!(fs::read_to_string(dir.join("file")).unwrap(), "old");

@@ -1,4 +1,4 @@
-//! Which coordinates are independent: asked of the derivation itself.
+//! Choice of independent coordinates, by the loop closure that the derivation uses.
 
 use regen_codegen::constraints::{HomeProblem, NumericLoops, close_home, world_equations};
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
@@ -7,20 +7,20 @@ use regen_codegen::kinematics::{Frames, Geometry};
 use regen_codegen::sym::Graph;
 use regen_codegen::{model, spec};
 
-/// What the mechanism says to a choice of independent coordinates.
+/// Result of the test of a choice of independent coordinates.
 #[derive(Clone, Debug)]
 pub(crate) enum Verdict {
-    /// The others follow from them.
+    /// All other coordinates follow from the chosen ones.
     Valid,
-    /// They do not; from these they do.
+    /// They do not; these coordinates are a choice from which they do.
     Choose(Vec<String>),
 }
 
-/// Judges the choice that a spec makes, the actuated coordinates if it makes none.
+/// Tests the independent coordinates of a spec, which are the actuated ones if it names none.
 ///
 /// # Errors
-/// What is wrong with the spec, or with its home.
-pub(crate) fn judge(text: &str) -> Result<Verdict, Report> {
+/// If the spec is invalid, its home does not close, or the mechanism cannot move at home.
+pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
     let source = Source::new("imported spec", text);
     let spec = spec::parse(&source)?;
     let model = model::build(&spec);

@@ -1,4 +1,4 @@
-//! Loops given on the command line, for formats that have none:
+//! Loops given on the command line, for file formats that cannot describe loops:
 //! `NAME:JOINT:BODY@x,y,z[,r,p,y]:BODY[@x,y,z[,r,p,y]]`.
 
 use std::f64::consts::PI;
@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use regen_codegen::diag::{Source, Span};
 
 use crate::log::{Log, Place};
-use crate::names::mended;
+use crate::names::spec_name;
 use crate::pose::Pose;
 use crate::tree::{LoopCut, Side, Tree};
 
@@ -21,7 +21,7 @@ const KINDS: [&str; 6] = [
 
 const EXAMPLE: &str = "for instance pin:revolute:coupler@0.35,0,0:rocker@0.3,0,0";
 
-/// Adds the loop that a text describes; errors call the text by its name.
+/// Adds the loop that `text` describes; errors name `name` as their source.
 pub(crate) fn add(name: &str, text: &str, tree: &mut Tree, log: &mut Log) {
     let file = log.add(Source::new(name, text));
     let mut reading = Reading { file, tree, log };
@@ -36,7 +36,7 @@ struct Reading<'a> {
     log: &'a mut Log,
 }
 
-/// A part of the text and where it starts.
+/// A part of the text and its start in bytes.
 #[derive(Clone, Copy)]
 struct Part<'t>(&'t str, usize);
 
@@ -65,7 +65,7 @@ impl Reading<'_> {
             self.error(whole, message, EXAMPLE);
             return None;
         };
-        if name.0.is_empty() || mended(name.0) != name.0 {
+        if name.0.is_empty() || spec_name(name.0) != name.0 {
             let message = format!("'{}' cannot be a cut's name", name.0);
             self.error(*name, message, "use letters, digits and '_'");
         }
@@ -77,7 +77,7 @@ impl Reading<'_> {
         let (first, pose) = self.side(*a)?;
         let pose = pose.unwrap_or_default();
         let (second, other) = self.side(*b)?;
-        // where the first frame is at zero
+        // the default: the pose of the first frame, with all coordinates at zero
         let other = other.unwrap_or_else(|| {
             let world = self.tree.at_zero(first).then(&pose);
             self.tree.at_zero(second).inverse().then(&world)
@@ -90,7 +90,7 @@ impl Reading<'_> {
         })
     }
 
-    /// A body, and the frame on it if one is given.
+    /// A link (`None` is the world), and the frame on it if one is given.
     fn side(&mut self, part: Part<'_>) -> Option<(Option<usize>, Option<Pose>)> {
         let mut halves = part.split('@');
         let name = halves.next()?;
@@ -98,7 +98,7 @@ impl Reading<'_> {
             None
         } else {
             let mut links = self.tree.links.iter();
-            let found = links.position(|l| l.name == name.0 || mended(&l.name) == name.0);
+            let found = links.position(|l| l.name == name.0 || spec_name(&l.name) == name.0);
             if found.is_none() {
                 let names: Vec<&str> = self.tree.links.iter().map(|l| l.name.as_str()).collect();
                 let hint = format!("the file's bodies are world, {}", names.join(", "));
@@ -138,7 +138,7 @@ impl Reading<'_> {
     }
 }
 
-/// A decimal, or a multiple of pi: `pi`, `-pi/2`, `2*pi/3`.
+/// Parses a decimal number or a multiple of pi: `pi`, `-pi/2`, `2*pi/3`.
 pub(crate) fn value(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Some((before, after)) = text.split_once("pi") {

@@ -1,4 +1,4 @@
-//! Replacements of numbers in an XML text, and insertions where there are none.
+//! Replacement of numbers in an XML text, and insertion of missing elements and attributes.
 
 use crate::fields::Fields;
 use crate::log::Log;
@@ -7,11 +7,11 @@ use crate::pose::{Pose, tensor_in};
 use crate::tree::Inertia;
 use crate::xml::Element;
 
-/// Changes by their places in the text.
+/// Changes of a text, by position.
 #[derive(Debug)]
 pub(crate) struct Edits {
     text: String,
-    /// Start, end, replacement.
+    /// Start and end in bytes, replacement.
     changes: Vec<(usize, usize, String)>,
     values: usize,
 }
@@ -25,12 +25,12 @@ impl Edits {
         }
     }
 
-    /// How many numbers were written.
+    /// How many numbers are replaced or inserted.
     pub(crate) fn len(&self) -> usize {
         self.values
     }
 
-    /// The text with the changes.
+    /// Applies the changes to the text.
     pub(crate) fn apply(mut self, text: &str) -> String {
         self.changes.sort_by_key(|change| (change.0, change.1));
         let mut out = String::with_capacity(text.len());
@@ -44,7 +44,8 @@ impl Edits {
         out
     }
 
-    /// A link's `<inertial>`. The rotation of its frame stays, the rest is given in it.
+    /// Writes a link's `<inertial>`. The rotation of its frame is kept, and the tensor is
+    /// converted to the frame's axes.
     pub(crate) fn inertia(&mut self, link: &Element, inertia: &Inertia) {
         let Some(inertial) = link.child("inertial") else {
             let content = whole(inertia);
@@ -52,10 +53,10 @@ impl Edits {
             self.values += 10;
             return;
         };
-        // the reader has judged this attribute already
-        let mut unheard = Log::default();
+        // errors in this attribute have been reported by the reader already
+        let mut ignored_log = Log::default();
         let mut fields = Fields {
-            log: &mut unheard,
+            log: &mut ignored_log,
             exact: true,
         };
         let rpy = inertial.child("origin").and_then(|o| o.attribute("rpy"));
@@ -85,7 +86,7 @@ impl Edits {
                 for ((name, mirrored), value) in ENTRIES.into_iter().zip(tensor) {
                     let value = number(value);
                     self.attribute(element, name, &value);
-                    // some tools write the tensor out in full
+                    // some tools write the tensor's lower triangle too
                     if element.attribute(mirrored).is_some() && mirrored != name {
                         self.attribute(element, mirrored, &value);
                     }
@@ -99,7 +100,7 @@ impl Edits {
         }
     }
 
-    /// A joint's `<dynamics>`, as far as values are given.
+    /// Writes those values of a joint's `<dynamics>` that are given.
     pub(crate) fn dynamics(&mut self, joint: &Element, values: [(&str, Option<f64>); 2]) {
         let given = values
             .iter()
@@ -119,7 +120,7 @@ impl Edits {
         self.insert(joint, &format!("<dynamics {}/>", fields.join(" ")));
     }
 
-    /// Replaces an attribute's value, or writes the attribute after the tag's name.
+    /// Replaces an attribute's value, or inserts the attribute after the tag's name.
     fn attribute(&mut self, element: &Element, name: &str, value: &str) {
         let change = if let Some(attribute) = element.attribute(name) {
             let span = attribute.place.span;
@@ -131,7 +132,7 @@ impl Edits {
         self.changes.push(change);
     }
 
-    /// Writes an element into another one, before its first child.
+    /// Inserts an element into another one, before its first child.
     fn insert(&mut self, element: &Element, content: &str) {
         let end = self.end_of_start_tag(element);
         let tag = element.tag.clone();
@@ -139,7 +140,7 @@ impl Edits {
             let closed = format!(">{content}</{tag}>");
             self.changes.push((end - 2, end, closed));
         } else {
-            // on a line of its own where the next element has one
+            // on a separate line if the next element is on one
             let rest = self.text.get(end..).unwrap_or_default();
             let blank = rest.len() - rest.trim_start().len();
             let blank = rest.get(..blank).unwrap_or_default();
@@ -147,7 +148,7 @@ impl Edits {
         }
     }
 
-    /// One past the `>` of the start tag.
+    /// Position behind the `>` of the start tag.
     fn end_of_start_tag(&self, element: &Element) -> usize {
         let start = element.span.start;
         let mut quote = None;
@@ -163,7 +164,7 @@ impl Edits {
     }
 }
 
-/// The tensor's attributes, and their names the other way round.
+/// The tensor's attributes, with the names of the mirrored entries.
 const ENTRIES: [(&str, &str); 6] = [
     ("ixx", "ixx"),
     ("ixy", "iyx"),

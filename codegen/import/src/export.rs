@@ -1,4 +1,4 @@
-//! Identified parameters back into a URDF file, nothing else of it changed.
+//! Writing of identified parameters into a URDF file that otherwise stays unchanged.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_codegen::model::{self, Model, Step};
@@ -13,19 +13,19 @@ use crate::tree::{Inertia, Tree};
 use crate::{frames, urdf, xml};
 use regen_codegen::spec::{Flaw, flaw};
 
-/// Values for a spec's bodies and joints, in the spec's frames.
+/// Identified parameters of a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters {
-    /// By label.
+    /// Parameters by the body's label.
     pub bodies: Vec<(String, BodyParameters)>,
-    /// By joint name.
+    /// Parameters by the joint's name.
     pub joints: Vec<(String, JointParameters)>,
 }
 
-/// What `bodies:` of a spec gives for a body.
+/// Inertial parameters of a body, as in `bodies:` of a spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyParameters {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass in the body's frame, m.
     pub com: [f64; 3],
@@ -33,40 +33,40 @@ pub struct BodyParameters {
     pub inertia: [f64; 6],
 }
 
-/// The friction of a joint that URDF knows.
+/// The friction parameters of a joint that URDF has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointParameters {
-    /// Fv, N m s/rad or N s/m.
+    /// Viscous friction Fv, N m s/rad or N s/m.
     pub viscous: Option<f64>,
-    /// Fc, N m or N.
+    /// Coulomb friction Fc, N m or N.
     pub coulomb: Option<f64>,
 }
 
 /// A URDF file with new parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exported {
-    /// The file's text.
+    /// The text of the file.
     pub urdf: String,
     /// How many numbers were replaced or written.
     pub values: usize,
-    /// What the user should know.
+    /// Messages for the user, such as values of the file that stay unchanged.
     pub notes: Vec<Note>,
 }
 
-/// How far a body may be off its link over the configurations that are compared: m
-/// and rad. Angles of four printed digits are further off.
+/// Largest difference of a body's pose from its link's over the configurations that are compared, m
+/// and rad. Angles of four printed digits differ by more.
 const SAME_MOTION: f64 = 1e-6;
 
-/// Writes parameters into a URDF file: the numbers of the links' inertias, and of the
-/// joints' friction. Every other byte stays.
+/// Writes parameters into a URDF file: the numbers of the links' inertias, and of the joints'
+/// friction. All other bytes stay unchanged.
 ///
-/// `spec` is the spec that the parameters belong to; its bodies are found among the
-/// links by their names, and its frames by how they stand on the links: they may
-/// differ from those that [`crate::import`] chose. `given` is the text that the
-/// parameters come from, for errors.
+/// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
+/// and the pose of each body's frame on its link is computed: the frames may differ from those that
+/// [`crate::import`] chose. `given` is the text that the parameters come from, for errors.
 ///
 /// # Errors
-/// What is wrong with one of the files; parameters that no body can have.
+/// If one of the files is invalid or the two do not describe the same robot, or if no physical body
+/// has the parameters.
 ///
 /// ```
 /// use regen_codegen::diag::Source;
@@ -106,7 +106,8 @@ pub fn export(
     let mechanism = spec::parse(spec).map_err(|report| vec![report])?;
     let model = model::build(&mechanism);
     let mut first = None;
-    // with angles as import takes them, or as they are printed: as the spec has them
+    // read the angles first as multiples of pi, as import does, then as printed: the spec has one
+    // of these
     for exact in [false, true] {
         let mut export = Export::new(given, exact);
         let written = export.write(urdf, &mechanism, &model, parameters);
@@ -129,7 +130,7 @@ pub fn export(
 struct Export<'a> {
     log: Log,
     given: &'a Source,
-    /// Errors about the parameters, and about the spec.
+    /// Errors in the parameters, and in the spec.
     about_given: Vec<Diagnostic>,
     about_spec: Vec<Diagnostic>,
     exact: bool,
@@ -156,7 +157,7 @@ impl<'a> Export<'a> {
         reports
     }
 
-    fn wrong(&mut self, label: &str, message: String, hint: &str) {
+    fn parameter_error(&mut self, label: &str, message: String, hint: &str) {
         let quoted = format!("\"{label}\"");
         let at = self.given.text.find(&quoted).unwrap_or(0);
         let span = Span::new(at, at + quoted.len());
@@ -180,7 +181,7 @@ impl<'a> Export<'a> {
             self.log.error(root.place, "this is no URDF file", hint);
             return None;
         }
-        let mut unheard = Log::default();
+        let mut ignored_log = Log::default();
         let tree = {
             let mut fields = Fields {
                 log: &mut self.log,
@@ -188,8 +189,8 @@ impl<'a> Export<'a> {
             };
             urdf::read(&root, &mut fields)?
         };
-        let draft = layout::lay_out(&tree, &mut unheard);
-        // what import would say is not news here
+        let draft = layout::lay_out(&tree, &mut ignored_log);
+        // the notes of an import are of no interest here
         self.log.forget_notes();
         let mut edits = Edits::new(&urdf.text);
         for (label, values) in &parameters.bodies {
@@ -204,7 +205,7 @@ impl<'a> Export<'a> {
                 .all("link")
                 .find(|e| link.is_some_and(|l| e.text("name") == Some(l.link.as_str())));
             if let Some(element) = element {
-                edits.inertia(element, &moved(values, &frame));
+                edits.inertia(element, &inertia_in_link(values, &frame));
             }
         }
         for (name, values) in &parameters.joints {
@@ -218,7 +219,7 @@ impl<'a> Export<'a> {
             let values = [("damping", values.viscous), ("friction", values.coulomb)];
             let Some(element) = element else {
                 if spec.coordinates().contains(name) {
-                    // a drive or a massless coordinate of the spec has nothing to stand at
+                    // a drive or a massless coordinate of the spec has no joint in the file
                     let text = format!(
                         "the URDF file has no joint for the coordinate '{name}': its friction is \
                          left out"
@@ -227,14 +228,14 @@ impl<'a> Export<'a> {
                     continue;
                 }
                 let message = format!("no joint of the URDF file is called '{name}'");
-                self.wrong(name, message, "joints are named as in the spec");
+                self.parameter_error(name, message, "joints are named as in the spec");
                 continue;
             };
-            self.stays(name, element, &values);
+            self.note_unchanged_friction(name, element, &values);
             for (key, value) in values {
                 if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
                     let message = format!("a negative {key}");
-                    self.wrong(name, message, "friction takes energy out: it is >= 0");
+                    self.parameter_error(name, message, "friction takes energy out: it is >= 0");
                 }
             }
             edits.dynamics(element, values);
@@ -242,8 +243,13 @@ impl<'a> Export<'a> {
         Some(edits)
     }
 
-    /// Notes friction of the file that stays beside new values.
-    fn stays(&mut self, name: &str, joint: &xml::Element, values: &[(&str, Option<f64>); 2]) {
+    /// Notes friction of the file that is not replaced, since only other values are given.
+    fn note_unchanged_friction(
+        &mut self,
+        name: &str,
+        joint: &xml::Element,
+        values: &[(&str, Option<f64>); 2],
+    ) {
         if values.iter().all(|(_, value)| value.is_none()) {
             return;
         }
@@ -258,11 +264,11 @@ impl<'a> Export<'a> {
         }
     }
 
-    /// Whether a body can have these values; a doubt is noted.
+    /// Whether a physical body can have these values; if not, an error is recorded.
     fn is_possible(&mut self, label: &str, values: &BodyParameters) -> bool {
         let all = values.com.iter().chain(&values.inertia);
         if !values.mass.is_finite() || all.into_iter().any(|x| !x.is_finite()) {
-            self.wrong(
+            self.parameter_error(
                 label,
                 "a value that is no number".to_owned(),
                 "give finite numbers",
@@ -272,12 +278,13 @@ impl<'a> Export<'a> {
         if values.mass <= 0.0 {
             let message = format!("a mass of {} kg", values.mass);
             let hint = "no simulator accepts it: estimate with physical constraints";
-            self.wrong(label, message, hint);
+            self.parameter_error(label, message, hint);
             return false;
         }
-        /// Thin plates and rods are on the border, and rounded to six digits or so.
-        const PRINTED: f64 = 1e-6;
-        let message = match flaw(values.inertia, PRINTED) {
+        /// Tolerance for rounded values: thin plates and rods are on the border, and printed with
+        /// about six digits.
+        const ROUNDING_TOLERANCE: f64 = 1e-6;
+        let message = match flaw(values.inertia, ROUNDING_TOLERANCE) {
             None => return true,
             Some(Flaw::Indefinite) => "it is not positive semidefinite",
             Some(Flaw::Triangle) => "it breaks the triangle inequality of principal moments",
@@ -285,11 +292,12 @@ impl<'a> Export<'a> {
         let message = format!("no body has this inertia: {message}");
         let hint = "Ixx, Ixy, Ixz, Iyy, Iyz, Izz are about the centre of mass; estimate with \
                     physical constraints";
-        self.wrong(label, message, hint);
+        self.parameter_error(label, message, hint);
         false
     }
 
-    /// The body's frame in its link's: found at zero, and the same elsewhere.
+    /// The body's frame in its link's, computed at zero, and verified to be the same at another
+    /// configuration.
     fn frame(
         &mut self,
         label: &str,
@@ -301,7 +309,7 @@ impl<'a> Export<'a> {
         let Some(body) = model.bodies.iter().find(|b| b.label == label) else {
             let labels: Vec<&str> = model.bodies.iter().map(|b| b.label.as_str()).collect();
             let hint = format!("its bodies are {}", labels.join(", "));
-            self.wrong(label, format!("the spec has no body '{label}'"), &hint);
+            self.parameter_error(label, format!("the spec has no body '{label}'"), &hint);
             return None;
         };
         let link = draft.bodies.iter().find(|b| b.label == label);
@@ -309,7 +317,7 @@ impl<'a> Export<'a> {
             let names: Vec<&str> = draft.bodies.iter().map(|b| b.label.as_str()).collect();
             let hint = format!("bodies are called as their links: {}", names.join(", "));
             let message = format!("no moving link with mass is called '{label}'");
-            self.wrong(label, message, &hint);
+            self.parameter_error(label, message, &hint);
             return None;
         };
         let at = |generic: bool| {
@@ -345,7 +353,7 @@ impl<'a> Export<'a> {
     }
 }
 
-/// A link of the spec's tree in the world.
+/// The pose of a link of the spec's model in the world.
 fn link_of(model: &Model, link: usize, q: &[f64]) -> Pose {
     let vector = |axis: Axis| -> V3 {
         match axis {
@@ -379,8 +387,8 @@ fn link_of(model: &Model, link: usize, q: &[f64]) -> Pose {
     pose
 }
 
-/// The values in the link's frame.
-fn moved(values: &BodyParameters, frame: &Pose) -> Inertia {
+/// The values converted to the link's frame.
+fn inertia_in_link(values: &BodyParameters, frame: &Pose) -> Inertia {
     let frame = if frame.is_unit() {
         &Pose::default()
     } else {

@@ -1,20 +1,20 @@
-//! Values of attributes, with an error at the attribute where they are none.
+//! Parsing of attribute values, with errors at the attribute.
 
 use crate::log::Log;
 use crate::number::printed_multiple;
 use crate::pose::V3;
 use crate::xml::Attribute;
 
-/// Reads values; knows whether angles are taken as printed.
+/// Parses values, and decides whether angles keep their printed digits.
 #[derive(Debug)]
 pub(crate) struct Fields<'a> {
     pub(crate) log: &'a mut Log,
-    /// Angles keep their printed digits.
+    /// Whether numbers keep their printed digits.
     pub(crate) exact: bool,
 }
 
 impl Fields<'_> {
-    /// The numbers of an attribute, however many.
+    /// The numbers of an attribute, of any count.
     pub(crate) fn numbers(&mut self, attribute: &Attribute) -> Option<Vec<f64>> {
         let mut numbers = Vec::new();
         for word in attribute.value.split_whitespace() {
@@ -48,8 +48,8 @@ impl Fields<'_> {
         self.array::<1>(attribute).map(|[x]| x)
     }
 
-    /// Exactly `N` angles in radians: what prints a multiple of pi is one, unless
-    /// numbers are wanted exactly.
+    /// Exactly `N` angles in rad. A printed multiple of pi is replaced by its exact value, unless
+    /// `exact` is set.
     pub(crate) fn angles<const N: usize>(&mut self, attribute: &Attribute) -> Option<[f64; N]> {
         let mut angles = self.array::<N>(attribute)?;
         if self.exact {
@@ -59,7 +59,7 @@ impl Fields<'_> {
         let mut changed = Vec::new();
         for (angle, word) in angles.iter_mut().zip(words) {
             if let Some(multiple) = printed_multiple(word) {
-                if (multiple - *angle).abs() > crate::pose::SAME {
+                if (multiple - *angle).abs() > crate::pose::ROUNDING_TOLERANCE {
                     changed.push(format!("{word} as {}", crate::number::angle(multiple)));
                 }
                 *angle = multiple;
@@ -73,19 +73,26 @@ impl Fields<'_> {
         Some(angles)
     }
 
-    /// A position: what is nothing beside the rest is rounding of the tool that
-    /// wrote the file, unless numbers are wanted exactly.
+    /// A position. Components that are negligible compared with its length are rounding errors of
+    /// the tool that wrote the file, and become 0 unless `exact` is set.
     pub(crate) fn position(&mut self, attribute: &Attribute) -> Option<V3> {
-        /// A part of the largest length that nobody means, or could make.
-        const NOTHING: f64 = 1e-9;
+        /// Components below this fraction of the length are negligible: nobody intends or could
+        /// manufacture them.
+        const NEGLIGIBLE_FRACTION: f64 = 1e-9;
         let position = self.array::<3>(attribute)?;
         if self.exact {
             return Some(position);
         }
         let size = crate::pose::norm(position);
-        let cleared = position.map(|x| if x.abs() < NOTHING * size { 0.0 } else { x });
+        let cleared = position.map(|x| {
+            if x.abs() < NEGLIGIBLE_FRACTION * size {
+                0.0
+            } else {
+                x
+            }
+        });
         if cleared != position {
-            let note = format!("took {} as 0", lost(position, cleared));
+            let note = format!("took {} as 0", cleared_components(position, cleared));
             self.log.note_digits(attribute.place, note);
         }
         Some(cleared)
@@ -104,12 +111,12 @@ impl Fields<'_> {
     }
 }
 
-/// The components that were cleared.
-fn lost(before: V3, after: V3) -> String {
+/// The components that were set to 0, as text.
+fn cleared_components(before: V3, after: V3) -> String {
     let pairs = before.iter().zip(&after);
-    let lost: Vec<String> = pairs
+    let cleared_components: Vec<String> = pairs
         .filter(|(x, y)| x != y)
         .map(|(x, _)| format!("{x:e}"))
         .collect();
-    lost.join(", ")
+    cleared_components.join(", ")
 }

@@ -1,18 +1,19 @@
-//! Frames of joints: in the tree of the file, and as the rows of a spec.
+//! Frames of joints: in the links of the file, and as Denavit-Hartenberg rows of a spec.
 
 use crate::layout::{Draft, DraftJoint};
-use crate::pose::{Pose, SAME, V3, about, clean, norm, times, unit};
+use crate::pose::{Pose, ROUNDING_TOLERANCE, V3, about, clean, norm, times, unit};
 use crate::tree::{Joint, Kind, Tree};
 
-/// The joint's frame in its link's: on the anchor, with the axis as a coordinate axis.
+/// The joint's frame in its link's frame, with the origin on the anchor, and the coordinate axis
+/// that is the joint's axis.
 pub(crate) fn joint_frame(joint: &Joint) -> (Pose, char) {
     let shift = Pose::shift(joint.anchor);
     if joint.kind == Kind::Spherical {
         return (shift, 'z');
     }
     let [x, y, z] = joint.axis;
-    let small = |a: f64, b: f64| a.abs() < SAME && b.abs() < SAME;
-    // turns that carry an axis over to its negative
+    let small = |a: f64, b: f64| a.abs() < ROUNDING_TOLERANCE && b.abs() < ROUNDING_TOLERANCE;
+    // a half turn, which reverses the axis
     let half = |axis: V3| Pose::turn(about(axis, std::f64::consts::PI));
     let turn = |roll: f64, yaw: f64| Pose::from_rpy([0.0; 3], [roll, 0.0, yaw]);
     let pi = std::f64::consts::PI;
@@ -44,7 +45,7 @@ pub(crate) fn joint_frame(joint: &Joint) -> (Pose, char) {
             'x',
         )
     } else {
-        // z onto the axis by the shortest turn
+        // the shortest rotation of z onto the axis
         let across = unit([-y, x, 0.0]);
         let angle = libm::atan2(libm::hypot(x, y), z);
         let turned = across.map_or_else(|| half([1.0, 0.0, 0.0]), |a| Pose::turn(about(a, angle)));
@@ -61,7 +62,7 @@ fn axis_vector(axis: char) -> V3 {
     }
 }
 
-/// The motion of a joint by one value of its coordinate, in its own frame.
+/// The displacement of a joint for a value of its coordinate (rad or m), in the joint's frame.
 pub(crate) fn motion(kind: Kind, axis: char, by: f64) -> Pose {
     match kind {
         _ if by == 0.0 => Pose::default(),
@@ -72,7 +73,7 @@ pub(crate) fn motion(kind: Kind, axis: char, by: f64) -> Pose {
     }
 }
 
-/// A link's frame in the world, with its joints at the values of their coordinates.
+/// The pose of a link in the world, with the coordinates at given values.
 pub(crate) fn at(tree: &Tree, draft: &Draft, link: usize, value: &dyn Fn(&str) -> f64) -> Pose {
     let mut chain = Vec::new();
     let mut next = Some(link);
@@ -105,11 +106,11 @@ pub(crate) fn at(tree: &Tree, draft: &Draft, link: usize, value: &dyn Fn(&str) -
     pose
 }
 
-/// A modified Denavit-Hartenberg row: alpha, a, d, theta.
+/// A modified Denavit-Hartenberg row alpha, a, d, theta; `None` if the pose is not one.
 pub(crate) fn denavit_hartenberg(pose: &Pose) -> Option<[f64; 4]> {
     let r = &pose.r;
     // R = Rx(alpha) Rz(theta)
-    if r[0][2].abs() > SAME {
+    if r[0][2].abs() > ROUNDING_TOLERANCE {
         return None;
     }
     let alpha = libm::atan2(-r[1][2], r[2][2]);
@@ -117,8 +118,8 @@ pub(crate) fn denavit_hartenberg(pose: &Pose) -> Option<[f64; 4]> {
     // p = Rx(alpha) (a, 0, d)
     let back = times(&about([1.0, 0.0, 0.0], -alpha), pose.p);
     let [a, across, d] = clean(back, norm(pose.p));
-    (across.abs() <= SAME * norm(pose.p)).then(|| match pose.rpy() {
-        // angles as they were given
+    (across.abs() <= ROUNDING_TOLERANCE * norm(pose.p)).then(|| match pose.rpy() {
+        // keep the angles as given
         [roll, 0.0, 0.0] => [roll, a, d, 0.0],
         [0.0, 0.0, yaw] => [0.0, a, d, yaw],
         _ => [alpha, a, d, theta],

@@ -1,4 +1,4 @@
-//! From a tree of links to limbs: long serial chains, branches that start from
+//! Conversion of a tree of links into limbs of a spec: long serial chains, branches that start from
 //! bodies, frames on the joints' axes.
 
 use std::collections::BTreeMap;
@@ -10,18 +10,18 @@ use crate::pose::{Pose, tensor_in};
 use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
 use regen_codegen::spec::{Flaw, flaw};
 
-/// A spec about to be written.
+/// The content of the spec before it is written as text.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Draft {
     pub(crate) limbs: Vec<DraftLimb>,
     pub(crate) cuts: Vec<DraftCut>,
     pub(crate) couplings: Vec<DraftCoupling>,
     pub(crate) bodies: Vec<DraftBody>,
-    /// Coordinates that are not 0 where the file's robot is at zero.
+    /// Coordinates that are not 0 at the zero configuration of the file's robot.
     pub(crate) home: Vec<(String, f64)>,
 }
 
-/// `key = constant + sum`, in the spec's names.
+/// A coupling `key = constant + sum of terms`, with the spec's names.
 #[derive(Clone, Debug)]
 pub(crate) struct DraftCoupling {
     pub(crate) key: String,
@@ -32,22 +32,22 @@ pub(crate) struct DraftCoupling {
 #[derive(Clone, Debug)]
 pub(crate) struct DraftLimb {
     pub(crate) name: String,
-    /// `None` is the world.
+    /// The body from which the limb starts; `None` is the world.
     pub(crate) from: Option<String>,
     pub(crate) joints: Vec<DraftJoint>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct DraftJoint {
-    /// `None` where fixed.
+    /// The joint's name; `None` for a fixed joint.
     pub(crate) name: Option<String>,
     pub(crate) kind: &'static str,
-    /// On the frame before.
+    /// The joint's frame in the frame before it.
     pub(crate) pose: Pose,
-    /// `x`, `y` or `z`; compound joints and fixed ones have `z`.
+    /// The joint's axis, `x`, `y` or `z`; compound and fixed joints have `z`.
     pub(crate) axis: char,
     pub(crate) body: Option<String>,
-    /// What it was in the file.
+    /// The joint of the file.
     pub(crate) from: Option<Joint>,
 }
 
@@ -55,7 +55,7 @@ pub(crate) struct DraftJoint {
 pub(crate) struct DraftCut {
     pub(crate) name: String,
     pub(crate) kind: String,
-    /// Label (`None` is the world) and frame.
+    /// The body's label (`None` is the world) and the frame on it.
     pub(crate) sides: [(Option<String>, Pose); 2],
 }
 
@@ -66,12 +66,12 @@ pub(crate) struct DraftBody {
     pub(crate) link: String,
     /// The body's frame in the link's.
     pub(crate) frame: Pose,
-    /// In the body's frame.
+    /// The inertia in the body's frame.
     pub(crate) inertia: Inertia,
 }
 
 impl Draft {
-    /// The coordinate of a joint by its name in the file or in the spec.
+    /// The coordinate of a joint, which is given by its name in the file or in the spec.
     pub(crate) fn coordinate(&self, name: &str) -> Option<String> {
         let (joint, index) = name
             .split_once('.')
@@ -89,7 +89,7 @@ impl Draft {
         }
     }
 
-    /// The coordinates' names.
+    /// The names of all coordinates.
     pub(crate) fn coordinates(&self) -> Vec<String> {
         let joints = self.limbs.iter().flat_map(|l| &l.joints);
         let names = joints.flat_map(|joint| {
@@ -104,40 +104,40 @@ impl Draft {
     }
 }
 
-/// A link on its way to become part of a limb.
+/// A link that is about to become part of a limb.
 struct Node {
-    /// The carrier above; `None` is the world.
+    /// The link that carries it; `None` is the world.
     parent: Option<usize>,
-    /// The link's frame in its carrier's link frame, at zero.
+    /// The link's frame in the frame of the link that carries it, at zero.
     pose: Pose,
     joints: Vec<(Joint, Pose)>,
     /// The body's frame in the link's.
     frame: Pose,
     children: Vec<usize>,
     alive: bool,
-    /// Joints down the longest chain.
+    /// Number of joints on the longest chain outwards.
     depth: usize,
     label: Option<String>,
 }
 
-/// Lays out the limbs.
+/// Converts a tree of links into limbs.
 pub(crate) fn lay_out(tree: &Tree, log: &mut Log) -> Draft {
     let mut layout = LimbLayout::new(tree, log);
     layout.prune();
     layout.label();
     layout.limbs();
-    layout.velocity_constraints();
-    layout.renamed.tell(layout.log);
+    layout.cuts_and_couplings();
+    layout.renamed.write_note(layout.log);
     layout.draft
 }
 
 struct LimbLayout<'a> {
     tree: &'a Tree,
     log: &'a mut Log,
-    /// For each link: what carries it (`None` is the world) and where.
-    carried: Vec<(Option<usize>, Pose)>,
+    /// For each link: the link that carries it (`None` is the world), and its pose on that link.
+    carriers: Vec<(Option<usize>, Pose)>,
     nodes: BTreeMap<usize, Node>,
-    /// The file's joint names to coordinates.
+    /// The coordinate of each joint of the file, by name.
     joints: BTreeMap<String, String>,
     renamed: Renamed,
     draft: Draft,
@@ -148,7 +148,7 @@ impl<'a> LimbLayout<'a> {
         let mut layout = Self {
             tree,
             log,
-            carried: Vec::new(),
+            carriers: Vec::new(),
             nodes: BTreeMap::new(),
             joints: BTreeMap::new(),
             renamed: Renamed::default(),
@@ -156,7 +156,7 @@ impl<'a> LimbLayout<'a> {
         };
         let mut still: Vec<&Link> = Vec::new();
         for (index, link) in tree.links.iter().enumerate() {
-            let (carrier, pose) = match link.parent.and_then(|p| layout.carried.get(p)) {
+            let (carrier, pose) = match link.parent.and_then(|p| layout.carriers.get(p)) {
                 Some((carrier, pose)) => (*carrier, pose.then(&link.pose)),
                 None => (None, link.pose),
             };
@@ -165,7 +165,7 @@ impl<'a> LimbLayout<'a> {
                 if massive {
                     still.push(link);
                 }
-                layout.carried.push((carrier, pose));
+                layout.carriers.push((carrier, pose));
                 continue;
             }
             let joints: Vec<(Joint, Pose)> = link
@@ -194,7 +194,7 @@ impl<'a> LimbLayout<'a> {
             if let Some(above) = carrier.and_then(|c| layout.nodes.get_mut(&c)) {
                 above.children.push(index);
             }
-            layout.carried.push((Some(index), Pose::default()));
+            layout.carriers.push((Some(index), Pose::default()));
         }
         if let Some(first) = still.first() {
             let names: Vec<String> = still.iter().map(|l| format!("'{}'", l.name)).collect();
@@ -207,35 +207,34 @@ impl<'a> LimbLayout<'a> {
         layout
     }
 
-    /// Takes out what moves nothing: joints beyond which there is no mass, and no
-    /// loop or coupling.
+    /// Removes joints that move no mass, and are in no loop or coupling.
     fn prune(&mut self) {
-        let mut tied: Vec<&str> = Vec::new();
+        let mut coupled_joints: Vec<&str> = Vec::new();
         for coupling in &self.tree.couplings {
-            tied.push(&coupling.joint);
-            tied.extend(coupling.terms.iter().map(|t| t.0.as_str()));
+            coupled_joints.push(&coupling.joint);
+            coupled_joints.extend(coupling.terms.iter().map(|t| t.0.as_str()));
         }
-        let closed = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let closed: Vec<usize> = closed
-            .filter_map(|side| self.carried.get(side.link?)?.0)
+        let in_loops = self.tree.closures.iter().flat_map(|c| &c.sides);
+        let in_loops: Vec<usize> = in_loops
+            .filter_map(|side| self.carriers.get(side.link?)?.0)
             .collect();
         let order: Vec<usize> = self.nodes.keys().rev().copied().collect();
         for index in order {
             let Some(node) = self.nodes.get(&index) else {
                 continue;
             };
-            let is_tied = node
+            let is_coupled = node
                 .joints
                 .iter()
-                .any(|(j, _)| tied.contains(&j.name.as_str()));
+                .any(|(j, _)| coupled_joints.contains(&j.name.as_str()));
             let children: Vec<&Node> = node
                 .children
                 .iter()
                 .filter_map(|c| self.nodes.get(c))
                 .collect();
             let alive = node.alive
-                || is_tied
-                || closed.contains(&index)
+                || is_coupled
+                || in_loops.contains(&index)
                 || children.iter().any(|c| c.alive);
             let below = children.iter().map(|c| c.depth).max().unwrap_or(0);
             let depth = below + node.joints.len();
@@ -257,12 +256,12 @@ impl<'a> LimbLayout<'a> {
         }
     }
 
-    /// Labels for what has mass, and for what something else starts from.
+    /// Gives labels to links with mass, and to links at which limbs or cuts start.
     fn label(&mut self) {
         let mut names = Names::default();
         let closures = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let closed: Vec<usize> = closures
-            .filter_map(|side| self.carried.get(side.link?)?.0)
+        let in_loops: Vec<usize> = closures
+            .filter_map(|side| self.carriers.get(side.link?)?.0)
             .collect();
         let order: Vec<usize> = self.nodes.keys().copied().collect();
         for index in order {
@@ -271,7 +270,7 @@ impl<'a> LimbLayout<'a> {
                 continue;
             };
             let massive = link.inertia.is_some_and(|i| !i.is_zero());
-            let needed = node.children.len() > 1 || closed.contains(&index);
+            let needed = node.children.len() > 1 || in_loops.contains(&index);
             if !massive && !needed {
                 continue;
             }
@@ -337,7 +336,7 @@ impl<'a> LimbLayout<'a> {
             };
             let mut branches = Vec::new();
             let mut at = Some(start);
-            // from the carrier's body frame to its link frame
+            // from the body frame of the carrying link to its link frame
             let mut before = self.carrier_frame(start).inverse();
             let mut tip = start;
             while let Some(index) = at {
@@ -386,7 +385,7 @@ impl<'a> LimbLayout<'a> {
                 before = frame.inverse();
                 let node = self.nodes.get(&index);
                 let children = node.map_or_else(Vec::new, |n| n.children.clone());
-                // the first of the longest chains goes on
+                // the limb continues along the longest chain, the first of equal ones
                 let depth = |c: &usize| self.nodes.get(c).map_or(0, |n| n.depth);
                 let longest = children.iter().map(depth).max();
                 at = children.iter().copied().find(|c| Some(depth(c)) == longest);
@@ -401,7 +400,7 @@ impl<'a> LimbLayout<'a> {
         self.in_order();
     }
 
-    /// Bodies in the order in which joints declare them.
+    /// Sorts the bodies by the order in which joints declare them.
     fn in_order(&mut self) {
         let joints = self.draft.limbs.iter().flat_map(|l| &l.joints);
         let order: Vec<String> = joints.filter_map(|j| j.body.clone()).collect();
@@ -420,12 +419,12 @@ impl<'a> LimbLayout<'a> {
         carrier.map_or_else(Pose::default, |c| c.frame)
     }
 
-    /// Cuts and couplings.
-    fn velocity_constraints(&mut self) {
+    /// Converts cuts and couplings.
+    fn cuts_and_couplings(&mut self) {
         let mut names = Names::default();
         for closure in &self.tree.closures {
             let sides = closure.sides.map(|side| {
-                let carried = side.link.and_then(|l| self.carried.get(l));
+                let carried = side.link.and_then(|l| self.carriers.get(l));
                 let Some((carrier, pose)) = carried else {
                     return (None, side.pose);
                 };
@@ -475,7 +474,7 @@ impl<'a> LimbLayout<'a> {
     }
 }
 
-/// Names that are no names in a spec, told together.
+/// Names that had to be changed for the spec, reported together.
 #[derive(Default)]
 struct Renamed(Vec<(Place, String)>);
 
@@ -486,14 +485,19 @@ impl Renamed {
         }
     }
 
-    fn tell(&self, log: &mut Log) {
-        /// More examples say nothing more.
-        const SHOWN: usize = 4;
+    fn write_note(&self, log: &mut Log) {
+        /// The largest number of examples in the note.
+        const MAX_EXAMPLES: usize = 4;
         let Some((place, _)) = self.0.first() else {
             return;
         };
-        let shown: Vec<&str> = self.0.iter().take(SHOWN).map(|r| r.1.as_str()).collect();
-        let more = match self.0.len().saturating_sub(SHOWN) {
+        let shown: Vec<&str> = self
+            .0
+            .iter()
+            .take(MAX_EXAMPLES)
+            .map(|r| r.1.as_str())
+            .collect();
+        let more = match self.0.len().saturating_sub(MAX_EXAMPLES) {
             0 => String::new(),
             n => format!(", and {n} more"),
         };

@@ -1,10 +1,10 @@
-//! Robot files of others: URDF and MJCF into regen's descriptions, and identified
-//! parameters back into URDF.
+//! Import of robot files from other tools, URDF and MJCF, as specs, and export of identified
+//! parameters to URDF.
 //!
-//! [`import`] takes a file's text and gives the text of a spec: the file's names,
-//! limits, inertias and friction; long serial limbs with branches; loops as cuts,
-//! joints that follow others as couplings. Nothing here reads files: a text goes
-//! in, a text comes out. [`export`] is the way back for identified parameters.
+//! [`import`] converts the text of a file into the text of a spec: with the file's names, limits,
+//! inertias and friction; long serial limbs with branches; loops as cuts, joints that follow others
+//! as couplings. This crate reads and writes no files, only texts. [`export`] writes identified
+//! parameters back.
 //!
 //! ```
 //! use regen_codegen::diag::Source;
@@ -62,28 +62,29 @@ use layout::Draft;
 use log::{Log, Place};
 use tree::{Joint, Kind, Tree};
 
-/// How a file is imported.
+/// Options of an import.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The spec's name; the robot's in the file if missing.
+    /// The spec's name; default: the robot's name in the file.
     pub name: Option<String>,
-    /// Keep angles as they are printed: 1.5708 is not taken as pi/2.
+    /// Whether angles keep their printed digits: 1.5708 is not taken as pi/2.
     pub exact: bool,
-    /// What the root stands on, if not what the file says.
+    /// How the root is connected to the world; default: as in the file.
     pub base: Option<Base>,
-    /// Loops to add: `NAME:JOINT:BODY@x,y,z[,r,p,y]:BODY[@x,y,z[,r,p,y]]`, bodies by
-    /// the file's names or `world`, frames in the frames of the file's links. Where the
-    /// second frame is missing, it is the first one at zero.
+    /// Loops to add: `NAME:JOINT:BODY@x,y,z[,r,p,y]:BODY[@x,y,z[,r,p,y]]`, with lengths in m and
+    /// angles in rad. Bodies are given by the file's names or `world`, frames in the frames of the
+    /// file's links. The default of the second frame is the pose of the first one at zero.
     pub cuts: Vec<String>,
-    /// Joints with motors, if not those that the file says.
+    /// Actuated joints, by the file's names; default: as in the file.
     pub actuated: Vec<String>,
-    /// Start of the loops' solution, `NAME=VALUE` with the file's names; 0 if missing.
+    /// Initial values for the closure of the loops, `NAME=VALUE` with the file's names, in rad or
+    /// m; default: 0.
     pub home: Vec<String>,
-    /// What errors in the texts above name as their source.
+    /// The names by which errors refer to the texts above.
     pub names: OptionNames,
 }
 
-/// How the texts of [`Options`] are called in errors.
+/// The names by which errors refer to the texts of [`Options`].
 #[derive(Clone, Copy, Debug)]
 pub struct OptionNames {
     /// [`Options::cuts`].
@@ -104,32 +105,32 @@ impl Default for OptionNames {
     }
 }
 
-/// What the root of the tree stands on.
+/// How the root of the tree is connected to the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// The world; a free joint there is left out.
+    /// Fixed to the world; a free joint of the file is left out.
     Fixed,
-    /// Nothing: it moves with six freedoms.
+    /// Moves freely with six degrees of freedom.
     Floating,
 }
 
-/// A spec made from a file.
+/// The result of an import.
 #[derive(Clone, Debug)]
 pub struct Imported {
     /// The spec's name.
     pub name: String,
     /// The spec's text.
     pub spec: String,
-    /// Decisions and omissions, in the order of the file.
+    /// Messages on decisions and omissions, in the order of the file.
     pub notes: Vec<Note>,
 }
 
-/// Turns a URDF or MJCF file into a spec. `reader` reads the files that it
-/// includes, by the names given there.
+/// Converts a URDF or MJCF file into a spec. `reader` returns the texts of included files, by the
+/// names given in the file.
 ///
 /// # Errors
-/// What is wrong with the file, one report per file; or with the mechanism it
-/// makes, with the place in the spec's text.
+/// If the file is invalid, with one report per file; or if the mechanism it describes is, with the
+/// place in the spec's text.
 pub fn import(
     source: &Source,
     reader: &mut Reader<'_>,
@@ -137,7 +138,7 @@ pub fn import(
 ) -> Result<Imported, Vec<Report>> {
     let mut log = Log::default();
     let imported = tree(source, reader, options, &mut log).map(|mut tree| {
-        adapt(&mut tree, options, &mut log);
+        apply_options(&mut tree, options, &mut log);
         (layout::lay_out(&tree, &mut log), tree)
     });
     let Some((mut draft, tree)) = imported.filter(|_| !log.failed()) else {
@@ -151,7 +152,8 @@ pub fn import(
     if log.failed() {
         return Err(log.reports());
     }
-    let (name, spec) = settle(&draft, &tree, &source.name, options).map_err(|r| vec![r])?;
+    let (name, spec) =
+        write_valid_spec(&draft, &tree, &source.name, options).map_err(|r| vec![r])?;
     Ok(Imported {
         name,
         spec,
@@ -159,7 +161,7 @@ pub fn import(
     })
 }
 
-/// The file as a tree of links.
+/// Reads the file as a tree of links.
 fn tree(
     source: &Source,
     reader: &mut Reader<'_>,
@@ -186,8 +188,8 @@ fn tree(
     }
 }
 
-/// The tree as the options want it.
-fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
+/// Changes the tree according to the options.
+fn apply_options(tree: &mut Tree, options: &Options, log: &mut Log) {
     for text in &options.cuts {
         cut::add(options.names.cuts, text, tree, log);
     }
@@ -200,7 +202,7 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     for name in &options.actuated {
         if !names.contains(&name.as_str()) {
             let hint = format!("the file's joints are {}", names.join(", "));
-            unknown(
+            option_error(
                 options.names.actuated,
                 name,
                 format!("no joint is called '{name}'"),
@@ -215,14 +217,14 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     match options.base {
         None => {}
         Some(Base::Fixed) => {
-            // links come after their parents
-            let mut stands: Vec<bool> = Vec::new();
+            // parents come before their links
+            let mut is_fixed: Vec<bool> = Vec::new();
             for link in &mut tree.links {
-                let on_ground = link.parent.is_none_or(|p| stands.get(p) == Some(&true));
+                let on_ground = link.parent.is_none_or(|p| is_fixed.get(p) == Some(&true));
                 if on_ground {
                     link.joints.retain(|j| j.kind != Kind::Free);
                 }
-                stands.push(on_ground && link.joints.is_empty());
+                is_fixed.push(on_ground && link.joints.is_empty());
             }
         }
         Some(Base::Floating) => {
@@ -236,13 +238,13 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     }
 }
 
-/// An error in a text of the options.
-fn unknown(option: &str, word: &str, message: String, hint: &str, log: &mut Log) {
+/// Records an error in a text of the options.
+fn option_error(option: &str, word: &str, message: String, hint: &str, log: &mut Log) {
     let file = log.add(Source::new(option, word));
     log.error(Place::new(file, Span::new(0, word.len())), message, hint);
 }
 
-/// The start that the options give.
+/// Sets the initial values that the options give.
 fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
     for text in &options.home {
         let parsed = text.split_once('=').and_then(|(name, value)| {
@@ -253,7 +255,7 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
             let message = format!("'{text}' gives no coordinate a value");
             let names = draft.coordinates().join(", ");
             let hint = format!("write NAME=VALUE; coordinates are {names}");
-            unknown(options.names.home, text, message, &hint, log);
+            option_error(options.names.home, text, message, &hint, log);
             continue;
         };
         draft.home.retain(|(other, _)| *other != name);
@@ -261,8 +263,8 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
     }
 }
 
-/// The text, with independent coordinates that are some.
-fn settle(
+/// Name and text of the spec, with a valid choice of independent coordinates.
+fn write_valid_spec(
     draft: &Draft,
     tree: &Tree,
     file: &str,
@@ -270,7 +272,7 @@ fn settle(
 ) -> Result<(String, String), Report> {
     let name = names::module(options.name.as_deref().unwrap_or(&tree.name));
     let actuated = actuated(draft, tree);
-    let mut frame = write::Frame {
+    let mut frame = write::SpecContext {
         name: &name,
         robot: &tree.name,
         file: file.rsplit(['/', '\\']).next().unwrap_or(file),
@@ -279,17 +281,18 @@ fn settle(
         actuated: &actuated,
         independent: None,
     };
-    // a spec without motors, or with motors at joints that follow others, says itself what is
-    // independent
+    // a spec without actuated joints, or with actuated joints that follow others, must name its
+    // independent coordinates
     let follows = |name: &String| draft.couplings.iter().any(|c| c.key == *name);
     let mut free = draft.coordinates();
     free.retain(|name| !follows(name));
-    let said = actuated.is_empty() || actuated.iter().any(follows);
-    frame.independent = said.then_some(free.as_slice());
+    let names_independent = actuated.is_empty() || actuated.iter().any(follows);
+    frame.independent = names_independent.then_some(free.as_slice());
     let mut text = write::write(draft, &frame);
-    if let Verdict::Choose(mut choice) = choose::judge(&text)? {
-        lead(&mut choice, draft);
-        // with loops, and nobody having said where the motors are: there
+    if let Verdict::Choose(mut choice) = choose::test_independent(&text)? {
+        replace_followers(&mut choice, draft);
+        // if there are loops, and neither file nor options name actuated joints, the independent
+        // coordinates become the actuated ones
         let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty();
         let chosen = |name: &String| choice.contains(name);
         if by_choice && choice.iter().all(|name| actuated.contains(name)) {
@@ -301,14 +304,14 @@ fn settle(
             frame.independent = Some(&choice);
             text = write::write(draft, &frame);
         }
-        choose::judge(&text)?;
+        choose::test_independent(&text)?;
     }
     Ok((name, text))
 }
 
-/// Replaces joints that follow others by one that leads them: the format has those
-/// that follow as dependent.
-fn lead(choice: &mut [String], draft: &Draft) {
+/// Replaces each joint that follows others by one of those, since the spec's format takes joints
+/// that follow others as dependent.
+fn replace_followers(choice: &mut [String], draft: &Draft) {
     for _ in 0..=draft.couplings.len() {
         for k in 0..choice.len() {
             let Some(coupling) = draft.couplings.iter().find(|c| c.key == choice[k]) else {
@@ -322,8 +325,8 @@ fn lead(choice: &mut [String], draft: &Draft) {
     }
 }
 
-/// The joints with motors: those that the file names, or else every joint of one
-/// freedom that follows no other.
+/// The actuated joints: those that the file or the options name, or else every joint with one
+/// degree of freedom that follows no other.
 fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
     let joints = draft.limbs.iter().flat_map(|limb| &limb.joints);
     let follows = |name: &str| draft.couplings.iter().any(|c| c.key == name);
@@ -332,7 +335,7 @@ fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
         let single = joint.kind != "spherical" && !from.passive;
         let named = match tree.actuated.as_slice() {
             [] => !follows(name),
-            said => said.contains(&from.name),
+            names => names.contains(&from.name),
         };
         (single && named).then(|| name.clone())
     });

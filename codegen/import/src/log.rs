@@ -1,12 +1,12 @@
-//! What is to be told: errors that end the import, notes that do not.
+//! Errors, which end the import, and notes, which do not.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 
-/// The [`Diagnostic::kind`] of an error that a loop of joints causes: a file that describes trees
-/// cannot have it, and [`Options::cuts`](crate::Options::cuts) can close it.
+/// The [`Diagnostic::kind`] of an error caused by a loop of joints. A file that describes trees
+/// cannot contain loops; [`Options::cuts`](crate::Options::cuts) can close them.
 pub const LOOP_IN_TREE: &str = "loop in a tree";
 
-/// A place in one of the files read.
+/// A position in one of the files read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Place {
     pub(crate) file: usize,
@@ -19,19 +19,19 @@ impl Place {
     }
 }
 
-/// Something that was decided, left out or changed on the way.
+/// A message on something that was decided, left out or changed by the import.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
-    /// The file it is about, as it was named.
+    /// The name of the file.
     pub file: String,
-    /// The line, from 1.
+    /// The line in the file, from 1.
     pub line: usize,
     /// The column in characters, from 1.
     pub column: usize,
-    /// What was done.
+    /// The message.
     pub text: String,
-    /// Whether digits of the file were changed, which [`Options::exact`](crate::Options::exact)
-    /// keeps.
+    /// Whether digits of the file were changed; [`Options::exact`](crate::Options::exact) prevents
+    /// this.
     pub changes_digits: bool,
 }
 
@@ -48,7 +48,7 @@ impl std::fmt::Display for Note {
     }
 }
 
-/// Everything told so far, with the texts it is about.
+/// All errors and notes, with the texts to which they refer.
 #[derive(Debug, Default)]
 pub(crate) struct Log {
     sources: Vec<Source>,
@@ -57,19 +57,19 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// Adds a text; the number by which places name it.
+    /// Adds a text, and returns the file number for [`Place`].
     pub(crate) fn add(&mut self, source: Source) -> usize {
         self.sources.push(source);
         self.sources.len() - 1
     }
 
-    /// What is wrong, where, and what would mend it.
+    /// Records an error: its place, the message and a hint how to correct it.
     pub(crate) fn error(&mut self, place: Place, message: impl Into<String>, hint: &str) {
         let diagnostic = Diagnostic::new(place.span, message).hint(hint);
         self.errors.push((place.file, diagnostic));
     }
 
-    /// An error of a loop of joints in a tree.
+    /// Records an error caused by a loop of joints in a tree.
     pub(crate) fn loop_error(&mut self, place: Place, message: &str, hint: &str) {
         let diagnostic = Diagnostic::new(place.span, message).hint(hint);
         let diagnostic = diagnostic.kind(LOOP_IN_TREE);
@@ -80,7 +80,7 @@ impl Log {
         self.notes.push((place, text.into(), false));
     }
 
-    /// A note on digits that were changed.
+    /// Records a note on changed digits.
     pub(crate) fn note_digits(&mut self, place: Place, text: impl Into<String>) {
         self.notes.push((place, text.into(), true));
     }
@@ -93,7 +93,7 @@ impl Log {
         !self.errors.is_empty()
     }
 
-    /// The errors, one report per file that has some.
+    /// The errors, as one report per file that has any.
     pub(crate) fn reports(&self) -> Vec<Report> {
         let of = |file: usize| -> Vec<Diagnostic> {
             let errors = self.errors.iter().filter(|e| e.0 == file);

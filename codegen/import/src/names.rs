@@ -1,13 +1,13 @@
-//! Names of the file as names of a spec.
+//! Conversion of the file's names into names of a spec.
 
 use std::collections::BTreeSet;
 
-/// Words that mean something else where names stand.
-const TAKEN: [&str; 12] = [
+/// Words that have another meaning where a spec expects names.
+const RESERVED_WORDS: [&str; 12] = [
     "world", "pi", "sqrt", "sin", "cos", "tan", "deg", "null", "true", "false", "Null", "NULL",
 ];
 
-/// Words that no module can be called.
+/// Rust's keywords, which cannot be names of modules.
 const KEYWORDS: [&str; 52] = [
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate",
     "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl",
@@ -16,36 +16,36 @@ const KEYWORDS: [&str; 52] = [
     "typeof", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
 ];
 
-/// The nearest name: letters, digits and underscores, no digit first.
-pub(crate) fn mended(name: &str) -> String {
+/// The closest valid name: letters, digits and underscores, not starting with a digit.
+pub(crate) fn spec_name(name: &str) -> String {
     let keep = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-    let mut mended: String = name.chars().map(keep).collect();
-    if mended.is_empty() || mended.starts_with(|c: char| c.is_ascii_digit()) {
-        mended.insert(0, '_');
+    let mut spec_name: String = name.chars().map(keep).collect();
+    if spec_name.is_empty() || spec_name.starts_with(|c: char| c.is_ascii_digit()) {
+        spec_name.insert(0, '_');
     }
-    if TAKEN.contains(&mended.as_str()) {
-        mended.push('_');
+    if RESERVED_WORDS.contains(&spec_name.as_str()) {
+        spec_name.push('_');
     }
-    mended
+    spec_name
 }
 
-/// The nearest name of a module.
+/// The closest valid name of a module.
 pub(crate) fn module(name: &str) -> String {
-    let mut mended = mended(name);
-    if KEYWORDS.contains(&mended.as_str()) || mended.chars().all(|c| c == '_') {
-        mended.insert_str(0, "robot_");
+    let mut spec_name = spec_name(name);
+    if KEYWORDS.contains(&spec_name.as_str()) || spec_name.chars().all(|c| c == '_') {
+        spec_name.insert_str(0, "robot_");
     }
-    mended
+    spec_name
 }
 
-/// Names given so far, each once.
+/// Names used so far; each is used once.
 #[derive(Debug, Default)]
 pub(crate) struct Names(BTreeSet<String>);
 
 impl Names {
-    /// The nearest name that is not given yet.
+    /// The closest valid name that is not used yet.
     pub(crate) fn give(&mut self, name: &str) -> String {
-        let first = mended(name);
+        let first = spec_name(name);
         let mut given = first.clone();
         let mut count = 1;
         while !self.0.insert(given.clone()) {

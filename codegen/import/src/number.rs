@@ -1,38 +1,36 @@
-//! Numbers from files and for specs: what a printed angle stands for, and how
-//! numbers and angles are written.
+//! Recognition of printed multiples of pi in files, and formatting of numbers and angles for specs.
 
 use std::f64::consts::PI;
 
-/// Multiples of pi over these are looked for, where at least so many decimals
-/// are printed: the finer the multiples, the more digits must agree before it is
-/// no coincidence.
-const PRINTED: [(u32, i32); 6] = [(1, 2), (2, 2), (3, 4), (4, 4), (6, 4), (12, 5)];
+/// The divisors of the multiples of pi that are recognised, each with the least number of printed
+/// decimals: the finer the multiples, the more digits must agree to exclude a coincidence.
+const PRINTED_MULTIPLES: [(u32, i32); 6] = [(1, 2), (2, 2), (3, 4), (4, 4), (6, 4), (12, 5)];
 
-/// How close an angle of many decimals is to the multiple of pi that it stands
-/// for: some tools compute them carelessly.
-const CARELESS: f64 = 1e-9;
+/// Tolerance in rad for angles printed with many decimals, since some tools compute them
+/// carelessly.
+const PRINTED_TOLERANCE_RAD: f64 = 1e-9;
 
-/// How close a computed angle is to a multiple of pi that it stands for.
-const COMPUTED: f64 = 1e-12;
+/// Tolerance in rad for computed angles.
+const COMPUTED_TOLERANCE_RAD: f64 = 1e-12;
 
-/// The multiple of pi that a number prints, rounded or cut off at its last
-/// decimal: pi/2 for 1.57, 1.5708 and 1.570796.
+/// The multiple of pi that a printed number means, rounded or truncated at its last decimal: pi/2
+/// for 1.57, 1.5708 and 1.570796.
 pub(crate) fn printed_multiple(text: &str) -> Option<f64> {
     let value: f64 = text.trim().parse().ok()?;
     let decimals = decimals(text.trim())?;
     let unit = libm::pow(10.0, -f64::from(decimals));
-    PRINTED
+    PRINTED_MULTIPLES
         .iter()
         .filter(|(_, needed)| decimals >= *needed)
         .find_map(|&(n, _)| {
             let k = libm::round(value * f64::from(n) / PI);
             let exact = k * PI / f64::from(n);
-            let near = (value - exact).abs() <= unit.max(CARELESS);
+            let near = (value - exact).abs() <= unit.max(PRINTED_TOLERANCE_RAD);
             (k != 0.0 && k.abs() <= 4.0 * f64::from(n) && near).then_some(exact)
         })
 }
 
-/// How many decimals a number prints.
+/// Number of decimals of a printed number.
 fn decimals(text: &str) -> Option<i32> {
     let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
     let fraction = mantissa.split_once('.').map_or("", |(_, f)| f);
@@ -40,11 +38,11 @@ fn decimals(text: &str) -> Option<i32> {
     places.checked_sub(exponent.parse().ok()?)
 }
 
-/// A number as a spec writes it: the shortest decimal, without the last digits
-/// of a rounding error.
+/// Formats a number for a spec: the shortest decimal that gives the same number, without trailing
+/// digits of a rounding error.
 pub(crate) fn number(x: f64) -> String {
-    let shortest = plain(x);
-    let rounded = plain(format!("{x:.14e}").parse().unwrap_or(x));
+    let shortest = shortest_decimal(x);
+    let rounded = shortest_decimal(format!("{x:.14e}").parse().unwrap_or(x));
     // three digits less are no coincidence; any other number keeps all of its digits
     if rounded.len() + 3 <= shortest.len() {
         rounded
@@ -53,7 +51,7 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-fn plain(x: f64) -> String {
+fn shortest_decimal(x: f64) -> String {
     if x == 0.0 {
         "0".to_owned()
     } else if (1e-4..1e7).contains(&x.abs()) {
@@ -63,7 +61,8 @@ fn plain(x: f64) -> String {
     }
 }
 
-/// A computed figure, rounded to so many digits of the largest that it comes from.
+/// A computed number, rounded to `digits` digits relative to the largest number that it was
+/// computed from.
 pub(crate) fn rounded(x: f64, largest: f64, digits: i32) -> f64 {
     let size = largest.abs();
     if x == 0.0 || size == 0.0 || !size.is_finite() {
@@ -74,17 +73,16 @@ pub(crate) fn rounded(x: f64, largest: f64, digits: i32) -> f64 {
     format!("{x:.places$}").parse().unwrap_or(x)
 }
 
-/// The multiple of pi that an angle is up to rounding, as numerator and
-/// denominator.
+/// Numerator and denominator of the multiple of pi that an angle (rad) equals up to rounding.
 fn multiple(angle: f64) -> Option<(i64, i64)> {
     (1..=12_i64).find_map(|n| {
         let k = libm::round(angle * n as f64 / PI);
-        let near = (angle - k * PI / n as f64).abs() <= COMPUTED;
+        let near = (angle - k * PI / n as f64).abs() <= COMPUTED_TOLERANCE_RAD;
         (near && k.abs() <= 48.0).then_some((k as i64, n))
     })
 }
 
-/// An angle as a spec writes it: `0`, `-pi/2`, `2*pi/3`, or a number.
+/// Formats an angle (rad) for a spec: `0`, `-pi/2`, `2*pi/3`, or a number.
 pub(crate) fn angle(x: f64) -> String {
     match multiple(x) {
         Some((0, _)) => "0".to_owned(),

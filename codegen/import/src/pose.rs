@@ -1,23 +1,23 @@
-//! Rotations and placements in double precision.
+//! Rotations and poses in double precision.
 
 use crate::number::rounded;
 
-/// A vector.
+/// A vector in space.
 pub(crate) type V3 = [f64; 3];
-/// A matrix by rows.
+/// A 3 x 3 matrix by rows.
 pub(crate) type M3 = [[f64; 3]; 3];
 
 pub(crate) const UNIT: M3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Angles and unit vectors are equal up to this: far above rounding, far below
-/// what a robot can tell.
-pub(crate) const SAME: f64 = 1e-12;
+/// Tolerance for angles (rad) and components of unit vectors: far above rounding, far below what a
+/// robot can measure.
+pub(crate) const ROUNDING_TOLERANCE: f64 = 1e-12;
 
-/// Digits of a computed length that are no rounding.
-const DIGITS: i32 = 15;
+/// Significant digits of a computed length; further digits are rounding.
+const LENGTH_DIGITS: i32 = 15;
 
-/// Digits of a computed moment of inertia that are written: files give six or so.
-pub(crate) const FIGURES: i32 = 12;
+/// Significant digits of a computed moment of inertia: files give six or so.
+pub(crate) const INERTIA_DIGITS: i32 = 12;
 
 pub(crate) fn dot(a: V3, b: V3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -47,10 +47,10 @@ pub(crate) fn difference(a: V3, b: V3) -> V3 {
     sum(a, scaled(b, -1.0))
 }
 
-/// The unit vector, of a vector that is not nearly zero.
+/// The unit vector in the direction of `a`; `None` if `a` is nearly zero.
 pub(crate) fn unit(a: V3) -> Option<V3> {
     let length = norm(a);
-    // one that is a unit vector already keeps its digits
+    // a unit vector keeps its digits
     if (length - 1.0).abs() < f64::EPSILON {
         return Some(a);
     }
@@ -71,13 +71,15 @@ pub(crate) fn product(a: &M3, b: &M3) -> M3 {
     a.map(|row| t.map(|column| dot(row, column)))
 }
 
-/// Whether two rotations are the same up to rounding.
+/// Whether two rotations are equal up to rounding.
 pub(crate) fn same_rotation(a: &M3, b: &M3) -> bool {
     let entries = a.iter().flatten().zip(b.iter().flatten());
-    entries.into_iter().all(|(x, y)| (x - y).abs() < SAME)
+    entries
+        .into_iter()
+        .all(|(x, y)| (x - y).abs() < ROUNDING_TOLERANCE)
 }
 
-/// The rotation about a unit axis.
+/// The rotation about a unit axis by an angle in rad.
 pub(crate) fn about(axis: V3, angle: f64) -> M3 {
     let (s, c) = (libm::sin(angle), libm::cos(angle));
     let [x, y, z] = axis;
@@ -89,7 +91,7 @@ pub(crate) fn about(axis: V3, angle: f64) -> M3 {
     ]
 }
 
-/// R = Rz(yaw) Ry(pitch) Rx(roll).
+/// R = Rz(yaw) Ry(pitch) Rx(roll), angles in rad.
 pub(crate) fn from_rpy([roll, pitch, yaw]: V3) -> M3 {
     let x = about([1.0, 0.0, 0.0], roll);
     let y = about([0.0, 1.0, 0.0], pitch);
@@ -97,11 +99,12 @@ pub(crate) fn from_rpy([roll, pitch, yaw]: V3) -> M3 {
     product(&z, &product(&y, &x))
 }
 
-/// Roll, pitch, yaw of a rotation; yaw alone where only the sum counts.
+/// Roll, pitch, yaw of a rotation in rad; with roll 0 at a pitch of a quarter turn, where roll and
+/// yaw are not unique.
 pub(crate) fn to_rpy(r: &M3) -> V3 {
     let horizontal = libm::hypot(r[0][0], r[1][0]);
     let pitch = libm::atan2(-r[2][0], horizontal);
-    if horizontal < SAME {
+    if horizontal < ROUNDING_TOLERANCE {
         return [0.0, pitch, libm::atan2(-r[0][1], r[1][1])];
     }
     [
@@ -111,7 +114,7 @@ pub(crate) fn to_rpy(r: &M3) -> V3 {
     ]
 }
 
-/// The rotation of a quaternion w, x, y, z of any length but zero.
+/// The rotation of a quaternion w, x, y, z of any nonzero norm.
 pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<M3> {
     let length = libm::sqrt(q.iter().map(|x| x * x).sum());
     if length <= 1e-10 || !length.is_finite() {
@@ -137,12 +140,12 @@ pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<M3> {
     ])
 }
 
-/// The placement of one frame in another.
+/// The pose of one frame in another: rotation and origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pose {
     pub(crate) r: M3,
     pub(crate) p: V3,
-    /// Roll, pitch and yaw where they were given so.
+    /// Roll, pitch and yaw, if the rotation was given by them.
     rpy: Option<V3>,
 }
 
@@ -193,7 +196,7 @@ impl Pose {
         self.p == [0.0; 3] && same_rotation(&self.r, &UNIT)
     }
 
-    /// This placement, and then another in its frame.
+    /// The composition with a pose that is given in this frame.
     pub(crate) fn then(&self, next: &Self) -> Self {
         let (r, rpy) = if self.is_shift() {
             (next.r, next.rpy)
@@ -226,20 +229,20 @@ impl Pose {
         Self::new(clean(p, norm(self.p)), r)
     }
 
-    /// The coordinates of a point of this frame, outside it.
+    /// The coordinates, in the outer frame, of a point given in this frame.
     pub(crate) fn point(&self, p: V3) -> V3 {
         self.then(&Self::shift(p)).p
     }
 }
 
-/// A sum or a turned vector without what rounding left: the digits that a length of
-/// that size has.
+/// Rounds a sum or a rotated vector to the digits that a length of this size has, to remove
+/// rounding errors.
 pub(crate) fn clean(v: V3, size: f64) -> V3 {
-    v.map(|x| rounded(x, size, DIGITS))
+    v.map(|x| rounded(x, size, LENGTH_DIGITS))
 }
 
-/// A symmetric tensor `xx xy xz yy yz zz` in axes turned by `r`: `r' T r`, to
-/// twelve digits beside its largest entry.
+/// A symmetric tensor `xx xy xz yy yz zz` in axes rotated by `r`: `r' T r`, rounded to twelve
+/// digits relative to its largest entry.
 pub(crate) fn tensor_in(t: [f64; 6], r: &M3) -> [f64; 6] {
     if *r == UNIT {
         return t;
@@ -248,7 +251,7 @@ pub(crate) fn tensor_in(t: [f64; 6], r: &M3) -> [f64; 6] {
     let m = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let m = product(&transposed(r), &product(&m, r));
     let size = t.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
-    [m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]].map(|x| rounded(x, size, FIGURES))
+    [m[0][0], m[0][1], m[0][2], m[1][1], m[1][2], m[2][2]].map(|x| rounded(x, size, INERTIA_DIGITS))
 }
 
 #[cfg(test)]

@@ -1,23 +1,23 @@
-//! What both formats describe: a tree of links with joints, and what ties them
-//! beyond the tree.
+//! The content of URDF and MJCF files: a tree of links with joints, and couplings and loop closures
+//! in addition.
 
 use crate::log::Place;
 use crate::pose::{Pose, V3};
 
-/// A robot as its file has it.
+/// A robot as described by its file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     pub(crate) name: String,
-    /// The root element.
+    /// The place of the root element.
     pub(crate) place: Place,
-    /// How the header of the spec calls the format.
+    /// The format's name in the header of the spec.
     pub(crate) format: &'static str,
     pub(crate) gravity: Option<V3>,
-    /// Parents before children.
+    /// The links, parents before children.
     pub(crate) links: Vec<Link>,
     pub(crate) closures: Vec<LoopCut>,
     pub(crate) couplings: Vec<Coupling>,
-    /// Joints that a motor moves; empty where the file does not say.
+    /// Actuated joints; empty if the file names none.
     pub(crate) actuated: Vec<String>,
 }
 
@@ -26,49 +26,49 @@ pub(crate) struct Tree {
 pub(crate) struct Link {
     pub(crate) name: String,
     pub(crate) place: Place,
-    /// `None` is the world.
+    /// The parent's index; `None` is the world.
     pub(crate) parent: Option<usize>,
-    /// Its frame in the parent's, at zero.
+    /// The link's frame in the parent's, at zero.
     pub(crate) pose: Pose,
-    /// From the parent's side; none: fixed.
+    /// The joints from the parent outwards; without joints the link is fixed.
     pub(crate) joints: Vec<Joint>,
     pub(crate) inertia: Option<Inertia>,
 }
 
-/// How a joint moves.
+/// The type of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Revolute,
     Prismatic,
     Spherical,
-    /// All six freedoms.
+    /// Six degrees of freedom.
     Free,
-    /// Two slides across the axis and the turn about it.
+    /// Two translations perpendicular to the axis and the rotation about it.
     Planar,
 }
 
-/// A joint, given in its link's frame.
+/// A joint; its axis and anchor are given in its link's frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) place: Place,
     pub(crate) kind: Kind,
-    /// A unit vector.
+    /// The axis as a unit vector.
     pub(crate) axis: V3,
-    /// A point of the axis.
+    /// A point on the axis.
     pub(crate) anchor: V3,
-    /// The coordinate's value at zero.
+    /// The value of the coordinate at the zero configuration, rad or m.
     pub(crate) reference: f64,
     pub(crate) position: Option<[f64; 2]>,
     pub(crate) velocity: Option<f64>,
     pub(crate) effort: Option<[f64; 2]>,
-    /// Viscous friction.
+    /// Viscous friction, N m s/rad or N s/m.
     pub(crate) damping: f64,
-    /// Coulomb friction.
+    /// Coulomb friction, N m or N.
     pub(crate) friction: f64,
-    /// Inertia of rotor and drive at the joint.
+    /// Inertia of rotor and drive, reflected to the joint, kg m^2 or kg.
     pub(crate) armature: f64,
-    /// Part of a joint of several freedoms, which have no motors.
+    /// Whether the joint is part of one with several degrees of freedom; these are not actuated.
     pub(crate) passive: bool,
 }
 
@@ -91,7 +91,7 @@ impl Joint {
         }
     }
 
-    /// The joints with at most one freedom, or a spherical one, that it is made of.
+    /// Decomposes the joint into spherical joints and joints with one degree of freedom.
     pub(crate) fn parts(&self) -> Vec<Joint> {
         let part = |suffix: &str, kind: Kind, axis: V3| Joint {
             name: format!("{}{suffix}", self.name),
@@ -121,8 +121,8 @@ impl Joint {
     }
 }
 
-/// Two unit vectors that make a right-handed frame with a unit normal; the
-/// coordinate axes where it is one.
+/// Two unit vectors that form a right-handed frame with a unit normal; coordinate axes if the
+/// normal is one.
 fn across(normal: V3) -> [V3; 2] {
     use crate::pose::{cross, unit};
     let [x, y, z] = normal.map(f64::abs);
@@ -137,23 +137,23 @@ fn across(normal: V3) -> [V3; 2] {
     [cross(second, normal), second]
 }
 
-/// Inertia in the link's frame.
+/// Mass, centre of mass and inertia tensor in the link's frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Inertia {
     pub(crate) mass: f64,
     pub(crate) com: V3,
-    /// `xx xy xz yy yz zz` about the centre of mass, in the link's axes.
+    /// `xx xy xz yy yz zz` about the centre of mass, in the link's axes, kg m^2.
     pub(crate) tensor: [f64; 6],
 }
 
 impl Inertia {
-    /// Whether there is nothing to move.
+    /// Whether mass and inertia tensor are zero.
     pub(crate) fn is_zero(&self) -> bool {
         self.mass == 0.0 && self.tensor == [0.0; 6]
     }
 }
 
-/// A loop that is closed.
+/// A loop closure between two links.
 #[derive(Clone, Debug)]
 pub(crate) struct LoopCut {
     pub(crate) name: String,
@@ -162,14 +162,14 @@ pub(crate) struct LoopCut {
     pub(crate) sides: [Side; 2],
 }
 
-/// A frame on a link, or on the world.
+/// A frame on a link or on the world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Side {
     pub(crate) link: Option<usize>,
     pub(crate) pose: Pose,
 }
 
-/// `joint = constant + sum`.
+/// A coupling `joint = constant + sum of terms`.
 #[derive(Clone, Debug)]
 pub(crate) struct Coupling {
     pub(crate) joint: String,
@@ -179,7 +179,7 @@ pub(crate) struct Coupling {
 }
 
 impl Tree {
-    /// A link's frame in the world at zero.
+    /// The pose of a link in the world at zero.
     pub(crate) fn at_zero(&self, link: Option<usize>) -> Pose {
         let mut pose = Pose::default();
         let mut at = link;

@@ -1,4 +1,4 @@
-//! URDF: links and joints by name, in SI units and radians.
+//! URDF files: links and joints refer to each other by name; units are SI and rad.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::pose::{Pose, tensor_in, transposed};
 use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
 use crate::xml::{Attribute, Element};
 
-/// The robot of a URDF file; `None` where something was reported.
+/// Reads the robot of a URDF file; `None` if an error was recorded.
 pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     if let Some(element) = find_xacro(root) {
         let hint = "expand the macros first: xacro FILE.xacro > FILE.urdf";
@@ -27,7 +27,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     let joints: Vec<&Element> = root.all("joint").collect();
     let index = names(&links, "link", fields);
     names(&joints, "joint", fields);
-    // the joint above each link
+    // for each link, the joint to its parent
     let mut above: Vec<Option<(&Element, usize)>> = vec![None; links.len()];
     for joint in &joints {
         let parent = end(joint, "parent", &index, fields);
@@ -78,7 +78,7 @@ fn find_xacro(element: &Element) -> Option<&Element> {
     element.children.iter().find_map(find_xacro)
 }
 
-/// Elements by name; errors where one has none or two have the same.
+/// The index of each element by its name; errors for missing and duplicate names.
 fn names(elements: &[&Element], what: &str, fields: &mut Fields<'_>) -> BTreeMap<String, usize> {
     let mut index = BTreeMap::new();
     for (at, element) in elements.iter().enumerate() {
@@ -100,7 +100,7 @@ fn names(elements: &[&Element], what: &str, fields: &mut Fields<'_>) -> BTreeMap
     index
 }
 
-/// The link that a joint's `parent` or `child` names.
+/// The index of the link that a joint's `parent` or `child` names.
 fn end(
     joint: &Element,
     which: &str,
@@ -123,7 +123,7 @@ fn end(
     found.map(|link| (*link, name.place))
 }
 
-/// The links from the root outward, siblings in the order of the file.
+/// The links from the root outwards, siblings in the order of the file.
 fn ordered(
     root: &Element,
     links: &[&Element],
@@ -175,7 +175,7 @@ fn ordered(
     None
 }
 
-/// The placement of an element's `<origin>`; a missing one is none.
+/// The pose in an element's `<origin>`; the identity if it is missing.
 fn origin(element: &Element, fields: &mut Fields<'_>) -> Pose {
     let Some(origin) = element.child("origin") else {
         return Pose::default();
@@ -232,7 +232,7 @@ fn inertia(link: &Element, fields: &mut Fields<'_>) -> Option<Inertia> {
     })
 }
 
-/// The joint as far as it moves, its couplings into the tree.
+/// Reads a joint and adds its coupling to the tree; `None` for fixed joints and after errors.
 fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<Joint> {
     let kind = required(joint, "type", fields)?;
     let (kind, limited) = match kind.value.as_str() {
@@ -285,11 +285,11 @@ fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<J
     Some(read)
 }
 
-/// Limits that limit something: zeros and infinities are how files say "none".
+/// Reads limits; zeros and infinities mean that there is none.
 fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields<'_>) {
     let mut value = |name| {
         let attribute = limit.attribute(name)?;
-        // "inf" is understood by common readers
+        // common readers accept "inf"
         let infinite = attribute.value.trim().parse().is_ok_and(f64::is_infinite);
         let number = if infinite {
             None
@@ -315,7 +315,7 @@ fn limits(limit: &Element, limited: bool, joint: &mut Joint, fields: &mut Fields
     }
 }
 
-/// The joints of `<transmission>`s are those with motors.
+/// Takes the joints of `<transmission>`s as the actuated ones.
 fn transmissions(root: &Element, tree: &mut Tree) {
     for transmission in root.all("transmission") {
         let joints = transmission.all("joint").filter_map(|j| j.text("name"));

@@ -1,4 +1,4 @@
-//! A draft as the text of a spec.
+//! Writing of a draft as the text of a spec.
 
 use std::fmt::Write as _;
 
@@ -7,12 +7,12 @@ use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
 use crate::number::{angle, number};
 use crate::pose::{Pose, V3};
 
-/// Longer entries are written over several lines.
-const WIDTH: usize = 110;
+/// Longer entries are written on several lines.
+const MAX_ENTRY_WIDTH: usize = 110;
 
-/// What stands around the draft.
+/// The data of a spec in addition to the draft.
 #[derive(Clone, Debug)]
-pub(crate) struct Frame<'a> {
+pub(crate) struct SpecContext<'a> {
     pub(crate) name: &'a str,
     /// The robot's name in the file.
     pub(crate) robot: &'a str,
@@ -20,13 +20,13 @@ pub(crate) struct Frame<'a> {
     pub(crate) file: &'a str,
     pub(crate) format: &'a str,
     pub(crate) gravity: Option<V3>,
-    /// Actuated joints by their name in the spec.
+    /// Actuated joints by their names in the spec.
     pub(crate) actuated: &'a [String],
     pub(crate) independent: Option<&'a [String]>,
 }
 
-/// The spec's text.
-pub(crate) fn write(draft: &Draft, frame: &Frame<'_>) -> String {
+/// The text of the spec.
+pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
     let mut out = String::new();
     header(draft, frame, &mut out);
     out.push_str("\nlimbs:\n");
@@ -82,8 +82,8 @@ pub(crate) fn write(draft: &Draft, frame: &Frame<'_>) -> String {
     out
 }
 
-fn header(draft: &Draft, frame: &Frame<'_>, out: &mut String) {
-    let Frame {
+fn header(draft: &Draft, frame: &SpecContext<'_>, out: &mut String) {
+    let SpecContext {
         name,
         robot,
         file,
@@ -116,13 +116,13 @@ fn count(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-/// One line of printable characters.
+/// Replaces control characters by blanks, so that the text is one line.
 fn printable(text: &str) -> String {
     let keep = |c: char| if c.is_control() { ' ' } else { c };
     text.chars().map(keep).collect()
 }
 
-/// A text as YAML's double-quoted scalar.
+/// The text as a double-quoted scalar of YAML.
 fn quoted(text: &str) -> String {
     let text = printable(text).replace('\\', "\\\\").replace('"', "\\\"");
     format!("\"{text}\"")
@@ -143,14 +143,14 @@ fn write_limb(limb: &DraftLimb, actuated: &[String], out: &mut String) {
     }
 }
 
-/// How the limb's joints are placed: by rows of Denavit and Hartenberg where all
-/// of them are such rows, after a base if need be.
+/// The limb's base and the placement of each joint: by Denavit-Hartenberg rows if all joints,
+/// except the first, have such poses, else by origins.
 fn rows(limb: &DraftLimb) -> (Pose, Vec<Option<(&'static str, String)>>) {
     let is_row =
         |joint: &DraftJoint| joint.axis == 'z' && denavit_hartenberg(&joint.pose).is_some();
     let first = limb.joints.first();
     let all = limb.joints.len() > 1 && limb.joints.iter().skip(1).all(is_row);
-    // rows that only shift are no reason to call the whole limb by rows
+    // translations along z alone are no reason to use Denavit-Hartenberg rows
     let turned = limb.joints.iter().any(|j| !j.pose.is_shift_along_z());
     if all && turned && first.is_some_and(|j| j.axis == 'z') {
         let by_base = first.filter(|j| !is_row(j)).map(|j| j.pose);
@@ -219,7 +219,7 @@ fn joint_fields(
         nominal.push(("J", number(from.armature)));
     }
     let mut limits = Vec::new();
-    // multiples of pi only where a file has them to all digits
+    // multiples of pi only where the number agrees with one up to rounding
     let figure = |x: f64| {
         let turns = joint.kind != "prismatic";
         if turns { angle(x) } else { number(x) }
@@ -263,7 +263,7 @@ fn bodies(bodies: &[DraftBody], out: &mut String) {
     }
 }
 
-/// The keys of a placement that say something.
+/// The keys and values of a placement, without those that are zero.
 fn placement(pose: &Pose) -> Vec<(&'static str, String)> {
     let mut fields = Vec::new();
     if pose.p != [0.0; 3] {
@@ -308,12 +308,12 @@ fn list(values: &[String]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// Names in lines that are not too long.
+/// Names, separated into lines that are not too long.
 fn wrapped(names: &[String]) -> String {
     let mut out = String::new();
     let mut column = "independent: [".len();
     for (k, name) in names.iter().enumerate() {
-        if k > 0 && column + name.len() + 3 > WIDTH {
+        if k > 0 && column + name.len() + 3 > MAX_ENTRY_WIDTH {
             out.push_str(",\n  ");
             column = 2;
         } else if k > 0 {
@@ -334,13 +334,13 @@ fn flow(fields: &[(&'static str, String)]) -> String {
 /// A list entry, on one line if it is short.
 fn entry(fields: &[(&'static str, String)], indent: usize, out: &mut String) {
     let line = flow(fields);
-    if indent + 2 + line.len() <= WIDTH {
+    if indent + 2 + line.len() <= MAX_ENTRY_WIDTH {
         let _ = writeln!(out, "{:indent$}- {line}", "");
         return;
     }
     for (k, (key, value)) in fields.iter().enumerate() {
         let mark = if k == 0 { "- " } else { "  " };
-        let long = *key == "between" && indent + value.len() > WIDTH;
+        let long = *key == "between" && indent + value.len() > MAX_ENTRY_WIDTH;
         if long && let Some((a, b)) = value.split_once("}, {body") {
             let _ = writeln!(out, "{:indent$}{mark}{key}:", "");
             let _ = writeln!(out, "{:indent$}    - {}}}", "", a.trim_start_matches('['));
@@ -360,7 +360,7 @@ mod tests {
     fn long_lists_of_names_are_wrapped() {
         let names: Vec<String> = (0..30).map(|k| format!("joint_{k}")).collect();
         let text = wrapped(&names);
-        assert!(text.lines().count() > 2 && text.lines().all(|l| l.len() <= WIDTH));
+        assert!(text.lines().count() > 2 && text.lines().all(|l| l.len() <= MAX_ENTRY_WIDTH));
         assert_eq!(text.matches(',').count(), 29);
         assert_eq!(wrapped(&names[..2]), "joint_0, joint_1");
     }

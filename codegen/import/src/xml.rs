@@ -1,39 +1,41 @@
-//! An XML file as elements whose attributes know their places, with included
-//! files spliced in.
+//! XML files as trees of elements and attributes with their positions in the text, with included
+//! files inserted.
 
 use regen_codegen::diag::{Source, Span};
 
 use crate::log::{Log, Place};
 
-/// Deeper nesting than any robot has: no reader recurses further.
-const DEPTH: usize = 300;
-/// Bytes of namespace declarations that a file may lack.
-const DECLARED: usize = 10_000;
-/// Files included from one another at most.
-const FILES: usize = 100;
+/// Largest depth of nesting; no robot needs as much, and it bounds the recursion.
+const MAX_DEPTH: usize = 300;
+/// Largest total length, in bytes, of namespace declarations that are added because the file lacks
+/// them.
+const MAX_DECLARATION_BYTES: usize = 10_000;
+/// Largest number of included files.
+const MAX_INCLUDED_FILES: usize = 100;
 
-/// An element with its attributes and child elements; text is left out.
+/// An element with its attributes and child elements, without text.
 #[derive(Clone, Debug)]
 pub(crate) struct Element {
     pub(crate) tag: String,
     pub(crate) attributes: Vec<Attribute>,
     pub(crate) children: Vec<Element>,
-    /// The start tag's name.
+    /// The position of the name in the start tag.
     pub(crate) place: Place,
-    /// The whole element.
+    /// The position of the whole element.
     pub(crate) span: Span,
 }
 
-/// An attribute as written.
+/// An attribute with its value as written.
 #[derive(Clone, Debug)]
 pub(crate) struct Attribute {
     pub(crate) name: String,
     pub(crate) value: String,
-    /// The value between its quotes.
+    /// The position of the value between its quotes.
     pub(crate) place: Place,
 }
 
-/// How included files are read: by the name that the file gives.
+/// A function that returns the text of an included file, or the reason why it cannot be read, by
+/// the name given in the file.
 pub type Reader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
 
 impl Element {
@@ -54,25 +56,25 @@ impl Element {
     }
 }
 
-/// Reads a file's root element; `None` where something was reported.
+/// Reads a file's root element; `None` if an error was recorded.
 pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     let file = log.add(source.clone());
     let mut text = source.text.clone();
-    let mut added = Added::default();
+    let mut added = AddedDeclarations::default();
     loop {
         match roxmltree::Document::parse(&text) {
             Ok(document) => {
                 let mut walk = Walk { file, added, log };
                 return walk.element(document.root_element(), 0);
             }
-            // tools leave their own prefixes undeclared, and robot readers never minded
+            // some tools do not declare their namespace prefixes, and robot readers accept this
             Err(roxmltree::Error::UnknownNamespace(prefix, _))
-                if added.length < DECLARED && !prefix.is_empty() =>
+                if added.length < MAX_DECLARATION_BYTES && !prefix.is_empty() =>
             {
                 added.declare(&mut text, &prefix);
             }
             Err(error) => {
-                let at = added.back(offset(&text, error.pos()));
+                let at = added.position_in_file(offset(&text, error.pos()));
                 let place = Place::new(file, Span::new(at, at + 1));
                 let message = format!("the file is not XML: {}", reason(&error));
                 log.error(place, message, "an XML editor shows what is missing here");
@@ -82,14 +84,14 @@ pub(crate) fn read(source: &Source, log: &mut Log) -> Option<Element> {
     }
 }
 
-/// Declarations of prefixes that were written into the root's start tag.
+/// Namespace declarations that were inserted into the root's start tag.
 #[derive(Clone, Copy, Debug, Default)]
-struct Added {
+struct AddedDeclarations {
     at: usize,
     length: usize,
 }
 
-impl Added {
+impl AddedDeclarations {
     fn declare(&mut self, text: &mut String, prefix: &str) {
         let declaration = format!(" xmlns:{prefix}=\"{prefix}\"");
         self.at = after_root_name(text);
@@ -97,8 +99,8 @@ impl Added {
         text.insert_str(self.at, &declaration);
     }
 
-    /// A place in the file from one in the text that was read.
-    fn back(self, place: usize) -> usize {
+    /// Converts a position in the text with the declarations to one in the file.
+    fn position_in_file(self, place: usize) -> usize {
         if place <= self.at {
             place
         } else {
@@ -107,11 +109,14 @@ impl Added {
     }
 
     fn span(self, range: &std::ops::Range<usize>) -> Span {
-        Span::new(self.back(range.start), self.back(range.end))
+        Span::new(
+            self.position_in_file(range.start),
+            self.position_in_file(range.end),
+        )
     }
 }
 
-/// Where the name of the root's start tag ends.
+/// The position behind the name in the root's start tag.
 fn after_root_name(text: &str) -> usize {
     let mut at = 0;
     while let Some(open) = text[at..].find('<').map(|found| at + found) {
@@ -134,7 +139,7 @@ fn after_root_name(text: &str) -> usize {
     text.len()
 }
 
-/// The parser's words without its own line and column.
+/// The parser's message without its line and column.
 fn reason(error: &roxmltree::Error) -> String {
     let text = error.to_string();
     match text.rsplit_once(" at ") {
@@ -145,7 +150,7 @@ fn reason(error: &roxmltree::Error) -> String {
     }
 }
 
-/// The byte that a row and a column of characters stand at.
+/// The byte at a row and a column in characters.
 fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
     let row = (pos.row as usize).saturating_sub(1);
     let start: usize = text.split_inclusive('\n').take(row).map(str::len).sum();
@@ -157,7 +162,7 @@ fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
 
 struct Walk<'a> {
     file: usize,
-    added: Added,
+    added: AddedDeclarations,
     log: &'a mut Log,
 }
 
@@ -169,8 +174,8 @@ impl Walk<'_> {
             self.file,
             Span::new(span.start, span.start + 1 + name.len()),
         );
-        if depth > DEPTH {
-            let message = format!("more than {DEPTH} elements within each other");
+        if depth > MAX_DEPTH {
+            let message = format!("more than {MAX_DEPTH} elements within each other");
             let hint = "no robot is nested so deeply";
             self.log.error(place, message, hint);
             return None;
@@ -203,26 +208,26 @@ impl Walk<'_> {
     }
 }
 
-/// Replaces every `<include file="..."/>` by the children of that file's root.
+/// Replaces every `<include file="..."/>` by the children of the included file's root.
 pub(crate) fn include(root: &mut Element, reader: &mut Reader<'_>, log: &mut Log) {
-    let mut seen = Vec::new();
-    splice(root, reader, &mut seen, 0, log);
+    let mut included = Vec::new();
+    splice(root, reader, &mut included, 0, log);
 }
 
 fn splice(
     element: &mut Element,
     reader: &mut Reader<'_>,
-    seen: &mut Vec<String>,
+    included: &mut Vec<String>,
     depth: usize,
     log: &mut Log,
 ) {
-    if depth > DEPTH {
+    if depth > MAX_DEPTH {
         return;
     }
     let mut children = Vec::with_capacity(element.children.len());
     for mut child in std::mem::take(&mut element.children) {
         if child.tag != "include" {
-            splice(&mut child, reader, seen, depth + 1, log);
+            splice(&mut child, reader, included, depth + 1, log);
             children.push(child);
             continue;
         }
@@ -234,7 +239,7 @@ fn splice(
             );
             continue;
         };
-        if seen.contains(&file.value) || seen.len() >= FILES {
+        if included.contains(&file.value) || included.len() >= MAX_INCLUDED_FILES {
             log.error(
                 file.place,
                 format!("'{}' is included more than once", file.value),
@@ -242,7 +247,7 @@ fn splice(
             );
             continue;
         }
-        seen.push(file.value.clone());
+        included.push(file.value.clone());
         let text = match reader(&file.value) {
             Ok(text) => text,
             Err(why) => {
@@ -254,7 +259,7 @@ fn splice(
         };
         let source = Source::new(file.value.clone(), text);
         if let Some(mut root) = read(&source, log) {
-            splice(&mut root, reader, seen, depth + 1, log);
+            splice(&mut root, reader, included, depth + 1, log);
             children.extend(root.children);
         }
     }

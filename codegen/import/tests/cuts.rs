@@ -1,4 +1,4 @@
-//! Loops from the command line: a tree in URDF becomes the four-bar of `robots/`.
+//! Loops given on the command line: a tree in URDF becomes the four-bar of `robots/`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -46,7 +46,7 @@ fn robot(text: &str) -> Robot {
     derive_with(&Source::new("spec.yaml", text), BaseFrom::Skip).unwrap()
 }
 
-/// The regressor at home, moving.
+/// The regressor at home, with nonzero velocities and accelerations.
 fn regressor(robot: &Robot) -> Vec<f64> {
     let call = |kind: FunctionKind, inputs: &[&[f64]]| {
         run(&robot.function(kind).unwrap().program, inputs).0
@@ -82,7 +82,7 @@ fn a_tree_with_a_cut_is_the_four_bar_that_was_written_by_hand() {
 
 #[test]
 fn without_a_second_frame_the_loop_is_closed_at_zero() {
-    // flat: the coupler's end at (0.47, 0), in the rocker's frame at 0.07
+    // with all links on a line: the coupler's end is at (0.47, 0), in the rocker's frame at 0.07
     let options = Options {
         cuts: words(&["pin:spherical:coupler@0.35,0,0.1:rocker"]),
         ..Options::default()

@@ -9,7 +9,7 @@ fn spec(text: &str) -> String {
     imported(text).spec
 }
 
-/// Two pendulums side by side, and these equalities.
+/// Two pendulums side by side, with the given equality constraints.
 fn pair(equality: &str) -> String {
     let body = |name: &str, joint: &str, x: f64| {
         format!(
@@ -36,7 +36,7 @@ fn a_connect_is_a_spherical_cut_where_the_bodies_are_at_zero() {
         &by_bodies,
         "{name: pin, joint: spherical, between: [{body: b, xyz: [0, 0, -0.3]}, {body: c, xyz: [0.1, 0, -0.3]}]}",
     );
-    // a loop in a plane of three joints: one freedom
+    // a planar loop of three joints: one degree of freedom
     assert_eq!(
         by_bodies.matches("actuated: true").count(),
         1,
@@ -116,7 +116,7 @@ fn equal_joints_are_coupled_as_far_as_they_are_linear() {
     ] {
         assert_has(&spec(&coupled(inside)), &format!("couplings:\n  {line}"));
     }
-    // counted from the references
+    // the equality is relative to the reference values
     let referred =
         coupled("joint2=\"qa\" polycoef=\"0 2\"").replace("name=\"qa\"", "name=\"qa\" ref=\"0.1\"");
     assert_has(&spec(&referred), "qc: 2*qa - 0.2\n");

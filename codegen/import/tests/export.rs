@@ -1,4 +1,5 @@
-//! Parameters written back: the right numbers in the right frames, and no other byte.
+//! Parameters written back to URDF: the right numbers in the right frames, and no other byte
+//! changed.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -29,7 +30,7 @@ fn exported(urdf: &str, spec: &str, parameters: &Parameters) -> String {
         .urdf
 }
 
-/// Values of a body that are those of no file.
+/// Parameters of a body that no file contains.
 fn body(k: usize) -> BodyParameters {
     let x = 0.01 * (k + 1) as f64;
     BodyParameters {
@@ -53,7 +54,7 @@ fn without_inertias(text: &str) -> String {
     while let Some(start) = rest.find("<inertial>") {
         let end = start + rest[start..].find("</inertial>").unwrap();
         out.push_str(&rest[..start]);
-        // whatever stands between digits stays
+        // text between the numbers is kept
         out.extend(
             rest[start..end]
                 .chars()
@@ -64,7 +65,7 @@ fn without_inertias(text: &str) -> String {
     out + rest
 }
 
-/// A round trip: every body gets new values, and the changed file imports with them.
+/// A round trip: every body gets new values, and importing the changed file returns them.
 #[track_caller]
 fn assert_round_trip(file: &str) {
     let source = published(file);
@@ -83,7 +84,7 @@ fn assert_round_trip(file: &str) {
     assert_eq!(again.bodies.len(), parameters.bodies.len());
     for (label, values) in &parameters.bodies {
         let (_, read) = again.bodies.iter().find(|b| b.0.value == *label).unwrap();
-        // tensors that were turned are written to twelve digits
+        // rotated tensors are written with twelve digits
         let close = |x: f64, y: f64| assert!((x - y).abs() < 1e-11, "{file}, {label}: {x} {y}");
         close(read.mass.value.to_f64(), values.mass);
         for k in 0..3 {
@@ -97,8 +98,8 @@ fn assert_round_trip(file: &str) {
 
 #[test]
 fn files_of_others_keep_every_byte_but_the_numbers() {
-    // frames turned against the links' in upkie; inertial frames turned in ur5e; tensors
-    // written out in full in trifingerpro
+    // upkie has frames rotated against the links' frames, ur5e rotated inertial frames,
+    // trifingerpro tensors with all nine entries
     assert_round_trip("upkie-description/upkie.urdf");
     assert_round_trip("airo-models/ur5e.urdf");
     assert_round_trip("robot-properties-fingers/trifingerpro.urdf");
@@ -146,7 +147,7 @@ fn numbers_are_replaced_where_they_stand() {
             "ixx=\"0.04\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.03\" iyz=\"0\" izz=\"0.02\"",
         );
     assert_eq!(exported(ARM, &spec, &one(plain())), expected);
-    // nothing given, nothing changed
+    // without parameters nothing is changed
     assert_eq!(exported(ARM, &spec, &Parameters::default()), ARM);
 }
 
@@ -199,7 +200,7 @@ fn friction_is_replaced_or_written_and_the_rest_of_it_kept() {
 
 #[test]
 fn a_spec_with_frames_of_its_own_is_understood() {
-    // the body's frame turned by a fixed joint, its label kept
+    // the body's frame is rotated by a fixed joint, and its label stays the same
     let spec = imported(ARM).spec.replace(
         "- {name: q, type: revolute, body: a, actuated: true, friction: viscous, nominal: {Fv: 0.5}}",
         "- {name: q, type: revolute, actuated: true}\n      - {type: fixed, origin: {xyz: [0, 0, 0.05], rpy: [pi/2, 0, 0]}, body: a}",
@@ -264,22 +265,22 @@ fn friction_that_stays_or_has_no_joint_is_told() {
         let found = tried(ARM, spec, parameters).unwrap();
         found.notes.iter().map(ToString::to_string).collect()
     };
-    // a new Coulomb friction leaves the old damping in the file
-    let told = notes(&spec, &given("q", None, Some(0.25)));
-    assert_eq!(told.len(), 1, "{told:?}");
+    // a new Coulomb friction does not remove the old damping from the file
+    let printed_notes = notes(&spec, &given("q", None, Some(0.25)));
+    assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
     assert_has(
-        &told[0],
+        &printed_notes[0],
         "damping=\"0.5\" of joint 'q' stays: no new one is given",
     );
     assert!(notes(&spec, &given("q", Some(1.0), Some(0.25))).is_empty());
     assert!(notes(&spec, &given("q", None, None)).is_empty());
-    // a drive that the spec has besides: massless, without a joint in the file
+    // the spec has a massless drive in addition, without a joint in the file
     let limb = "limbs:\n  - name: drives\n    joints:\n      - {name: motor, type: revolute, \
                 friction: viscous, rotor_inertia: true}\n";
     let more = spec.replacen("limbs:\n", limb, 1);
-    let told = notes(&more, &given("motor", Some(1.0), None));
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert_has(&told[0], "no joint for the coordinate 'motor'");
+    let printed_notes = notes(&more, &given("motor", Some(1.0), None));
+    assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
+    assert_has(&printed_notes[0], "no joint for the coordinate 'motor'");
 }
 
 #[test]

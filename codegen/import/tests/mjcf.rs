@@ -1,5 +1,5 @@
-//! MJCF, feature by feature: a file with the feature is the same robot as one that
-//! says it in full, and is another one without it.
+//! MJCF, feature by feature: a file with the feature gives the same spec as one that writes it in
+//! full, and a different one from a file without it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -10,7 +10,7 @@ use regen_import::{Base, Options, import};
 
 const INERTIAL: &str = r#"<inertial mass="2" pos="0 0.1 0.2" diaginertia="0.03 0.02 0.015"/>"#;
 
-/// One body with this inside, in radians.
+/// One body with the given elements, angles in radians.
 fn single(inside: &str) -> String {
     format!(
         r#"<mujoco model="m"><compiler angle="radian"/><worldbody>
@@ -18,7 +18,7 @@ fn single(inside: &str) -> String {
     )
 }
 
-/// A pendulum whose body is oriented so.
+/// A pendulum whose body has the given orientation.
 fn oriented(orientation: &str) -> String {
     single("<joint name=\"q\"/>").replace("pos=\"0.1 0.2 0.3\"", orientation)
 }
@@ -27,7 +27,7 @@ fn spec(text: &str) -> String {
     imported(text).spec
 }
 
-/// The feature does what its long form says, and it does something.
+/// Asserts that the feature has the effect of its long form, and that it has an effect.
 #[track_caller]
 fn assert_same(feature: &str, in_full: &str, without: &str) {
     assert_eq!(spec(feature), spec(in_full));
@@ -64,7 +64,7 @@ fn quaternions_of_few_digits_are_the_turns_that_they_print() {
         ..Options::default()
     };
     assert_ne!(imported_with(&text, &options).spec, spec(&exact));
-    // a turn of 15 degrees
+    // a rotation by 15 degrees
     assert_has(
         &spec(&oriented("quat=\"0.991445 0 0.130526 0\"")),
         "rpy: [0, pi/12, 0]",
@@ -77,7 +77,7 @@ fn the_sequence_of_euler_angles_counts_and_small_letters_move_along() {
         oriented(&format!("euler=\"{euler}\""))
             .replace("<compiler", &format!("<compiler eulerseq=\"{sequence}\""))
     };
-    // fixed axes in one order are moving axes in the other
+    // rotations about fixed axes equal those about moving axes in the opposite order
     assert_same(
         &angles("XYZ", "0.3 0.5 0.7"),
         &angles("zyx", "0.7 0.5 0.3"),
@@ -166,7 +166,7 @@ fn included_files_are_read_in_place() {
         with.spec,
         spec(&single("<joint name=\"q\" axis=\"0 1 0\"/>"))
     );
-    // an error in the part has its place there
+    // an error in the included file has its place there
     let mut broken = |_: &str| Ok("<mujoco>\n<joint axis=\"0 0 0\"/></mujoco>".to_owned());
     let reports = import(&source, &mut broken, &Options::default()).unwrap_err();
     assert_has(
@@ -345,14 +345,14 @@ fn a_full_inertia_is_the_same_as_one_by_its_axes() {
     assert_has(&spec(&turned), "inertia: [0.02, 0, 0, 0.03, 0, 0.015]");
 }
 
-/// A body with these geoms.
+/// A body with the given geoms.
 fn solid(geoms: &str) -> String {
     single(&format!("<joint name=\"q\"/>{geoms}")).replace(INERTIAL, "")
 }
 
 #[test]
 fn geoms_give_the_inertia_of_bodies_without_one() {
-    // by hand, of 6 kg each
+    // computed by hand, with a mass of 6 kg each
     for (geom, inertia) in [
         ("type=\"sphere\" size=\"0.5\"", "0.6, 0, 0, 0.6, 0, 0.6"),
         ("size=\"0.5\"", "0.6, 0, 0, 0.6, 0, 0.6"),
@@ -373,7 +373,7 @@ fn geoms_give_the_inertia_of_bodies_without_one() {
         let spec = spec(&solid(&format!("<geom mass=\"6\" {geom}/>")));
         assert_has(&spec, &format!("a: {{mass: 6, inertia: [{inertia}]}}"));
     }
-    // density times volume, and two as one
+    // mass as density times volume, and two geoms combined
     let spec = |geoms: &str| spec(&solid(geoms));
     assert_has(
         &spec("<geom type=\"box\" size=\"0.1 0.1 0.1\"/>"),
@@ -399,7 +399,7 @@ fn a_capsule_is_a_cylinder_between_half_spheres() {
     let pi = std::f64::consts::PI;
     let middle = 1000.0 * pi * r * r * l;
     let ball = 1000.0 * 4.0 / 3.0 * pi * r * r * r;
-    // one half sphere about its own centre of mass, then moved
+    // one half sphere about its centre of mass, then by the parallel axis theorem
     let half = ball / 2.0 * (0.4 - 9.0 / 64.0) * r * r;
     let across = middle * (3.0 * r * r + l * l) / 12.0
         + 2.0 * (half + ball / 2.0 * (l / 2.0 + 3.0 / 8.0 * r) * (l / 2.0 + 3.0 / 8.0 * r));

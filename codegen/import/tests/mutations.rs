@@ -1,4 +1,4 @@
-//! Spoilt files are refused or imported: nothing panics, and what is imported is a
+//! Mutated robot files are refused or imported: nothing panics, and every imported text is a valid
 //! spec.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -8,7 +8,7 @@ use common::{attempt, parsed, published};
 use regen_codegen::diag::Source;
 use regen_import::Options;
 
-/// Numerical Recipes' generator: the same mutations everywhere.
+/// The generator of Numerical Recipes, which gives the same mutations on every machine.
 struct Random(u64);
 
 impl Random {
@@ -42,8 +42,8 @@ const VALUES: [&str; 16] = [
     "1.5708",
 ];
 
-/// The text with one attribute's value changed, one element's start tag taken out, or
-/// its end lost.
+/// The text with one attribute's value changed, one element's start tag removed, or its end cut
+/// off.
 fn mutated(text: &str, random: &mut Random) -> String {
     let quotes: Vec<usize> = text.match_indices('"').map(|m| m.0).collect();
     match random.below(8) {
@@ -105,6 +105,6 @@ fn spoilt_files_are_refused_or_imported() {
             }
         }
     }
-    // neither is the rule, so that both are tried
+    // both outcomes are frequent, so that both are tested
     assert!(imported > 100 && refused > 100, "{imported} {refused}");
 }

@@ -1,4 +1,4 @@
-//! What imports of published files look like: specs that a person would have written.
+//! Imports of published files: the specs look as if a person had written them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;

@@ -1,4 +1,4 @@
-//! URDF, feature by feature, and what is said about files that are wrong.
+//! URDF, feature by feature, and the errors for invalid files.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -70,7 +70,7 @@ fn an_axis_is_a_coordinate_axis_where_it_can_be() {
         let spec = imported(&single("continuous", &format!("<axis xyz=\"{axis}\"/>"))).spec;
         assert_has(&spec, line);
     }
-    // x is the default
+    // x is the default axis
     assert_has(&imported(&single("continuous", "")).spec, "axis: x");
 }
 
@@ -157,7 +157,7 @@ fn printed_angles_are_multiples_of_pi_unless_numbers_are_wanted_exactly() {
     assert_eq!(notes(&exact), "");
 }
 
-/// Why that is so: axes that are nearly parallel have other base parameters.
+/// The reason for this rule: axes that are only nearly parallel have other base parameters.
 #[test]
 fn printed_angles_decide_about_base_parameters() {
     let text = robot(&[
@@ -212,7 +212,7 @@ fn rows_of_denavit_and_hartenberg_are_written_as_such() {
         "{name: q1, type: revolute, dh: {d: 0.3}, body: a, actuated: true}",
     );
     assert_has(&spec, "dh: {alpha: pi/2, a: 0.1, d: 0.2}");
-    // an offset along the other axis is in no row
+    // a pose with an offset along the third axis is not a Denavit-Hartenberg row
     let spec = imported(&text.replace("0.1 -0.2 0", "0.1 -0.2 0.3")).spec;
     assert_has(&spec, "origin: {xyz: [0.1, -0.2, 0.3], rpy: [pi/2, 0, 0]}");
     assert!(!spec.contains("dh:"), "{spec}");

@@ -1,6 +1,6 @@
-//! Robot files of other people's packages: the regressor of the imported spec times
-//! its nominal parameters is the inverse dynamics that Pinocchio computes from the
-//! same file. `tests/tools/vectors/import.py` made the vectors.
+//! Published robot files: the regressor of the imported spec times its nominal parameters equals
+//! the inverse dynamics that Pinocchio computes from the same file. `tests/tools/vectors/import.py`
+//! made the vectors.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
@@ -41,7 +41,7 @@ fn imported(file: &str, exact: bool) -> (Spec, Robot) {
     (spec, robot)
 }
 
-/// A body's parameter at its nominal value: about the body's origin, in its axes.
+/// The nominal value of a body's parameter, about the origin of the body's frame, in its axes.
 fn of_body(spec: &Spec, symbol: &str, label: &str) -> f64 {
     let (_, body) = spec.bodies.iter().find(|b| b.0.value == label).unwrap();
     let m = body.mass.value.to_f64();
@@ -88,7 +88,7 @@ fn names(value: &Value) -> Vec<String> {
         .collect()
 }
 
-/// The worst difference between the two, relative to the largest term of the row.
+/// The largest difference between the two, relative to the largest term of the row.
 fn worst(file: &str, exact: bool) -> f64 {
     let (spec, robot) = imported(file, exact);
     let text = std::fs::read_to_string(folder().join(format!("{file}.json"))).unwrap();
@@ -134,20 +134,21 @@ fn worst(file: &str, exact: bool) -> f64 {
     worst
 }
 
-/// Far above rounding, far below any error of a model.
-const AGREES: f64 = 1e-9;
+/// Bound of the relative difference: far above rounding, far below any error of a model.
+const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 
 #[track_caller]
 fn assert_agrees(file: &str) {
     let worst = worst(file, true);
     println!("{file}: {worst:.1e}");
-    assert!(worst < AGREES, "{file}: {worst:e}");
+    assert!(worst < MAX_RELATIVE_DIFFERENCE, "{file}: {worst:e}");
 }
 
 #[test]
 fn ur5e_of_airo_models() {
     assert_agrees("airo-models/ur5e.urdf");
-    // some of its angles have nine digits: what is taken as pi/2 is that far off
+    // some of its angles have nine digits, and differ by as much from the pi/2 that they are taken
+    // for
     let as_taken = worst("airo-models/ur5e.urdf", false);
     assert!((1e-12..1e-8).contains(&as_taken), "{as_taken:e}");
 }

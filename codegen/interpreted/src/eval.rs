@@ -1,4 +1,4 @@
-//! The functions of the runtime's traits, run by the interpreter.
+//! The functions of the runtime's traits, executed by the interpreter.
 
 use regen_codegen::interpret;
 use regen_codegen::optimize::Program;
@@ -11,12 +11,13 @@ use regen_runtime::{
 
 use crate::Interpreted;
 
-/// A number of the runtime that programs are run in.
+/// A scalar of the runtime in which programs can be executed.
 pub trait Interpret: Scalar {
-    /// A constant.
+    /// The number of a constant.
     fn constant(value: f64) -> Self;
 
-    /// The outputs of a program for these arguments, and its condition, as [`interpret::run`].
+    /// Runs a program: its outputs for the given arguments, and its conditioning, as
+    /// [`interpret::run`].
     fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self);
 }
 
@@ -51,7 +52,7 @@ impl<'a> Programs<'a> {
 }
 
 impl Interpreted<'_> {
-    /// Runs one function after the lengths are checked.
+    /// Runs one function after checking the lengths of the arguments.
     fn run<T: Interpret>(
         &self,
         signature: &Signature,
@@ -65,7 +66,7 @@ impl Interpreted<'_> {
         }
         let nan = T::constant(f64::NAN);
         let Some(program) = program else {
-            // Every robot has every function; if one lacked it, its result is unknown.
+            // Every robot has every function; if one is missing, the result is NaN.
             out.fill(nan);
             return Ok(Condition { pivot: nan });
         };

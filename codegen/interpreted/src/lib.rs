@@ -1,4 +1,4 @@
-//! A derived robot as a model without compiling it: its programs run by the interpreter.
+//! A derived robot as a model that needs no compilation: the interpreter executes its programs.
 //!
 //! ```
 //! use regen_codegen::{diag::Source, pipeline};
@@ -36,9 +36,9 @@ use regen_runtime::{
 pub use eval::Interpret;
 use eval::Programs;
 
-/// A robot and the borrowed names that its [`info`](Interpreted::info) lends.
+/// A robot's programs with the names that its [`info`](Interpreted::info) refers to.
 ///
-/// It is a model in every number that implements [`Interpret`].
+/// It implements the models of the runtime for every number that implements [`Interpret`].
 pub struct Interpreted<'a> {
     robot: &'a Robot,
     programs: Programs<'a>,
@@ -54,18 +54,18 @@ pub struct Interpreted<'a> {
     free: Vec<&'a str>,
 }
 
-/// The terms of a robot's base parameters, for [`Interpreted::with_terms`] to lend.
+/// The terms of a robot's base parameters, which [`Interpreted::with_terms`] refers to.
 pub struct BaseTerms<'a> {
     base: Vec<Combination<'a>>,
     zeros: Vec<Combination<'a>>,
 }
 
-/// A label with what it stands for.
+/// A label with the terms of the combination.
 struct Combination<'a> {
     label: &'a str,
     terms: Vec<Term<'a>>,
-    /// The terms as the model shows them; they borrow the texts of `terms`.
-    lent: OnceLock<Vec<BaseTerm<'a>>>,
+    /// The terms in the runtime's form, created at the first use; they borrow the texts of `terms`.
+    borrowed_terms: OnceLock<Vec<BaseTerm<'a>>>,
 }
 
 /// A term that owns the text of its coefficient.
@@ -81,12 +81,12 @@ impl<'a> Combination<'a> {
         Self {
             label,
             terms: terms.collect(),
-            lent: OnceLock::new(),
+            borrowed_terms: OnceLock::new(),
         }
     }
 
-    fn lend(&'a self) -> BaseParameter<'a> {
-        let lent = self.lent.get_or_init(|| {
+    fn borrow_terms(&'a self) -> BaseParameter<'a> {
+        let borrowed_terms = self.borrowed_terms.get_or_init(|| {
             let terms = self.terms.iter().map(|term| BaseTerm {
                 parameter: term.parameter,
                 index: term.index,
@@ -97,13 +97,13 @@ impl<'a> Combination<'a> {
         });
         BaseParameter {
             label: self.label,
-            terms: lent,
+            terms: borrowed_terms,
         }
     }
 }
 
 impl<'a> BaseTerms<'a> {
-    /// The terms of the base parameters that functions take.
+    /// The terms of the base parameters that the functions use.
     pub fn new(robot: &'a Robot) -> Self {
         let label = |column: usize| {
             robot
@@ -122,7 +122,7 @@ impl<'a> BaseTerms<'a> {
         let row =
             |p: &base::BaseParameter| Combination::new(label(p.column), p.terms.iter().map(of));
         let dropped = all().filter(|p| p.dropped).map(row);
-        // a parameter that others stand for: those less it are zero
+        // for a parameter that is replaced by others, the combination minus the parameter is zero
         let known = analysis.clone().flat_map(|a| &a.base.known).map(|known| {
             let own = Term {
                 parameter: label(known.column),
@@ -141,7 +141,7 @@ impl<'a> BaseTerms<'a> {
 }
 
 impl<'a> Interpreted<'a> {
-    /// The model of a robot; its base parameters have no terms to show.
+    /// The model of a robot, without the terms of its base parameters.
     pub fn new(robot: &'a Robot) -> Self {
         let null = robot.analysis.iter().flat_map(|a| &a.base.null);
         let free = null.filter_map(|d| robot.parameters.get(d.column));
@@ -150,7 +150,7 @@ impl<'a> Interpreted<'a> {
             programs: Programs::of(robot),
             sizes: Sizes::of(&Info::EMPTY),
             coordinates: robot.coordinates.iter().map(String::as_str).collect(),
-            parameters: robot.parameters.iter().map(typed).collect(),
+            parameters: robot.parameters.iter().map(runtime_parameter).collect(),
             bodies: robot.bodies.iter().map(String::as_str).collect(),
             cuts: robot
                 .cuts
@@ -160,7 +160,7 @@ impl<'a> Interpreted<'a> {
                     rows: cut.rows,
                 })
                 .collect(),
-            joints: robot.joints.iter().map(stated).collect(),
+            joints: robot.joints.iter().map(runtime_joint).collect(),
             cones: robot
                 .cones
                 .iter()
@@ -181,12 +181,13 @@ impl<'a> Interpreted<'a> {
         model
     }
 
-    /// The model of a robot with its base parameters.
+    /// The model of a robot with the terms of its base parameters.
     pub fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
-        let lent = |all: &'a [Combination<'a>]| all.iter().map(Combination::lend).collect();
+        let borrowed_terms =
+            |all: &'a [Combination<'a>]| all.iter().map(Combination::borrow_terms).collect();
         Self {
-            base: lent(&terms.base),
-            zeros: lent(&terms.zeros),
+            base: borrowed_terms(&terms.base),
+            zeros: borrowed_terms(&terms.zeros),
             ..Self::new(robot)
         }
     }
@@ -237,15 +238,15 @@ impl<'a> Interpreted<'a> {
         }
     }
 
-    /// Forms in the parameters that this base takes as zero, as
+    /// Linear forms in the parameters that the base parameters assume to be zero, as
     /// [`BaseModel::zeros`](regen_runtime::BaseModel::zeros).
     pub fn zeros(&self) -> &[BaseParameter<'_>] {
         &self.zeros
     }
 }
 
-/// A parameter in the runtime's terms.
-fn typed(parameter: &model::Parameter) -> Parameter<'_> {
+/// Converts a parameter to the runtime's type.
+fn runtime_parameter(parameter: &model::Parameter) -> Parameter<'_> {
     let symbol = match parameter.kind {
         ParameterKind::Inertial { entry, .. } => {
             let own = Symbol::INERTIAL.get(entry).copied();
@@ -257,16 +258,15 @@ fn typed(parameter: &model::Parameter) -> Parameter<'_> {
     Parameter::new(symbol, &parameter.owner)
 }
 
-/// A friction law in the runtime's terms. Both lists of laws have the same words, which a test
-/// holds.
+/// Converts a friction law to the runtime's type by its name; a test holds both lists of laws equal.
 fn law(friction: spec::Friction) -> Friction {
     let mut laws = Friction::ALL.into_iter();
     let found = laws.find(|law| law.name() == friction.word());
     found.unwrap_or(Friction::None)
 }
 
-/// A joint in the runtime's terms.
-fn stated(joint: &JointInfo) -> Joint {
+/// Converts a joint to the runtime's type.
+fn runtime_joint(joint: &JointInfo) -> Joint {
     let [position, velocity, acceleration, effort] = joint.limits;
     Joint {
         motion: match joint.motion {

@@ -1,4 +1,4 @@
-//! Programs run in numbers that carry derivatives.
+//! Execution of programs with numbers that carry derivatives.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -8,13 +8,13 @@ use regen_runtime::{Scalar, Tangent};
 
 use crate::Interpret;
 
-/// A [`Tangent`] as the interpreter's number.
+/// A [`Tangent`] that implements the interpreter's number.
 #[derive(Clone, Copy)]
-struct Carried<const N: usize>(Tangent<N>);
+struct TangentNumber<const N: usize>(Tangent<N>);
 
-macro_rules! carried {
+macro_rules! tangent_operator {
     ($trait:ident, $method:ident) => {
-        impl<const N: usize> $trait for Carried<N> {
+        impl<const N: usize> $trait for TangentNumber<N> {
             type Output = Self;
             fn $method(self, other: Self) -> Self {
                 Self(self.0.$method(other.0))
@@ -22,19 +22,19 @@ macro_rules! carried {
         }
     };
 }
-carried!(Add, add);
-carried!(Sub, sub);
-carried!(Mul, mul);
-carried!(Div, div);
+tangent_operator!(Add, add);
+tangent_operator!(Sub, sub);
+tangent_operator!(Mul, mul);
+tangent_operator!(Div, div);
 
-impl<const N: usize> Neg for Carried<N> {
+impl<const N: usize> Neg for TangentNumber<N> {
     type Output = Self;
     fn neg(self) -> Self {
         Self(-self.0)
     }
 }
 
-impl<const N: usize> Number for Carried<N> {
+impl<const N: usize> Number for TangentNumber<N> {
     fn constant(value: f64) -> Self {
         Self(Tangent::constant(value))
     }
@@ -48,7 +48,7 @@ impl<const N: usize> Number for Carried<N> {
         (Self(sin), Self(cos))
     }
 
-    /// X from the values, then from `A dX = dB - dA X` its derivatives.
+    /// Solves for X with the values, then for its derivatives from `A dX = dB - dA X`.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let part = |rows: &[Vec<Self>], of: &dyn Fn(&Tangent<N>) -> f64| -> Vec<Vec<f64>> {
             let rows = rows.iter();
@@ -87,11 +87,11 @@ impl<const N: usize> Interpret for Tangent<N> {
     }
 
     fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self) {
-        let carried: Vec<Vec<Carried<N>>> = inputs
+        let numbers: Vec<Vec<TangentNumber<N>>> = inputs
             .iter()
-            .map(|input| input.iter().map(|x| Carried(*x)).collect())
+            .map(|input| input.iter().map(|x| TangentNumber(*x)).collect())
             .collect();
-        let slices: Vec<&[Carried<N>]> = carried.iter().map(Vec::as_slice).collect();
+        let slices: Vec<&[TangentNumber<N>]> = numbers.iter().map(Vec::as_slice).collect();
         let (results, condition) = interpret::run(program, &slices);
         (results.into_iter().map(|x| x.0).collect(), condition.0)
     }

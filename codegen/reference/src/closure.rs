@@ -1,4 +1,4 @@
-//! The closure: residual rows, Jacobian and bias by duals, Newton's method and continuation.
+//! The loop closure: residual, Jacobian and bias by dual numbers, Newton's method and continuation.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual2, Dual2_64, Dual64};
@@ -7,14 +7,14 @@ use crate::mechanism::{CutKind, CutSide, Mechanism};
 use crate::scalar::{Mat4, Scalar, axis, constant_matrix, dot, mul, position, sub};
 
 impl Mechanism {
-    /// The rows of f (Eq. 6): cuts in order, then couplings.
+    /// The closure equations f (Eq. 6): rows of the cuts in order, then of the couplings.
     pub fn constraints<T: Scalar>(&self, q: &[T]) -> Vec<T> {
         let frames = self.frames(q);
         let mut out = Vec::with_capacity(self.rows());
         for cut in &self.cuts {
             let [a, b] = cut.sides.each_ref().map(|side| place(side, &frames));
             let gap = sub(&position(&b), &position(&a));
-            // Axis i of A with axis j of B.
+            // Cosine of the angle between axis i of A and axis j of B.
             let angle = |i: usize, j: usize| dot(&axis(&a, i), &axis(&b, j));
             let along = |i: usize| dot(&axis(&a, i), &gap);
             match cut.kind {
@@ -32,7 +32,8 @@ impl Mechanism {
                 }
                 CutKind::Helical => {
                     out.extend([angle(0, 2), angle(1, 2), along(0), along(1)]);
-                    // The angle of B's x axis that the shift stands for, less the one it has.
+                    // The difference between the angle that belongs to the translation and the
+                    // angle of B's x axis.
                     let lead = cut.pitch / core::f64::consts::TAU;
                     let (due, x) = (along(2) / lead, [angle(0, 0), angle(1, 0)]);
                     out.push((x[0] * due.sin() - x[1] * due.cos()) * lead);
@@ -57,7 +58,7 @@ impl Mechanism {
         out
     }
 
-    /// A = df/dq, all rows.
+    /// The Jacobian A = df/dq, all rows.
     pub fn jacobian(&self, q: &[f64]) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(self.rows(), self.n());
         for k in 0..self.n() {
@@ -70,7 +71,7 @@ impl Mechanism {
         out
     }
 
-    /// dA/dt along qd, all rows.
+    /// The derivative of A with respect to time along qd, all rows.
     pub fn jacobian_rate(&self, q: &[f64], qd: &[f64]) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(self.rows(), self.n());
         for k in 0..self.n() {
@@ -87,7 +88,7 @@ impl Mechanism {
         out
     }
 
-    /// b of A qdd = b (Eq. 7): minus the second derivative of f along q + t qd.
+    /// The bias b of A qdd = b (Eq. 7): minus the second derivative of f along q + t qd.
     pub fn bias(&self, q: &[f64], qd: &[f64]) -> Vec<f64> {
         let along: Vec<Dual2_64> = (0..self.n())
             .map(|k| Dual2::new(q[k], qd[k], 0.0))
@@ -95,15 +96,15 @@ impl Mechanism {
         self.constraints(&along).iter().map(|row| -row.v2).collect()
     }
 
-    /// The largest entry of f.
+    /// The largest magnitude of an entry of f.
     pub fn residual(&self, q: &[f64]) -> f64 {
         self.constraints(q).iter().fold(0.0, |m, x| m.max(x.abs()))
     }
 
-    /// Closes the loops by damped Newton over the dependent coordinates.
+    /// Closes the loops by damped Newton's method over the dependent coordinates.
     ///
     /// # Errors
-    /// When the steps stop reducing the residual above rounding, or A_e loses rank.
+    /// If the steps stop reducing the residual above rounding, or A_e loses rank.
     pub fn close(&self, q: &[f64]) -> Result<Vec<f64>, String> {
         let mut q = q.to_vec();
         let mut residual = self.norm(&q);
@@ -132,7 +133,7 @@ impl Mechanism {
                 None => break,
             }
         }
-        // Rows are lengths of metres and cosines: a few roundings of unit numbers remain.
+        // The rows are lengths in metres and cosines: a few roundings of numbers near 1 remain.
         if residual < 1e-13 {
             Ok(q)
         } else {
@@ -144,19 +145,19 @@ impl Mechanism {
         DVector::from_vec(self.constraints(q)).norm()
     }
 
-    /// Home: the guess of the spec, closed.
+    /// The home of the spec, corrected to satisfy the closure equations.
     ///
     /// # Errors
-    /// When it does not close, or closes at a singularity.
+    /// If it does not close, or closes at a singularity.
     pub fn home(&self) -> Result<Vec<f64>, String> {
         self.close(&self.home_guess)
     }
 
-    /// Follows the straight line of the independent coordinates from a closed state to given
-    /// values, staying on the assembly branch.
+    /// Moves the independent coordinates on a straight line from a closed state to given values,
+    /// staying on the assembly branch.
     ///
     /// # Errors
-    /// When a step does not close, leaps to another assembly, or crosses or comes near a
+    /// If a step does not close, jumps to another assembly branch, or crosses or comes near a
     /// singularity.
     pub fn follow(&self, start: &[f64], target: &[f64]) -> Result<Vec<f64>, String> {
         let from: Vec<f64> = self.independent.iter().map(|k| start[*k]).collect();
@@ -179,7 +180,8 @@ impl Mechanism {
             q = self.close(&predicted)?;
             let size = |v: &mut dyn Iterator<Item = f64>| v.fold(0.0_f64, |m, x| m.max(x.abs()));
             let corrected = size(&mut q.iter().zip(&predicted).map(|(x, p)| x - p));
-            // Over a short step the prediction is good: more is another assembly.
+            // Over a short step the prediction is good: a larger correction means another assembly
+            // branch.
             if corrected > 0.5 * size(&mut change.iter().copied()) + 1e-9 {
                 return Err(format!("{}: a leap on the way", self.name));
             }

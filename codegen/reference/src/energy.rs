@@ -1,5 +1,5 @@
-//! Energy in trace form and what follows from it: Lagrange's equations and the mass matrix,
-//! by dual numbers. No twist and no cross product occurs here.
+//! Energy in trace form, and Lagrange's equations and the mass matrix derived from it by dual
+//! numbers. No twist and no cross product occurs here.
 
 use nalgebra::DMatrix;
 use num_dual::{Dual, Dual64, HyperDual, HyperDual64};
@@ -34,7 +34,7 @@ impl Mechanism {
         out
     }
 
-    /// The frames' rates: derivative along qd.
+    /// The derivatives of the frames along qd.
     fn frame_rates<T: Scalar>(&self, q: &[T], qd: &[T]) -> Vec<Mat4<T>> {
         let along: Vec<Dual<T>> = q.iter().zip(qd).map(|(x, v)| Dual::new(*x, *v)).collect();
         self.frames(&along)
@@ -43,7 +43,7 @@ impl Mechanism {
             .collect()
     }
 
-    /// Kinetic energy of the tree at (q, qd), rotors included.
+    /// Kinetic energy of the tree at (q, qd) in J, rotors included.
     pub fn kinetic_energy<T: Scalar>(&self, q: &[T], qd: &[T], phi: &[f64]) -> T {
         let rates = self.frame_rates(q, qd);
         let mut twice = T::from(0.0);
@@ -56,7 +56,7 @@ impl Mechanism {
         twice * 0.5
     }
 
-    /// Potential energy of the tree at q.
+    /// Potential energy of the tree at q in J.
     pub fn potential_energy<T: Scalar>(&self, q: &[T], phi: &[f64]) -> T {
         let frames = self.frames(q);
         let mut out = T::from(0.0);
@@ -70,7 +70,7 @@ impl Mechanism {
         out
     }
 
-    /// Lagrange's equations of the tree: d/dt dT/dqd - dT/dq + dV/dq, without friction.
+    /// Efforts of the tree by Lagrange's equations: d/dt dT/dqd - dT/dq + dV/dq, without friction.
     pub fn lagrange(&self, q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64]) -> Vec<f64> {
         (0..self.n())
             .map(|k| {
@@ -91,7 +91,7 @@ impl Mechanism {
             .collect()
     }
 
-    /// d/dt (T + V) along a motion.
+    /// The derivative of the total energy, d/dt (T + V), along a motion.
     pub fn energy_rate(&self, q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64]) -> f64 {
         let along = |x: &[f64], v: &[f64]| -> Vec<Dual64> {
             x.iter().zip(v).map(|(x, v)| Dual::new(*x, *v)).collect()
@@ -134,7 +134,7 @@ impl Mechanism {
     }
 }
 
-/// tr(A P B^T).
+/// The trace tr(A P B^T).
 fn trace<T: Scalar>(a: &Mat4<T>, p: &Mat4<f64>, b: &Mat4<T>) -> T {
     let mut out = T::from(0.0);
     for (a_row, b_row) in a.iter().zip(b) {

@@ -1,9 +1,9 @@
 //! Expressions of the spec, evaluated in f64 by recursive descent.
 
-/// Evaluates an expression; `lookup` gives the value of a name.
+/// Evaluates an expression; `lookup` returns the value of a name.
 ///
 /// # Errors
-/// When the text is no expression, or its value is not finite.
+/// If the text is not an expression, or its value is not finite.
 pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
     let mut parser = Parser {
         rest: text,

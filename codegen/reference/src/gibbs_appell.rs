@@ -1,5 +1,5 @@
-//! Eq. 1 of the chapter as it stands, for given bodies: masses, centres of mass and central
-//! inertias. Angular and centre-of-mass accelerations come from second-order duals.
+//! Eq. 1 of the chapter in its original form, for bodies given by mass, centre of mass and central
+//! inertia. Angular and centre-of-mass accelerations come from second-order dual numbers.
 
 use crate::kinematics::Motion;
 use crate::mechanism::Mechanism;
@@ -7,8 +7,8 @@ use crate::random::PhysicalBody;
 use crate::scalar::{Mat4, Vec3, add, cross, dot};
 
 impl Mechanism {
-    /// The efforts tau_k of the tree's coordinates by Eq. 1, gravity added as an upward
-    /// acceleration of the world.
+    /// The efforts tau_k of the tree's coordinates by Eq. 1, with gravity as an upward acceleration
+    /// of the world.
     pub fn gibbs_appell(
         &self,
         q: &[f64],
@@ -23,7 +23,7 @@ impl Mechanism {
             .map(|k| {
                 let mut unit = rest.clone();
                 unit[k] = 1.0;
-                // Accelerations are linear in qdd: at zero velocity, this is the derivative.
+                // Accelerations are linear in qdd: at zero velocity, this is their derivative.
                 self.motions(q, &rest, &unit)
             })
             .collect();

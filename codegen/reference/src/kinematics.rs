@@ -10,9 +10,9 @@ use crate::scalar::{Mat4, Scalar, constant_matrix, mul, shift, turn};
 pub struct Motion {
     /// The frame.
     pub pose: Mat4<f64>,
-    /// Its rate.
+    /// Its first derivative.
     pub rate: Mat4<f64>,
-    /// The rate of its rate.
+    /// Its second derivative.
     pub second: Mat4<f64>,
 }
 
@@ -38,7 +38,7 @@ impl Mechanism {
         out
     }
 
-    /// The frames of all nodes and their time derivatives along q(t) with these derivatives.
+    /// The frames of all nodes and their time derivatives for given q, qd and qdd.
     pub fn motions(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<Motion> {
         let along: Vec<Dual2_64> = (0..self.n())
             .map(|k| Dual2::new(q[k], qd[k], qdd[k]))
@@ -53,7 +53,7 @@ impl Mechanism {
             .collect()
     }
 
-    /// The bodies' frames: rotation row by row, then the origin.
+    /// The frames of the bodies in the world: rotation row by row, then the origin.
     pub fn poses(&self, q: &[f64]) -> Vec<[f64; 12]> {
         let frames = self.frames(q);
         self.bodies
@@ -70,7 +70,7 @@ impl Mechanism {
             .collect()
     }
 
-    /// The cosines of the angles between the z axes that cones limit.
+    /// The cosines of the angles between the z axes that cone limits refer to.
     pub fn cone_cosines(&self, q: &[f64]) -> Vec<f64> {
         let frames = self.frames(q);
         let z = |side: &CutSide| {

@@ -1,5 +1,5 @@
-//! The reference: a mechanism read straight from its YAML, and everything about it computed
-//! the plain way at given states.
+//! The reference derivation: a mechanism read from its YAML spec, with all quantities computed by
+//! straightforward numeric methods at given states.
 //!
 //! | what | how |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! The regressor K of the tree, Newton-Euler in the world frame, one parameter at a time.
+//! The regressor K of the tree by Newton-Euler in the world frame, one parameter at a time.
 
 use nalgebra::DMatrix;
 
@@ -36,7 +36,7 @@ impl Mechanism {
             if let Some(m) = node.motion {
                 let z = axis(&frames[i], m.axis.index());
                 let (rate, second) = (qd[m.coordinate], qdd[m.coordinate]);
-                // The parent's omega, in both.
+                // Both terms use the parent's omega.
                 let slip = scale(&z, m.slide * rate);
                 velocity = add(&velocity, &slip);
                 let coriolis = scale(&cross(&omega, &slip), 2.0);
@@ -57,12 +57,13 @@ impl Mechanism {
         out
     }
 
-    /// Which nodes a node moves with: itself and its ancestors.
-    fn lineage(&self, node: usize) -> Vec<usize> {
+    /// The nodes that move a node: itself and its ancestors.
+    fn ancestors_and_self(&self, node: usize) -> Vec<usize> {
         std::iter::successors(Some(node), |i| self.nodes[*i].parent).collect()
     }
 
-    /// The regressor K of the tree (Eq. 5): one row per coordinate, friction and rotors included.
+    /// The regressor K of the tree (Eq. 5): one row per coordinate, one column per parameter,
+    /// friction and rotors included.
     pub fn tree_regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> DMatrix<f64> {
         let frames = self.frames(q);
         let motion = self.spatial(&frames, qd, qdd);
@@ -73,7 +74,7 @@ impl Mechanism {
                     let node = self.bodies[*body].node;
                     let (force, moment) = wrench(&frames[node], &motion[node], &self.gravity, *k);
                     let at = position(&frames[node]);
-                    for ancestor in self.lineage(node) {
+                    for ancestor in self.ancestors_and_self(node) {
                         let frame = &frames[ancestor];
                         let Some(m) = self.nodes[ancestor].motion else {
                             continue;
@@ -95,8 +96,8 @@ impl Mechanism {
     }
 }
 
-/// The force on a body, and the moment about its origin, that its motion needs per unit of one
-/// of its ten parameters, in the world.
+/// The force on a body, and the moment about its origin, that the body's motion needs per unit of
+/// one of its ten parameters, in the world's axes.
 fn wrench(
     frame: &Mat4<f64>,
     motion: &Spatial,

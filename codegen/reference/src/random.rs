@@ -1,4 +1,4 @@
-//! Seeded random numbers and bodies that could exist.
+//! Seeded random numbers and random physically possible bodies.
 
 use crate::mechanism::PARAMETERS_PER_BODY;
 use crate::scalar::{identity, mul, turn};
@@ -8,7 +8,7 @@ use crate::scalar::{identity, mul, turn};
 pub struct Random(u64);
 
 impl Random {
-    /// Starts at a seed.
+    /// A generator with a given seed.
     pub fn new(seed: u64) -> Random {
         Random(seed)
     }
@@ -32,21 +32,21 @@ impl Random {
         self.uniform(-1.0, 1.0)
     }
 
-    /// As many numbers, uniform in [-size, size].
+    /// A vector of `n` numbers, uniform in [-size, size].
     pub fn vector(&mut self, n: usize, size: f64) -> Vec<f64> {
         (0..n).map(|_| self.uniform(-size, size)).collect()
     }
 }
 
-/// A rigid body: mass, centre of mass, and inertia about it in the body's axes
+/// A rigid body: mass, centre of mass, and inertia about the centre of mass in the body's axes
 /// (`Ixx Ixy Ixz Iyy Iyz Izz`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhysicalBody {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
-    /// m
+    /// Centre of mass in the body's frame, m.
     pub com: [f64; 3],
-    /// kg m^2
+    /// Inertia about the centre of mass, kg m^2.
     pub inertia: [f64; 6],
 }
 
@@ -55,7 +55,8 @@ impl PhysicalBody {
     pub fn random(random: &mut Random) -> PhysicalBody {
         let mass = random.uniform(0.5, 4.0);
         let com = [0; 3].map(|_| random.uniform(-0.3, 0.3));
-        // Second moments along three axes; the inertia's principal values are sums of two.
+        // Second moments along three axes; the principal moments of inertia are sums of two of
+        // them.
         let s = [0; 3].map(|_| mass * random.uniform(0.001, 0.04));
         let principal = [s[1] + s[2], s[2] + s[0], s[0] + s[1]];
         let mut r = identity();

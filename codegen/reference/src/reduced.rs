@@ -4,11 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::mechanism::Mechanism;
 
-/// Singular values below this part of the largest count as zero.
-const SINGULAR: f64 = 1e-9;
+/// Singular values below this, relative to the largest, count as zero.
+const RANK_TOLERANCE: f64 = 1e-9;
 
 impl Mechanism {
-    /// The columns A_e of A.
+    /// The dependent columns A_e of A.
     pub fn dependent_columns(&self, a: &DMatrix<f64>) -> DMatrix<f64> {
         a.select_columns(&self.dependent)
     }
@@ -16,7 +16,7 @@ impl Mechanism {
     /// The least-squares solution of A_e x = r over all rows.
     ///
     /// # Errors
-    /// When A_e has not full column rank.
+    /// If A_e does not have full column rank.
     pub fn solve_dependent(
         &self,
         a: &DMatrix<f64>,
@@ -27,12 +27,12 @@ impl Mechanism {
         }
         let a_e = self.dependent_columns(a);
         let svd = a_e.clone().svd(true, true);
-        if svd.rank(SINGULAR * svd.singular_values.max()) < self.dependent.len() {
+        if svd.rank(RANK_TOLERANCE * svd.singular_values.max()) < self.dependent.len() {
             return Err(format!("{}: A_e is singular", self.name));
         }
         let mut x = svd.solve(rhs, 0.0)?;
-        // The decomposition's error is larger than rounding, up to 1e-3: refined until nothing is
-        // left to correct.
+        // The decomposition's error is larger than rounding, up to 1e-3: the solution is refined
+        // until the corrections vanish.
         for _ in 0..20 {
             let correction = svd.solve(&(rhs - &a_e * &x), 0.0)?;
             x += &correction;
@@ -49,7 +49,7 @@ impl Mechanism {
             return 1.0;
         }
         let values = self.dependent_columns(&self.jacobian(q)).singular_values();
-        // The values come sorted; fewer rows than columns is no rank at all.
+        // The values are sorted; a matrix with fewer rows than columns is singular.
         if values.len() < self.dependent.len() {
             return 0.0;
         }
@@ -62,11 +62,11 @@ impl Mechanism {
             return self.n();
         }
         let values = self.jacobian(q).singular_values();
-        let bound = SINGULAR * values.max();
+        let bound = RANK_TOLERANCE * values.max();
         self.n() - values.iter().filter(|v| **v > bound).count()
     }
 
-    /// X = A_e^-1 A_i (Eq. 10).
+    /// X = A_e^-1 A_i (Eq. 10): one row per dependent coordinate, one column per independent one.
     ///
     /// # Errors
     /// At a singularity.
@@ -135,7 +135,7 @@ impl Mechanism {
         Ok(out)
     }
 
-    /// Efforts of all coordinates seen by the independent ones: tau_i - X^T tau_e.
+    /// The efforts of all coordinates reduced to the independent ones: tau_i - X^T tau_e.
     ///
     /// # Errors
     /// At a singularity.
@@ -152,7 +152,8 @@ impl Mechanism {
         Ok(self.null_space(q)?.transpose() * self.tree_regressor(q, qd, qdd))
     }
 
-    /// The mass matrix of the independent coordinates and its rate along qd.
+    /// The mass matrix of the independent coordinates and its derivative with respect to time along
+    /// qd.
     ///
     /// # Errors
     /// At a singularity.

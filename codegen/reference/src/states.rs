@@ -1,38 +1,39 @@
-//! Random closed states, the same for the same seed.
+//! Random closed states, reproducible for the same seed.
 
 use crate::mechanism::Mechanism;
 use crate::random::Random;
 
-/// Positions, velocities and accelerations of all coordinates that satisfy the closure.
+/// Positions, velocities and accelerations of all coordinates that satisfy the closure equations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Positions.
+    /// Positions, rad or m.
     pub q: Vec<f64>,
-    /// Velocities.
+    /// Velocities, rad/s or m/s.
     pub qd: Vec<f64>,
-    /// Accelerations.
+    /// Accelerations, rad/s^2 or m/s^2.
     pub qdd: Vec<f64>,
 }
 
-/// How far from home, in rad or m, the first try goes: trees have no branch to lose.
+/// Initial distance from home for revolute (rad) and prismatic (m) coordinates. It is larger for
+/// trees, which have no assembly branch to leave.
 const REACH_TREE: (f64, f64) = (2.5, 0.5);
 const REACH_LOOP: (f64, f64) = (0.4, 0.08);
 
-/// Singular values of A_e may spread this much more than at home: digits that comparisons lose.
-const WORSE_THAN_HOME: f64 = 0.05;
+/// Least conditioning of A_e relative to home, since comparisons lose digits near a singularity.
+const MIN_CONDITIONING_RATIO: f64 = 0.05;
 
 impl Mechanism {
-    /// A random state on the branch of home, not near a singularity.
+    /// A random state on the assembly branch of home, not near a singularity.
     ///
     /// # Errors
-    /// When home does not close or nothing near it can be reached.
+    /// If home does not close or no such state near it can be reached.
     pub fn random_state(&self, home: &[f64], random: &mut Random) -> Result<State, String> {
         let (turn, slide) = if self.rows() == 0 {
             REACH_TREE
         } else {
             REACH_LOOP
         };
-        let bound = self.conditioning(home) * WORSE_THAN_HOME;
+        let bound = self.conditioning(home) * MIN_CONDITIONING_RATIO;
         let mut last = String::new();
         let mut reach = 1.0;
         while reach > 0.02 {
@@ -60,7 +61,7 @@ impl Mechanism {
         Ok(State { q, qd, qdd })
     }
 
-    /// As many random states from a seed.
+    /// The given number of random states, from a seed.
     ///
     /// # Errors
     /// As [`Mechanism::random_state`].

@@ -1,30 +1,30 @@
-//! YAML as it is written: keys in their order, labels that are numbers.
+//! A YAML reader that preserves the order of keys and labels that are numbers.
 
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
-/// A part of a spec.
+/// A value in a spec.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     /// Nothing.
     Null,
     /// `true` or `false`.
     Bool(bool),
-    /// A number without a point.
+    /// A number without a decimal point.
     Integer(i64),
-    /// Another number.
+    /// Any other number.
     Float(f64),
-    /// Text.
+    /// A text.
     Text(String),
     /// A list.
     List(Vec<Value>),
-    /// Keys with what stands at them.
+    /// Keys with their values, in order.
     Map(Vec<(Value, Value)>),
 }
 
 impl Value {
-    /// Reads a text: scalars as the core schema of YAML 1.2 has them.
+    /// Reads a text; scalars have the types of YAML 1.2's core schema.
     pub(crate) fn read(text: &str) -> Result<Value, String> {
         let options = serde_saphyr::options! {
             strict_booleans: true,
@@ -35,7 +35,7 @@ impl Value {
         serde_saphyr::from_str_with_options(text, options).map_err(|e| e.to_string())
     }
 
-    /// What stands at a key.
+    /// The value at a key.
     pub(crate) fn get(&self, key: &str) -> Option<&Value> {
         let entries = self.entries()?.iter();
         let mut found = entries.filter(|(k, _)| matches!(k, Value::Text(text) if text == key));
@@ -50,7 +50,7 @@ impl Value {
         }
     }
 
-    /// Keys and values.
+    /// The keys and values of a map.
     pub(crate) fn entries(&self) -> Option<&[(Value, Value)]> {
         match self {
             Value::Map(entries) => Some(entries),

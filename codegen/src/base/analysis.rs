@@ -1,4 +1,4 @@
-//! The base parameters with their certificate.
+//! Derivation of the base parameters together with the certificate of their number.
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -7,25 +7,38 @@ use super::certificate::{Certificate, Samples, certify};
 use super::null_completion::Sampled;
 use super::{Base, derive_all};
 
-/// Where the states of every certificate come from.
+/// Seed of the random states of every certificate, fixed so that results are reproducible.
 const SEED: u64 = 1;
 
-/// Base parameters, and what is certain about them.
+/// The base parameters of a mechanism, with the evidence for their number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
-    /// The combinations.
+    /// The base parameters and the null space.
     pub base: Base,
-    /// The rank over all columns, sampled; or why there is none.
+    /// The rank over all columns from sampled states; or why it could not be sampled.
     pub certificate: Result<Certificate, String>,
-    /// Whether the directions derived and completed are all there are: their
-    /// number and the certified rank add up to the number of columns, and each is
-    /// null at every sampled state. Derived directions bound the rank from above,
-    /// samples from below.
+    /// Whether the null space is proven complete: the number of derived and completed directions
+    /// and the certified rank add up to the number of columns, and each direction is null at every
+    /// sampled state. Derived directions bound the rank from above, samples from below.
     pub complete: bool,
 }
 
-/// Derives the base parameters of a mechanism that closes at `home`, and
-/// certifies them.
+/// Derives the base parameters of a mechanism and certifies their number.
+///
+/// `home` has one value per coordinate, in rad or m, and must satisfy the closure equations.
+///
+/// ```
+/// use regen_codegen::{base, diag::Source, model, spec};
+///
+/// let text = "name: pendulum\nlimbs:\n  - name: arm\n    base: {rpy: [-pi/2, 0, 0]}\n    \
+///             joints:\n      - {name: q1, type: revolute, body: 1, actuated: true}\n";
+/// let spec = spec::parse(&Source::new("pendulum.yaml", text)).unwrap();
+/// let model = model::build(&spec);
+/// let analysis = base::analyse(&spec, &model, &[0.0]);
+/// assert!(analysis.complete);
+/// // Izz, mx and my: the moment of inertia about the axis, and the moments of the weight
+/// assert_eq!(analysis.base.rank(), 3);
+/// ```
 pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let samples = certify(model, home, SEED).map_err(|e| e.to_string());
     let certificate = samples.as_ref().map(Samples::certificate);

@@ -1,5 +1,5 @@
-//! Coefficients of combinations as expressions: what prints them takes their tree, and only files
-//! and generated modules hold their text.
+//! Coefficients of combinations as expression trees. Printers work on the tree; text is used only
+//! in files and generated modules.
 
 use core::fmt;
 
@@ -8,21 +8,21 @@ use crate::sym::{Number, NumberFactor};
 
 /// An expression in numbers and the geometry's names.
 ///
-/// Signs stand as far outside as they can: a factor and what is above or below a fraction line
-/// has none of its own, and a term has it beside it.
+/// Signs are pulled outwards: factors, numerators and denominators carry none, and the sign of a
+/// term is the flag next to it in the sum.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Coefficient {
-    /// A number without a sign, in the digits that are printed: `3`, `0.25`, `1.5e-3`.
+    /// A number without a sign, as printed: `3`, `0.25`, `1.5e-3`.
     Number(String),
     /// A geometry name, or `pi`.
     Name(String),
-    /// The negative.
+    /// The negative of an expression.
     Neg(Box<Coefficient>),
-    /// Terms, each with whether it is subtracted.
+    /// A sum of terms; the flag says whether the term is subtracted.
     Sum(Vec<(bool, Coefficient)>),
-    /// Factors.
+    /// A product of factors.
     Product(Vec<Coefficient>),
-    /// What is above the fraction line, and what is below it.
+    /// Numerator and denominator.
     Quotient(Box<Coefficient>, Box<Coefficient>),
     /// A base and its exponent.
     Power(Box<Coefficient>, Box<Coefficient>),
@@ -31,14 +31,14 @@ pub enum Coefficient {
 }
 
 impl Coefficient {
-    /// The tree of a text in the spec's grammar; `None` where it is no expression.
+    /// Parses an expression in the spec's grammar; `None` where the text is not one.
     ///
-    /// The tree of a printed coefficient comes back from its text.
+    /// Parsing the text of a printed coefficient gives the same tree again.
     pub fn parse(text: &str) -> Option<Self> {
         Some(Self::read(&spec::syntax(text)?, text))
     }
 
-    /// The tree of what the spec's parser read in a text. Numbers keep their digits.
+    /// Converts the spec parser's syntax tree of `text`. Numbers keep their digits.
     fn read(ast: &Ast, text: &str) -> Self {
         let of = |inner: &Ast| Self::read(inner, text);
         match &ast.kind {
@@ -59,7 +59,7 @@ impl Coefficient {
         }
     }
 
-    /// An integer that is not negative.
+    /// A non-negative integer.
     pub(super) fn integer(value: impl fmt::Display) -> Self {
         Self::Number(value.to_string())
     }
@@ -68,7 +68,7 @@ impl Coefficient {
         Self::Name("pi".to_owned())
     }
 
-    /// A function of an argument.
+    /// A function applied to an argument.
     pub(super) fn call(function: Function, argument: Self) -> Self {
         Self::Call(function, Box::new(argument))
     }
@@ -78,7 +78,7 @@ impl Coefficient {
         Self::Power(Box::new(self), Box::new(exponent))
     }
 
-    /// `self * factor`, with the signs of both outside.
+    /// `self * factor`; the signs of both are pulled out of the product.
     pub(super) fn times(self, factor: Self) -> Self {
         let ((minus, left), (other, right)) = (self.split(), factor.split());
         let product = match left {
@@ -91,13 +91,13 @@ impl Coefficient {
         product.signed(minus != other)
     }
 
-    /// `self / below`, with the signs of both outside.
+    /// `self / below`; the signs of both are pulled out of the quotient.
     pub(super) fn over(self, below: Self) -> Self {
         let ((minus, above), (other, below)) = (self.split(), below.split());
         Self::Quotient(Box::new(above), Box::new(below)).signed(minus != other)
     }
 
-    /// `self + term`, or `self - term`; a sum on the left goes on.
+    /// `self + term`, or `self - term` with `minus`; the term is appended where `self` is a sum.
     fn joined(self, minus: bool, term: Self) -> Self {
         let mut terms = match self {
             Self::Sum(terms) => terms,
@@ -108,7 +108,8 @@ impl Coefficient {
         Self::Sum(terms)
     }
 
-    /// The sum of terms, each with whether it is subtracted. An added sum joins the terms.
+    /// The sum of terms, each with a flag whether it is subtracted. A sum that is added is replaced
+    /// by its terms.
     pub(super) fn sum(parts: impl IntoIterator<Item = (bool, Self)>) -> Self {
         let mut terms = Vec::new();
         for (minus, term) in parts {
@@ -141,7 +142,7 @@ impl Coefficient {
         if negative { self.negated() } else { self }
     }
 
-    /// Whether there is a sign in front, and the rest.
+    /// The expression without its leading minus sign, and whether it had one.
     fn split(self) -> (bool, Self) {
         match self {
             Self::Neg(inner) => (true, *inner),
@@ -159,8 +160,8 @@ impl Coefficient {
         matches!(self, Self::Sum(_))
     }
 
-    /// A sign that can be taken out, and the rest. The sign of a sum can be taken out where all
-    /// its terms have it.
+    /// The expression without a minus sign that can be factored out, and whether there was one. A
+    /// sum has one if all its terms are negative.
     #[must_use]
     pub fn unsigned(&self) -> (bool, Self) {
         match self {
@@ -172,7 +173,7 @@ impl Coefficient {
         }
     }
 
-    /// How tightly it binds what stands in it.
+    /// How tightly the outermost operator binds.
     fn level(&self) -> Level {
         match self {
             Self::Sum(_) | Self::Neg(_) => Level::Sum,
@@ -192,7 +193,7 @@ enum Level {
     Atom,
 }
 
-/// A part of an expression: in parentheses where it binds less tightly than it must.
+/// A subexpression: printed in parentheses if it binds less tightly than the given level.
 struct Part<'a>(&'a Coefficient, Level);
 
 impl fmt::Display for Part<'_> {
@@ -206,7 +207,7 @@ impl fmt::Display for Part<'_> {
     }
 }
 
-/// In the spec's grammar, as a person writes it: `-2*sqrt(3)/(3*a)`.
+/// Prints in the spec's grammar, as a person writes it: `-2*sqrt(3)/(3*a)`.
 impl fmt::Display for Coefficient {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -226,7 +227,7 @@ impl fmt::Display for Coefficient {
             }
             Self::Product(factors) => {
                 for (k, factor) in factors.iter().enumerate() {
-                    // only a quotient in front reads the same without parentheses
+                    // only a quotient as the first factor keeps its meaning without parentheses
                     let (joint, least) = match (k, factor) {
                         (0, Self::Product(_)) => ("", Level::Power),
                         (0, _) => ("", Level::Product),
@@ -244,7 +245,7 @@ impl fmt::Display for Coefficient {
             Self::Power(base, exponent) => {
                 let base = Part(base, Level::Atom);
                 match &**exponent {
-                    // a sign binds tighter there
+                    // in an exponent, a minus sign binds more tightly than the power
                     Self::Neg(inner) => write!(f, "{base}^-{}", Part(inner, Level::Power)),
                     other => write!(f, "{base}^{}", Part(other, Level::Power)),
                 }
@@ -254,7 +255,7 @@ impl fmt::Display for Coefficient {
     }
 }
 
-/// A number as it is printed.
+/// The tree of an exact number, as it is printed.
 impl From<&Number> for Coefficient {
     fn from(number: &Number) -> Self {
         let factor = |factor: NumberFactor| match factor {

@@ -1,13 +1,13 @@
-//! Null directions of trees whose rates are tied: bodies that ties keep from
-//! rotating, or keep in one orientation with another body, or spin in a fixed
-//! proportion. Trees see free coordinates, and miss them.
+//! Null directions of bodies whose rates are constrained: bodies that do not rotate, bodies with
+//! constant relative orientation, and bodies that spin in a fixed proportion. The tree recursion
+//! treats all coordinates as free, and does not find these directions.
 //!
-//! A body's moments of inertia count by its angular velocity alone, so that two
-//! bodies with one angular velocity show the sum of theirs in common axes. What
-//! never rotates shows no moment of inertia, and no first moment either: it moves
-//! as one point does, and its weight's work is that of its mass. Two bodies that
-//! spin about axes at rest show only their moments about these, in the square of
-//! their rates' proportion; where they spin alike, their weights' moments too.
+//! Moments of inertia act through the angular velocity alone, so for two bodies with the same
+//! angular velocity only the sum of their moments in common axes counts. For a body that never
+//! rotates, no moment of inertia counts, and no first moment either: it moves as one point does,
+//! and the work of its weight is that of its mass. For two bodies that spin about axes at rest,
+//! only the moments about these axes count, combined with the square of the ratio of their rates;
+//! with equal rates, also the moments of their weights.
 
 use crate::model::{Model, MotionKind, Step};
 use crate::sym::Number;
@@ -18,14 +18,14 @@ use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
 
-/// Products of inertia and moments: which entry of the ten is at a row and column.
-const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-/// The first of the first moments.
-const FIRST: usize = 6;
+/// Index of the inertia tensor's entry at a row and column among the ten parameters.
+const TENSOR_ENTRY: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+/// Index of the first moment mx among the ten parameters.
+const FIRST_MOMENT: usize = 6;
 
 type Matrix = [[Number; 3]; 3];
 
-/// The directions that exact ties of rates give.
+/// The null directions that follow from exact velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
     let velocity_constraints = rates::all_velocity_constraints(field, linkage, model);
     if velocity_constraints.is_empty() {
@@ -52,8 +52,8 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
             if let Some(relative) = same_orientation(model, &couplings, i, j) {
                 let on_axis =
                     |b: usize| free[b] == Freedom::Spin && own_joint(model, &ways, b).is_some();
-                let alike = on_axis(i) && on_axis(j);
-                all.extend(together(field, i, j, &relative, alike));
+                let spin_equally = on_axis(i) && on_axis(j);
+                all.extend(summed_moments(field, i, j, &relative, spin_equally));
             } else if free[i] == Freedom::Spin && free[j] == Freedom::Spin {
                 all.extend(in_proportion(
                     field,
@@ -68,30 +68,30 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     all
 }
 
-/// The axes of body j in those of body i, where couplings keep them.
+/// The axes of body j in those of body i, if couplings keep this orientation constant.
 fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Option<Matrix> {
     let [a, b] = [i, j].map(|k| model.path(Some(model.bodies[k].link)));
     let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
     let (a, b) = (&a[shared..], &b[shared..]);
     let turns = |links: &[usize]| links.iter().any(|l| model.links[*l].motion.is_some());
     if !(turns(a) || turns(b)) {
-        // welded to each other: trees know
+        // rigidly connected: the tree recursion finds this
         return None;
     }
     if !LinkPath::over(model, a).turns_as(&LinkPath::over(model, b), couplings) {
         return None;
     }
     let (a, b) = (axes(model, a), axes(model, b));
-    // both are the outer's axes as columns over the shared frame: Q = A^T B
+    // both matrices have a link's axes as columns over the shared frame: Q = A^T B
     let entry =
         |r: usize, c: usize| (0..3).fold(Number::zero(), |sum, k| sum.add(&a[k][r].mul(&b[k][c])));
     Some([0, 1, 2].map(|r| [0, 1, 2].map(|c| entry(r, c))))
 }
 
-/// The axes of the last link as columns over the frame before the first, with all
-/// coordinates 0 that are not coupled.
+/// The axes of the last link as columns over the frame before the first, with all coordinates 0
+/// except those that couplings determine.
 fn axes(model: &Model, links: &[usize]) -> Matrix {
-    // row k: the shared frame's axis k in the link's axes
+    // row k: axis k of the shared frame in the link's axes
     let mut rows = [0, 1, 2].map(|k| {
         [0, 1, 2].map(|c| {
             if c == k {
@@ -122,7 +122,8 @@ fn axes(model: &Model, links: &[usize]) -> Matrix {
     rows
 }
 
-/// A coordinate's value where all that are not coupled are 0.
+/// The value of a coordinate (rad or m) with all coordinates 0 except those that couplings
+/// determine.
 fn value(model: &Model, coordinate: usize, depth: usize) -> Number {
     let coupling = model.couplings.iter().find(|c| c.key == coordinate);
     // couplings have no cycles
@@ -137,13 +138,19 @@ fn value(model: &Model, coordinate: usize, depth: usize) -> Number {
         })
 }
 
-/// Moments of body j less the same on body i; first moments too where they spin
-/// alike.
-fn together(field: &mut Field, i: usize, j: usize, q: &Matrix, alike: bool) -> Vec<Vector> {
+/// Null directions of two bodies with constant relative orientation `q`: inertia of body j minus
+/// the same inertia on body i. First moments too if both bodies spin about axes at rest.
+fn summed_moments(
+    field: &mut Field,
+    i: usize,
+    j: usize,
+    q: &Matrix,
+    spin_equally: bool,
+) -> Vec<Vector> {
     let mut all = Vec::new();
     for r in 0..3 {
         for c in r..3 {
-            let mut direction = Vector::from([(10 * j + PLACE[r][c], Element::one())]);
+            let mut direction = Vector::from([(10 * j + TENSOR_ENTRY[r][c], Element::one())]);
             // Q E Q^T for the symmetric unit E
             for a in 0..3 {
                 for b in a..3 {
@@ -151,16 +158,16 @@ fn together(field: &mut Field, i: usize, j: usize, q: &Matrix, alike: bool) -> V
                     if r != c {
                         entry = entry.add(&q[a][c].mul(&q[b][r]));
                     }
-                    subtract(field, &mut direction, 10 * i + PLACE[a][b], &entry);
+                    subtract(field, &mut direction, 10 * i + TENSOR_ENTRY[a][b], &entry);
                 }
             }
             all.push(direction);
         }
     }
-    for c in 0..if alike { 3 } else { 0 } {
-        let mut direction = Vector::from([(10 * j + FIRST + c, Element::one())]);
+    for c in 0..if spin_equally { 3 } else { 0 } {
+        let mut direction = Vector::from([(10 * j + FIRST_MOMENT + c, Element::one())]);
         for (a, row) in q.iter().enumerate() {
-            subtract(field, &mut direction, 10 * i + FIRST + a, &row[c]);
+            subtract(field, &mut direction, 10 * i + FIRST_MOMENT + a, &row[c]);
         }
         all.push(direction);
     }
@@ -172,7 +179,7 @@ fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Number)
     add_scaled(field, from, &Element::exact(entry.neg()), &unit);
 }
 
-/// The moments about their own axes of two bodies that spin in proportion.
+/// Null direction of two bodies that spin in a fixed proportion: the moments about their axes.
 fn in_proportion(
     field: &mut Field,
     model: &Model,
@@ -187,24 +194,24 @@ fn in_proportion(
     let k = ratio(velocity_constraints, a, b)?;
     let moment = |body: usize, coordinate: usize| -> Option<usize> {
         let axis = model.motion(coordinate)?.axis.index();
-        Some(10 * body + PLACE[axis][axis])
+        Some(10 * body + TENSOR_ENTRY[axis][axis])
     };
     let mut direction = Vector::from([(moment(j, b)?, Element::one())]);
     subtract(field, &mut direction, moment(i, a)?, &k.mul(&k));
     Some(direction)
 }
 
-/// The first coordinate that turns on the way to a body, where it is the body's own
-/// joint: the body's origin is on its axis, which is one of the body's own.
+/// The first revolute coordinate on the path to a body, if it belongs to the body's own link: the
+/// body's origin is then on the axis, which is an axis of the body's frame.
 fn own_joint(model: &Model, ways: &[LinkPath], body: usize) -> Option<usize> {
     let link = model.bodies[body].link;
     let coordinate = ways[link].turn.first()?.0;
     (model.coordinates[coordinate].link == link).then_some(coordinate)
 }
 
-/// The proportion of two rates that ties fix.
+/// The ratio k in qd_b = k qd_a, if the velocity constraints fix it.
 fn ratio(velocity_constraints: &[Form], a: usize, b: usize) -> Option<Number> {
-    // of the ties' combinations, the one that speaks of both alone
+    // eliminate all other coordinates, which leaves the constraint between a and b alone
     let mut rows: Vec<Form> = velocity_constraints.to_vec();
     while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
         let outside = row.iter().find(|(c, k)| *c != a && *c != b && !k.is_zero());

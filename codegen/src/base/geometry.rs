@@ -1,5 +1,5 @@
-//! The geometry in the field: lengths from their expressions, placements from
-//! their steps, and how twists and parameters pass from frame to frame.
+//! The geometry as elements of the field: lengths from their expressions, frames from their
+//! placement steps, and the transformation of twists and parameters between frames.
 
 use crate::model::{Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity, Spec};
@@ -8,13 +8,13 @@ use crate::sym::Number;
 use super::Coefficient;
 use super::field::{Element, Field, Variable};
 
-/// Three elements.
+/// A vector of three elements.
 pub(super) type E3 = [Element; 3];
 /// A rotation matrix, row by row.
 pub(super) type Rotation = [E3; 3];
 
-/// The geometry names as elements: a name defined by other names is their
-/// expression, any other is a variable.
+/// The geometry names as elements: a name defined by other names becomes their expression, any
+/// other name a variable.
 #[derive(Debug, Default)]
 pub(super) struct Names {
     all: Vec<(String, Element)>,
@@ -34,7 +34,7 @@ impl Names {
         names
     }
 
-    /// A quantity of the spec.
+    /// The element of a quantity of the spec.
     pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
         self.read(field, &quantity.expr).unwrap_or_else(|| {
             field.variable(
@@ -88,7 +88,7 @@ impl Names {
                         let value = a.value().sqrt()?;
                         written(field, Function::Sqrt, &a, value)
                     }
-                    // of a constant, the same variables as a placement's
+                    // of a constant angle: the same variables as in a placement
                     Function::Sin if a.weight() == 0 => field.sin_cos(a.value()).0,
                     Function::Cos if a.weight() == 0 => field.sin_cos(a.value()).1,
                     Function::Sin => {
@@ -131,8 +131,8 @@ fn constant(field: &mut Field, value: &Number) -> Element {
     field.variable(Variable::Written(value.into()), value.clone())
 }
 
-/// A function's value: an exact constant where it is one, else a variable that
-/// is written as the call.
+/// The value of a function: an exact constant if possible, else a variable printed as the function
+/// call.
 fn written(field: &mut Field, function: Function, argument: &Element, value: Number) -> Element {
     if argument.weight() == 0 && value.is_exact() {
         return Element::exact(value);
@@ -141,7 +141,7 @@ fn written(field: &mut Field, function: Function, argument: &Element, value: Num
     field.variable(Variable::Written(call), value)
 }
 
-/// A constant change of frame: the child's frame on the parent.
+/// A constant change of frame: rotation and offset of the child's frame in the parent's.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub(super) rotation: Rotation,
@@ -195,7 +195,7 @@ impl Placed {
         }
     }
 
-    /// The placement that the spec's steps describe.
+    /// The frame that the placement steps of the spec describe.
     pub(super) fn new(field: &mut Field, names: &Names, placement: &Placement) -> Self {
         let mut placed = Placed::identity();
         for step in placement {
@@ -216,7 +216,7 @@ impl Placed {
                         continue;
                     }
                     let (sin, cos) = field.sin_cos(angle);
-                    // columns j and k turn into each other
+                    // a rotation in the plane of columns j and k
                     let (j, k) = match axis {
                         Axis::X => (1, 2),
                         Axis::Y => (2, 0),
@@ -233,7 +233,7 @@ impl Placed {
         placed
     }
 
-    /// The parent's frame on the child.
+    /// The inverse change of frame: the parent's frame in the child's.
     pub(super) fn inverse(&self, field: &mut Field) -> Self {
         let rotation: Rotation =
             [0, 1, 2].map(|i| [0, 1, 2].map(|j: usize| self.rotation[j][i].clone()));
@@ -241,12 +241,12 @@ impl Placed {
         Placed { rotation, offset }
     }
 
-    /// `R v`.
+    /// `R v`: from the child's axes to the parent's.
     fn out(&self, field: &mut Field, v: &E3) -> E3 {
         [0, 1, 2].map(|i: usize| field.dot(&self.rotation[i], v))
     }
 
-    /// `R^T v`.
+    /// `R^T v`: from the parent's axes to the child's.
     fn into(&self, field: &mut Field, v: &E3) -> E3 {
         [0, 1, 2].map(|i: usize| {
             let column = [0, 1, 2].map(|j: usize| self.rotation[j][i].clone());
@@ -254,34 +254,34 @@ impl Placed {
         })
     }
 
-    /// A direction of the parent, in the child's axes.
+    /// A direction in the parent's axes, converted to the child's axes.
     pub(super) fn direction_into(&self, field: &mut Field, v: &E3) -> E3 {
         self.into(field, v)
     }
 
-    /// A twist (w, v) at the parent's origin as a twist at the child's.
+    /// A twist (w, v) at the parent's origin, converted to the child's origin and axes.
     pub(super) fn twist_into(&self, field: &mut Field, w: &E3, v: &E3) -> (E3, E3) {
         let swing = field.cross(w, &self.offset);
         let v = field.add3(v, &swing);
         (self.into(field, w), self.into(field, &v))
     }
 
-    /// The ten parameters of a body that is fixed to the child, about the
-    /// parent's origin in its axes: a 10 x 10 matrix, column by column.
+    /// The transformation of the ten parameters of a body from the child's frame to the parent's,
+    /// about the parent's origin: a 10 x 10 matrix, column by column.
     pub(super) fn parameters_out(&self, field: &mut Field) -> Vec<Vec<Element>> {
         (0..10)
             .map(|entry| {
                 let mut parameters = vec![Element::zero(); 10];
                 parameters[entry] = Element::one();
-                self.carried(field, &parameters)
+                self.parameters_on_parent(field, &parameters)
             })
             .collect()
     }
 
-    fn carried(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
+    fn parameters_on_parent(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
         let e = |i: usize| phi[i].clone();
         let tensor = [[e(0), e(1), e(2)], [e(1), e(3), e(4)], [e(2), e(4), e(5)]];
-        // R I R^T, columns first
+        // R I R^T, as columns first
         let columns = tensor.map(|column| self.out(field, &column));
         let rows: Rotation = [0, 1, 2].map(|i| [0, 1, 2].map(|j: usize| columns[j][i].clone()));
         let full = rows.map(|row| self.out(field, &row));

@@ -1,5 +1,6 @@
-//! Which columns are kept: row reduction of the null space with the columns in
-//! order of preference. Values decide; expressions follow.
+//! Choice of the columns that are kept: row reduction of the null space with the columns in order
+//! of preference. Decisions are made on exact values at the given geometry; the expressions are
+//! carried along.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +9,12 @@ use crate::model::{Model, ParameterKind};
 use super::field::{Element, Field};
 use super::span::{Vector, add_scaled};
 
-/// Columns in the order in which they are eliminated where they can be: first
-/// the given ones, then whatever leaves tidy and cheap columns.
+/// Columns in the order in which elimination is tried: first those of `first`, then the others so
+/// that the remaining base parameters are simple.
 ///
-/// Masses, then first moments along z, then one diagonal moment go first, those
-/// of bodies far from the base before those near it (the grouping of Khalil's
-/// rules); friction and rotors are kept as long as possible.
+/// Masses, then first moments along z, then one diagonal moment are eliminated first, those of
+/// bodies far from the base before those near it (the grouping of Khalil's rules); friction and
+/// rotors are kept as long as possible.
 pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     const ORDER: [usize; 10] = [9, 8, 3, 5, 4, 2, 1, 7, 6, 0];
     let rank = |column: usize| -> (usize, usize) {
@@ -33,30 +34,33 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     first.iter().copied().chain(rest).collect()
 }
 
-/// The null space with a unit matrix at the eliminated columns.
+/// A basis of the null space that is the unit matrix at the eliminated columns.
 #[derive(Debug, Default)]
 pub(super) struct Reduced {
-    /// The eliminated columns, in the order of the parameters, each with the
-    /// row that is 1 there: what else stands in the row says on what the column
-    /// depends.
+    /// By eliminated column, the row that is 1 there and 0 at all other eliminated columns: its
+    /// other entries express the eliminated parameter by kept ones.
     pub(super) rows: BTreeMap<usize, Vector>,
 }
 
-/// Reduces a null space. The first `asked` columns of the order are eliminated
-/// where they can be, whatever that takes. Of the others those go first that go
-/// without dividing by an expression, since that keeps every coefficient short;
-/// then whatever is left.
-pub(super) fn reduce(field: &mut Field, null: &[Vector], order: &[usize], asked: usize) -> Reduced {
+/// Row-reduces a null space. The first `requested` columns of `order` are eliminated wherever
+/// possible, even by dividing by an expression. Of the others, first those are eliminated whose
+/// pivot is a constant, since that keeps every coefficient short; then all that remain.
+pub(super) fn reduce(
+    field: &mut Field,
+    null: &[Vector],
+    order: &[usize],
+    requested: usize,
+) -> Reduced {
     let mut open = null.to_vec();
     let mut reduced = Reduced::default();
-    let (first, rest) = order.split_at(asked.min(order.len()));
+    let (first, rest) = order.split_at(requested.min(order.len()));
     for column in first {
         reduced.eliminate(field, &mut open, *column, usize::MAX);
     }
-    for most in [0, usize::MAX] {
+    for max_weight in [0, usize::MAX] {
         for column in rest {
             if !reduced.rows.contains_key(column) {
-                reduced.eliminate(field, &mut open, *column, most);
+                reduced.eliminate(field, &mut open, *column, max_weight);
             }
         }
     }
@@ -64,16 +68,22 @@ pub(super) fn reduce(field: &mut Field, null: &[Vector], order: &[usize], asked:
 }
 
 impl Reduced {
-    /// Eliminates a column, if some open row has an entry there that weighs at
-    /// most `most`: the shortest such entry is the pivot.
-    fn eliminate(&mut self, field: &mut Field, open: &mut Vec<Vector>, column: usize, most: usize) {
+    /// Eliminates a column, if some row of `open` has an entry there with a weight of at most
+    /// `max_weight`: the entry with the shortest expression is the pivot.
+    fn eliminate(
+        &mut self,
+        field: &mut Field,
+        open: &mut Vec<Vector>,
+        column: usize,
+        max_weight: usize,
+    ) {
         let pivot = open
             .iter()
             .enumerate()
             .filter_map(|(r, row)| Some((row.get(&column)?.weight(), row.len(), r)))
             .min();
         let Some((weight, _, r)) = pivot else { return };
-        if weight > most {
+        if weight > max_weight {
             return;
         }
         let row = open.swap_remove(r);

@@ -1,6 +1,6 @@
-//! What is known of the parameters: linear forms that are zero, bodies that are
-//! identical. Each takes one parameter out of the analysis and writes it with
-//! others.
+//! Prior knowledge about the parameters: linear forms that are zero (`base.zero`) and bodies that
+//! are identical (`base.equal`). Each such relation removes one parameter from the analysis and
+//! writes it as a combination of others.
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -9,22 +9,22 @@ use super::field::{Element, Field};
 use super::geometry::Names;
 use super::span::{Vector, add_scaled, dot};
 
-/// A parameter that is written with others.
+/// A parameter written as a combination of others.
 #[derive(Clone, Debug)]
 pub(super) struct Substitution {
-    /// Its column.
+    /// The column of the replaced parameter.
     pub(super) column: usize,
-    /// What stands for it: columns with factors.
+    /// The combination: columns with factors.
     pub(super) terms: Vec<(usize, Element)>,
 }
 
-/// The substitutions that `base.equal` and `base.zero` ask for, in order: each
-/// uses only columns that are still there after it.
+/// The substitutions that `base.equal` and `base.zero` imply. No substitution uses a column that
+/// another one removes.
 pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Vec<Substitution> {
     let names = Names::new(field, spec);
     let find = |label: &str| model.parameters.iter().position(|p| p.label == label);
     let body = |label: &str| model.bodies.iter().position(|b| b.label == label);
-    // each form is zero: sum of factors times columns; the first named goes
+    // each form, a sum of factors times columns, is zero; the column named first is removed
     let mut forms: Vec<(Option<usize>, Vector)> = Vec::new();
     for group in &spec.base.equal {
         let bodies: Vec<usize> = group.iter().filter_map(|b| body(&b.value)).collect();
@@ -63,7 +63,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
                 add_scaled(field, &mut form, &factor, &terms);
             }
         }
-        // a form that the others imply asks for nothing
+        // a form that the earlier ones imply removes no parameter
         let column = wish
             .filter(|c| form.contains_key(c))
             .or_else(|| form.keys().next().copied());
@@ -76,7 +76,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
         };
         let mut terms = Vector::new();
         add_scaled(field, &mut terms, &factor, &form);
-        // earlier ones may have used this column
+        // substitute the column in earlier combinations that use it
         for earlier in &mut found {
             let mut old: Vector = earlier.terms.iter().cloned().collect();
             if let Some(factor) = old.remove(&column) {
@@ -92,8 +92,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
     found
 }
 
-/// The null directions that respect what is known, over the columns that are
-/// still there.
+/// The null directions that satisfy the relations of `known`, over the remaining columns.
 pub(super) fn restricted(
     field: &mut Field,
     null: &[Vector],

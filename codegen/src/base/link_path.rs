@@ -1,35 +1,35 @@
-//! What the order of a limb's joints alone says of how a link can move, exactly:
-//! all its axes parallel, nothing but slides, nothing at all.
+//! Exact statements on how a link can move, derived from the order and directions of the joints
+//! between the ground and the link alone: all axes parallel, only prismatic joints, no joint.
 
 use crate::model::{Link, Model, MotionKind, Placement, Step};
 use crate::sym::Number;
 
 type Direction = [Number; 3];
-/// Coordinates with factors.
+/// A linear form in the coordinates or their rates: coordinates with factors.
 pub type Form = Vec<(usize, Number)>;
 
-/// How a body can move.
+/// The class of motions that a body can perform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freedom {
-    /// Not at all.
+    /// Does not move.
     Still,
-    /// Along a line, without turning.
+    /// Translates along a line.
     Line,
-    /// In a plane, without turning.
+    /// Translates in a plane.
     Plane,
-    /// In space, without turning.
+    /// Translates in space.
     Translates,
-    /// About an axis at rest.
+    /// Turns about an axis at rest.
     Spin,
-    /// About and along an axis at rest, in a fixed proportion.
+    /// Screws about an axis at rest: turns about it and slides along it in a fixed proportion.
     Screw,
-    /// In a plane.
+    /// Moves in a plane and turns about the plane's normal.
     Planar,
-    /// About a fixed direction, and along it too.
+    /// Turns about one direction and translates, also along that direction.
     Direction,
-    /// About a point at rest.
+    /// Turns about a point at rest.
     Point,
-    /// Otherwise.
+    /// May move in any way: none of the other cases is shown.
     General,
 }
 
@@ -42,31 +42,31 @@ impl Freedom {
         )
     }
 
-    /// Whether all turns are about one direction and all moves across it.
+    /// Whether all rotations are about one direction and all translations perpendicular to it.
     pub fn is_planar(self) -> bool {
         matches!(self, Freedom::Spin | Freedom::Planar)
     }
 }
 
-/// The way from the ground, or from a link, to a link further out.
+/// Summary of the joints between the ground, or an inner link, and a link further out.
 #[derive(Clone, Debug)]
 pub struct LinkPath {
-    /// The world's axes in the link's frame, up to the first turn.
+    /// The world's axes in the link's frame, as long as no revolute joint was passed.
     world: [Direction; 3],
-    /// Directions of slides before the first turn, in the link's frame.
+    /// Directions of prismatic joints before the first revolute joint, in the link's frame.
     slides: Vec<Direction>,
     slide_count: usize,
-    /// How many of the slides are those of a turn in proportion.
+    /// How many of the translations belong to helical joints, coupled to their rotation.
     screw_count: usize,
-    /// The first axis that turns, in the link's frame.
+    /// The axis of the first revolute joint, in the link's frame.
     axis: Option<Direction>,
-    /// The same in the world's axes.
+    /// The same axis in the world's frame.
     direction: Option<Direction>,
-    /// Whether all axes that turn are parallel.
+    /// Whether all revolute axes are parallel.
     parallel: bool,
-    /// Whether all slides are across them.
+    /// Whether all translations are perpendicular to the revolute axes.
     across: bool,
-    /// By how much the link turns about the direction.
+    /// The angle by which the link turns about the common axis, as a form in the coordinates.
     pub(super) turn: Form,
 }
 
@@ -80,7 +80,8 @@ fn unit(axis: usize) -> Direction {
     v
 }
 
-/// A vector in the axes of a frame that was turned.
+/// The components of a vector after the frame has been rotated about one of its axes, `angle` in
+/// rad.
 pub(super) fn into(v: &Direction, axis: usize, angle: &Number) -> Direction {
     let (sin, cos) = angle.sin_cos();
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -145,7 +146,7 @@ impl LinkPath {
         }
     }
 
-    /// What the link's motion is at most, given ties of rates that hold exactly.
+    /// An upper bound on the link's freedom, given velocity constraints that hold exactly.
     pub fn freedom(&self, velocity_constraints: &[Form]) -> Freedom {
         if !self.parallel {
             return Freedom::General;
@@ -162,7 +163,8 @@ impl LinkPath {
         }
     }
 
-    /// Whether two links have the same orientation all the time.
+    /// Whether two links keep the same relative orientation at all times, given velocity
+    /// constraints that hold exactly.
     pub fn turns_as(&self, other: &LinkPath, velocity_constraints: &[Form]) -> bool {
         if !(self.parallel && other.parallel) {
             return false;
@@ -191,13 +193,13 @@ impl LinkPath {
 }
 
 impl LinkPath {
-    /// The way over some links, one standing on the other.
+    /// The path over some links, each mounted on the one before.
     pub(super) fn over(model: &Model, links: &[usize]) -> LinkPath {
-        let mut way = LinkPath::ground();
+        let mut path = LinkPath::ground();
         for &link in links {
-            way.pass(&model.links[link]);
+            path.pass(&model.links[link]);
         }
-        way
+        path
     }
 
     fn pass(&mut self, link: &Link) {
@@ -216,19 +218,20 @@ impl LinkPath {
     }
 }
 
-/// The ways to all links.
+/// The paths from the ground to all links, in the order of the model's links.
 pub fn ways(model: &Model) -> Vec<LinkPath> {
     let mut ways: Vec<LinkPath> = Vec::new();
     for link in &model.links {
         let start = link.parent.and_then(|p| ways.get(p));
-        let mut way = start.cloned().unwrap_or_else(LinkPath::ground);
-        way.pass(link);
-        ways.push(way);
+        let mut path = start.cloned().unwrap_or_else(LinkPath::ground);
+        path.pass(link);
+        ways.push(path);
     }
     ways
 }
 
-/// Whether a form of rates vanishes where these do.
+/// Whether a linear form of rates is zero as a consequence of the given constraints, each a form
+/// that is zero.
 pub fn follows(velocity_constraints: &[Form], form: &[(usize, Number)]) -> bool {
     let merged = |form: &[(usize, Number)]| -> Form {
         let mut out: Form = Vec::new();
@@ -243,7 +246,7 @@ pub fn follows(velocity_constraints: &[Form], form: &[(usize, Number)]) -> bool 
     };
     let mut rows: Vec<Form> = velocity_constraints.iter().map(|t| merged(t)).collect();
     let mut rest = merged(form);
-    // eliminate the coordinates of the form's ties one after the other
+    // eliminate the pivot coordinate of one constraint after the other
     while let Some(row) = rows.pop() {
         let Some((pivot, lead)) = row.first().cloned() else {
             continue;
@@ -278,16 +281,17 @@ mod tests {
         assert!(!follows(&velocity_constraints, &[(0, n(1))]));
     }
 
-    /// A link that turns about its x (0), y (1) or z (2) by a coordinate, its frame turned before.
+    /// A link with a revolute joint about its x (0), y (1) or z (2) axis, after some quarter turns
+    /// of its frame.
     fn turned(placement: &[(Axis, i64)], coordinate: usize, axis: usize) -> LinkPath {
         let quarter = Number::pi().mul(&Number::ratio(1, 2).unwrap());
         let steps = placement
             .iter()
             .map(|(axis, quarters)| Step::Rotate(*axis, quarter.mul(&Number::from_i64(*quarters))));
-        let mut way = LinkPath::ground();
-        way.place(&steps.collect());
-        way.turn(coordinate, axis);
-        way
+        let mut path = LinkPath::ground();
+        path.place(&steps.collect());
+        path.turn(coordinate, axis);
+        path
     }
 
     #[test]
@@ -298,20 +302,20 @@ mod tests {
             vec![vec![(0, n(1)), (1, n(1))]],
         );
         let along = turned(&[], 0, 2);
-        // y turned into z, the same direction
+        // y rotated into z: the same direction
         let again = turned(&[(Axis::X, 1)], 1, 1);
         assert!(along.turns_as(&again, &same) ^ along.turns_as(&again, &opposite));
         let again = turned(&[(Axis::Z, 3)], 1, 2);
         assert!(along.turns_as(&again, &same));
         assert!(!along.turns_as(&again, &opposite));
-        // upside down: the other way round about the opposite direction
+        // upside down: the axis points in the opposite direction
         let against = turned(&[(Axis::X, 2)], 1, 2);
         assert!(along.turns_as(&against, &opposite));
         assert!(!along.turns_as(&against, &same));
-        // about another direction never
+        // an axis in another direction never gives the same orientation
         let across = turned(&[], 1, 0);
         assert!(!along.turns_as(&across, &same) && !along.turns_as(&across, &opposite));
-        // nor where axes are not parallel
+        // nor do two axes that are not parallel
         let mut bent = turned(&[], 1, 2);
         bent.turn(2, 0);
         assert!(!along.turns_as(&bent, &same));
@@ -332,15 +336,15 @@ mod tests {
             behind.slide(slide);
             assert_eq!(behind.freedom(&[]), free, "turn, then slide {slide}");
         }
-        // a slide in the plane and one along the axis
+        // a translation in the plane and one along the axis
         let mut both = LinkPath::ground();
         both.slide(2);
         both.slide(0);
         both.turn(0, 2);
         assert_eq!(both.freedom(&[]), Freedom::Direction);
-        // held by a tie, it only slides
-        let tie = vec![vec![(0, Number::one())]];
-        assert_eq!(both.freedom(&tie), Freedom::Translates);
+        // with the rotation locked by a constraint, the link only translates
+        let constraint = vec![vec![(0, Number::one())]];
+        assert_eq!(both.freedom(&constraint), Freedom::Translates);
         assert_eq!(turned(&[], 0, 2).freedom(&[]), Freedom::Spin);
     }
 }

@@ -1,5 +1,5 @@
-//! The mechanism as bodies joined by joints, cut joints among them: what
-//! spanning trees are chosen from.
+//! The mechanism as a graph of bodies connected by joints, cut joints included, from which spanning
+//! trees are chosen.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
 use crate::spec::Spec;
@@ -7,20 +7,20 @@ use crate::spec::Spec;
 use super::field::{Element, Field};
 use super::geometry::{Names, Placed};
 
-/// One stage on the way from a body to the next.
+/// One element of the connection between two bodies.
 #[derive(Clone, Debug)]
 pub(super) enum Stage {
     /// A constant change of frame.
     Fixed(Box<Placed>),
-    /// A motion about or along an axis of the frame reached.
+    /// A motion about or along an axis of the frame before it.
     Moving {
         kind: MotionKind,
         axis: usize,
-        /// How far a rotation slides along the axis as well, per radian.
+        /// Translation along the axis per radian of rotation, of a helical joint.
         lead: Option<Element>,
-        /// Whether it is passed from its moved side: rates change their sign.
+        /// Whether the joint is passed from its moving side, so that its rate changes sign.
         backward: bool,
-        /// The coordinate; cuts have none.
+        /// The coordinate; `None` for cut joints.
         coordinate: Option<usize>,
         /// Column of the rotor parameter.
         rotor: Option<usize>,
@@ -29,16 +29,16 @@ pub(super) enum Stage {
     },
 }
 
-/// A joint between two bodies; body 0 is the ground, body i + 1 the model's i-th.
+/// A connection between two bodies; body 0 is the ground, body i + 1 the model's i-th.
 #[derive(Clone, Debug)]
 pub(super) struct Edge {
     pub(super) ends: (usize, usize),
     pub(super) stages: Vec<Stage>,
-    /// Whether the spec's tree has it (cuts are not in it).
+    /// Whether the connection belongs to the tree of the spec; cut joints do not.
     pub(super) in_spec_tree: bool,
 }
 
-/// Bodies and joints.
+/// The graph of bodies and connections.
 #[derive(Clone, Debug)]
 pub(super) struct Linkage {
     pub(super) bodies: usize,
@@ -127,7 +127,7 @@ impl Linkage {
 }
 
 impl Edge {
-    /// The stages from one end to the other.
+    /// The elements of the connection in the order in which they are met from the end `start`.
     pub(super) fn stages_from(&self, field: &mut Field, start: usize) -> Vec<Stage> {
         if self.ends.0 == start {
             return self.stages.clone();
@@ -136,8 +136,7 @@ impl Edge {
         reversed
             .map(|stage| match stage {
                 Stage::Fixed(placed) => fixed(placed.inverse(field)),
-                // the sign of a motion does not matter to a span, but to what its
-                // rate alone is weighed against
+                // the span of a motion does not depend on its sign, but terms linear in its rate do
                 moving @ Stage::Moving { .. } => {
                     let mut moving = moving.clone();
                     if let Stage::Moving { backward, .. } = &mut moving {
@@ -149,7 +148,7 @@ impl Edge {
             .collect()
     }
 
-    /// The other end.
+    /// The body at the other end; `None` where `end` is neither of the two.
     pub(super) fn other(&self, end: usize) -> Option<usize> {
         match self.ends {
             (a, b) if a == end => Some(b),

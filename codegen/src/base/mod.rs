@@ -1,5 +1,5 @@
-//! The base parameters: which combinations of the dynamic parameters a
-//! mechanism's forces depend on, exactly (`codegen/BASE.md` explains the method).
+//! The base parameters: the combinations of the dynamic parameters on which a mechanism's forces
+//! depend, derived exactly (`codegen/BASE.md` explains the method).
 
 mod analysis;
 pub mod certificate;
@@ -33,21 +33,21 @@ use crate::sym::Number;
 use field::{Element, Field};
 use span::{Span, Vector};
 
-/// A parameter in a combination.
+/// A parameter with its factor in a linear combination.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// Its column.
+    /// The parameter's column in the regressor.
     pub column: usize,
     /// The factor as an expression in the geometry's names.
     pub coefficient: Coefficient,
-    /// The factor's exact value.
+    /// The factor's exact value at the given geometry.
     pub value: Number,
 }
 
-/// On what a combination rests.
+/// How a combination was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layer {
-    /// Derived exactly from trees, or nothing was combined.
+    /// Derived exactly from spanning trees and velocity constraints, or a single parameter.
     Derived,
     /// Completed from samples in multiple precision.
     Completed,
@@ -56,24 +56,23 @@ pub enum Layer {
 /// How well the factors of a completed combination are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exactness {
-    /// As functions of the geometry's names, verified at other values of them (but
-    /// for the names that [`Base::held`] lists); or derived.
+    /// Functions of the geometry's names, derived, or verified at other values of the names (except
+    /// for the names that [`Base::held`] lists).
     Symbolic,
-    /// As exact numbers at the given geometry; how they depend on its names is not
-    /// known.
+    /// Exact numbers at the given geometry; how they depend on its names is not known.
     AtThisGeometry,
-    /// Some by their digits only.
+    /// Some of the factors are known by their digits only.
     Numeric,
 }
 
-/// A null direction: forces do not change along it.
+/// A null direction: a change of the parameters that changes no force, whatever the motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direction {
     /// The eliminated column.
     pub column: usize,
-    /// Its entries, that of the eliminated column among them, with factor 1.
+    /// The direction's nonzero entries; that of the eliminated column is 1.
     pub terms: Vec<Term>,
-    /// On what it rests.
+    /// How the direction was obtained.
     pub layer: Layer,
     /// How well its factors are known.
     pub exactness: Exactness,
@@ -86,7 +85,7 @@ pub struct BaseParameter {
     pub column: usize,
     /// The combination; the kept parameter first, with factor 1.
     pub terms: Vec<Term>,
-    /// On what it rests.
+    /// How the combination was obtained.
     pub layer: Layer,
     /// How well its factors are known.
     pub exactness: Exactness,
@@ -94,60 +93,60 @@ pub struct BaseParameter {
     pub dropped: bool,
 }
 
-/// What is known of a parameter that the spec's `base` takes out.
+/// A parameter that `base.zero` or `base.equal` of the spec replaces by a combination of others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known {
-    /// The column.
+    /// The column of the replaced parameter.
     pub column: usize,
-    /// What stands for it.
+    /// The combination that replaces it.
     pub terms: Vec<Term>,
 }
 
 /// The base parameters of a mechanism.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// Kept and dropped ones, in the order of the parameters.
+    /// The base parameters, dropped ones among them, in the order of the parameters.
     pub parameters: Vec<BaseParameter>,
-    /// The null space, one direction per eliminated column, in their order.
+    /// A basis of the null space: one direction per eliminated column, in the order of the columns.
     pub null: Vec<Direction>,
-    /// Parameters that `base.zero` and `base.equal` write with others.
+    /// The parameters that `base.zero` and `base.equal` write as combinations of others.
     pub known: Vec<Known>,
-    /// Dimension of the null space that trees account for, over all columns.
+    /// Dimension of the part of the null space that layers 1 and 2 derive, over all columns.
     pub from_trees: usize,
-    /// How many spanning trees were opened.
+    /// How many spanning trees were analysed.
     pub trees: usize,
-    /// How many null directions beyond those of trees were completed from
-    /// samples.
+    /// How many further null directions were completed from samples.
     pub completed: usize,
-    /// How many directions are not null at sampled states: 0, or the base is wrong.
+    /// How many directions fail to be null at the sampled states: 0, unless the base is wrong.
     pub refuted: usize,
-    /// Factors of completed directions that are numbers only, and why.
+    /// Factors of completed directions that are known as numbers only, each with the reason.
     pub unrecognised: Vec<String>,
-    /// Names whose values completed factors hold for, since these could not be
-    /// varied, and why.
+    /// Names that could not be varied, so that the completed factors hold for their given values
+    /// only, each with the reason.
     pub held: Vec<String>,
-    /// Equalities of values that the result rests on, beyond the names.
+    /// Equalities between values of different names that the result depends on, such as `l1 = l2`.
     pub coincidences: Vec<String>,
 }
 
-/// Of how many parameters base parameters are derived. The certificate of a chain of a hundred
-/// general joints, 1000 parameters, takes about a minute, its memory and time grow with the square
-/// and the cube, and nobody has identified anything of that size.
+/// The largest number of parameters for which base parameters are derived. The certificate of a
+/// chain of a hundred general joints, 1000 parameters, takes about a minute, its memory and time
+/// grow with the square and the cube, and nobody has identified anything of that size.
 pub const MOST_PARAMETERS: usize = 1500;
 
-/// Whether a mechanism's base parameters are derived at all.
+/// Whether the mechanism has few enough parameters ([`MOST_PARAMETERS`]) to derive its base
+/// parameters.
 pub fn is_within_reach(model: &Model) -> bool {
     model.parameters.len() <= MOST_PARAMETERS
 }
 
-/// The base parameters from layers 1 and 2. With a `target`, the dimension of
-/// the null space over all columns, the search ends when it is reached.
+/// Derives the base parameters by layers 1 and 2 alone. The search over spanning trees ends early
+/// when the null space over all columns has `target` dimensions.
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
     derive_all(spec, model, target, None)
 }
 
-/// The base parameters from all layers: what trees leave open is completed from
-/// samples, where there are some.
+/// Derives the base parameters by all layers: null directions that layers 1 and 2 do not find are
+/// completed from `sampled`, where it is given.
 fn derive_all(
     spec: &Spec,
     model: &Model,
@@ -166,22 +165,22 @@ fn derive_all(
     let sum = trees::sum(&mut field, &linkage, start, target);
     let mut null: Vec<Vector> = sum.span.vectors().cloned().collect();
     let from_trees = null.len();
-    let asked: Vec<usize> = spec
+    let requested: Vec<usize> = spec
         .base
         .eliminate
         .iter()
         .filter_map(|label| column(model, &label.value))
         .collect();
-    let order = kept_columns::preference(model, &asked);
+    let order = kept_columns::preference(model, &requested);
     let columns = model.parameters.len();
     let mut unrecognised = Vec::new();
     let mut held = Vec::new();
     let mut exactness = Vec::new();
     if let Some(sampled) = sampled {
-        let found = sampled.complete(&mut field, spec, model, &null, &order, asked.len());
+        let found = sampled.complete(&mut field, spec, model, &null, &order, requested.len());
         unrecognised = found.unrecognised;
         held = found.held;
-        // an entry beyond the columns tells on what a row rests
+        // an entry 1 behind the parameters' columns marks every row that uses this direction
         for (k, (mut direction, how)) in found.directions.into_iter().enumerate() {
             exactness.push(how);
             direction.insert(columns + k, Element::one());
@@ -192,24 +191,24 @@ fn derive_all(
     let refuted = sampled.map_or(0, |sampled| sampled.refuted(&null));
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
-    let reduced = kept_columns::reduce(&mut field, &restricted, &order, asked.len());
-    let rests = |row: &Vector| -> (Layer, Exactness) {
+    let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
+    let provenance = |row: &Vector| -> (Layer, Exactness) {
         let completed = row.range(columns..);
         let of = completed.filter_map(|(k, _)| exactness.get(k - columns));
         of.max().map_or((Layer::Derived, Exactness::Symbolic), |e| {
             (Layer::Completed, *e)
         })
     };
-    let gone: Vec<usize> = known.iter().map(|k| k.column).collect();
+    let replaced: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
-        .filter(|c| !reduced.rows.contains_key(c) && !gone.contains(c))
+        .filter(|c| !reduced.rows.contains_key(c) && !replaced.contains(c))
         .map(|c| {
             let (mut layer, mut exactness) = (Layer::Derived, Exactness::Symbolic);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
-                // forces do not change along the row: what is eliminated comes
-                // back with the opposite sign
+                // forces do not change along the row, so the eliminated parameter enters with the
+                // opposite sign
                 let factor = row.get(&c)?.neg();
-                if let (Layer::Completed, how) = rests(row) {
+                if let (Layer::Completed, how) = provenance(row) {
                     layer = Layer::Completed;
                     exactness = exactness.max(how);
                 }
@@ -233,7 +232,7 @@ fn derive_all(
         .collect();
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
-        let (layer, exactness) = rests(row);
+        let (layer, exactness) = provenance(row);
         Direction {
             column: *column,
             terms: entries.map(|(c, e)| term(&field, *c, e)).collect(),
@@ -274,7 +273,7 @@ fn term(field: &Field, column: usize, element: &Element) -> Term {
 }
 
 impl Base {
-    /// The number of base parameters, dropped ones left out.
+    /// The number of base parameters without the dropped ones.
     pub fn rank(&self) -> usize {
         self.parameters.iter().filter(|p| !p.dropped).count()
     }

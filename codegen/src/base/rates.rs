@@ -1,12 +1,12 @@
-//! Null directions of friction alone: where coordinates' rates are tied by
-//! constant factors all the time, their friction is not independent.
+//! Null directions of friction alone: friction parameters of coordinates whose rates are always
+//! proportional or linearly dependent are themselves dependent.
 //!
-//! Such ties are couplings, and loops whose turning axes are all parallel: the
-//! turns around the loop add up to nothing, unless the cut turns too. By
-//! homogeneity (see `BASE.md`, friction) each kind of friction is tied by itself:
-//! offsets o (half of Fc+ less Fc-) by any tie, since their power is linear in
-//! the rates; v, c and e, whose powers are v qd^2, c |qd|, e |qd| qd, only by
-//! ties of two coordinates, or of one, which then does not move at all.
+//! Such velocity constraints come from couplings, and from loops whose revolute axes are all
+//! parallel: the rotations around the loop sum to zero, unless the cut joint rotates too. By
+//! homogeneity (see `BASE.md`, friction) each kind of friction is constrained by itself: offsets o
+//! (half of Fc+ minus Fc-) by any constraint, since their power is linear in the rates; v, c and e,
+//! whose powers are v qd^2, c |qd|, e |qd| qd, only by constraints between two coordinates, or on
+//! one, which then does not move at all.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
 use crate::spec::Spec;
@@ -19,7 +19,7 @@ use super::linkage::{Linkage, Stage};
 use super::span::{Vector, add_scaled};
 use super::trees::path;
 
-/// The directions that ties of rates give.
+/// The null directions of friction that follow from velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
@@ -27,9 +27,9 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     let n = model.coordinates.len();
     let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
-    for tie in within(field, &velocity_constraints, &with_offset) {
+    for constraint in constraints_among(field, &velocity_constraints, &with_offset) {
         let mut direction = Vector::new();
-        for (coordinate, factor) in &tie {
+        for (coordinate, factor) in &constraint {
             if let Some(offset) = &offsets[*coordinate] {
                 add_scaled(field, &mut direction, factor, offset);
             }
@@ -39,27 +39,27 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     for a in 0..n {
         for b in a..n {
             let both = if a == b { vec![a] } else { vec![a, b] };
-            for tie in within(field, &velocity_constraints, &both) {
-                // a coordinate that stands still is met on its own
-                if tie.len() < both.len() {
+            for constraint in constraints_among(field, &velocity_constraints, &both) {
+                // a coordinate that cannot move is handled by itself
+                if constraint.len() < both.len() {
                     continue;
                 }
-                directions.extend(pair_directions(field, model, &tie));
+                directions.extend(pair_directions(field, model, &constraint));
             }
         }
     }
     directions
 }
 
-/// Ties of rates that hold by construction: coordinates with factors whose sum of
-/// rates is 0 all the time.
+/// The velocity constraints that hold by construction: each is a list of coordinates with factors,
+/// and the sum of factors times rates is 0 at all times.
 pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<Form> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
     all_velocity_constraints(&mut field, &linkage, model)
 }
 
-/// Ties by couplings and by the turns around planar loops.
+/// The velocity constraints of couplings and of planar loops.
 pub(super) fn all_velocity_constraints(
     field: &mut Field,
     linkage: &Linkage,
@@ -67,21 +67,25 @@ pub(super) fn all_velocity_constraints(
 ) -> Vec<Form> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
-    velocity_constraints.iter().map(plain).collect()
+    velocity_constraints.iter().map(to_form).collect()
 }
 
-/// Ties by couplings alone.
+/// The velocity constraints of couplings alone.
 pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<Form> {
-    couplings(model).iter().map(plain).collect()
+    couplings(model).iter().map(to_form).collect()
 }
 
-fn plain(tie: &Vector) -> Form {
-    tie.iter().map(|(c, e)| (*c, e.value().clone())).collect()
+fn to_form(constraint: &Vector) -> Form {
+    constraint
+        .iter()
+        .map(|(c, e)| (*c, e.value().clone()))
+        .collect()
 }
 
-/// v, c and e of two tied coordinates, or of one that stands still.
-fn pair_directions(field: &mut Field, model: &Model, tie: &Vector) -> Vec<Vector> {
-    let mut entries = tie.iter();
+/// Null directions of v, c and e for two coordinates with proportional rates, or for one that
+/// cannot move.
+fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec<Vector> {
+    let mut entries = constraint.iter();
     let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
         return Vec::new();
     };
@@ -122,7 +126,7 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
     ]))
 }
 
-/// The direction in which only o grows.
+/// The direction in which only the offset o grows.
 fn offset(model: &Model, c: usize) -> Option<Vector> {
     pair(
         column(model, c, FrictionColumn::CoulombPositive),
@@ -131,7 +135,7 @@ fn offset(model: &Model, c: usize) -> Option<Vector> {
     )
 }
 
-/// The direction in which only c grows.
+/// The direction in which only the Coulomb friction c grows.
 fn coulomb(model: &Model, c: usize) -> Option<Vector> {
     match column(model, c, FrictionColumn::Coulomb) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
@@ -143,7 +147,7 @@ fn coulomb(model: &Model, c: usize) -> Option<Vector> {
     }
 }
 
-/// The direction in which only v grows.
+/// The direction in which only the viscous friction v grows.
 fn viscous(model: &Model, c: usize) -> Option<Vector> {
     match column(model, c, FrictionColumn::Viscous) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
@@ -155,7 +159,7 @@ fn viscous(model: &Model, c: usize) -> Option<Vector> {
     }
 }
 
-/// The direction in which only e grows.
+/// The direction in which only the viscous difference e grows.
 fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
     pair(
         column(model, c, FrictionColumn::ViscousPositive),
@@ -164,8 +168,8 @@ fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
     )
 }
 
-/// The combinations of ties that speak of these coordinates only.
-fn within(
+/// A basis of the combinations of constraints that contain no other than the given coordinates.
+fn constraints_among(
     field: &mut Field,
     velocity_constraints: &[Vector],
     coordinates: &[usize],
@@ -187,7 +191,7 @@ fn within(
             }
         }
     }
-    // what is left may still hold one tie twice
+    // the remaining rows may be linearly dependent
     let mut span = super::span::Span::default();
     for row in &rows {
         span.insert(field, row);
@@ -196,17 +200,17 @@ fn within(
 }
 
 fn couplings(model: &Model) -> Vec<Vector> {
-    let tie = |coupling: &crate::model::Coupling| -> Vector {
-        let mut tie = Vector::from([(coupling.key, Element::one())]);
+    let constraint = |coupling: &crate::model::Coupling| -> Vector {
+        let mut constraint = Vector::from([(coupling.key, Element::one())]);
         for (coordinate, factor) in &coupling.terms {
-            tie.insert(*coordinate, Element::exact(factor.neg()));
+            constraint.insert(*coordinate, Element::exact(factor.neg()));
         }
-        tie
+        constraint
     };
-    model.couplings.iter().map(tie).collect()
+    model.couplings.iter().map(constraint).collect()
 }
 
-/// Loops in which everything turns about one direction.
+/// The velocity constraints of loops in which all rotations are about one direction.
 fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     let tree = (0..linkage.edges.len())
         .filter(|e| linkage.edges[*e].in_spec_tree)
@@ -214,7 +218,7 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     let cuts = linkage.edges.iter().filter(|e| !e.in_spec_tree);
     let mut velocity_constraints = Vec::new();
     for cut in cuts {
-        // from one side of the cut back through it to the other
+        // from one side of the cut along the tree to the other side, and back through the cut
         let (from, to) = cut.ends;
         let mut edges = path(linkage, &tree, from, to);
         edges.reverse();
@@ -231,25 +235,25 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
         }
         let stages = cut.stages_from(field, to);
         planar &= walk.follow(field, &stages, false);
-        if planar && !walk.free && !walk.tie.is_empty() {
-            velocity_constraints.push(walk.tie);
+        if planar && !walk.free && !walk.constraint.is_empty() {
+            velocity_constraints.push(walk.constraint);
         }
     }
     velocity_constraints
 }
 
-/// Turns met on the way around a loop.
+/// The rotations met on the way around a loop.
 #[derive(Default)]
 struct Turning {
-    /// The common direction, in the frame reached.
+    /// The common direction of the rotations, in the current frame.
     axis: Option<[Element; 3]>,
-    tie: Vector,
-    /// Whether a joint without coordinate turns about it too.
+    constraint: Vector,
+    /// Whether a joint without a coordinate rotates about this direction too.
     free: bool,
 }
 
 impl Turning {
-    /// Whether all turns are about the common direction.
+    /// Follows a connection; false if it has a rotation about another direction.
     fn follow(&mut self, field: &mut Field, stages: &[Stage], outward: bool) -> bool {
         for stage in stages {
             match stage {
@@ -284,7 +288,7 @@ impl Turning {
                     } else {
                         Number::one()
                     };
-                    self.tie.insert(*coordinate, Element::exact(sign));
+                    self.constraint.insert(*coordinate, Element::exact(sign));
                 }
                 Stage::Moving { .. } => {}
             }
@@ -310,8 +314,8 @@ mod tests {
         (analysis.complete, written.collect())
     }
 
-    /// The turns around the loop add up to nothing, so what the three offsets
-    /// have in common cannot be told apart.
+    /// The rotations around the loop sum to zero, so a common part of the three offsets cannot be
+    /// identified.
     #[test]
     fn a_slider_crank_cut_at_its_slider_has_one_coulomb_offset_less() {
         let (complete, base) = combinations(
@@ -338,7 +342,7 @@ home: {q1: 0.7, q2: -0.944, q3: 0.244}
         );
     }
 
-    /// q2 = -2 q1: friction at one is seen at the other.
+    /// q2 = -2 q1: friction of q1 and q2 acts only in combination.
     #[test]
     fn friction_of_coupled_joints_is_told_apart_by_the_ratio_only() {
         let (_, base) = combinations(

@@ -1,13 +1,13 @@
-//! Linear spans over the field: sparse vectors in echelon form.
+//! Linear spans over the field, as sparse vectors in echelon form.
 
 use std::collections::BTreeMap;
 
 use super::field::{Element, Field};
 
-/// A sparse vector: no zero entries.
+/// A sparse vector: entries by index, none of them zero.
 pub(super) type Vector = BTreeMap<usize, Element>;
 
-/// Adds `factor * from` to a vector.
+/// Adds `factor * from` to the vector `to`.
 pub(super) fn add_scaled(field: &mut Field, to: &mut Vector, factor: &Element, from: &Vector) {
     for (index, entry) in from {
         let product = field.mul(factor, entry);
@@ -41,7 +41,7 @@ pub(super) fn dot(field: &mut Field, a: &Vector, b: &Vector) -> Element {
     sum
 }
 
-/// A span: each row has a leading entry 1 at a place where no other row has one.
+/// A linear span: each basis row has a leading entry 1 at an index where no other row has an entry.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Span {
     rows: Vec<(usize, Vector)>,
@@ -56,7 +56,7 @@ impl Span {
         self.rows.iter().map(|r| &r.1)
     }
 
-    /// Adds a vector; whether it was new.
+    /// Adds a vector to the span; false if the span contained it already.
     pub(super) fn insert(&mut self, field: &mut Field, vector: &Vector) -> bool {
         let mut rest = vector.clone();
         for (lead, row) in &self.rows {
@@ -64,7 +64,7 @@ impl Span {
                 add_scaled(field, &mut rest, &factor, row);
             }
         }
-        // the entry with the shortest expression leads
+        // the entry with the shortest expression becomes the leading one
         let Some(lead) = rest
             .iter()
             .min_by_key(|(i, e)| (e.weight(), **i))
@@ -86,7 +86,7 @@ impl Span {
         true
     }
 
-    /// A basis of what is orthogonal to every vector, in `width` entries.
+    /// A basis of the vectors with `width` entries that are orthogonal to the whole span.
     pub(super) fn annihilator(&self, width: usize) -> Vec<Vector> {
         let leads: Vec<usize> = self.rows.iter().map(|r| r.0).collect();
         (0..width)

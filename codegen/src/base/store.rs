@@ -1,8 +1,8 @@
-//! Base parameters kept beside the spec. Where deriving them would take long in
-//! an unoptimised build, as macros are, they are written once, with a digest of
-//! the spec that they belong to.
+//! Base parameters stored in a file next to the spec. If deriving them would take long in an
+//! unoptimised build, in which macros run, they are written once, with a digest of the spec that
+//! they belong to.
 //!
-//! The format is one line per thing, the first word says what:
+//! The format is line-based; the first word of a line says what the line contains:
 //!
 //! ```text
 //! regen-base 0.1.0                    the version that wrote it
@@ -12,12 +12,12 @@
 //! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! held a, b in proportion only: ...   names that were not varied, and why
-//! equal l1 = l2                       coincidences
-//! base 23 kept derived                a base parameter: column, kept or dropped, rests on
-//! term 23 1                           column and factor, of the line above
-//! null 19 completed                   a direction: the eliminated column, rests on
-//! known 12                            a parameter written with others
-//! end                                 nothing is cut off
+//! equal l1 = l2                       a coincidence of values
+//! base 23 kept derived                a base parameter: column, kept or dropped, how obtained
+//! term 23 1                           column and factor, for the line above
+//! null 19 completed                   a null direction: eliminated column, how obtained
+//! known 12                            a parameter written as a combination of others
+//! end                                 the file is complete
 //! ```
 
 use std::fmt::Write as _;
@@ -31,18 +31,18 @@ use crate::spec::Spec;
 use super::certificate::Certificate;
 use super::{Analysis, Base, BaseParameter, Coefficient, Direction, Exactness, Known, Layer, Term};
 
-/// With the version: another one may choose other columns.
+/// The first line. It contains the version, since another version may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
-/// A file without it is cut off.
+/// The last line; a file without it is incomplete.
 const END: &str = "end";
 
 /// Why stored base parameters cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StoreProblem {
-    /// They belong to another version of the spec.
+    /// The file was written for another version of the spec.
     OutOfDate,
-    /// They are not what `regen` writes.
+    /// The file is not in the format that `regen` writes.
     Malformed,
 }
 
@@ -65,24 +65,24 @@ fn digest(source: &Source) -> String {
     text
 }
 
-/// How long the base takes in an unoptimised build, in rough units: the rank
-/// grows with the cube of the columns, the trees with the loops besides.
-fn effort(model: &Model) -> usize {
+/// Rough cost of the derivation in an unoptimised build, without unit: the rank takes a time that
+/// grows with the cube of the number of columns, the trees add a factor that grows with the loops.
+fn debug_cost(model: &Model) -> usize {
     let columns = model.parameters.len();
     columns
         .saturating_pow(3)
         .saturating_mul(1 + model.cuts.len())
 }
 
-/// Whether deriving the base would take over about a second in an unoptimised
-/// build, so that it should be stored.
+/// Whether deriving the base would take more than about a second in an unoptimised build, so that
+/// it should be stored.
 pub fn is_slow_in_debug(model: &Model) -> bool {
     // 70 columns and two cuts, 1.0 million, take a third of a second
-    effort(model) > 3_000_000
+    debug_cost(model) > 3_000_000
 }
 
-/// What combinations may rest on, in the file's words.
-const RESTS: [(&str, Layer, Exactness); 4] = [
+/// The file's words for how a combination was obtained and how well its factors are known.
+const PROVENANCE_WORDS: [(&str, Layer, Exactness); 4] = [
     ("derived", Layer::Derived, Exactness::Symbolic),
     ("completed", Layer::Completed, Exactness::Symbolic),
     (
@@ -93,18 +93,18 @@ const RESTS: [(&str, Layer, Exactness); 4] = [
     ("completed-digits", Layer::Completed, Exactness::Numeric),
 ];
 
-fn rests(layer: Layer, exactness: Exactness) -> &'static str {
-    let mut all = RESTS.iter();
+fn provenance_word(layer: Layer, exactness: Exactness) -> &'static str {
+    let mut all = PROVENANCE_WORDS.iter();
     let found = all.find(|(_, l, e)| (*l, *e) == (layer, exactness));
-    found.map_or(RESTS[0].0, |(word, ..)| *word)
+    found.map_or(PROVENANCE_WORDS[0].0, |(word, ..)| *word)
 }
 
-fn rests_on(word: &str) -> Option<(Layer, Exactness)> {
-    let found = RESTS.iter().find(|(w, ..)| *w == word)?;
+fn parse_provenance(word: &str) -> Option<(Layer, Exactness)> {
+    let found = PROVENANCE_WORDS.iter().find(|(w, ..)| *w == word)?;
     Some((found.1, found.2))
 }
 
-/// The text that keeps an analysis.
+/// The text of an analysis for the file.
 pub fn store(source: &Source, analysis: &Analysis) -> String {
     let Analysis {
         base,
@@ -148,12 +148,12 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     };
     for parameter in &base.parameters {
         let kept = if parameter.dropped { "dropped" } else { "kept" };
-        let layer = rests(parameter.layer, parameter.exactness);
+        let layer = provenance_word(parameter.layer, parameter.exactness);
         let _ = writeln!(out, "base {} {kept} {layer}", parameter.column);
         terms(&mut out, &parameter.terms);
     }
     for row in &base.null {
-        let layer = rests(row.layer, row.exactness);
+        let layer = provenance_word(row.layer, row.exactness);
         let _ = writeln!(out, "null {} {layer}", row.column);
         terms(&mut out, &row.terms);
     }
@@ -165,10 +165,10 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     out
 }
 
-/// The analysis from its text.
+/// Reads an analysis from the text of its file.
 ///
 /// # Errors
-/// Where the text belongs to another version of the spec, or is malformed.
+/// If the text belongs to another version of the spec, or is malformed.
 pub fn restore(
     text: &str,
     source: &Source,
@@ -205,7 +205,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
         complete: false,
     };
     let base = &mut analysis.base;
-    // where terms go: 0 base, 1 null, 2 known
+    // the list to which `term` lines belong: 0 base, 1 null, 2 known
     let mut open = None;
     for line in lines {
         let (word, rest) = line.split_once(' ')?;
@@ -235,7 +235,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             "held" => base.held.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
-                let (layer, exactness) = rests_on(parts.get(2)?)?;
+                let (layer, exactness) = parse_provenance(parts.get(2)?)?;
                 base.parameters.push(BaseParameter {
                     column: column()?,
                     terms: Vec::new(),
@@ -246,7 +246,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 open = Some(0);
             }
             "null" => {
-                let (layer, exactness) = rests_on(parts.get(1)?)?;
+                let (layer, exactness) = parse_provenance(parts.get(1)?)?;
                 base.null.push(Direction {
                     column: column()?,
                     terms: Vec::new(),

@@ -1,10 +1,9 @@
-//! Layer 1: the null directions of a tree, by a recursion over spans.
+//! Layer 1: the null directions of a tree, by a recursion over spans from the ground outwards.
 //!
-//! Each body has two spans: L, the twists it can have (with gravity's), and A,
-//! the values that the kinetic energy's coefficients h and gravity's power can
-//! take on it. A joint with the unit twist S adds the generators h(S, S) and
-//! h(w, S) for w in L. The parameters of a body on which all of that vanishes
-//! can be moved to its parent without any effect.
+//! Each body has two spans: L, of the twists it can have (with gravity's), and A, of the values
+//! that the kinetic energy's coefficients h and gravity's power can take on it. A joint with the
+//! unit twist S adds the generators h(S, S) and h(w, S) for w in L. Parameters of a body that are
+//! orthogonal to all of these can be moved to its parent without any effect.
 
 use crate::model::MotionKind;
 
@@ -12,10 +11,10 @@ use super::field::{Element, Field};
 use super::linkage::{Linkage, Stage};
 use super::span::{Span, Vector, add_scaled, dot, sparse};
 
-/// Entries of a twist: w, v, and the weight of gravity's own twist.
-const WEIGHT: usize = 6;
+/// Index of the weight of gravity's own twist, behind the six entries w, v of a twist.
+const GRAVITY_WEIGHT: usize = 6;
 
-/// What a body of the tree passes on.
+/// The spans L (`twists`) and A (`values`) of a body of the tree.
 #[derive(Clone, Debug, Default)]
 struct Reach {
     twists: Span,
@@ -28,7 +27,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, tree: &[usiz
     let mut ground = Reach::default();
     let mut gravity: Vector =
         sparse(std::iter::repeat_n(Element::zero(), 3).chain(linkage.gravity.iter().cloned()));
-    gravity.insert(WEIGHT, Element::one());
+    gravity.insert(GRAVITY_WEIGHT, Element::one());
     ground.twists.insert(field, &gravity);
     reach[0] = Some(ground);
     let mut directions = Vec::new();
@@ -56,15 +55,15 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, tree: &[usiz
     directions
 }
 
-/// A direction that passes a joint: parameters of the child, their image on the
-/// parent, and the joint's own columns.
-struct Passing {
+/// A null direction at a joint: parameters of the child, their image on the parent (to be
+/// subtracted), and entries of the joint's own columns.
+struct JointDirection {
     child: Vector,
     image: Vector,
     own: Vec<(usize, Element)>,
 }
 
-impl Passing {
+impl JointDirection {
     fn placed(self, field: &mut Field, parent: usize, child: usize) -> Vector {
         let mut vector = Vector::new();
         let minus = Element::integer(-1);
@@ -89,20 +88,20 @@ impl Passing {
     }
 }
 
-/// Columns of a joint's own parameters behind the ten of the body.
-enum Own {
+/// The joint's own columns, which follow the ten entries of the body: a rotor, or Fc+ and Fc-.
+enum JointColumn {
     Rotor(usize),
     Offset(usize, usize),
 }
 
-/// Carries a body's reach over a joint, and finds the directions that pass it.
-fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passing>) {
+/// Carries a body's spans over a joint, and finds the null directions at the joint.
+fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointDirection>) {
     let mut reach = start;
-    // functionals that a direction must be orthogonal to, in the frame reached:
-    // ten entries, then one per own column
+    // the functionals to which a direction must be orthogonal, in the current frame: ten entries of
+    // the body, then one per joint column
     let mut functionals: Vec<Vector> = Vec::new();
-    let mut own: Vec<Own> = Vec::new();
-    // from the frame reached back to the parent, column by column
+    let mut own: Vec<JointColumn> = Vec::new();
+    // the transformation of parameters from the current frame to the parent's, column by column
     let mut back: Vec<Vector> = (0..10)
         .map(|i| Vector::from([(i, Element::one())]))
         .collect();
@@ -118,18 +117,18 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
                 for twist in reach.twists.vectors() {
                     let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
                     let (w, v) = placed.twist_into(field, &[e(0), e(1), e(2)], &[e(3), e(4), e(5)]);
-                    let moved = sparse(w.into_iter().chain(v).chain([e(WEIGHT)]));
+                    let moved = sparse(w.into_iter().chain(v).chain([e(GRAVITY_WEIGHT)]));
                     twists.insert(field, &moved);
                 }
                 let mut values = Span::default();
                 for value in reach.values.vectors() {
-                    let moved = seen_from_child(field, value, &columns);
+                    let moved = h_on_child(field, value, &columns);
                     values.insert(field, &moved);
                 }
                 reach = Reach { twists, values };
                 functionals = functionals
                     .iter()
-                    .map(|f| seen_from_child(field, f, &columns))
+                    .map(|f| h_on_child(field, f, &columns))
                     .collect();
                 back = columns
                     .iter()
@@ -153,11 +152,11 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
             } => {
                 let joint = Joint::new(field, *kind, *axis, lead.as_ref());
                 let rotor_at = rotor.map(|column| {
-                    own.push(Own::Rotor(column));
+                    own.push(JointColumn::Rotor(column));
                     9 + own.len()
                 });
                 let offset_at = coulomb.map(|(positive, negative)| {
-                    own.push(Own::Offset(positive, negative));
+                    own.push(JointColumn::Offset(positive, negative));
                     9 + own.len()
                 });
                 let (next, found) =
@@ -186,15 +185,15 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
             let mut columns = Vec::new();
             for (at, entry) in direction.range(10..) {
                 match own[at - 10] {
-                    Own::Rotor(column) => columns.push((column, entry.clone())),
+                    JointColumn::Rotor(column) => columns.push((column, entry.clone())),
                     // an offset is half the difference of Fc+ and Fc-
-                    Own::Offset(positive, negative) => {
+                    JointColumn::Offset(positive, negative) => {
                         columns.push((positive, entry.clone()));
                         columns.push((negative, entry.neg()));
                     }
                 }
             }
-            Passing {
+            JointDirection {
                 child,
                 image,
                 own: columns,
@@ -204,9 +203,9 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
     (reach, passing)
 }
 
-/// h on the child from h on the parent, where parameters go out by `columns`;
-/// entries behind the ten stay.
-fn seen_from_child(field: &mut Field, h: &Vector, columns: &[Vector]) -> Vector {
+/// Transforms h from the parent to the child, where `columns` transform parameters from child to
+/// parent; entries behind the ten stay unchanged.
+fn h_on_child(field: &mut Field, h: &Vector, columns: &[Vector]) -> Vector {
     let mut moved = Vector::new();
     for (i, column) in columns.iter().enumerate() {
         let entry = dot(field, column, h);
@@ -218,10 +217,10 @@ fn seen_from_child(field: &mut Field, h: &Vector, columns: &[Vector]) -> Vector 
     moved
 }
 
-/// A motion about or along a coordinate axis through the frame's origin.
+/// A motion about or along a coordinate axis through the frame's origin, or both in proportion.
 struct Joint {
     twist: [Element; 6],
-    /// The action of the motion on h, column by column.
+    /// The action D of the motion on h, column by column.
     action: Vec<Vector>,
 }
 
@@ -247,14 +246,15 @@ impl Joint {
         joint
     }
 
-    /// The action of the twist that has one entry, which is 1: h moves with the transposed of
-    /// how parameters move.
+    /// The action on h of the unit twist with a 1 at `entry`: the transpose of the action on the
+    /// parameters.
     fn action_on_h(entry: usize) -> Vec<Vector> {
         let [wx, wy, wz, vx, vy, vz] = std::array::from_fn(|k| i64::from(k == entry));
         let cross = [[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]];
         let v = [vx, vy, vz];
         let place = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-        // rate[i][j]: how fast parameter i of the parent grows with parameter j
+        // rate[i][j]: derivative of the parent's parameter i with respect to the child's parameter
+        // j
         let mut rate = [[0_i64; 10]; 10];
         #[expect(
             clippy::needless_range_loop,
@@ -296,7 +296,7 @@ impl Joint {
         result
     }
 
-    /// `ad_S` on a twist; gravity's weight does not move.
+    /// `ad_S` applied to a twist; the entry for gravity's weight becomes 0.
     fn ad(&self, field: &mut Field, twist: &Vector) -> Vector {
         let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
         let s = &self.twist;
@@ -312,7 +312,7 @@ impl Joint {
         sparse(turned.into_iter().chain(moved))
     }
 
-    /// h(w, S) in ten entries.
+    /// The ten entries of h(w, S) for a twist w.
     fn value(&self, field: &mut Field, twist: &Vector) -> Vector {
         let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
         let s = &self.twist;
@@ -344,10 +344,10 @@ impl Joint {
         sparse(self.twist.clone())
     }
 
-    /// The reach behind the joint, and the functionals that a direction must be
-    /// orthogonal to: in ten entries, and in those of the rotor (1 in the
-    /// generator h(S, S) alone) and of the friction's offset (against gravity, with
-    /// the other sign where the joint is passed backward).
+    /// The spans behind the joint, and the functionals to which a null direction at the joint must
+    /// be orthogonal. They have ten entries for the body, one for the rotor (1 in the generator
+    /// h(S, S) alone) and one for the friction's offset (in the generators with gravity, with the
+    /// opposite sign if the joint is passed backward).
     fn extend(
         &self,
         field: &mut Field,
@@ -357,7 +357,7 @@ impl Joint {
     ) -> (Reach, Vec<Vector>) {
         let mut twists = before.twists.clone();
         close(field, &mut twists, |f, t| self.ad(f, t));
-        // what is inherited counts only as far as the joint changes it
+        // inherited values count only as far as the joint changes them
         let mut changes = Span::default();
         for value in before.values.vectors() {
             let change = self.act(field, value);
@@ -383,7 +383,7 @@ impl Joint {
             let h = self.value(field, &twist);
             values.insert(field, &h);
             let mut generator = h;
-            if let (Some((at, backward)), Some(weight)) = (offset, twist.get(&WEIGHT)) {
+            if let (Some((at, backward)), Some(weight)) = (offset, twist.get(&GRAVITY_WEIGHT)) {
                 let weight = if backward {
                     weight.clone()
                 } else {
@@ -393,8 +393,8 @@ impl Joint {
             }
             functionals.push(generator);
         }
-        // the generators are closed under the action already: it takes
-        // h(w, S) to h(-ad w, S), and w's span is closed
+        // the generators are closed under the action already: it takes h(w, S) to h(-ad w, S), and
+        // the span of w is closed
         let unit = self.unit();
         twists.insert(field, &unit);
         (Reach { twists, values }, functionals)

@@ -1,6 +1,5 @@
-//! Layer 2: the sum of the null spaces of spanning trees. Each tree's null
-//! directions are null for the closed mechanism, since its motions are some of
-//! the tree's.
+//! Layer 2: the sum of the null spaces of spanning trees. The null directions of each tree are null
+//! for the closed mechanism too, since the mechanism's motions are among the tree's.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -9,19 +8,19 @@ use super::linkage::Linkage;
 use super::span::Span;
 use super::tree::null_directions;
 
-/// Trees beyond which the search ends, whatever it still finds.
-const MOST_TREES: usize = 400;
+/// The largest number of spanning trees that are analysed, even if the sum still grows.
+const MAX_TREES: usize = 400;
 
-/// The sum, and how it was reached.
+/// The sum of null spaces.
 #[derive(Debug)]
 pub(super) struct Sum {
     pub(super) span: Span,
-    /// How many trees were opened.
+    /// How many trees were analysed.
     pub(super) trees: usize,
 }
 
-/// Adds trees to what is there at the start, until the sum has `target` dimensions, or until no exchange of
-/// one joint of one loop, in any tree used, adds anything.
+/// Adds the null spaces of spanning trees to `start`, until the sum has `target` dimensions, or
+/// until no exchange of one joint of one loop, in any tree that added something, adds anything.
 pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Option<usize>) -> Sum {
     let first: BTreeSet<usize> = (0..linkage.edges.len())
         .filter(|e| linkage.edges[*e].in_spec_tree)
@@ -31,11 +30,11 @@ pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Opt
         trees: 0,
     };
     let mut seen = BTreeSet::from([first.clone()]);
-    // trees that added something: their neighbours are worth a look
+    // trees that added something: their neighbours are analysed too
     let mut used = VecDeque::new();
     result.add(field, linkage, &first);
     used.push_back(first);
-    let done = |r: &Sum| target.is_some_and(|t| r.span.dimension() >= t) || r.trees >= MOST_TREES;
+    let done = |r: &Sum| target.is_some_and(|t| r.span.dimension() >= t) || r.trees >= MAX_TREES;
     while let Some(tree) = used.pop_front() {
         for neighbour in neighbours(linkage, &tree) {
             if done(&result) {
@@ -61,8 +60,8 @@ impl Sum {
     }
 }
 
-/// The trees that differ in one joint: for every joint outside the tree, the
-/// joints of the loop that it closes.
+/// The trees that differ from `tree` in one joint: each joint outside the tree replaces, in turn,
+/// each joint of the loop that it closes.
 fn neighbours(linkage: &Linkage, tree: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
     let mut all = Vec::new();
     for outside in 0..linkage.edges.len() {
@@ -80,7 +79,7 @@ fn neighbours(linkage: &Linkage, tree: &BTreeSet<usize>) -> Vec<BTreeSet<usize>>
     all
 }
 
-/// The joints of a tree between two bodies.
+/// The joints of a tree on the path between two bodies, from the end `to` backwards.
 pub(super) fn path(
     linkage: &Linkage,
     tree: &BTreeSet<usize>,

@@ -1,5 +1,5 @@
-//! Specs by path, their base parameters from layers 1 and 2, and texts evaluated
-//! in the spec's grammar.
+//! Specs by path, their base parameters from layers 1 and 2, and evaluation of expressions in the
+//! spec's grammar.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses its part")]
 
 use std::path::PathBuf;
@@ -10,13 +10,13 @@ use regen_codegen::model::{self, Model};
 use regen_codegen::spec;
 use regen_codegen::sym::Number;
 
-/// A file below the workspace.
+/// The text of a file, by its path in the workspace.
 pub fn file(path: &str) -> String {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     std::fs::read_to_string(root.join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// All specs of a folder below the workspace, by name.
+/// The texts of all specs in a folder of the workspace, in the order of their names.
 pub fn specs(folder: &str) -> Vec<String> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut found: Vec<PathBuf> = std::fs::read_dir(root.join(folder))
@@ -32,8 +32,8 @@ pub fn specs(folder: &str) -> Vec<String> {
         .collect()
 }
 
-/// The base parameters of a spec from trees alone. With a `target`, the search
-/// for trees ends there.
+/// The base parameters of a spec from layers 1 and 2 alone. With a `target` for the dimension of
+/// the null space, the search for trees ends when it is reached.
 pub fn base_with(text: &str, target: Option<usize>) -> (Model, Base) {
     let spec = spec::parse(&Source::new("test.yaml", text)).unwrap_or_else(|e| panic!("{e}"));
     let model = model::build(&spec);
@@ -41,12 +41,12 @@ pub fn base_with(text: &str, target: Option<usize>) -> (Model, Base) {
     (model, base)
 }
 
-/// The base parameters of a spec from trees alone.
+/// The base parameters of a spec from layers 1 and 2 alone.
 pub fn base(text: &str) -> (Model, Base) {
     base_with(text, None)
 }
 
-/// A row of the table as a person writes it.
+/// A row of the table as a person would write it.
 pub fn row(model: &Model, base: &Base, at: usize) -> String {
     let mut text = String::new();
     for term in &base.parameters[at].terms {
@@ -69,8 +69,8 @@ pub fn row(model: &Model, base: &Base, at: usize) -> String {
     text
 }
 
-/// The values of expressions in the geometry names of a spec: read by the
-/// spec's own parser, as further names of that spec.
+/// The values of expressions in the geometry names of a spec. They are added to the spec as further
+/// names, so that its own parser evaluates them.
 pub fn evaluate(text: &str, expressions: &[String]) -> Vec<Number> {
     let names: Vec<(String, &String)> = (0..).map(|k| format!("x{k}_")).zip(expressions).collect();
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();

@@ -1,8 +1,8 @@
-//! Where the specs stand.
+//! The specs in the repository's folders.
 
 use std::path::{Path, PathBuf};
 
-/// The YAML files of a folder of the repository, by name.
+/// The YAML files of a folder of the repository, in the order of their names.
 pub(crate) fn files(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let entries = std::fs::read_dir(root.join(folder)).unwrap();

@@ -1,11 +1,11 @@
-//! Mutations of specs by bytes, lines, tokens and numbers, and what must hold of every error.
-//! Shared by the tests that feed them to the reader and to the whole derivation.
+//! Mutations of specs by bytes, lines, tokens and numbers, and checks of the resulting errors. Used
+//! by the tests of the reader and of the whole derivation.
 
 use proptest::prelude::*;
 use proptest::sample::Index;
 use regen_codegen::diag::Report;
 
-/// Pieces that matter to YAML or to expressions.
+/// Tokens with a meaning in YAML or in expressions.
 pub(crate) const TOKENS: &[&str] = &[
     "{", "}", "[", "]", ":", ": ", ",", "- ", "\n", "\n  ", "#", "'", "\"", "&x ", "*x", "<<: ",
     "!!int ", "---\n", "|", ">", "? ", "\t", "\r\n", "%", "@", "`", "\u{feff}", "é", "−", "0",
@@ -13,13 +13,13 @@ pub(crate) const TOKENS: &[&str] = &[
     "~", "true", "name", "type", "body", "01", "..", ".inf", "\\", "\u{0}", "\u{2028}",
 ];
 
-/// Values that are special somewhere.
+/// Values that are special for some quantity.
 const NUMBERS: &[&str] = &[
     "0", "1", "-1", "2", "0.1", "-0.3", "1e-9", "1e9", "1e-300", "1e300", "1/3", "sqrt(2)", "pi/2",
     "-pi/2", "pi", "2*pi", "1/7*pi",
 ];
 
-/// Words that stand for each other.
+/// Kinds that can replace each other in a spec.
 const KINDS: &[&str] = &[
     "revolute",
     "prismatic",
@@ -43,7 +43,7 @@ pub(crate) enum Mutation {
     Kind(Index, usize),
 }
 
-/// Any mutation; most leave no valid spec.
+/// Any mutation; most of them make the spec invalid.
 pub(crate) fn mutation() -> impl Strategy<Value = Mutation> {
     prop_oneof![
         (any::<Index>(), 0..TOKENS.len()).prop_map(|(at, token)| Mutation::Insert(at, token)),
@@ -57,7 +57,7 @@ pub(crate) fn mutation() -> impl Strategy<Value = Mutation> {
     ]
 }
 
-/// A mutation that leaves the grammar alone: other numbers, other kinds.
+/// A mutation that keeps the grammar: other numbers, other kinds.
 pub(crate) fn change() -> impl Strategy<Value = Mutation> {
     prop_oneof![
         3 => (any::<Index>(), 0..NUMBERS.len())
@@ -66,7 +66,7 @@ pub(crate) fn change() -> impl Strategy<Value = Mutation> {
     ]
 }
 
-/// Another kind in the place of one of the text's.
+/// Replaces one of the kinds in the text by another.
 fn other_kind(text: &str, at: Index, kind: &str) -> String {
     let mut places: Vec<(usize, &str)> = KINDS
         .iter()
@@ -80,7 +80,7 @@ fn other_kind(text: &str, at: Index, kind: &str) -> String {
     format!("{}{kind}{}", &text[..start], &text[start + old.len()..])
 }
 
-/// Another number in the place of one of the text's.
+/// Replaces one of the numbers in the text by another.
 fn other_number(text: &str, at: Index, number: &str) -> String {
     let bytes = text.as_bytes();
     let digit = |i: usize| {
@@ -148,7 +148,8 @@ pub(crate) fn mutate(text: &str, mutation: &Mutation) -> String {
     characters.into_iter().collect()
 }
 
-/// Errors have places inside the text, a line each, and can be shown.
+/// Asserts that each error has a place inside the text and a message of one line, and can be
+/// printed.
 pub(crate) fn check_report(text: &str, report: &Report) {
     assert!(!report.diagnostics.is_empty());
     for shown in report.shown() {

@@ -1,17 +1,17 @@
-//! The functions over base parameters against those over all parameters.
+//! Comparison of the functions over base parameters with those over all parameters.
 
 use regen_codegen::base::Base;
 use regen_reference::{Random, State};
 use regen_runtime::{BaseModel, Model, SizeError};
 
 use crate::check::Identities;
-use crate::identities::{At, ROUNDING};
+use crate::identities::{CheckedState, ROUNDING_BOUND};
 use crate::vector::{fill, larger, product};
 
-/// Every set of parameters with the same base parameters has the same forces, which the functions
-/// over base parameters compute.
+/// Checks that parameters computed from random base parameters have the same forces as the
+/// functions over base parameters give.
 pub(crate) fn check(
-    at: &At<'_>,
+    at: &CheckedState<'_>,
     base: &Base,
     all: &mut Identities,
     random: &mut Random,
@@ -25,7 +25,7 @@ pub(crate) fn check(
     let phi = fill(info.parameters.len(), |out| {
         model.parameters_from_base(&beta, &free, out)
     })?;
-    // the sums cancel: lengths of a thousand millimetres stand in them squared
+    // the sums cancel: in a spec in millimetres they contain squares of lengths of about a thousand
     let terms = base.parameters.iter().flat_map(|p| &p.terms);
     let terms = terms.filter_map(|t| Some((t.value.to_f64() * phi.get(t.column)?).abs()));
     let scale = terms.fold(1.0, larger);
@@ -35,10 +35,10 @@ pub(crate) fn check(
         "to_base(parameters_from_base) = beta",
         [&again, &beta],
         scale,
-        ROUNDING,
+        ROUNDING_BOUND,
     );
     let mut compare = |statement, a: &[f64], b: &[f64]| {
-        at.compare(all, statement, [a, b], 1.0, ROUNDING);
+        at.compare(all, statement, [a, b], 1.0, ROUNDING_BOUND);
     };
 
     let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;

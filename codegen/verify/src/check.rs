@@ -1,18 +1,19 @@
-//! A check: what must hold, by how much it is missed at worst, what may be missed, and where.
+//! A check: a statement that must hold, its largest error, the bound of the error, and the state
+//! where the error is largest.
 
-/// What a check states.
+/// The statement that a check tests, with its names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct What {
-    /// As a statement, such as `A qd = 0`.
+    /// The statement, such as `A qd = 0`.
     pub statement: &'static str,
-    /// A word for files.
+    /// The name of the check in files.
     pub key: &'static str,
-    /// A word over a column.
+    /// The short name of the check as the heading of a column.
     pub heading: &'static str,
 }
 
 impl What {
-    /// A statement that is its own key and heading.
+    /// A statement that serves as key and heading too.
     pub const fn identity(statement: &'static str) -> Self {
         Self {
             statement,
@@ -22,38 +23,39 @@ impl What {
     }
 }
 
-/// What came of a check.
+/// Result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The figure is within its bound.
+    /// The error is within its bound.
     Holds,
-    /// The figure is beyond its bound, or one of them is no finite number.
+    /// The error exceeds its bound, or one of the two is not finite.
     Fails,
-    /// There is nothing to check, as the note says.
+    /// The check does not apply; the note gives the reason.
     Absent,
-    /// Double precision cannot decide.
+    /// The check is undecided, since double precision is not accurate enough.
     Open,
 }
 
-/// A check with its worst figure and its bound.
+/// The result of a check with its largest error and the bound.
 #[derive(Clone, Debug)]
 pub struct Check {
-    /// What must hold.
+    /// The statement that must hold.
     pub what: What,
-    /// What came of it.
+    /// The result.
     pub verdict: Verdict,
-    /// By how much it is missed at worst; NaN where nothing could be computed.
+    /// The largest error; NaN if nothing could be computed.
     pub worst: f64,
-    /// By how much it may be missed.
+    /// The bound of the error.
     pub bound: f64,
-    /// The state with the worst figure, counted from 0; `None` for what is not about states.
+    /// The state with the largest error, counted from 0; `None` for checks that do not depend on a
+    /// state.
     pub place: Option<usize>,
-    /// Why there is no figure, or a word that goes with it.
+    /// The reason why the check does not apply, or additional information.
     pub note: String,
 }
 
 impl Check {
-    /// A check that has nothing to look at, and why.
+    /// A check that does not apply, with the reason.
     pub fn absent(what: What, why: &str) -> Self {
         Self {
             verdict: Verdict::Absent,
@@ -62,7 +64,7 @@ impl Check {
         }
     }
 
-    /// A figure beside its bound.
+    /// A check that holds if `worst` is within `bound`.
     pub fn of(what: What, worst: f64, bound: f64) -> Self {
         Self {
             what,
@@ -78,12 +80,12 @@ impl Check {
         }
     }
 
-    /// A statement that is true or not.
+    /// A check of a statement that is either true or false.
     pub fn truth(what: What, holds: bool) -> Self {
         Self::of(what, f64::from(u8::from(!holds)), 0.0)
     }
 
-    /// The same with a note.
+    /// The check with a note.
     #[must_use]
     pub fn with(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
@@ -96,7 +98,7 @@ impl Check {
     }
 }
 
-/// NaN is within no bound, and an infinite bound says nothing.
+/// Whether an error is within its bound; false for NaN and for an infinite bound.
 fn within(figure: f64, bound: f64) -> bool {
     figure <= bound && bound.is_finite()
 }
@@ -104,11 +106,11 @@ fn within(figure: f64, bound: f64) -> bool {
 /// The checks of one robot.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The robot's name.
+    /// The name of the robot.
     pub robot: String,
-    /// Random closed states that the checks looked at.
+    /// Number of random closed states at which the checks were made.
     pub states: usize,
-    /// In the order in which they were made.
+    /// The checks, in the order in which they were made.
     pub checks: Vec<Check>,
 }
 
@@ -122,8 +124,8 @@ impl Report {
     }
 }
 
-/// The worst of many comparisons of one check: each figure is held against its own bound; the
-/// largest figure and the largest bound are reported.
+/// Collects many comparisons for one check: each error is compared with its own bound; the largest
+/// error and the largest bound are reported.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Worst {
     figure: f64,
@@ -134,7 +136,7 @@ pub(crate) struct Worst {
 }
 
 impl Worst {
-    /// One comparison at a state, figure and bound relative to the same size.
+    /// Adds a comparison at a state; error and bound are relative to the same magnitude.
     pub(crate) fn note(&mut self, place: usize, figure: f64, bound: f64) {
         if !self.compared || figure.is_nan() || figure > self.figure {
             self.figure = figure;
@@ -147,7 +149,7 @@ impl Worst {
         self.missed |= !within(figure, bound);
     }
 
-    /// The check; absent where nothing was compared.
+    /// The result as a check; `Absent` if nothing was compared.
     pub(crate) fn check(self, what: What) -> Check {
         if !self.compared {
             return Check::absent(what, "none");
@@ -161,14 +163,14 @@ impl Worst {
     }
 }
 
-/// The worst comparison of each identity, in the order in which identities first appear.
+/// The largest error of each identity, in the order in which identities first appear.
 #[derive(Default)]
 pub(crate) struct Identities {
     worst: Vec<(What, Worst)>,
 }
 
 impl Identities {
-    /// One comparison at a state.
+    /// Adds a comparison at a state.
     pub(crate) fn note(&mut self, place: usize, statement: &'static str, figure: f64, bound: f64) {
         let known = self
             .worst
@@ -213,7 +215,7 @@ mod tests {
         }
     }
 
-    /// A figure beyond its own bound fails beside a wider bound elsewhere.
+    /// An error beyond its own bound fails, even if the bound at another state is wider.
     #[test]
     fn each_figure_is_held_against_its_own_bound() {
         let mut worst = Worst::default();

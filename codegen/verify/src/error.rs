@@ -1,42 +1,42 @@
-//! Why a robot could not be checked.
+//! Errors that prevent a robot from being checked.
 
 use std::fmt;
 
 use regen_runtime::{ClosureError, Outcome, SizeError};
 
-/// Why a robot could not be checked.
+/// The reason why a robot could not be checked.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum VerifyError {
-    /// A robot's functions do not have the sizes that its own description states.
+    /// The sizes of a robot's functions contradict its description.
     Size(SizeError),
-    /// A robot that loop closure cannot work with.
+    /// Loop closure is not possible for the robot.
     LoopClosure(ClosureError),
     /// No closed state was found near home.
     NotClosed {
         /// The robot.
         robot: String,
-        /// How the last try ended.
+        /// The result of the last attempt.
         outcome: Outcome,
     },
     /// The robot was derived without base parameters.
     NoBase {
         /// The robot.
         robot: String,
-        /// How many dynamic parameters it has.
+        /// Number of dynamic parameters of the robot.
         parameters: usize,
     },
-    /// An observation matrix over so few states has fewer rows than columns.
+    /// An observation matrix over the given number of states has fewer rows than columns.
     TooFewStates {
         /// The robot.
         robot: String,
-        /// The states.
+        /// The given number of states.
         states: usize,
-        /// The rows of so many states.
+        /// The number of rows that these states give.
         rows: usize,
-        /// The matrix's columns.
+        /// The number of columns of the matrix.
         columns: usize,
-        /// The states that give enough rows.
+        /// The least number of states that gives enough rows.
         least: usize,
     },
     /// The regressor is not finite at a random closed state.
@@ -44,21 +44,21 @@ pub enum VerifyError {
         /// The robot.
         robot: String,
     },
-    /// The singular values of the observation matrix were not found.
+    /// The iteration for the singular values of the observation matrix did not converge.
     NoSingularValues {
         /// The robot.
         robot: String,
     },
-    /// The second derivation cannot read the description.
+    /// The second derivation cannot read the robot's spec.
     Unread(String),
-    /// The second derivation reads other coordinates or parameters in the description.
+    /// The coordinates or parameters of the second derivation are not those of the robot.
     OtherNames {
         /// The robot.
         robot: String,
     },
-    /// The second derivation finds no forces at a state.
+    /// The second derivation cannot compute the forces at a state.
     NoForces(String),
-    /// Reference vectors that cannot be read.
+    /// The reference vectors cannot be read.
     Vectors(serde_json::Error),
 }
 

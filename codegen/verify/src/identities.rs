@@ -1,4 +1,5 @@
-//! A robot's functions against each other, each figure found in two ways, at random closed states.
+//! Comparison of a robot's functions with each other: each quantity is computed in two ways at
+//! random closed states.
 
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
@@ -11,17 +12,17 @@ use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
 use crate::vector::{dot, fill, product, relative_difference, size, slope, times};
 
-/// Closed states that are tried.
+/// Number of closed states.
 const STATES: usize = 8;
-/// Bound of what agrees up to rounding, relative to the larger side.
-pub(crate) const ROUNDING: f64 = 1e-9;
-/// Bound of what is compared with differences.
-const DIFFERENCES: f64 = 1e-6;
+/// Bound of errors that are due to rounding only, relative to the larger side.
+pub(crate) const ROUNDING_BOUND: f64 = 1e-9;
+/// Bound of errors in comparisons with finite differences, relative to the larger side.
+const DIFFERENCE_BOUND: f64 = 1e-6;
 
-/// Checks a robot's functions against each other: relative errors of identities.
+/// Checks a robot's functions against each other; the errors of the identities are relative.
 ///
 /// # Errors
-/// When no closed state is found near home, or the robot's sizes contradict each other.
+/// If no closed state is found near home, or the robot's sizes contradict each other.
 pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
     let model = Interpreted::new(robot);
     let mut closure = LoopClosure::new(&model)?;
@@ -30,7 +31,7 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
     for place in 0..STATES {
         let state = closed_state(&model, &mut closure, &mut random, Reach::IDENTITIES)?;
         let phi: Vec<f64> = robot.parameters.iter().map(|_| random.signed()).collect();
-        let at = At {
+        let at = CheckedState {
             model: &model,
             place,
             state: &state,
@@ -41,7 +42,7 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
         }
         at.dynamics(&mut all, &mut random)?;
         at.energy(&mut all, &mut random)?;
-        // without base parameters there is nothing to compute from them
+        // the identities of base parameters need base parameters
         let analysis = robot.analysis.as_ref();
         if let Some(analysis) = analysis.filter(|a| a.base.rank() > 0) {
             base_identities::check(&at, &analysis.base, &mut all, &mut random)?;
@@ -54,17 +55,18 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
     })
 }
 
-/// A state, its parameters, and what is checked there.
-pub(crate) struct At<'a> {
+/// A closed state with parameters, at which identities are checked.
+pub(crate) struct CheckedState<'a> {
     pub(crate) model: &'a Interpreted<'a>,
-    /// Which of the states it is.
+    /// The index of the state.
     place: usize,
     pub(crate) state: &'a State,
     phi: &'a [f64],
 }
 
-impl At<'_> {
-    /// Compares two vectors that should be equal, relative to the larger one or to `scale`.
+impl CheckedState<'_> {
+    /// Compares two vectors that should be equal, with an error relative to the larger one or to
+    /// `scale`.
     pub(crate) fn compare(
         &self,
         all: &mut Identities,
@@ -77,19 +79,19 @@ impl At<'_> {
         all.note(self.place, statement, figure, bound);
     }
 
-    /// q + t qd. The functions take q as it is, closed or not, so that only the direction
-    /// counts for a rate.
-    fn moved(&self, t: f64) -> Vec<f64> {
+    /// q + t qd. The functions accept any q, closed or not, so that only the direction matters for
+    /// a derivative.
+    fn displaced(&self, t: f64) -> Vec<f64> {
         let State { q, qd, .. } = self.state;
         q.iter().zip(qd).map(|(q, qd)| q + t * qd).collect()
     }
 
-    /// The rate of a function of q along the motion.
+    /// The derivative with respect to time of a function of q.
     fn rate(
         &self,
         f: impl Fn(&[f64]) -> Result<Vec<f64>, SizeError>,
     ) -> Result<Vec<f64>, SizeError> {
-        slope(|t| f(&self.moved(t)))
+        slope(|t| f(&self.displaced(t)))
     }
 
     fn closure(&self, all: &mut Identities) -> Result<(), SizeError> {
@@ -100,7 +102,7 @@ impl At<'_> {
         let jacobian = |q: &[f64]| fill(rows * n, |out| self.model.jacobian(q, out));
         let zero = vec![0.0; rows];
 
-        self.compare(all, "f(q) = 0", [&f(q)?, &zero], 1.0, ROUNDING);
+        self.compare(all, "f(q) = 0", [&f(q)?, &zero], 1.0, ROUNDING_BOUND);
         let a = jacobian(q)?;
         let mut differences = vec![0.0; rows * n];
         for column in 0..n {
@@ -113,18 +115,36 @@ impl At<'_> {
                 differences[row * n + column] = rate;
             }
         }
-        self.compare(all, "A = df/dq", [&a, &differences], 0.0, DIFFERENCES);
+        self.compare(all, "A = df/dq", [&a, &differences], 0.0, DIFFERENCE_BOUND);
         let scale = size(&a) * size(qd);
-        self.compare(all, "A qd = 0", [&times(&a, qd), &zero], scale, ROUNDING);
+        self.compare(
+            all,
+            "A qd = 0",
+            [&times(&a, qd), &zero],
+            scale,
+            ROUNDING_BOUND,
+        );
         let b = fill(rows, |out| self.model.bias(q, qd, out))?;
         let scale = size(&a) * size(qdd);
-        self.compare(all, "A qdd = b", [&times(&a, qdd), &b], scale, ROUNDING);
+        self.compare(
+            all,
+            "A qdd = b",
+            [&times(&a, qdd), &b],
+            scale,
+            ROUNDING_BOUND,
+        );
         let drift: Vec<f64> = times(&self.rate(jacobian)?, qd)
             .iter()
             .map(|x| -x)
             .collect();
-        self.compare(all, "b = -(dA/dt) qd", [&b, &drift], scale, DIFFERENCES);
-        // Newton's step leads back: from q + h d it is -h d, to first order.
+        self.compare(
+            all,
+            "b = -(dA/dt) qd",
+            [&b, &drift],
+            scale,
+            DIFFERENCE_BOUND,
+        );
+        // A Newton step leads back: from q + h d it is -h d, to first order.
         let away: Vec<f64> = (0..info.dependent.len())
             .map(|k| 1.0 / (k as f64 + 1.0))
             .collect();
@@ -140,7 +160,7 @@ impl At<'_> {
             "Newton's step leads back",
             [&back, &away],
             1.0,
-            DIFFERENCES,
+            DIFFERENCE_BOUND,
         );
         Ok(())
     }
@@ -161,7 +181,7 @@ impl At<'_> {
             "inverse dynamics = W phi",
             [&tau, &w_phi],
             1.0,
-            ROUNDING,
+            ROUNDING_BOUND,
         );
 
         let mass = fill(dof * dof, |out| model.mass_matrix(q, phi, out))?;
@@ -177,12 +197,18 @@ impl At<'_> {
             "W phi = M qdd_i + bias forces + gravity",
             [&w_phi, &sum],
             1.0,
-            ROUNDING,
+            ROUNDING_BOUND,
         );
         let transposed: Vec<f64> = (0..dof * dof)
             .map(|k| mass[(k % dof) * dof + k / dof])
             .collect();
-        self.compare(all, "M is symmetric", [&mass, &transposed], 1.0, ROUNDING);
+        self.compare(
+            all,
+            "M is symmetric",
+            [&mass, &transposed],
+            1.0,
+            ROUNDING_BOUND,
+        );
 
         let (still, none) = (vec![0.0; n], vec![0.0; dof]);
         let held = fill(n, |out| model.accelerations(q, &still, &none, out))?;
@@ -194,13 +220,13 @@ impl At<'_> {
             "gravity = W phi at rest",
             [&gravity, &hold],
             1.0,
-            ROUNDING,
+            ROUNDING_BOUND,
         );
 
         let y = fill(w.len(), |out| {
             model.adaptive_regressor(q, qd, &qd_i, &qdd_i, out)
         })?;
-        self.compare(all, "Y(q, qd, qd, qdd) = W", [&y, &w], 1.0, ROUNDING);
+        self.compare(all, "Y(q, qd, qd, qdd) = W", [&y, &w], 1.0, ROUNDING_BOUND);
 
         let drives: Vec<f64> = info.actuated.iter().map(|_| random.signed()).collect();
         let efforts = fill(dof, |out| model.generalized_forces(q, &drives, out))?;
@@ -210,7 +236,7 @@ impl At<'_> {
             "power of the drives = efforts . qd_i",
             [&[dot(&efforts, &qd_i)], &[dot(&drives, &driven)]],
             1.0,
-            ROUNDING,
+            ROUNDING_BOUND,
         );
         Ok(())
     }
@@ -221,7 +247,7 @@ impl At<'_> {
         let info = model.info();
         let dof = info.dof();
         let qd_i = self.independent(qd);
-        // Friction takes power that no energy accounts for.
+        // Friction dissipates power, which no energy contains.
         let phi: Vec<f64> = info
             .parameters
             .iter()
@@ -236,7 +262,7 @@ impl At<'_> {
             "kinetic energy of M = of the bodies' poses",
             [&[0.5 * twice], &[self.kinetic(&phi)?]],
             1.0,
-            DIFFERENCES,
+            DIFFERENCE_BOUND,
         );
 
         let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
@@ -247,11 +273,11 @@ impl At<'_> {
             "power of bias forces = qd_i (dM/dt) qd_i / 2",
             [&[dot(&rest, &qd_i)], &[0.5 * along]],
             1.0,
-            DIFFERENCES,
+            DIFFERENCE_BOUND,
         );
 
-        // dM/dt - 2 C is skew: what adaptive control rests on. C v is all that Y phi has left
-        // at zero accelerations and without gravity.
+        // dM/dt - 2 C is skew-symmetric, which adaptive control relies on. At zero accelerations
+        // and without gravity, Y phi equals C v.
         let v: Vec<f64> = qd_i.iter().map(|_| random.signed()).collect();
         let none = vec![0.0; dof];
         let y = fill(dof * phi.len(), |out| {
@@ -266,12 +292,12 @@ impl At<'_> {
                 &[0.5 * dot(&times(&rise, &v), &v)],
             ],
             1.0,
-            DIFFERENCES,
+            DIFFERENCE_BOUND,
         );
         Ok(())
     }
 
-    /// The kinetic energy from the bodies' motion, found by differences of their poses.
+    /// The kinetic energy, with the bodies' velocities from finite differences of their poses.
     fn kinetic(&self, phi: &[f64]) -> Result<f64, SizeError> {
         let info = self.model.info();
         let poses = |q: &[f64]| fill(12 * info.bodies.len(), |out| self.model.poses(q, out));
@@ -342,9 +368,9 @@ mod tests {
         }
     }
 
-    /// One output of one function replaced: some check must miss it. The matrix `A_e` is compared
-    /// with nothing here; the closure only asks it for the sign of its determinant. Cones, which
-    /// the five-bar lacks, say nothing of the dynamics.
+    /// Replaces one output of one function: some check must fail. The matrix `A_e` is not compared
+    /// here, since the closure uses only the sign of its determinant. Cones, which the five-bar
+    /// does not have, do not affect the dynamics.
     #[test]
     fn a_wrong_output_of_any_function_is_noticed() {
         let good = robot("fivebar.yaml");
@@ -354,7 +380,7 @@ mod tests {
             }
             let mut bad = good.clone();
             let function = bad.functions.iter_mut().find(|f| f.kind == kind).unwrap();
-            // The last output that is no constant: one that matters.
+            // The last output that is not a constant.
             let outputs = &mut function.program.outputs;
             let is_computed = |o: &Operand| !matches!(o, Operand::Constant(_));
             let k = outputs.iter().rposition(is_computed).unwrap();

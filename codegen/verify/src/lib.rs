@@ -1,5 +1,5 @@
-//! Checks of a derived robot: each says what must hold, by how much it is missed at worst, and
-//! how much may be missed.
+//! Checks of a derived robot. Each check has a statement that must hold, the largest error found,
+//! and the bound of the error.
 //!
 //! | function | checks |
 //! |---|---|
@@ -7,8 +7,8 @@
 //! | [`numeric_path`] | its base parameters against singular values and QR (Gautier, 1991) |
 //! | [`independent`] | its functions and base parameters against derivations that share no code with it, with bounds computed from roundoff |
 //!
-//! All of them look at random closed states that depend on a fixed seed and the robot alone; the
-//! numbers come from the interpreter, and are the same on every machine.
+//! All of them use random closed states that depend on a fixed seed and the robot alone; the
+//! numbers are computed by the interpreter, and are the same on every machine.
 //!
 //! ```
 //! use regen_codegen::{diag::Source, pipeline};

@@ -1,31 +1,31 @@
-//! The numeric path to the base parameters (Gautier, 1991): rank and null space of the observation
+//! The numeric method for base parameters (Gautier, 1991): rank and null space of the observation
 //! matrix in double precision.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::svd::svd;
 
-/// A gap of fewer orders of magnitude between kept and dropped leaves the rank in doubt.
-const LEAST_GAP: f64 = 1e4;
-/// By how much the widest gap must exceed the next.
-const LEAST_LEAD: f64 = 1e2;
+/// Least ratio of the last number kept to the first number dropped; with less the rank is doubtful.
+const MIN_GAP_RATIO: f64 = 1e4;
+/// Least ratio of the widest gap to the next one.
+const MIN_LEAD_RATIO: f64 = 1e2;
 
-/// A rank by the widest gap in a row of numbers.
+/// A rank, determined by the widest gap in a decreasing sequence of singular values or pivots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rank {
     /// The rank.
     pub count: usize,
-    /// The last number kept, as a part of the largest.
+    /// The last number kept, relative to the largest.
     pub last_kept: f64,
-    /// The first number dropped, as a part of the largest; 0 where nothing is.
+    /// The first number dropped, relative to the largest; 0 if none is dropped.
     pub first_dropped: f64,
-    /// Whether the gap between them leaves no doubt in double precision.
+    /// Whether the gap between them determines the rank without doubt in double precision.
     pub certain: bool,
 }
 
 impl Rank {
-    /// The rank of a matrix with these singular values or pivots, of this many columns or rows,
-    /// whichever is more.
+    /// The rank of a matrix from its singular values or pivots; `size` is the larger of its numbers
+    /// of rows and columns.
     fn new(mut values: Vec<f64>, size: usize) -> Self {
         values.sort_by(|a, b| b.total_cmp(a));
         let largest = values.first().copied().unwrap_or(0.0);
@@ -37,7 +37,7 @@ impl Rank {
                 certain: largest == 0.0,
             };
         }
-        // below this, numbers are rounding whatever their ratio
+        // below this, numbers are rounding errors, whatever their ratio
         let floor = f64::EPSILON * size as f64;
         let part = |k: usize| values.get(k).map_or(0.0, |v| v / largest);
         let gap = |k: usize| part(k - 1) / part(k).max(floor);
@@ -49,27 +49,30 @@ impl Rank {
             count: rank,
             last_kept: part(rank.saturating_sub(1)),
             first_dropped: part(rank),
-            // what is dropped must be no more than rounding, or it may be a small truth
-            certain: widest >= LEAST_GAP && widest >= LEAST_LEAD * next && part(rank) <= floor,
+            // a dropped number above the rounding errors may be a small but real singular value
+            certain: widest >= MIN_GAP_RATIO
+                && widest >= MIN_LEAD_RATIO * next
+                && part(rank) <= floor,
         }
     }
 }
 
-/// What double precision says of an observation matrix.
+/// Rank and null space of an observation matrix in double precision.
 #[derive(Clone, Debug)]
 pub(crate) struct Numeric {
     pub(crate) svd: Rank,
     pub(crate) qr: Rank,
     /// An orthonormal basis of the null space of the scaled matrix.
     null: DMatrix<f64>,
-    /// What each column was divided by.
+    /// The factor by which each column was divided.
     scale: Vec<f64>,
 }
 
 impl Numeric {
-    /// Decomposes a matrix; `None` where the iteration does not end or its result is wrong.
+    /// Decomposes a matrix; `None` if the iteration does not converge or its result is wrong.
     ///
-    /// Columns are scaled to unit length, however short: what is nothing but rounding must be 0.
+    /// Columns are scaled to unit length, however short they are: columns of mere rounding errors
+    /// must be 0 in `w`.
     pub(crate) fn new(w: &DMatrix<f64>) -> Option<Self> {
         let norms: Vec<f64> = w.column_iter().map(|c| c.norm()).collect();
         let longest = norms.iter().copied().fold(0.0, f64::max);
@@ -88,7 +91,7 @@ impl Numeric {
         let (rows, columns) = scaled.shape();
         let size = rows.max(columns);
         if rows == 0 || columns == 0 {
-            // nothing to decompose: the rank is 0 and every direction is null
+            // an empty matrix: the rank is 0 and every direction is null
             return Some(Self {
                 svd: Rank::new(Vec::new(), size),
                 qr: Rank::new(Vec::new(), size),
@@ -96,8 +99,8 @@ impl Numeric {
                 scale,
             });
         }
-        // the triangle has the same singular values and null space, and at most as many rows as
-        // columns; filled up with zeros it has all right singular vectors
+        // the factor R of QR has the same singular values and null space, and at most as many rows
+        // as columns; extended by rows of zeros it has all right singular vectors
         let mut triangle = scaled.clone().qr().r();
         triangle = triangle.resize_vertically(columns, 0.0);
         let svd = svd(triangle.clone(), true)?;
@@ -121,8 +124,8 @@ impl Numeric {
         })
     }
 
-    /// The largest angle between these directions and the null space, rad; a quarter turn where
-    /// there are more of them than the null space has dimensions.
+    /// The largest angle between the given directions and the null space, rad; a quarter turn if
+    /// there are more directions than the null space has dimensions.
     pub(crate) fn angle(&self, directions: &[DVector<f64>]) -> f64 {
         if directions.is_empty() {
             return 0.0;
@@ -190,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_null_space_is_found_whatever_the_columns_scales() {
-        // third column = 1e6 first - 1e-3 second; the fourth says nothing
+        // third column = 1e6 first - 1e-3 second; the fourth is zero
         let a = DVector::from_fn(9, |r, _| (r as f64).sin());
         let b = DVector::from_fn(9, |r, _| (r as f64 * 0.7).cos());
         let c = &a * 1e6 - &b * 1e-3;

@@ -1,5 +1,5 @@
-//! Base parameters beside the numeric path to them (Gautier, 1991): rank and null space of an
-//! observation matrix over random closed states.
+//! Comparison of the base parameters with the numeric method (Gautier, 1991): rank and null space
+//! of an observation matrix over random closed states.
 
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::base::{Analysis, Base, Direction};
@@ -17,51 +17,52 @@ use crate::vector::larger;
 
 /// Rows of the observation matrix per column.
 const ROWS_PER_COLUMN: usize = 4;
-/// Parameter vectors that are projected.
-const PROJECTED: usize = 8;
-/// Bound of the angle between null spaces, rad.
-const ANGLE: f64 = 1e-6;
-/// Bound of the error of projections, relative to the largest force.
-const PROJECTION: f64 = 1e-9;
+/// Number of random parameter vectors that are projected on the base parameters.
+const PROJECTED_VECTORS: usize = 8;
+/// Bound of the angle between the null spaces, rad.
+const MAX_ANGLE_RAD: f64 = 1e-6;
+/// Bound of the error of the projected forces, relative to the largest force.
+const MAX_PROJECTION_ERROR: f64 = 1e-9;
 
-/// The numeric path beside the analytic one.
+/// The comparison of the numeric method with the analytic base parameters.
 #[derive(Clone, Debug)]
 pub struct NumericPath {
-    /// What must hold between the two.
+    /// The checks of the comparison.
     pub report: Report,
-    /// Rows of the observation matrix.
+    /// Number of rows of the observation matrix.
     pub rows: usize,
-    /// Its columns: all dynamic parameters.
+    /// Number of columns of the observation matrix: all dynamic parameters.
     pub columns: usize,
-    /// The certified rank over all columns, where there is a certificate.
+    /// The certified rank over all columns, if there is a certificate.
     pub certificate: Option<usize>,
-    /// The rank that the derived directions leave of the columns that the spec's `base` leaves.
+    /// The rank according to the derived null directions, over the columns that `base` of the spec
+    /// does not remove.
     pub analytic: usize,
     /// The rank by singular values over all columns.
     pub svd: Rank,
     /// The rank by QR with pivoting over all columns.
     pub qr: Rank,
-    /// The same where the spec's `base` takes columns out.
+    /// The ranks without the columns that `base` of the spec removes; `None` if it removes none.
     pub reduced: Option<Reduced>,
-    /// The angle between the null spaces, rad.
+    /// The largest angle between the analytic and the numeric null space, rad.
     pub angle: f64,
-    /// The rank with which the numeric null space was found.
+    /// The rank from which the numeric null space was determined.
     pub angle_rank: Rank,
 }
 
-/// Ranks over the columns that the spec's `base` leaves.
+/// Ranks over the columns that `base` of the spec does not remove.
 #[derive(Clone, Copy, Debug)]
 pub struct Reduced {
-    /// How many columns these are.
+    /// Number of these columns.
     pub columns: usize,
-    /// By singular values.
+    /// The rank by singular values.
     pub svd: Rank,
-    /// By QR with pivoting.
+    /// The rank by QR with pivoting.
     pub qr: Rank,
 }
 
 impl NumericPath {
-    /// Whether double precision leaves a rank open.
+    /// Whether one of the ranks is doubtful in double precision.
     pub fn is_doubtful(&self) -> bool {
         let reduced = self.reduced.iter().flat_map(|r| [r.svd, r.qr]);
         let mut all = [self.svd, self.qr].into_iter().chain(reduced);
@@ -77,7 +78,7 @@ pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, VerifyError> {
     })
 }
 
-/// How many states give enough rows.
+/// The number of states, by default as many as give enough rows.
 fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
     let (columns, dof) = (robot.parameters.len(), robot.independent.len().max(1));
     let least = columns.div_ceil(dof).max(1);
@@ -114,12 +115,12 @@ fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<
     Ok(w)
 }
 
-/// Checks a robot's base parameters against the numeric path over so many random closed states,
-/// or as many as give four rows per column.
+/// Checks a robot's base parameters against the numeric method, over the given number of random
+/// closed states, or by default as many as give four rows per column.
 ///
 /// # Errors
-/// When the robot has no base parameters, the states are too few, or no closed state or singular
-/// value is found.
+/// If the robot has no base parameters, the states are too few, or no closed state is found, or the
+/// singular values are not.
 pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath, VerifyError> {
     let analysis = analysis(robot)?;
     let states = enough(robot, states)?;
@@ -163,8 +164,8 @@ pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath,
     })
 }
 
-/// What must hold between the two paths. A doubtful rank says nothing against the certificate or
-/// the analytic rank, and is not compared.
+/// The checks of the comparison. A doubtful rank is no evidence against the certificate or the
+/// analytic rank, and is not compared with them.
 fn checks(
     analysis: &Analysis,
     whole: &Numeric,
@@ -192,17 +193,17 @@ fn checks(
     ranks(statements, numeric, analysis.base.parameters.len());
     if numeric.svd.certain {
         let what = What::identity("angle between the null spaces, rad");
-        checks.push(Check::of(what, angle, ANGLE));
+        checks.push(Check::of(what, angle, MAX_ANGLE_RAD));
     }
     let what = What::identity("projection by the combinations");
-    checks.push(Check::of(what, projection, PROJECTION));
+    checks.push(Check::of(what, projection, MAX_PROJECTION_ERROR));
     checks
 }
 
-/// The columns that the spec's `base` leaves, in order.
+/// The columns that `base` of the spec does not remove, in order.
 struct KeptColumns {
     columns: Vec<usize>,
-    /// The place of each column among them.
+    /// For each column, its index among them.
     place: Vec<Option<usize>>,
 }
 
@@ -221,7 +222,8 @@ impl KeptColumns {
         self.place.get(column).copied().flatten()
     }
 
-    /// The matrix over these columns, what is known added to what it is written with.
+    /// The matrix over these columns; each removed column is added to those that replace it, with
+    /// their factors.
     fn columns_of(&self, w: &DMatrix<f64>, base: &Base) -> DMatrix<f64> {
         let mut reduced = w.select_columns(&self.columns);
         for known in &base.known {
@@ -248,11 +250,11 @@ impl KeptColumns {
         base.null.iter().map(direction).collect()
     }
 
-    /// What is missed when parameters are replaced by their base parameters, relative to the
-    /// largest force.
+    /// The largest change of the forces when parameters are replaced by their base parameters,
+    /// relative to the largest force.
     fn projection(&self, base: &Base, w: &DMatrix<f64>, random: &mut Random) -> f64 {
         let mut worst: f64 = 0.0;
-        for _ in 0..PROJECTED {
+        for _ in 0..PROJECTED_VECTORS {
             let phi = DVector::from_fn(self.columns.len(), |_, _| random.signed());
             let mut projected = DVector::zeros(self.columns.len());
             for parameter in &base.parameters {

@@ -6,15 +6,15 @@ use regen_runtime::{LoopClosure, Motion, Outcome};
 
 use crate::error::VerifyError;
 
-/// The seed of all checks. What is drawn beside states draws from the next seed, so that the
-/// states do not depend on it.
+/// The seed of the random states of all checks. Other random numbers use the next seed, so that the
+/// states do not depend on them.
 pub(crate) const SEED: u64 = 1;
 
-/// Halvings of the distance from home before a robot is given up.
-const TRIES: usize = 8;
+/// Largest number of attempts to find a closed state; each halves the distance from home.
+const MAX_TRIES: usize = 8;
 
-/// How far from home the independent coordinates go at first, rad, and parts of the mechanism's
-/// length for slides.
+/// The initial distance of the independent coordinates from home, in rad, and for prismatic
+/// coordinates as a multiple of the mechanism's length, for trees and for mechanisms with loops.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
     tree: f64,
@@ -22,26 +22,26 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// For differences: trees close anywhere, a loop is about as large as its links, some tenths
-    /// of a metre.
+    /// For comparisons with finite differences: trees close anywhere, a loop is about as large as
+    /// its links, some tenths of a metre.
     pub(crate) const IDENTITIES: Self = Self {
         tree: 1.0,
         loops: 0.2,
     };
-    /// For bounds by roundings, which do not depend on how far a tree goes.
+    /// For bounds computed from rounding, which do not depend on the distance in a tree.
     pub(crate) const INDEPENDENT: Self = Self {
         tree: 2.0,
         loops: 0.2,
     };
-    /// For ranks: as far as states go without leaving what mechanisms are built for. The wider,
-    /// the clearer the numeric rank.
+    /// For ranks: as far as states go without leaving the range for which mechanisms are built. The
+    /// wider the states, the clearer the numeric rank.
     pub(crate) const RANKS: Self = Self {
         tree: 3.0,
         loops: 0.4,
     };
 }
 
-/// A random closed state: independent coordinates near home, closer where it does not close.
+/// A random closed state with independent coordinates near home, closer if it does not close.
 pub(crate) fn closed_state(
     model: &Interpreted<'_>,
     closure: &mut LoopClosure<'_, Interpreted<'_>>,
@@ -54,7 +54,7 @@ pub(crate) fn closed_state(
         .iter()
         .filter_map(|&k| info.home.get(k).copied())
         .collect();
-    // slides are as long as the mechanism is large
+    // prismatic coordinates are scaled by the mechanism's size
     let units: Vec<f64> = info
         .independent
         .iter()
@@ -69,7 +69,7 @@ pub(crate) fn closed_state(
         reach.loops
     };
     let mut outcome = Outcome::Closed;
-    for _ in 0..TRIES {
+    for _ in 0..MAX_TRIES {
         let mut about = |middle: &[f64], reach: f64| -> Vec<f64> {
             let both = middle.iter().zip(&units);
             both.map(|(x, unit)| x + reach * unit * random.signed())

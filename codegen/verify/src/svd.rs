@@ -1,21 +1,21 @@
-//! Singular values, the one place where they are iterated for.
+//! Singular values; all other files use this iteration.
 
 use nalgebra::{DMatrix, Dyn, SVD};
 
-/// Steps of the iteration at most.
-const STEPS: usize = 10_000;
-/// A column shorter than this part of the longest is rounding.
-const SHORT: f64 = 1e-12;
+/// Largest number of iterations.
+const MAX_ITERATIONS: usize = 10_000;
+/// A column shorter than this, relative to the longest, is a rounding error.
+const NEGLIGIBLE_COLUMN_RATIO: f64 = 1e-12;
 
-/// The decomposition of a matrix, with singular vectors if they are wanted; `None` where the
-/// iteration does not end.
+/// The singular value decomposition of a matrix, with singular vectors if `vectors` is set; `None`
+/// if the iteration does not converge.
 pub(crate) fn svd(matrix: DMatrix<f64>, vectors: bool) -> Option<SVD<f64, Dyn, Dyn>> {
-    matrix.try_svd(vectors, vectors, f64::EPSILON, STEPS)
+    matrix.try_svd(vectors, vectors, f64::EPSILON, MAX_ITERATIONS)
 }
 
-/// The singular values of a matrix whose columns are scaled to unit length, from the largest and
-/// as parts of it. Columns that are rounding count as 0. None where an entry is not finite or the
-/// iteration does not end.
+/// The singular values of a matrix whose columns are scaled to unit length, in decreasing order and
+/// relative to the largest. Columns that are rounding errors count as 0. Empty if an entry is not
+/// finite or the iteration does not converge.
 pub fn scaled_singular_values(mut matrix: DMatrix<f64>) -> Vec<f64> {
     if matrix.is_empty() || matrix.iter().any(|x| !x.is_finite()) {
         return Vec::new();
@@ -23,7 +23,7 @@ pub fn scaled_singular_values(mut matrix: DMatrix<f64>) -> Vec<f64> {
     let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm()).collect();
     let longest = norms.iter().copied().fold(0.0, f64::max);
     for (mut column, norm) in matrix.column_iter_mut().zip(norms) {
-        if norm > SHORT * longest {
+        if norm > NEGLIGIBLE_COLUMN_RATIO * longest {
             column /= norm;
         } else {
             column.fill(0.0);

@@ -1,16 +1,17 @@
-//! Sums over vectors and matrices that keep NaN, and derivatives by differences.
+//! Operations on vectors and matrices that propagate NaN, and derivatives by finite differences.
 
 use regen_runtime::SizeError;
 
-/// Step of differences: errors of the order of its fourth power and of epsilon over it.
-const STEP: f64 = 1e-4;
+/// Step of the finite differences: the errors are of the order of its fourth power, and of epsilon
+/// divided by it.
+const DIFFERENCE_STEP: f64 = 1e-4;
 
-/// The larger of two, NaN if one is.
+/// The larger of two numbers; NaN if one is.
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
 
-/// The largest size of an entry.
+/// The largest magnitude of an entry.
 pub(crate) fn size(values: &[f64]) -> f64 {
     values.iter().map(|v| v.abs()).fold(0.0, larger)
 }
@@ -19,8 +20,8 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The largest difference of two vectors relative to the larger one, or to `scale` where both are
-/// small because they cancel.
+/// The largest difference of two vectors, relative to the larger one, or to `scale` if both are
+/// small because their terms cancel.
 pub(crate) fn relative_difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
     let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     difference.fold(0.0, larger) / larger(scale, larger(size(a), size(b)))
@@ -52,14 +53,17 @@ pub(crate) fn slope(f: impl Fn(f64) -> Result<Vec<f64>, SizeError>) -> Result<Ve
         let (after, before) = (f(h)?, f(-h)?);
         Ok(after.iter().zip(&before).map(|(a, b)| a - b).collect())
     };
-    let (near, far) = (difference(STEP)?, difference(2.0 * STEP)?);
+    let (near, far) = (
+        difference(DIFFERENCE_STEP)?,
+        difference(2.0 * DIFFERENCE_STEP)?,
+    );
     let both = near.iter().zip(&far);
     Ok(both
-        .map(|(near, far)| (8.0 * near - far) / (12.0 * STEP))
+        .map(|(near, far)| (8.0 * near - far) / (12.0 * DIFFERENCE_STEP))
         .collect())
 }
 
-/// The vector that a method of a model fills.
+/// The vector of the given length that a method of a model writes.
 pub(crate) fn fill<C>(
     size: usize,
     run: impl FnOnce(&mut [f64]) -> Result<C, SizeError>,

@@ -1,4 +1,4 @@
-//! Runs of the real binary.
+//! Runs of the compiled binary.
 #![allow(
     dead_code,
     unreachable_pub,
@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// What a run left behind.
+/// The results of a run.
 pub struct Run {
     pub code: i32,
     pub out: String,
@@ -27,7 +27,8 @@ impl Run {
             .unwrap_or_else(|e| panic!("{e}\n{}\n{}", self.out, self.err))
     }
 
-    /// Fails with everything the run said unless it ended with this code.
+    /// Asserts that the run ended with the given exit code; the message contains all output of the
+    /// run.
     #[track_caller]
     pub fn ended(self, code: i32) -> Self {
         assert_eq!(self.code, code, "out:\n{}\nerr:\n{}", self.out, self.err);
@@ -45,7 +46,7 @@ pub fn regen(dir: &Path, args: &[&str]) -> Run {
     regen_with(dir, args, "")
 }
 
-/// A run with a text on standard input.
+/// Runs `regen` with a text on standard input.
 pub fn regen_with(dir: &Path, args: &[&str], input: &str) -> Run {
     let mut child = command(dir, args)
         .stdin(Stdio::piped())
@@ -63,7 +64,7 @@ pub fn regen_with(dir: &Path, args: &[&str], input: &str) -> Run {
     }
 }
 
-/// The repository.
+/// The repository's root.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../..")
@@ -71,7 +72,7 @@ pub fn root() -> PathBuf {
         .unwrap()
 }
 
-/// The path of an oracle's file.
+/// The path of a file in `tests/fixtures/oracle`.
 pub fn oracle(file: &str) -> String {
     root()
         .join("tests/fixtures/oracle")
@@ -80,13 +81,13 @@ pub fn oracle(file: &str) -> String {
         .to_string()
 }
 
-/// The path of a mechanism that tests are made of.
+/// The path of a spec in `tests/fixtures/mechanisms`.
 pub fn mechanism(file: &str) -> String {
     let dir = root().join("tests/fixtures/mechanisms");
     dir.join(file).display().to_string()
 }
 
-/// An empty directory of the test's own, outside the repository's workspace layout.
+/// An empty directory for a test, outside the repository's workspace.
 pub fn scratch(test: &str) -> PathBuf {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
     if dir.exists() {
@@ -109,7 +110,7 @@ pub fn workspace(test: &str, names: &[&str]) -> PathBuf {
     dir
 }
 
-/// A robot of one joint: quick to derive.
+/// A robot of one joint, which is quick to derive.
 pub fn pendulum(name: &str) -> String {
     format!(
         "name: {name}\nlimbs:\n  - name: arm\n    base: {{rpy: [-pi/2, 0, 0]}}\n    joints:\n      \

@@ -6,7 +6,7 @@ use crate::pose::{Pose, tensor_in, transposed, unit};
 use crate::tree::{Inertia, Joint, Kind, Link, Side};
 use crate::xml::{Attribute, Element};
 
-/// What stands in a body, frames between resolved.
+/// The elements of a body, including those in nested `<frame>`s.
 #[derive(Default)]
 struct Content<'e> {
     geoms: Vec<(&'e Element, Option<&'e str>, Pose)>,
@@ -16,7 +16,7 @@ struct Content<'e> {
 }
 
 impl<'a> Reading<'a, '_, '_> {
-    /// All bodies, depth first.
+    /// Reads all bodies, depth first.
     pub(super) fn bodies(&mut self) {
         for world in self.root.all("worldbody") {
             let mut content = Content::default();
@@ -34,7 +34,7 @@ impl<'a> Reading<'a, '_, '_> {
         }
     }
 
-    /// The elements of a body, through `<frame>`s.
+    /// Collects the elements of a body, descending into `<frame>`s.
     fn collect(
         &mut self,
         element: &'a Element,
@@ -247,7 +247,7 @@ impl<'a> Reading<'a, '_, '_> {
         Some(joint)
     }
 
-    /// Range and reference, in the file's unit of angles where it turns.
+    /// Reads range and reference of a joint; those of hinges are in the file's unit of angles.
     fn range(&mut self, of: Classed<'_>, joint: &mut Joint) {
         let turns = joint.kind == Kind::Revolute;
         let unit = if turns && self.compiler.degrees {
@@ -269,7 +269,7 @@ impl<'a> Reading<'a, '_, '_> {
         }
     }
 
-    /// A range that is in force.
+    /// The range of a limit, if it is in force.
     pub(super) fn limit(&mut self, of: Classed<'_>, name: &str, flag: &str) -> Option<[f64; 2]> {
         let range = self.attribute(of, name)?;
         let flag = self.attribute(of, flag);

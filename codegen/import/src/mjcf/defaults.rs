@@ -1,5 +1,5 @@
-//! Classes of defaults: an attribute that an element lacks comes from its class,
-//! or from the class that its body gives its children, or from the top class.
+//! Classes of default values: a missing attribute is taken from the element's class, or from the
+//! class that the enclosing body gives to its children, or from the top class.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::xml::{Attribute, Element};
 /// The name of the top class.
 const MAIN: &str = "main";
 
-/// Attributes by class, tag and name, those of the classes around included.
+/// Attributes by class, tag and name; each class contains those of the enclosing classes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Defaults(BTreeMap<String, Class>);
 
@@ -19,7 +19,7 @@ impl Defaults {
     pub(crate) fn new(root: &Element, log: &mut Log) -> Self {
         let mut defaults = Self::default();
         defaults.0.insert(MAIN.to_owned(), Class::new());
-        // the top class comes together from all sections before others copy it
+        // merge all sections of the top class before other classes copy it
         let sections: Vec<&Element> = root.all("default").collect();
         for section in &sections {
             let name = section.text("class").unwrap_or(MAIN);
@@ -53,8 +53,8 @@ impl Defaults {
         self.0.get(name).cloned().unwrap_or_default()
     }
 
-    /// An element's attribute, its own or by class. `inherited` is the class that
-    /// the bodies around give their children.
+    /// An attribute of an element, or else the default of its class. `inherited` is the class that
+    /// the enclosing bodies give to their children.
     pub(crate) fn attribute<'a>(
         &'a self,
         element: &'a Element,
@@ -66,7 +66,7 @@ impl Defaults {
         element.attribute(name).or_else(by_class)
     }
 
-    /// Says where an element names a class that there is not.
+    /// Records an error if an element names an undefined class.
     pub(crate) fn check(&self, element: &Element, log: &mut Log) {
         for name in ["class", "childclass"] {
             if let Some(class) = element.attribute(name)

@@ -1,4 +1,4 @@
-//! Equality constraints as cuts and couplings, and which joints have motors.
+//! Equality constraints as cuts and couplings, and the actuated joints.
 
 use super::Reading;
 use super::orientation::Classed;
@@ -7,7 +7,7 @@ use crate::pose::{Pose, from_quaternion};
 use crate::tree::{Coupling, Kind, LoopCut, Side};
 use crate::xml::{Attribute, Element};
 
-/// Something is wrong, and was told.
+/// An error occurred, and was recorded.
 struct Reported;
 
 impl Reading<'_, '_, '_> {
@@ -48,7 +48,7 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// `connect` as a spherical cut, `weld` as a fixed one.
+    /// Converts `connect` into a spherical cut, `weld` into a fixed one.
     fn closure(&mut self, element: &Element) -> Option<LoopCut> {
         let welded = element.tag == "weld";
         let sides = if element.attribute("site1").is_some() {
@@ -113,17 +113,17 @@ impl Reading<'_, '_, '_> {
         };
         let (a, b) = (self.tree.at_zero(first), self.tree.at_zero(second));
         let mut poses = if welded {
-            // the second body's frame, where the first has it
+            // the pose of the second body in the first, at zero
             [a.inverse().then(&b), Pose::default()]
         } else {
-            // the anchor, where the second body has it at zero
+            // the position of the anchor in the second body, at zero
             let shift = Pose::shift(anchor);
             let point = b.inverse().then(&a).point(anchor);
             [shift, Pose::shift(point)]
         };
         if welded && let Some(relative) = element.attribute("relpose") {
             let [x, y, z, w, i, j, k] = self.fields.array::<7>(relative)?;
-            // all zeros: as the bodies are at zero
+            // all zeros mean the relative pose at zero
             if let Some(r) = from_quaternion([w, i, j, k]) {
                 poses[0] = Pose::new([x, y, z], r);
             }
@@ -141,7 +141,7 @@ impl Reading<'_, '_, '_> {
         ])
     }
 
-    /// `joint1 - ref1 = c0 + c1 (joint2 - ref2)`.
+    /// Converts `joint1 - ref1 = c0 + c1 (joint2 - ref2)`.
     fn coupling(&mut self, element: &Element) -> Option<Coupling> {
         let joint = required(element, "joint1", self)?;
         let other = element.attribute("joint2");
@@ -175,7 +175,7 @@ impl Reading<'_, '_, '_> {
         })
     }
 
-    /// A joint's value at zero.
+    /// The value of a joint's coordinate at zero.
     fn reference(&mut self, name: &Attribute) -> Option<f64> {
         let joints = self.tree.links.iter().flat_map(|l| &l.joints);
         let mut single = joints.filter(|j| matches!(j.kind, Kind::Revolute | Kind::Prismatic));
@@ -188,7 +188,7 @@ impl Reading<'_, '_, '_> {
         found
     }
 
-    /// Joints with motors, and the forces that their motors have.
+    /// Reads the actuated joints and the force limits of their motors.
     pub(super) fn actuators(&mut self) {
         let elements: Vec<&Element> = self
             .root
@@ -228,11 +228,11 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// The force of a motor at its joint, where the joint has no limit of its own.
+    /// Takes the motor's force limit as that of its joint, unless the joint has one.
     fn motor(&mut self, of: Classed<'_>, joint: &str) {
         let mut range = self.limit(of, "forcerange", "forcelimited");
         if of.element.tag == "motor" && range.is_none() {
-            // the control is the force
+            // the control of a motor is its force
             range = self.limit(of, "ctrlrange", "ctrllimited");
         }
         let Some([low, high]) = range else {

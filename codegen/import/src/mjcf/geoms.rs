@@ -1,4 +1,4 @@
-//! The inertia that geoms give a body without `<inertial>`.
+//! The inertia of bodies without `<inertial>`, computed from their geoms.
 
 use std::f64::consts::PI;
 
@@ -9,8 +9,8 @@ use crate::tree::Inertia;
 use crate::xml::Element;
 
 impl Reading<'_, '_, '_> {
-    /// All geoms of a body as one inertia in its frame; `around` places their frame
-    /// in the body's.
+    /// The inertia of all geoms of a body in the body's frame; `around` is the pose of the geoms'
+    /// frame in the body's.
     pub(super) fn inertia_of_geoms(
         &mut self,
         geoms: &[(&Element, Option<&str>, Pose)],
@@ -97,11 +97,11 @@ impl Reading<'_, '_, '_> {
 
 enum Geom {
     Mesh,
-    /// Frame at the centre of mass, mass, principal moments.
+    /// Frame at the centre of mass, mass, principal moments of inertia.
     Solid(Pose, f64, V3),
 }
 
-/// Volume, and principal moments for the unit of mass.
+/// Volume, and principal moments of inertia per unit of mass.
 fn solid(kind: &str, [a, b, c]: V3) -> Option<(f64, V3)> {
     let ellipsoid = |[a, b, c]: V3| {
         let moment = |p: f64, q: f64| (p * p + q * q) / 5.0;
@@ -138,7 +138,7 @@ fn solid(kind: &str, [a, b, c]: V3) -> Option<(f64, V3)> {
     }
 }
 
-/// Solids as one, in the frame that they are placed in.
+/// The combined inertia of several solids, in the frame in which they are placed.
 fn combined(parts: &[(Pose, f64, V3)]) -> Option<Inertia> {
     let mass: f64 = parts.iter().map(|p| p.1).sum();
     if mass <= 0.0 {
@@ -164,6 +164,6 @@ fn combined(parts: &[(Pose, f64, V3)]) -> Option<Inertia> {
     }
     let com = crate::pose::clean(com, norm(com));
     let largest = tensor.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let tensor = tensor.map(|x| crate::number::rounded(x, largest, crate::pose::FIGURES));
+    let tensor = tensor.map(|x| crate::number::rounded(x, largest, crate::pose::INERTIA_DIGITS));
     Some(Inertia { mass, com, tensor })
 }

@@ -1,7 +1,6 @@
 //! MJCF: nested bodies with classes of defaults, MuJoCo's units and frames.
 //!
-//! Rules that are not obvious from the file follow the XML reference in MuJoCo's
-//! documentation.
+//! Rules that are not obvious from the file follow the XML reference in MuJoCo's documentation.
 
 mod bodies;
 mod defaults;
@@ -15,23 +14,24 @@ use crate::xml::{Attribute, Element};
 
 use defaults::Defaults;
 
-/// What `<compiler>` decides.
+/// The settings of `<compiler>`.
 #[derive(Clone, Debug)]
 pub(crate) struct Compiler {
     /// Angles are in degrees.
     degrees: bool,
-    /// The axes of euler angles: capitals stay, small letters move along.
+    /// The axes of euler angles: capital letters are fixed axes, small letters axes that rotate
+    /// along.
     sequence: [char; 3],
-    /// A range is a limit also where `limited` does not say so.
+    /// Whether a range is a limit even if `limited` is not set.
     autolimits: bool,
     inertia: InertiaFrom,
-    /// The groups whose geoms have mass.
+    /// The first and last group of geoms that have mass.
     groups: [f64; 2],
-    /// What all masses are scaled to add up to.
+    /// The total mass to which all masses are scaled.
     total_mass: Option<f64>,
 }
 
-/// Where bodies have their inertia from.
+/// The source of the bodies' inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InertiaFrom {
     /// `<inertial>`, or else the geoms.
@@ -40,7 +40,7 @@ enum InertiaFrom {
     Inertials,
 }
 
-/// A file being read.
+/// The state while a file is read.
 struct Reading<'a, 'f, 'l> {
     fields: &'f mut Fields<'l>,
     compiler: Compiler,
@@ -50,8 +50,8 @@ struct Reading<'a, 'f, 'l> {
     root: &'a Element,
 }
 
-/// The robot of an MJCF file whose includes are spliced in; `None` where something
-/// was reported.
+/// Reads the robot of an MJCF file whose includes have been inserted; `None` if an error was
+/// recorded.
 pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     let compiler = compiler(root, fields);
     let defaults = Defaults::new(root, fields.log);
@@ -77,7 +77,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
     reading.scale_masses();
     reading.actuators();
     reading.equalities();
-    reading.leftovers();
+    reading.note_ignored_elements();
     let failed = reading.fields.log.failed();
     (!failed).then_some(reading.tree)
 }
@@ -163,8 +163,8 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// What a spec of rigid bodies does not have.
-    fn leftovers(&mut self) {
+    /// Notes elements that a spec of rigid bodies cannot express.
+    fn note_ignored_elements(&mut self) {
         let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
         if meshes > 0 {
             let text = format!("{meshes} meshes are not read: the dynamics do not need them");

@@ -1,15 +1,15 @@
-//! The five ways in which MJCF writes a rotation.
+//! The five notations of rotations in MJCF.
 
 use std::f64::consts::PI;
 
 use super::Reading;
 use crate::pose::{
-    M3, Pose, SAME, UNIT, V3, about, cross, difference, dot, from_quaternion, product, scaled,
-    transposed, unit,
+    M3, Pose, ROUNDING_TOLERANCE, UNIT, V3, about, cross, difference, dot, from_quaternion,
+    product, scaled, transposed, unit,
 };
 use crate::xml::{Attribute, Element};
 
-/// An element with the class it inherits.
+/// An element with the class of defaults it inherits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Classed<'e> {
     pub(super) element: &'e Element,
@@ -17,13 +17,13 @@ pub(super) struct Classed<'e> {
 }
 
 impl Reading<'_, '_, '_> {
-    /// An attribute, the element's own or by class.
+    /// An attribute of the element, or else the default of its class.
     pub(super) fn attribute(&self, of: Classed<'_>, name: &str) -> Option<Attribute> {
         let found = self.defaults.attribute(of.element, of.inherited, name);
         found.cloned()
     }
 
-    /// `pos` and whichever orientation is given.
+    /// The pose given by `pos` and one of the orientation attributes.
     pub(super) fn pose(&mut self, of: Classed<'_>) -> Pose {
         let position = self.attribute(of, "pos");
         let p = position.and_then(|a| self.fields.position(&a));
@@ -35,7 +35,7 @@ impl Reading<'_, '_, '_> {
     }
 
     fn orientation(&mut self, of: Classed<'_>) -> Option<M3> {
-        // what the element says itself goes before what its class says
+        // attributes of the element take precedence over those of its class
         let own = ["quat", "axisangle", "euler", "xyaxes", "zaxis"]
             .into_iter()
             .find(|name| of.element.attribute(name).is_some());
@@ -74,7 +74,7 @@ impl Reading<'_, '_, '_> {
         rotation
     }
 
-    /// Angles in the file's unit, as radians.
+    /// Angles in the file's unit, converted to rad.
     pub(super) fn angles<const N: usize>(&mut self, attribute: &Attribute) -> Option<[f64; N]> {
         if self.compiler.degrees {
             let degrees = self.fields.array::<N>(attribute)?;
@@ -83,7 +83,7 @@ impl Reading<'_, '_, '_> {
         self.fields.angles(attribute)
     }
 
-    /// The fourth number of an `axisangle`.
+    /// The angle of an `axisangle`, its fourth number, in rad.
     fn last_angle(&mut self, attribute: &Attribute) -> Option<f64> {
         let word = attribute.value.split_whitespace().last()?;
         let alone = Attribute {
@@ -113,18 +113,22 @@ impl Reading<'_, '_, '_> {
     }
 }
 
-/// The rotation that a quaternion of few digits stands for: about a coordinate
-/// axis by a multiple of pi/12, or one that carries axes onto axes.
+/// The exact rotation that a quaternion with few digits means: about a coordinate axis by a
+/// multiple of pi/12, or one that maps coordinate axes to coordinate axes.
 fn printed_rotation(r: &M3, q: [f64; 4], text: &str) -> Option<(M3, String)> {
     let decimals = text
         .split_whitespace()
         .map(|w| w.split_once('.').map_or(0, |(_, f)| f.len()))
         .max()?;
-    // a length that is far from 1 is no rounded unit quaternion
+    // a quaternion whose norm is far from 1 is not a rounded unit quaternion
     let rounded =
         (4..12).contains(&decimals) && (q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-2;
     let unit_in_last = libm::pow(10.0, -f64::from(i32::try_from(decimals).ok()?));
-    let tolerance = if rounded { 6.0 * unit_in_last } else { SAME };
+    let tolerance = if rounded {
+        6.0 * unit_in_last
+    } else {
+        ROUNDING_TOLERANCE
+    };
     let [w, x, y, z] = q;
     let axes = [
         ([1.0, 0.0, 0.0], x, [y, z], "x"),
@@ -158,7 +162,7 @@ fn euler(angles: V3, sequence: [char; 3]) -> M3 {
             _ => [0.0, 0.0, 1.0],
         };
         let turn = about(vector, angle);
-        // small letters: about axes that have moved along
+        // small letters are axes that rotate along
         r = if axis.is_ascii_lowercase() {
             product(&r, &turn)
         } else {
@@ -168,14 +172,14 @@ fn euler(angles: V3, sequence: [char; 3]) -> M3 {
     r
 }
 
-/// Axes x and y, the second made perpendicular to the first.
+/// The rotation with the given axes x and y, where y is made perpendicular to x.
 fn from_axes(x: V3, y: V3) -> Option<M3> {
     let x = unit(x)?;
     let y = unit(difference(y, scaled(x, dot(x, y))))?;
     Some(transposed(&[x, y, cross(x, y)]))
 }
 
-/// The shortest turn of z onto a unit vector.
+/// The shortest rotation of z onto a unit vector.
 pub(super) fn onto(z: V3) -> M3 {
     let across = cross([0.0, 0.0, 1.0], z);
     match unit(across) {

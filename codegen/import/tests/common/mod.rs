@@ -1,4 +1,4 @@
-//! Texts in, specs and complaints out.
+//! Import of texts, with the resulting specs, errors and notes.
 #![allow(
     dead_code,
     unreachable_pub,
@@ -12,18 +12,18 @@ use regen_codegen::diag::Source;
 use regen_codegen::spec::{self, Spec};
 use regen_import::{Imported, Options, import};
 
-/// The robot files of others.
+/// The folder of published robot files.
 pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/import")
 }
 
-/// A file of others, as it was published.
+/// A published robot file, unchanged.
 pub fn published(file: &str) -> Source {
     let text = std::fs::read_to_string(folder().join(file)).unwrap();
     Source::new(file, text)
 }
 
-/// The result, or every complaint in a line of its own.
+/// The result of an import, or all errors, one per line.
 pub fn attempt(source: &Source, options: &Options) -> Result<Imported, String> {
     let mut no_includes = |_: &str| Err("there is none".to_owned());
     import(source, &mut no_includes, options).map_err(|reports| {
@@ -42,7 +42,7 @@ pub fn imported(text: &str) -> Imported {
     imported_with(text, &Options::default())
 }
 
-/// The complaints about a text that is none.
+/// The errors of a text that cannot be imported.
 #[track_caller]
 pub fn refused(text: &str) -> String {
     refused_with(text, &Options::default())
@@ -56,13 +56,13 @@ pub fn refused_with(text: &str, options: &Options) -> String {
     }
 }
 
-/// A spec's text, read by the derivation.
+/// The spec's text of an import, checked by a derivation.
 #[track_caller]
 pub fn parsed(text: &str) -> Spec {
     spec::parse(&Source::new("imported.yaml", text)).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// The notes of an import, a line each.
+/// The notes of an import, one per line.
 pub fn notes(imported: &Imported) -> String {
     let lines: Vec<String> = imported.notes.iter().map(ToString::to_string).collect();
     lines.join("\n")

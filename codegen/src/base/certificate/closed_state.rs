@@ -1,5 +1,5 @@
-//! How a mechanism moves at closed states of its branch, in multiple precision:
-//! what its motions have in common is told from these.
+//! Kinematics of a mechanism at closed states of its assembly branch, in multiple precision. The
+//! explanation of a mechanism finds common properties of its motions from these.
 
 use crate::kinematics::{Frames, Geometry, Twist, twists};
 use crate::model::Model;
@@ -14,36 +14,35 @@ use super::units::Units;
 /// A vector in the world's axes.
 pub type Vector3 = [Float320; 3];
 
-/// How a link moves at a state.
+/// Kinematics of a link at one state.
 #[derive(Clone, Debug)]
 pub struct LinkMotion {
-    /// The link's axes in the world's.
+    /// The link's axes in the world's frame.
     pub axes: [Vector3; 3],
-    /// By independent coordinate, the angular velocity for its unit rate.
+    /// Angular velocity of the link for the unit rate of each independent coordinate.
     pub turns: Vec<Vector3>,
-    /// The velocity of the link's origin, likewise.
+    /// Velocity of the link's origin, likewise.
     pub moves: Vec<Vector3>,
-    /// The velocity of the point of the link that passes through the world's
-    /// origin, likewise.
+    /// Velocity of the point of the link that coincides with the world's origin, likewise.
     pub passes: Vec<Vector3>,
-    /// By coordinate on the way to the link, its axis: direction of turning (0 for
-    /// slides) and velocity at the world's origin.
+    /// For each coordinate on the path to the link, its unit twist: angular velocity (0 for a
+    /// prismatic joint) and velocity of the point at the world's origin.
     pub screws: Vec<(usize, Vector3, Vector3)>,
 }
 
-/// A closed state.
+/// A state that satisfies the closure equations.
 #[derive(Clone, Debug)]
 pub struct ClosedState {
-    /// By coordinate.
+    /// Values of all coordinates, rad or m.
     pub q: Vec<Float320>,
-    /// Rates of all coordinates by independent coordinate.
+    /// The matrix J of qd = J qd_i: one row per coordinate, one column per independent coordinate.
     pub j: Vec<Vec<Float320>>,
-    /// By link.
+    /// Kinematics of each link, in the order of the model's links.
     pub links: Vec<LinkMotion>,
 }
 
-/// What is evaluated of a link: where the world's origin and axes are in its
-/// frame, and the unit twists of coordinates.
+/// The expressions evaluated for a link: the world's origin and axes in the link's frame, and the
+/// unit twists of coordinates.
 struct LinkKinematics {
     origin: V3,
     axes: [V3; 3],
@@ -61,11 +60,11 @@ impl LinkKinematics {
     }
 }
 
-/// Observes a mechanism that closes at `home` at some closed states: home first,
-/// then others, the same for the same seed.
+/// Evaluates the kinematics of a mechanism at `count` closed states: at `home`, which must close,
+/// and at random others. The same seed gives the same states.
 ///
 /// # Errors
-/// Where not enough closed states can be reached from home.
+/// If not enough closed states can be reached from home, or the mechanism is too large.
 pub fn observe(
     model: &Model,
     home: &[f64],
@@ -79,11 +78,17 @@ pub fn observe(
     g.set_naming(false);
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let equations = crate::constraints::world_equations(&mut g, &frames, model, None);
-    let seen = seen(&mut g, &frames, model);
+    let link_kinematics = link_kinematics(&mut g, &frames, model);
     if g.is_full() {
         return Err(CertificateError::TooLarge);
     }
-    let evaluator = Evaluator::new(&g, seen.iter().flat_map(LinkKinematics::roots).collect());
+    let evaluator = Evaluator::new(
+        &g,
+        link_kinematics
+            .iter()
+            .flat_map(LinkKinematics::roots)
+            .collect(),
+    );
     let units = Units::of(model, home);
     let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
     let mut found = Vec::new();
@@ -97,7 +102,9 @@ pub fn observe(
         };
         if let Some(values) = evaluator.run(&closed.q) {
             let mut values = values.into_iter();
-            let links = seen.iter().map(|s| moved(s, &mut values, &closed.j));
+            let links = link_kinematics
+                .iter()
+                .map(|s| link_motion(s, &mut values, &closed.j));
             found.push(ClosedState {
                 links: links.collect(),
                 q: closed.q,
@@ -109,7 +116,7 @@ pub fn observe(
     Ok(found)
 }
 
-fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LinkKinematics> {
+fn link_kinematics(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LinkKinematics> {
     let world = [0, 1, 2].map(|k| {
         let mut axis = ZERO3;
         axis[k] = Ex::ONE;
@@ -137,8 +144,8 @@ fn cross(a: &Vector3, b: &Vector3) -> Vector3 {
     [part(1, 2), part(2, 0), part(0, 1)]
 }
 
-fn moved(
-    seen: &LinkKinematics,
+fn link_motion(
+    link_kinematics: &LinkKinematics,
     values: &mut impl Iterator<Item = Float320>,
     j: &[Vec<Float320>],
 ) -> LinkMotion {
@@ -152,7 +159,7 @@ fn moved(
     let (mut turns, mut moves, mut passes) =
         (vec![zero; width], vec![zero; width], vec![zero; width]);
     let mut screws = Vec::new();
-    for (coordinate, _) in &seen.twists {
+    for (coordinate, _) in &link_kinematics.twists {
         let (e, u) = (three(), three());
         let lever = cross(&e, &origin);
         let (turn, own) = (out(&e), out(&u));

@@ -1,4 +1,4 @@
-//! Expressions in multiple precision.
+//! Evaluation of expressions in multiple precision.
 
 use crate::sym::{AngleId, Ex, Graph, Node};
 
@@ -9,14 +9,14 @@ use super::linear::solve;
 #[derive(Debug)]
 pub(super) struct Evaluator<'g> {
     graph: &'g Graph,
-    /// What is needed, children first.
+    /// The expressions needed for the roots, children first.
     order: Vec<Ex>,
     roots: Vec<Ex>,
     constants: Vec<Float320>,
     angles: Vec<Option<LinearForm>>,
 }
 
-/// An angle's coefficients by symbol, and its constant.
+/// An angle as a linear form: coefficients by symbol, and a constant, rad.
 #[derive(Clone, Debug)]
 struct LinearForm {
     terms: Vec<(usize, Float320)>,
@@ -26,16 +26,16 @@ struct LinearForm {
 impl<'g> Evaluator<'g> {
     /// Prepares the evaluation of `roots`.
     pub(super) fn new(graph: &'g Graph, roots: Vec<Ex>) -> Self {
-        let mut seen = vec![false; graph.len()];
+        let mut visited = vec![false; graph.len()];
         let mut order = Vec::new();
         let mut stack = roots.clone();
         while let Some(ex) = stack.pop() {
-            if !std::mem::replace(&mut seen[ex.index()], true) {
+            if !std::mem::replace(&mut visited[ex.index()], true) {
                 order.push(ex);
                 stack.extend(graph.children(ex));
             }
         }
-        // children have smaller indices
+        // children have smaller indices than their parents
         order.sort();
         let mut constants = Vec::new();
         let mut angles = Vec::new();
@@ -68,9 +68,8 @@ impl<'g> Evaluator<'g> {
         }
     }
 
-    /// The values of the roots, with a value for each symbol in order of
-    /// creation (missing ones are 0); `None` where something is divided by 0 or
-    /// a system is singular.
+    /// Evaluates the roots. `symbols` has a value for each symbol in order of creation (missing
+    /// ones are 0). `None` if a divisor is 0 or a linear system is singular.
     pub(super) fn run(&self, symbols: &[Float320]) -> Option<Vec<Float320>> {
         let mut values = vec![Float320::ZERO; self.graph.len()];
         let mut turned: Vec<Option<(Float320, Float320)>> = vec![None; self.angles.len()];
@@ -129,7 +128,7 @@ impl<'g> Evaluator<'g> {
     }
 }
 
-/// Writes to a place of a vector, which grows to have it.
+/// Writes `value` at an index; the vector is extended by `empty` where necessary.
 fn put<T: Clone>(to: &mut Vec<T>, at: usize, value: T, empty: T) {
     if to.len() <= at {
         to.resize(at + 1, empty);

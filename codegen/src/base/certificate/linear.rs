@@ -1,62 +1,62 @@
-//! Linear algebra in multiple precision. Rows are not scaled, since a row of
-//! rounding must stay one.
+//! Linear algebra in multiple precision. Rows are not scaled, so that a row of rounding errors
+//! remains recognisable as one.
 
 use std::collections::BTreeMap;
 
 use super::float320::Float320;
 
-/// What is left below this part of the largest pivot is rounding: 2^-200, or
-/// 1e-60, far from both the rounding of 96 digits and anything that a mechanism
-/// of sane proportions holds.
-const ROUNDING: i32 = 200;
+/// Exponent of the threshold for rounding: entries below 2^-200, or 1e-60, of the largest pivot
+/// count as zero. That is far from both the rounding of 96 digits and any entry that a mechanism of
+/// sane proportions has.
+const ROUNDING_BITS: i32 = 200;
 
 /// A matrix after elimination.
 #[derive(Clone, Debug)]
 pub(super) struct Eliminated {
-    /// Pivot rows, in order: each has zeros at the columns of earlier pivots.
+    /// Pivot rows, in the order of elimination: each has zeros in the columns of earlier pivots.
     pub(super) rows: Vec<Vec<Float320>>,
     /// The pivots' columns.
     pub(super) columns: Vec<usize>,
-    /// The largest entry there was.
+    /// The largest entry of the matrix before elimination.
     pub(super) largest: Float320,
-    /// The largest entry left over: rounding, or 0.
+    /// The largest entry that remains after elimination: rounding, or 0.
     pub(super) dropped: Float320,
 }
 
 impl Eliminated {
-    /// The sizes of the pivots.
+    /// The magnitudes of the pivots.
     pub(super) fn pivots(&self) -> impl Iterator<Item = Float320> {
         let pairs = self.rows.iter().zip(&self.columns);
         pairs.map(|(row, c)| row[*c].abs())
     }
 }
 
-/// From so many columns on, pivots are chosen that keep the rows short.
-const MANY: usize = 200;
+/// From this number of columns on, pivots are chosen such that the rows stay short.
+const SHORT_ROWS_MIN_COLUMNS: usize = 200;
 
-/// A row that is not a pivot's yet, and what the choice of a pivot asks of it.
-struct Open {
+/// A row that has not become a pivot row yet, with the data that the choice of a pivot needs.
+struct OpenRow {
     row: Vec<Float320>,
     /// The column of its largest entry, and that entry.
     column: usize,
     largest: Float320,
-    /// How many entries it has.
+    /// Number of its nonzero entries.
     entries: usize,
 }
 
-impl Open {
-    fn new(row: Vec<Float320>, free: &[usize]) -> Open {
-        let mut open = Open {
+impl OpenRow {
+    fn new(row: Vec<Float320>, free: &[usize]) -> OpenRow {
+        let mut open = OpenRow {
             row,
             column: 0,
             largest: Float320::ZERO,
             entries: 0,
         };
-        open.look(free);
+        open.update(free);
         open
     }
 
-    fn look(&mut self, free: &[usize]) {
+    fn update(&mut self, free: &[usize]) {
         (self.column, self.largest, self.entries) = (0, Float320::ZERO, 0);
         for &c in free {
             let x = &self.row[c];
@@ -71,9 +71,9 @@ impl Open {
     }
 }
 
-/// The largest entry there is: its row and column. The first of equal ones.
-fn largest_entry(rows: &[Open]) -> Option<(usize, usize)> {
-    let mut best: Option<(usize, &Open)> = None;
+/// Row and column of the largest entry; the first of equal ones.
+fn largest_entry(rows: &[OpenRow]) -> Option<(usize, usize)> {
+    let mut best: Option<(usize, &OpenRow)> = None;
     for (i, row) in rows.iter().enumerate() {
         if best.is_none_or(|(_, b)| row.largest.cmp_abs(&b.largest).is_gt()) {
             best = Some((i, row));
@@ -82,10 +82,14 @@ fn largest_entry(rows: &[Open]) -> Option<(usize, usize)> {
     best.map(|(i, row)| (i, row.column))
 }
 
-/// Of the shortest rows that have one, an entry whose exponent is that of the largest in its
-/// column: pivots are taken away from other rows with factors below 2, so that rounding does not
-/// grow. `floor` is rounding.
-fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Float320) -> Option<(usize, usize)> {
+/// Returns an entry of the shortest row that has one whose binary exponent equals that of the
+/// largest entry in its column: other rows are then reduced with factors below 2, so that rounding
+/// errors do not grow. Entries up to `floor` are rounding.
+fn entry_of_a_short_row(
+    rows: &[OpenRow],
+    free: &[usize],
+    floor: &Float320,
+) -> Option<(usize, usize)> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by_key(|&i| rows[i].entries);
     let mut columns: BTreeMap<usize, Float320> = BTreeMap::new();
@@ -110,18 +114,21 @@ fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Float320) -> Opti
 
 /// Eliminates the first `width` columns.
 ///
-/// Pivots are the largest entries there are. Where there are many columns, they are the largest of
-/// their columns or near it, and are taken from the shortest rows: in a chain the energies of the
-/// last bodies depend on few parameters, and rows that begin with those stay short, where the
-/// largest entries would fill all of them.
+/// Each pivot is the largest remaining entry. In matrices with many columns it is an entry close to
+/// the largest of its column, from a row that is as short as possible: in a chain the energies of
+/// the last bodies depend on few parameters, and rows eliminated in that order stay short, while
+/// pivoting on the largest entries would fill all of them.
 pub(super) fn eliminate(rows: Vec<Vec<Float320>>, width: usize) -> Eliminated {
-    eliminate_in_order(rows, width, width >= MANY)
+    eliminate_in_order(rows, width, width >= SHORT_ROWS_MIN_COLUMNS)
 }
 
 fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool) -> Eliminated {
     let mut free = (0..width).collect::<Vec<_>>();
-    let mut rows: Vec<Open> = rows.into_iter().map(|row| Open::new(row, &free)).collect();
-    let largest = |rows: &[Open]| {
+    let mut rows: Vec<OpenRow> = rows
+        .into_iter()
+        .map(|row| OpenRow::new(row, &free))
+        .collect();
+    let largest = |rows: &[OpenRow]| {
         let entries = rows.iter().map(|r| r.largest.abs());
         entries.fold(Float320::ZERO, Float320::max)
     };
@@ -131,7 +138,7 @@ fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool)
         largest: largest(&rows),
         dropped: Float320::ZERO,
     };
-    let floor = done.largest.scaled(-ROUNDING);
+    let floor = done.largest.scaled(-ROUNDING_BITS);
     loop {
         let chosen = if short_first {
             entry_of_a_short_row(&rows, &free, &floor)
@@ -162,10 +169,10 @@ fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool)
             for &c in &carried {
                 row[c] = row[c] - factor * pivot_row[c];
             }
-            open.look(&free);
+            open.update(&free);
         }
         if short_first {
-            // a row of rounding is full, and would be carried along to the end
+            // a row of rounding errors has no zeros, and would cost time in every further step
             rows.retain(|r| {
                 let kept = r.largest.cmp_abs(&floor).is_gt();
                 if !kept {
@@ -180,9 +187,9 @@ fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool)
 }
 
 impl Eliminated {
-    /// The largest number that is left of more rows, and whether it is more than rounding: then
-    /// they are not in the span of those that were eliminated.
-    pub(super) fn left_of(&self, rows: Vec<Vec<Float320>>) -> (Float320, bool) {
+    /// The largest entry that remains when further rows are reduced by the pivot rows, and whether
+    /// it is more than rounding: then the rows are not in the span of the eliminated ones.
+    pub(super) fn remainder_of(&self, rows: Vec<Vec<Float320>>) -> (Float320, bool) {
         let mut left = Float320::ZERO;
         let inverses: Vec<Option<Float320>> = self
             .rows
@@ -207,17 +214,17 @@ impl Eliminated {
             }
             left = row.iter().map(|x| x.abs()).fold(left, Float320::max);
         }
-        let floor = self.largest.scaled(-ROUNDING);
+        let floor = self.largest.scaled(-ROUNDING_BITS);
         (left, left.cmp_abs(&floor).is_gt())
     }
 }
 
-/// The first columns, in a given order, that do not follow from those before.
+/// The columns, taken in the given order, that are linearly independent of the columns before them.
 pub(super) fn independent(mut rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<usize> {
     let entries = rows.iter().flatten().map(|x| x.abs());
     let floor = entries
         .fold(Float320::ZERO, Float320::max)
-        .scaled(-ROUNDING);
+        .scaled(-ROUNDING_BITS);
     let mut found = Vec::new();
     for (k, &column) in order.iter().enumerate() {
         let largest = (0..rows.len()).max_by(|&i, &j| rows[i][column].cmp_abs(&rows[j][column]));
@@ -244,30 +251,30 @@ pub(super) fn independent(mut rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<
     found
 }
 
-/// The rank of rows whose entries are of the given size where they are more than
-/// rounding, and the largest number dropped as a part of that size.
+/// The rank of rows whose significant entries are about of magnitude `size`, and the largest entry
+/// that was treated as zero, in proportion to `size`.
 pub fn rank_of(rows: Vec<Vec<Float320>>, size: Float320) -> (usize, f64) {
     let width = rows.first().map_or(0, Vec::len);
-    // the largest first, so that pivots come in order of size
+    // largest entries first, so that pivots come in order of magnitude
     let done = eliminate_in_order(rows, width, false);
-    let floor = size.scaled(-ROUNDING);
+    let floor = size.scaled(-ROUNDING_BITS);
     let kept = done.pivots().filter(|p| p.cmp_abs(&floor).is_gt()).count();
     let dropped = done.pivots().nth(kept).unwrap_or(done.dropped);
     let part = dropped.checked_div(size);
     (kept, part.map_or(0.0, |p| p.to_f64().abs()))
 }
 
-/// A column as a combination of others.
+/// A column as a linear combination of others.
 #[derive(Clone, Debug)]
 pub struct Relation {
     /// The column.
     pub column: usize,
-    /// Other columns with their factors.
+    /// The other columns with their factors.
     pub terms: Vec<(usize, Float320)>,
 }
 
-/// The columns that follow from those before them, in a given order; factors that
-/// are rounding are left out.
+/// The columns, taken in the given order, that are linear combinations of the columns before them;
+/// factors that are rounding are left out.
 pub fn relations(rows: &[Vec<Float320>], order: &[usize]) -> Vec<Relation> {
     let kept = independent(rows.to_vec(), order);
     let others: Vec<usize> = order
@@ -288,7 +295,7 @@ pub fn relations(rows: &[Vec<Float320>], order: &[usize]) -> Vec<Relation> {
     let Some(factors) = factors else {
         return Vec::new();
     };
-    let tiny = |x: &Float320| x.cmp_abs(&Float320::ONE.scaled(-ROUNDING)).is_le();
+    let tiny = |x: &Float320| x.cmp_abs(&Float320::ONE.scaled(-ROUNDING_BITS)).is_le();
     let relation = |(k, column): (usize, &usize)| Relation {
         column: *column,
         terms: kept
@@ -301,8 +308,9 @@ pub fn relations(rows: &[Vec<Float320>], order: &[usize]) -> Vec<Relation> {
     others.iter().enumerate().map(relation).collect()
 }
 
-/// Solves `A Z = B` with at least as many rows as unknowns, consistent where
-/// there are more; unknowns by right-hand sides. `None` where it is singular.
+/// Solves `A Z = B`, which has at least as many rows as unknowns, and is consistent if it has more.
+/// The result has one row per unknown, one column per right-hand side; `None` if A does not have
+/// full column rank.
 pub(super) fn solve(
     mut a: Vec<Vec<Float320>>,
     b: Vec<Vec<Float320>>,
@@ -364,7 +372,7 @@ mod tests {
 
     #[test]
     fn short_rows_first_find_the_rank_that_the_largest_entries_find() {
-        // rows of a chain: each begins at a column of its own, and combinations of them
+        // rows of a chain: they begin at different columns, and some combinations of them
         let width = 40;
         let mut number = 0.37_f64;
         let mut next = || {
@@ -378,7 +386,7 @@ mod tests {
                 row
             })
             .collect();
-        // three columns follow from others
+        // three columns are combinations of others
         for row in &mut rows {
             row[35] = row[33] + row[34];
             row[36] = row[32] - row[34].scaled(1);

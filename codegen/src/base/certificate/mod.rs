@@ -1,13 +1,12 @@
-//! The certificate: the rank of rows sampled at random closed states of the
-//! mechanism, on the assembly branch of home, in multiple precision.
+//! The certificate: the rank of rows sampled at random closed states of the mechanism, on the
+//! assembly branch of home, in multiple precision.
 //!
-//! What is sampled are energies, not forces. A combination of inertial and
-//! rotor parameters is without effect exactly when the kinetic energy is 0 and
-//! the potential energy constant whatever the motion, and both need neither
-//! accelerations nor the derivatives of X. With 96 digits, rounding lies tens
-//! of orders of magnitude below everything else, so that no tolerance has to be
-//! chosen. Samples bound the rank from below; directions derived exactly bound
-//! it from above: where the two meet, the base is proven.
+//! The rows are energies, not forces. A combination of inertial and rotor parameters is without
+//! effect exactly when the kinetic energy is 0 and the potential energy constant whatever the
+//! motion, and both need neither accelerations nor the derivatives of X. With 96 digits, rounding
+//! lies tens of orders of magnitude below everything else, so that no tolerance has to be chosen.
+//! Samples bound the rank from below; directions derived exactly bound it from above: where the two
+//! meet, the base is proven.
 
 mod closed_state;
 mod evaluate;
@@ -33,25 +32,24 @@ use rows::Rows;
 use states::Walk;
 use units::Units;
 
-/// States at the end that must show nothing new.
+/// Number of additional states, sampled at the end, that must not raise the rank.
 const FRESH_STATES: usize = 2;
 
 /// Why there is no certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CertificateError {
-    /// Home does not close in multiple precision: a closure that holds only to
-    /// the digits of the lengths and angles given has redundant equations that
-    /// contradict each other beyond them.
+    /// Home does not close in multiple precision. If a closure holds only to the digits of the
+    /// lengths and angles given, its redundant equations contradict each other beyond these digits.
     Inexact,
-    /// From home, too few closed states could be reached.
+    /// Too few closed states could be reached from home.
     Confined {
-        /// How many were.
+        /// How many closed states were reached.
         found: usize,
-        /// How many are needed.
+        /// How many closed states are needed.
         needed: usize,
     },
-    /// The mechanism takes more expressions than a graph can tell apart.
+    /// The mechanism needs more expressions than a graph can hold.
     TooLarge,
 }
 
@@ -79,13 +77,15 @@ impl fmt::Display for CertificateError {
 
 impl core::error::Error for CertificateError {}
 
-/// Samples a mechanism that closes at `home`. The same seed gives the same
-/// states.
+/// Samples a mechanism that closes at `home` (one value per coordinate, rad or m) at random closed
+/// states. The same seed gives the same states.
 ///
 /// # Errors
-/// Where not enough closed states can be reached from home.
+/// If home does not close in multiple precision, if not enough closed states can be reached from
+/// it, or if the mechanism is too large.
 pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, CertificateError> {
-    // a graph of its own: only what is sampled, its first symbols the coordinates
+    // a separate graph, with only the expressions to be sampled; its first symbols are the
+    // coordinates
     let mut g = Graph::new();
     for coordinate in &model.coordinates {
         g.symbol(&coordinate.name);
@@ -117,9 +117,9 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
     };
     let (first, states) = sample(needed)?;
     let mut samples = Samples::new(first, rows::column_units(model, units), states);
-    // However many rows there are, one that is still missing may come once per
-    // state. But energies are analytic on the branch: as long as a combination
-    // passes for null that is not, almost every fresh state shows it.
+    // No number of rows is a proof, as each state might raise the rank by one only. But energies
+    // are analytic on the branch: as long as a direction passes for null that is not, almost every
+    // fresh state reveals it.
     if needed == 0 {
         return Ok(samples);
     }

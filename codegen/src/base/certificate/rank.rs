@@ -1,15 +1,15 @@
-//! The rank of the sampled rows, and questions about their null space.
+//! The rank of the sampled rows, and queries on their null space.
 
 use super::float320::{DIGITS, Float320};
 use super::linear::{Eliminated, eliminate, independent, solve};
 
-/// A gap of fewer orders of magnitude between kept and dropped leaves the rank
-/// open.
-const LEAST_GAP: f64 = 1e20;
+/// The least ratio between the smallest pivot and the largest number dropped, without unit; a
+/// smaller gap leaves the rank open.
+const MIN_GAP: f64 = 1e20;
 
-/// What is dropped must be rounding of 96 digits: a larger number may be a part of
-/// the mechanism that is tiny beside the rest.
-const MOST_DROPPED: f64 = 1e-72;
+/// The largest number that may be dropped, as a part of the largest entry: it must be rounding of
+/// 96 digits, since a larger number may be a tiny part of the mechanism.
+const MAX_DROPPED: f64 = 1e-72;
 
 /// The rank of the parameters' columns over sampled states.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,20 +22,20 @@ pub struct Certificate {
     pub states: usize,
     /// Decimal digits carried.
     pub digits: usize,
-    /// The smallest pivot kept, as a part of the largest entry of all.
+    /// The smallest pivot, as a part of the largest entry of all rows.
     pub smallest_kept: f64,
-    /// The largest number dropped, as a part of the largest entry; 0 where
-    /// nothing was left.
+    /// The largest number dropped, as a part of the largest entry; 0 if no nonzero number was
+    /// dropped.
     pub largest_dropped: f64,
 }
 
 impl Certificate {
-    /// Whether the gap between kept and dropped leaves no doubt.
+    /// Whether the gap between pivots and dropped numbers leaves no doubt about the rank.
     pub fn is_certain(&self) -> bool {
-        // nothing is dropped where all columns are kept, nor where all are 0
+        // nothing is dropped where all columns are pivots' columns, nor where all are 0
         self.largest_dropped == 0.0
-            || self.largest_dropped <= MOST_DROPPED
-                && self.smallest_kept >= LEAST_GAP * self.largest_dropped
+            || self.largest_dropped <= MAX_DROPPED
+                && self.smallest_kept >= MIN_GAP * self.largest_dropped
     }
 }
 
@@ -43,16 +43,16 @@ fn largest_of(values: &[Float320]) -> Float320 {
     values.iter().fold(Float320::ZERO, |m, x| m.max(x.abs()))
 }
 
-/// Sampled rows over the parameters' columns.
+/// Sampled rows, with one entry per parameter.
 #[derive(Clone, Debug)]
 pub struct Samples {
-    /// In units of their own.
+    /// The rows in scaled units.
     rows: Vec<Vec<Float320>>,
-    /// The largest of their entries.
+    /// The magnitude of the largest entry of the rows.
     largest: Float320,
-    /// By column, the power of two that it is multiplied by in the rows.
+    /// For each column, the exponent of the power of two by which it is scaled in the rows.
     units: Vec<i32>,
-    /// A basis of the rows' span.
+    /// A basis of the span of the rows.
     basis: Eliminated,
     certificate: Certificate,
 }
@@ -86,9 +86,10 @@ impl Samples {
         }
     }
 
-    /// Adds the rows of more states; whether they raised the rank.
+    /// Adds the rows of further states; `states` is the total number of states. Returns whether the
+    /// rank grew.
     pub(super) fn extend(&mut self, fresh: Vec<Vec<Float320>>, states: usize) -> bool {
-        let (left, grown) = self.basis.left_of(fresh.clone());
+        let (remainder, grown) = self.basis.remainder_of(fresh.clone());
         self.largest = fresh
             .iter()
             .map(|row| largest_of(row))
@@ -98,7 +99,7 @@ impl Samples {
             let rows = core::mem::take(&mut self.rows);
             *self = Samples::new(rows, core::mem::take(&mut self.units), states);
         } else {
-            let part = left.checked_div(self.basis.largest);
+            let part = remainder.checked_div(self.basis.largest);
             let dropped = part.map_or(0.0, |p| p.to_f64());
             self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
             self.certificate.states = states;
@@ -106,27 +107,27 @@ impl Samples {
         grown
     }
 
-    /// The rank and what it rests on.
+    /// The rank and the evidence for it.
     pub fn certificate(&self) -> Certificate {
         self.certificate
     }
 
-    /// The rank of some of the columns.
+    /// The rank of a subset of the columns.
     pub fn rank_of(&self, columns: &[usize]) -> usize {
         let rows = self.basis.rows.iter();
         let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
         eliminate(chosen.collect(), columns.len()).rows.len()
     }
 
-    /// The first columns, in this order, that do not follow from those before:
-    /// the base that keeps what comes first.
+    /// The columns, taken in the given order, that are linearly independent of the columns before
+    /// them: the base parameters that keep early columns wherever possible.
     pub fn independent(&self, order: &[usize]) -> Vec<usize> {
         independent(self.basis.rows.clone(), order)
     }
 
-    /// What the rows make of a direction in the space of the parameters, as a
-    /// part of the largest term that goes into it: rounding for a null
-    /// direction, and of order 1 for a direction at random.
+    /// The largest product of a row and a direction in the space of the parameters, relative to the
+    /// largest term of such products: rounding for a null direction, and of order 1 for a random
+    /// direction.
     pub fn residual(&self, direction: &[Float320]) -> f64 {
         let direction = self.in_units(direction);
         let (mut largest, mut worst) = (Float320::ZERO, Float320::ZERO);
@@ -142,12 +143,12 @@ impl Samples {
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
     }
 
-    /// What the rows make of a direction, as a part of the largest entry of all:
-    /// rounding for a null direction, also for one of columns that are all zero.
+    /// The largest product of a row and a direction, relative to the largest entry of all rows and
+    /// of the direction: rounding for a null direction, also for one whose columns are all zero.
     pub fn left_over(&self, direction: &[Float320]) -> f64 {
         let direction = &self.in_units(direction)[..];
         let largest = self.largest * largest_of(direction);
-        // a direction has few entries
+        // a direction has few nonzero entries
         let support: Vec<usize> = (0..direction.len())
             .filter(|&c| !direction[c].is_zero())
             .collect();
@@ -161,14 +162,14 @@ impl Samples {
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
     }
 
-    /// A direction's entries in the units of the rows.
+    /// A direction's entries in the scaled units of the rows.
     fn in_units(&self, direction: &[Float320]) -> Vec<Float320> {
         let entries = direction.iter().zip(&self.units);
         entries.map(|(x, unit)| x.scaled(-unit)).collect()
     }
 
-    /// The one null direction within some columns, with 1 at the first of them:
-    /// `None` where there is none or more than one. Entries in the order given.
+    /// The null direction whose nonzero entries are all in the given columns, with 1 at the first
+    /// of them and entries in the given order; `None` if there is none or more than one.
     pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Float320>> {
         let (first, others) = columns.split_first()?;
         let pick = |columns: &[usize]| -> Vec<Vec<Float320>> {
@@ -191,10 +192,10 @@ impl Samples {
         Some(std::iter::once(Float320::ONE).chain(found).collect())
     }
 
-    /// Every column as a combination of the kept ones: by column, the
-    /// coefficients in the order of `kept`. `None` where `kept` is no basis.
+    /// Writes every column as a combination of the kept ones: for each column, the coefficients in
+    /// the order of `kept`. `None` if `kept` is not a basis.
     ///
-    /// A kept column's own coefficients are a unit vector.
+    /// The coefficients of a kept column are a unit vector.
     pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Float320>>> {
         if kept.len() != self.basis.rows.len() {
             return None;

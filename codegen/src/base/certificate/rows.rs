@@ -1,11 +1,10 @@
-//! The rows at a state: kinetic energy, power of gravity, and power of friction
-//! sorted by how it depends on the velocities.
+//! The rows that a state contributes: kinetic energy, power of gravity, and power of friction,
+//! sorted by its dependence on the velocities.
 //!
-//! With t_j the twist of a body for a unit rate of the independent coordinate j
-//! (the body's own frame and origin), T = 1/2 sum_jk h(t_j, t_k) qd_j qd_k is
-//! linear in the parameters, and so is gravity's power. Energies of different
-//! degree in the velocities, and of different sign under their reversal, vanish
-//! one by one, and each has rows of its own.
+//! With t_j the twist of a body for a unit rate of the independent coordinate j (in the body's
+//! frame, at its origin), T = 1/2 sum_jk h(t_j, t_k) qd_j qd_k is linear in the parameters, and so
+//! is gravity's power. Energies of different degree in the velocities, or of different sign under
+//! their reversal, vanish separately, and each has its own rows.
 
 use crate::kinematics::{Frames, twists};
 use crate::model::{FrictionColumn, Model, ParameterKind};
@@ -19,14 +18,15 @@ use super::units::Units;
 /// A twist (w, v) of a body in its own frame at its own origin.
 type Twist = [Float320; 6];
 
-/// No fewer states, however many rows each has.
-const LEAST_STATES: usize = 8;
+/// The least number of states, even if fewer give enough rows.
+const MIN_STATES: usize = 8;
 
-/// Of the mass matrix's entries, about as many as this a column are sampled, or all there are.
+/// Number of entries of the mass matrix sampled per parameter's column, unless there are fewer
+/// entries.
 const ROWS_PER_COLUMN: usize = 4;
 
-/// How many states give at least twice as many rows as there are columns, also
-/// where only gravity's columns and rows are counted.
+/// The number of states that give at least twice as many rows as there are columns, also if only
+/// the columns and rows of gravity are counted.
 pub(super) fn states_needed(model: &Model) -> usize {
     let n = model.independent.len();
     let columns = model.parameters.len();
@@ -35,10 +35,10 @@ pub(super) fn states_needed(model: &Model) -> usize {
     }
     let by_all = (2 * columns).div_ceil(n * (n + 3) / 2);
     let by_gravity = (2 * 4 * model.bodies.len()).div_ceil(n);
-    by_all.max(by_gravity).max(LEAST_STATES)
+    by_all.max(by_gravity).max(MIN_STATES)
 }
 
-/// By parameter, the power of two that its column is multiplied by.
+/// For each parameter, the exponent of the power of two by which its column is scaled.
 pub(super) fn column_units(model: &Model, units: Units) -> Vec<i32> {
     let parameters = model.parameters.iter();
     parameters
@@ -46,7 +46,7 @@ pub(super) fn column_units(model: &Model, units: Units) -> Vec<i32> {
         .collect()
 }
 
-/// What of a mechanism is sampled.
+/// The expressions that are sampled.
 #[derive(Clone, Debug)]
 pub(super) struct Expressions {
     bodies: Vec<BodyExpressions>,
@@ -92,30 +92,30 @@ impl Expressions {
     }
 }
 
-/// The halves of an effort `v qd + e |qd| + c sgn(qd) + o` that a friction
-/// parameter of 1 stands for, in units of 1/2.
+/// The coefficients of an effort `v qd + e |qd| + c sgn(qd) + o`, in units of 1/2, for a friction
+/// parameter of 1.
 #[derive(Clone, Copy, Debug, Default)]
-struct Effort {
+struct FrictionHalves {
     v: i8,
     e: i8,
     c: i8,
     o: i8,
 }
 
-impl Effort {
-    fn of(column: FrictionColumn) -> Effort {
-        let none = Effort::default();
+impl FrictionHalves {
+    fn of(column: FrictionColumn) -> FrictionHalves {
+        let none = FrictionHalves::default();
         match column {
-            FrictionColumn::Viscous => Effort { v: 2, ..none },
-            FrictionColumn::Coulomb => Effort { c: 2, ..none },
-            FrictionColumn::ViscousPositive => Effort { v: 1, e: 1, ..none },
-            FrictionColumn::ViscousNegative => Effort {
+            FrictionColumn::Viscous => FrictionHalves { v: 2, ..none },
+            FrictionColumn::Coulomb => FrictionHalves { c: 2, ..none },
+            FrictionColumn::ViscousPositive => FrictionHalves { v: 1, e: 1, ..none },
+            FrictionColumn::ViscousNegative => FrictionHalves {
                 v: 1,
                 e: -1,
                 ..none
             },
-            FrictionColumn::CoulombPositive => Effort { c: 1, o: 1, ..none },
-            FrictionColumn::CoulombNegative => Effort {
+            FrictionColumn::CoulombPositive => FrictionHalves { c: 1, o: 1, ..none },
+            FrictionColumn::CoulombNegative => FrictionHalves {
                 c: 1,
                 o: -1,
                 ..none
@@ -128,18 +128,18 @@ fn halves(count: i8, of: Float320) -> Float320 {
     Float320::from_f64(f64::from(count)).scaled(-1) * of
 }
 
-/// Collects rows, one column per parameter.
+/// Collects rows, one entry per parameter.
 #[derive(Debug)]
 pub(super) struct Rows<'a> {
     model: &'a Model,
     expressions: &'a Expressions,
     evaluator: Evaluator<'a>,
-    /// Velocities per state for the rows of friction.
+    /// Number of random velocities per state for the rows of friction.
     velocities: usize,
-    /// The part of the mass matrix's entries beside its diagonal that is sampled.
+    /// The fraction of the mass matrix's off-diagonal entries that is sampled.
     share: f64,
     units: Units,
-    /// By parameter, the power of two that its column is multiplied by.
+    /// For each parameter, the exponent of the power of two by which its column is scaled.
     columns: Vec<i32>,
     collected: Vec<Vec<Float320>>,
 }
@@ -160,7 +160,7 @@ impl<'a> Rows<'a> {
             0 => 0,
             _ => (2 * friction).div_ceil(states).max(3),
         };
-        // many coordinates have more entries than it takes to see all columns
+        // with many coordinates, a part of the entries suffices to cover all columns
         let n = model.independent.len();
         let entries = states * (n * (n + 1) / 2);
         let share = (ROWS_PER_COLUMN * model.parameters.len()) as f64 / entries.max(1) as f64;
@@ -176,12 +176,12 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The rows since they were taken last.
+    /// The rows collected since the last call.
     pub(super) fn take(&mut self) -> Vec<Vec<Float320>> {
         core::mem::take(&mut self.collected)
     }
 
-    /// Adds the rows of a state; `None` where it has none.
+    /// Adds the rows of a state; `None` where the expressions have no value.
     pub(super) fn sample(&mut self, state: &State, random: &mut Random) -> Option<()> {
         let values = self.evaluator.run(&state.q)?;
         let state = &self.with_unit_rates(state);
@@ -225,11 +225,11 @@ impl<'a> Rows<'a> {
             }
             let entry = |kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
-                    halves(Effort::of(column).o, state.j[coordinate][j])
+                    halves(FrictionHalves::of(column).o, state.j[coordinate][j])
                 }
                 ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
-            // of the potential energy: the power that gravity takes
+            // derivative of the potential energy: minus the power of gravity
             let blocks = bodies.iter().map(|(t, gamma)| {
                 let power = polar(gamma, &t[j]);
                 power.map(|x| -x)
@@ -242,7 +242,7 @@ impl<'a> Rows<'a> {
         Some(())
     }
 
-    /// The rows of friction at random velocities, which change their signs.
+    /// Adds the rows of friction at random velocities of both signs.
     fn sample_friction(&mut self, state: &State, random: &mut Random) {
         let width = self.model.independent.len();
         let rates: Vec<Float320> = (0..width)
@@ -256,7 +256,7 @@ impl<'a> Rows<'a> {
                 terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r)
             })
             .collect();
-        type Power = fn(Effort, Float320) -> Float320;
+        type Power = fn(FrictionHalves, Float320) -> Float320;
         let kinds: [(i32, Power); 3] = [
             (0, |effort, qd| halves(effort.v, qd * qd)),
             (-self.units.time, |effort, qd| halves(effort.c, qd.abs())),
@@ -265,7 +265,7 @@ impl<'a> Rows<'a> {
         for (unit, power) in kinds {
             let entry = |kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
-                    power(Effort::of(column), qd[coordinate])
+                    power(FrictionHalves::of(column), qd[coordinate])
                 }
                 ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
@@ -273,7 +273,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The state with the rates of independent coordinates in units of their own.
+    /// The state with the rates of independent coordinates in the units of their size.
     fn with_unit_rates(&self, state: &State) -> State {
         let mut state = state.clone();
         for k in 0..self.model.independent.len() {
@@ -287,8 +287,8 @@ impl<'a> Rows<'a> {
         state
     }
 
-    /// Adds a row, times a power of two: blocks of the bodies, or none, and an
-    /// entry for every other parameter.
+    /// Adds a row, scaled by a power of two: `blocks` are the entries of the bodies' inertial
+    /// parameters (empty if they are all 0), `entry` gives that of every other parameter.
     fn push(
         &mut self,
         unit: i32,
@@ -310,7 +310,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// h with h(V, V) . phi / 2 the kinetic energy of a body, in polar form.
+/// The symmetric form h: h(V, V) . phi / 2 is the kinetic energy of a body with the twist V.
 fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
     let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
     [

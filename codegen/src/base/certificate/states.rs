@@ -1,10 +1,10 @@
 //! Random closed states on the assembly branch of home.
 //!
-//! A walk in small steps of double precision: the independent coordinates move
-//! towards a random target, the dependent ones follow by prediction and
-//! Newton's method. A step that nears a singularity, crosses one, jumps to
-//! another assembly or leaves a coordinate's limits is not taken. Where a leg of
-//! the walk ends, Newton's method in multiple precision makes a state of it.
+//! The states are found by a walk in small steps of double precision: the independent coordinates
+//! move towards a random target, the dependent ones follow by linear prediction and Newton's
+//! method. A step that nears a singularity, crosses one, jumps to another assembly branch or leaves
+//! a coordinate's limits is rejected. At the end of each leg of the walk, Newton's method in
+//! multiple precision refines the state.
 
 use crate::constraints::{Equations, NumericLoops};
 use crate::model::Model;
@@ -17,29 +17,31 @@ use super::float320::Float320;
 use super::linear::solve;
 use super::units::Units;
 
-/// A step that brings A_e closer to singular than this is not taken.
-const LEAST_RATIO: f64 = 1e-3;
-/// The largest turn in a step, rad.
-const TURN: f64 = 0.18;
-/// The largest slide in a step, in proportion to its range.
-const SLIDE: f64 = 0.03;
-/// Steps of a leg, at least and at most.
-const STEPS: (u32, u32) = (5, 14);
-/// Of the predicted change of the dependent coordinates, Newton's method may
-/// correct this part; more could be a jump to another assembly.
-const CORRECTION: f64 = 0.25;
-/// In double precision closed to this part of the mechanism's size.
-const CLOSED: f64 = 1e-11;
-/// In multiple precision closed to 1e-80 (log10).
-const CLOSED_WIDE: f64 = -80.0;
-/// From a double solution, digits doubling each time.
-const WIDE_STEPS: usize = 6;
-/// Legs in a row that may fail before the walk begins anew at home.
-const PATIENCE: usize = 4;
-/// How often it may do so before a state is found.
-const BEGINNINGS: usize = 25;
+/// The least pivot ratio of A_e, or a tenth of that at home if that is less; a step that brings A_e
+/// closer to singular is rejected.
+const MIN_PIVOT_RATIO: f64 = 1e-3;
+/// The largest change of an angle in a step, rad.
+const MAX_TURN_RAD: f64 = 0.18;
+/// The largest change of a prismatic coordinate in a step, as a fraction of its range.
+const MAX_SLIDE_FRACTION: f64 = 0.03;
+/// The least and largest number of steps of a leg.
+const LEG_STEPS: (u32, u32) = (5, 14);
+/// The largest correction by Newton's method, as a fraction of the predicted change of the
+/// dependent coordinates; a larger one could be a jump to another assembly branch.
+const MAX_CORRECTION_FRACTION: f64 = 0.25;
+/// Largest closure residual in double precision, as a fraction of the mechanism's size.
+const CLOSURE_TOLERANCE: f64 = 1e-11;
+/// log10 of the largest closure residual in multiple precision: 1e-80.
+const CLOSURE_TOLERANCE_LOG10: f64 = -80.0;
+/// Largest number of Newton steps in multiple precision. They start from a solution in double
+/// precision, and each doubles the number of digits.
+const MAX_NEWTON_STEPS: usize = 6;
+/// Number of legs that may fail in a row before the walk restarts at home.
+const MAX_FAILED_LEGS: usize = 4;
+/// Number of restarts before the search for a state ends.
+const MAX_RESTARTS: usize = 25;
 
-/// Reproducible numbers.
+/// Reproducible pseudo-random numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Random(u64);
 
@@ -48,12 +50,12 @@ impl Random {
         Random(seed)
     }
 
-    /// The next number in [-1, 1).
+    /// The next number, uniform in [-1, 1).
     pub(super) fn next(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
-    /// The next number in a range.
+    /// The next number, uniform in a range.
     fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * 0.5 * (self.next() + 1.0)
     }
@@ -68,12 +70,12 @@ impl Random {
     }
 }
 
-/// A closed state in multiple precision.
+/// A state that satisfies the closure equations, in multiple precision.
 #[derive(Clone, Debug)]
 pub(super) struct State {
-    /// By coordinate.
+    /// Values of all coordinates, rad or m.
     pub(super) q: Vec<Float320>,
-    /// J with qd = J qd_i: coordinates by independent coordinates.
+    /// J with qd = J qd_i: one row per coordinate, one column per independent coordinate.
     pub(super) j: Vec<Vec<Float320>>,
 }
 
@@ -85,16 +87,16 @@ pub(super) struct Walk<'a> {
     wide: Evaluator<'a>,
     rows: usize,
     random: Random,
-    /// The ranges of all coordinates.
+    /// The permitted range of each coordinate.
     ranges: Vec<[f64; 2]>,
-    least_ratio: f64,
-    closed: f64,
+    min_pivot_ratio: f64,
+    closure_tolerance: f64,
     home: Vec<f64>,
     q: Vec<f64>,
 }
 
 impl<'a> Walk<'a> {
-    /// Begins at home.
+    /// Begins at home. The error says that home does not close in multiple precision.
     pub(super) fn new(
         g: &'a Graph,
         equations: &Equations,
@@ -122,8 +124,8 @@ impl<'a> Walk<'a> {
             ranges: (0..model.coordinates.len())
                 .map(|c| range(model, home, c, units))
                 .collect(),
-            least_ratio: LEAST_RATIO.min(0.1 * ratio),
-            closed: CLOSED * size,
+            min_pivot_ratio: MIN_PIVOT_RATIO.min(0.1 * ratio),
+            closure_tolerance: CLOSURE_TOLERANCE * size,
             home: home.to_vec(),
             q: home.to_vec(),
         };
@@ -133,33 +135,33 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The numbers behind the walk.
+    /// The random numbers of the walk.
     pub(super) fn random(&mut self) -> &mut Random {
         &mut self.random
     }
 
-    /// Home as a state.
+    /// The state at home.
     pub(super) fn at_home(&self) -> Option<State> {
         self.polish(&self.home)
     }
 
-    /// The next state, or `None` where the walk is stuck.
+    /// The next state, or `None` if the walk cannot continue.
     pub(super) fn next(&mut self) -> Option<State> {
-        for _ in 0..BEGINNINGS {
-            for _ in 0..PATIENCE {
+        for _ in 0..MAX_RESTARTS {
+            for _ in 0..MAX_FAILED_LEGS {
                 if self.leg()
                     && let Some(state) = self.polish(&self.q)
                 {
                     return Some(state);
                 }
             }
-            // into a corner
+            // the walk is in a corner: restart at home
             self.q.clone_from(&self.home);
         }
         None
     }
 
-    /// A leg of the walk; whether it went anywhere.
+    /// Walks one leg; false if it could not move at all.
     fn leg(&mut self) -> bool {
         if self.model.dependent.is_empty() {
             for &c in &self.model.independent {
@@ -172,22 +174,23 @@ impl<'a> Walk<'a> {
             }
             return true;
         }
-        let (least, most) = STEPS;
+        let (least, most) = LEG_STEPS;
         let steps = least + (self.random.bits() % u64::from(most - least + 1)) as u32;
         let count = f64::from(steps);
         let mut step = vec![0.0; self.model.independent.len()];
         for (d, &c) in step.iter_mut().zip(&self.model.independent) {
             let [low, high] = self.ranges[c];
             if low.is_infinite() {
-                *d = TURN * self.random.next();
+                *d = MAX_TURN_RAD * self.random.next();
                 continue;
             }
             let length = if self.model.slides(c) {
-                SLIDE * (high - low)
+                MAX_SLIDE_FRACTION * (high - low)
             } else {
-                TURN
+                MAX_TURN_RAD
             };
-            // a fraction of the way, so that coordinates do not move in step
+            // the leg covers a fraction of the way to a random target, so that ratios of the rates
+            // vary
             let way = self.random.between(low, high) - self.q[c];
             *d = way.clamp(-count * length, count * length) / count;
         }
@@ -195,7 +198,7 @@ impl<'a> Walk<'a> {
         let mut last = before.clone();
         for _ in 0..steps {
             let Some(next) = self.step(&self.q, &step) else {
-                // back from the obstacle
+                // undo the last step before the obstacle
                 self.q = last;
                 break;
             };
@@ -204,7 +207,7 @@ impl<'a> Walk<'a> {
         self.q != before
     }
 
-    /// A small step of the independent coordinates, where it can be taken.
+    /// Takes a small step of the independent coordinates; `None` if it must be rejected.
     fn step(&self, from: &[f64], step: &[f64]) -> Option<Vec<f64>> {
         let model = self.model;
         let (_, a) = self.loops.at(from);
@@ -232,11 +235,12 @@ impl<'a> Walk<'a> {
             .iter()
             .zip(&self.ranges)
             .all(|(q, [low, high])| (low..=high).contains(&q));
-        (inside && corrected <= CORRECTION * turned && same_side(&a_before, &a_after)).then_some(q)
+        (inside && corrected <= MAX_CORRECTION_FRACTION * turned && same_side(&a_before, &a_after))
+            .then_some(q)
     }
 
-    /// Newton's method in double precision. A_e where it ends, unless too close
-    /// to singular.
+    /// Closes the loops by Newton's method in double precision. Returns A_e at the solution; `None`
+    /// if A_e is too close to singular or the method does not converge.
     fn close(&self, q: &mut [f64]) -> Option<Vec<Vec<f64>>> {
         for _ in 0..8 {
             let (f, a) = self.loops.at(q);
@@ -244,11 +248,11 @@ impl<'a> Walk<'a> {
             let size = f.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             let rhs = f.iter().map(|x| vec![-x]).collect();
             let solved = solve_pivoted(a_e.clone(), rhs);
-            // also of NaN
-            if !(size.is_finite() && solved.pivot_ratio > self.least_ratio) {
+            // this also rejects NaN
+            if !(size.is_finite() && solved.pivot_ratio > self.min_pivot_ratio) {
                 return None;
             }
-            if size <= self.closed {
+            if size <= self.closure_tolerance {
                 return Some(a_e);
             }
             for (c, d) in self.model.dependent.iter().zip(&solved.solution) {
@@ -258,8 +262,7 @@ impl<'a> Walk<'a> {
         None
     }
 
-    /// The state in multiple precision, by Newton's method over the dependent
-    /// coordinates.
+    /// Refines a state to multiple precision, by Newton's method over the dependent coordinates.
     fn polish(&self, q: &[f64]) -> Option<State> {
         let model = self.model;
         let width = model.independent.len();
@@ -271,7 +274,7 @@ impl<'a> Walk<'a> {
         if model.dependent.is_empty() {
             return Some(State { q, j });
         }
-        for _ in 0..WIDE_STEPS {
+        for _ in 0..MAX_NEWTON_STEPS {
             let mut values = self.wide.run(&q)?;
             let jacobian = values.split_off(self.rows);
             let a: Vec<&[Float320]> = jacobian.chunks(q.len()).collect();
@@ -283,7 +286,7 @@ impl<'a> Walk<'a> {
             let left = values
                 .iter()
                 .fold(f64::NEG_INFINITY, |m, f| m.max(f.log10()));
-            if left < CLOSED_WIDE {
+            if left < CLOSURE_TOLERANCE_LOG10 {
                 let x = solve(pick(&model.dependent), pick(&model.independent))?;
                 for (&c, row) in model.dependent.iter().zip(x) {
                     j[c] = row.into_iter().map(|x| -x).collect();
@@ -300,8 +303,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Where a coordinate may go: within its limits where home is; else a slide about
-/// home, and for angles and dependent coordinates anywhere.
+/// The permitted range of a coordinate: its limits, if home is within them; otherwise a range about
+/// home for independent prismatic coordinates, and no bounds for angles and dependent coordinates.
 fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     if let Some([low, high]) = model.coordinates[c].position
         && low < high
@@ -317,7 +320,7 @@ fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     [home[c] - reach, home[c] + reach]
 }
 
-/// A_e of all rows.
+/// A_e: the dependent columns of all rows.
 fn dependent(model: &Model, a: &[Vec<f64>]) -> Vec<Vec<f64>> {
     a.iter()
         .map(|row| model.dependent.iter().map(|&c| row[c]).collect())
@@ -330,10 +333,10 @@ fn pivot_ratio(a_e: &[Vec<f64>]) -> f64 {
 
 /// Whether no singularity lies between two close matrices of full column rank.
 ///
-/// With more rows than columns there is no determinant, and which rows matter
-/// changes as loops are carried about; but the determinant of `A^T B` is the sum
-/// over all choices of rows of the products of both determinants (Cauchy and
-/// Binet), positive for close matrices and negative across a singularity.
+/// With more rows than columns there is no determinant, and which rows matter changes as the
+/// mechanism moves; but the determinant of `A^T B` is the sum over all choices of rows of the
+/// products of both determinants (Cauchy and Binet), positive for close matrices and negative
+/// across a singularity.
 fn same_side(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
     let n = a.first().map_or(0, Vec::len);
     let product: Vec<Vec<f64>> = (0..n)

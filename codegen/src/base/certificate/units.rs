@@ -1,38 +1,37 @@
-//! Units in which a mechanism's lengths, its gravity and the rates of its
-//! independent coordinates are numbers near 1, so that what is rounding and what
-//! is not does not depend on the units of the spec.
+//! Units in which a mechanism's lengths, its gravity and the rates of its independent coordinates
+//! are numbers near 1, so that the distinction between rounding and other numbers does not depend
+//! on the units of the spec.
 //!
-//! Units are powers of 2^8: they change no digit, and mechanisms of the usual
-//! size are sampled in metres and seconds as they are. They are known before
-//! anything is sampled, or taken from rates one of which is 1: a column or row
-//! that is zero up to rounding is never scaled up to something.
+//! Units are powers of 2^8: scaling by them changes no digit, and mechanisms of the usual size are
+//! sampled in metres and seconds as they are. The units are computed before anything is sampled, or
+//! from rates one of which is 1: a column or row that is zero up to rounding is never scaled up.
 
 use crate::model::{FrictionColumn, Model, ParameterKind, Step};
 
 use super::float320::Float320;
 
-/// Exponents are multiples of this.
-const COARSE: f64 = 8.0;
-/// Exponents stay within this: what is beyond is no length.
-const LARGEST: f64 = 4096.0;
+/// Exponents of the units are multiples of this.
+const EXPONENT_STEP: f64 = 8.0;
+/// Bound on the magnitude of the exponents; no real length or gravity needs more.
+const MAX_EXPONENT: f64 = 4096.0;
 
-/// Units as powers of two.
+/// Units as exponents of powers of two.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Units {
-    /// Of lengths, m.
+    /// Exponent of the unit of length, m.
     pub(super) length: i32,
-    /// Of gravity over lengths, 1/s^2: the square of the unit of time, inverted.
+    /// Exponent of the unit of gravity over length, 1/s^2: the inverse square of the unit of time.
     pub(super) time: i32,
 }
 
-/// The coarse power of two near a size, 0 for nothing.
+/// Exponent of the coarse power of two near a magnitude; 0 for 0.
 fn coarse(size: &Float320) -> i32 {
     if size.is_zero() {
         return 0;
     }
     let binary = size.log10() / core::f64::consts::LOG10_2;
-    let steps = libm::round(binary / COARSE) * COARSE;
-    steps.clamp(-LARGEST, LARGEST) as i32
+    let steps = libm::round(binary / EXPONENT_STEP) * EXPONENT_STEP;
+    steps.clamp(-MAX_EXPONENT, MAX_EXPONENT) as i32
 }
 
 fn largest(values: impl Iterator<Item = Float320>) -> Float320 {
@@ -40,7 +39,7 @@ fn largest(values: impl Iterator<Item = Float320>) -> Float320 {
 }
 
 impl Units {
-    /// The units of a mechanism: its longest offset, and gravity.
+    /// Units of a mechanism, from its longest offset and its gravity.
     pub(super) fn of(model: &Model, home: &[f64]) -> Units {
         let placements = model.links.iter().map(|l| &l.placement);
         let sides = model.cuts.iter().flat_map(|c| &c.sides);
@@ -73,8 +72,8 @@ impl Units {
         libm::ldexp(1.0, self.length)
     }
 
-    /// The power of two that a parameter's column is multiplied by: 1 over its
-    /// unit's share in an energy. `slides` tells of a coordinate.
+    /// The exponent of the factor for a parameter's column: the inverse of the parameter's factor
+    /// in an energy. `slides` says whether a coordinate is prismatic.
     pub(super) fn column(self, kind: ParameterKind, slides: impl Fn(usize) -> bool) -> i32 {
         match kind {
             ParameterKind::Inertial { entry, .. } => match entry {
@@ -103,9 +102,9 @@ impl Units {
         }
     }
 
-    /// The unit for the rate of an independent coordinate, from the rates of all
-    /// coordinates with it (turns, and slides in m): the largest is not rounding,
-    /// since its own is 1.
+    /// Exponent of the unit for the rate of an independent coordinate, from the rates that it gives
+    /// all coordinates (each with whether it is prismatic, then in m). The largest rate is not
+    /// rounding, since that of the coordinate itself is 1.
     pub(super) fn rate(self, rates: impl Iterator<Item = (bool, Float320)>) -> i32 {
         let lengths = rates.map(|(slides, rate)| {
             if slides {

@@ -1,11 +1,10 @@
-//! The field of the geometry: numbers that keep, beside their exact value, the
-//! expression in the geometry's names that they came from.
+//! The field of the geometry: each element is an exact number together with the expression in the
+//! geometry's names from which it was computed.
 //!
-//! Every decision (is this zero, which pivot) is made on the value at the given
-//! geometry; the expression only follows along, so that the result can be
-//! printed as a person would write it. Where the value of a difference is zero
-//! and its expression is not, two names are equal only by value: that is noted
-//! and the expression becomes zero too.
+//! Every decision (is this zero, which pivot) is made on the value at the given geometry; the
+//! expression is only carried along, so that the result can be printed as a person would write it.
+//! If the value of a difference is zero and its expression is not, two names are equal only by
+//! value: the equality is recorded, and the expression becomes zero too.
 
 mod polynomial;
 mod print;
@@ -35,14 +34,14 @@ pub struct Element {
 /// The expression of an element.
 #[derive(Clone, Debug)]
 enum Form {
-    /// A constant: its value. Most elements are, and need no more.
+    /// The element equals its value. Most elements are constants.
     Constant,
     Expression(Arc<Ratio>),
-    /// It grew beyond what anyone would read.
+    /// The expression was dropped, since it grew too long to be read.
     TooLong,
 }
 
-/// The field: its variables, and which coincidences of their values were used.
+/// The field: its variables, and the coincidences of values that decisions relied on.
 #[derive(Debug, Default)]
 pub struct Field {
     pub(crate) variables: Variables,
@@ -50,12 +49,12 @@ pub struct Field {
 }
 
 impl Element {
-    /// 0.
+    /// The number 0.
     pub fn zero() -> Self {
         Element::exact(Number::zero())
     }
 
-    /// 1.
+    /// The number 1.
     pub fn one() -> Self {
         Element::exact(Number::one())
     }
@@ -82,7 +81,7 @@ impl Element {
             let form = Form::TooLong;
             return Element { value, form };
         };
-        // what is left of an expression may be exact where the value was not
+        // a simplified expression may be exact where the value was not
         match ratio.as_constant() {
             Some(constant) => Element::exact(constant),
             None => Element {
@@ -130,7 +129,7 @@ impl Element {
         }
     }
 
-    /// How much there is to write: 0 for a constant.
+    /// Length of the printed expression; 0 for a constant.
     pub fn weight(&self) -> usize {
         match &self.form {
             Form::Constant => 0,
@@ -139,19 +138,20 @@ impl Element {
         }
     }
 
-    /// Whether the expression is known.
+    /// Whether the expression is available, and was not dropped as too long.
     pub fn has_form(&self) -> bool {
         !matches!(self.form, Form::TooLong)
     }
 }
 
 impl Field {
-    /// Coincidences of values that decided something, as equations.
+    /// Equations between values that decisions relied on, such as `l1 = l2`.
     pub fn coincidences(&self) -> impl Iterator<Item = &str> {
         self.coincidences.iter().map(String::as_str)
     }
 
-    /// An element that is a variable.
+    /// An element that is a variable with the given value; 0 (recorded as a coincidence) if the
+    /// value is 0.
     pub(crate) fn variable(&mut self, variable: Variable, value: Number) -> Element {
         let index = self.variables.index(variable, value.clone());
         if value.is_zero() {
@@ -162,7 +162,7 @@ impl Field {
         Element::new(value, Some(Ratio::variable(index)))
     }
 
-    /// Sine and cosine of a constant angle.
+    /// Sine and cosine of a constant angle in rad.
     pub fn sin_cos(&mut self, angle: &Number) -> (Element, Element) {
         let (sin, cos) = angle.sin_cos();
         if sin.is_exact() && cos.is_exact() {
@@ -181,7 +181,7 @@ impl Field {
                 _ => (sin, cos),
             };
         }
-        // the cosine first: the sine's square is written with it
+        // the cosine comes first, since the square of the sine is written with it
         let cos = self.variable(Variable::Cos(angle.clone()), cos);
         let sin = self.variable(Variable::Sin(angle.clone()), sin);
         (sin, cos)
@@ -244,7 +244,7 @@ impl Field {
         Element::new(value, form)
     }
 
-    /// `a / b`; `None` where b is zero.
+    /// `a / b`; `None` if b is zero.
     pub fn div(&self, a: &Element, b: &Element) -> Option<Element> {
         if b.is_zero() {
             return None;
@@ -266,8 +266,7 @@ impl Field {
         Some(Element::new(value, form))
     }
 
-    /// The expression as it is printed; the value where there is no expression
-    /// short enough.
+    /// The expression for printing; the value if the expression was dropped as too long.
     pub fn coefficient(&self, a: &Element) -> Coefficient {
         match &a.form {
             Form::Expression(ratio) => print::ratio(ratio, &self.variables),
@@ -276,8 +275,8 @@ impl Field {
     }
 }
 
-/// An angle as quarter turns, not none, and a rest whose sine and cosine are
-/// written instead: without pi, or at most an eighth turn.
+/// Splits an angle into a number of quarter turns, not 0, and a remainder with simpler sines: one
+/// without pi, or of at most an eighth turn.
 fn quarter_turns(angle: &Number) -> Option<(i64, Number)> {
     let rest = |turns: i64| -> Option<Number> {
         let turned = Number::pi().mul(&Number::ratio(turns, 2)?);

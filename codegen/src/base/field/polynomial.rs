@@ -6,16 +6,17 @@ use crate::sym::Number;
 
 use super::Variables;
 
-/// Exponents by variable, without trailing zeros. Ordered so that the last
-/// entry of a map is the leading term.
+/// Exponents by variable, without trailing zeros. By their order, the last entry of a map is the
+/// leading term.
 pub(super) type Monomial = Vec<u8>;
 
-/// Terms beyond which an expression is given up: nobody would read it.
-const MANY: usize = 40;
-/// Steps of a greatest common divisor beyond which 1 must do.
-const STEPS: usize = 24;
+/// The largest number of terms of an expression; longer ones are dropped, as nobody would read
+/// them.
+const MAX_TERMS: usize = 40;
+/// The largest number of steps for a greatest common divisor; then 1 is used instead.
+const MAX_GCD_STEPS: usize = 24;
 
-/// A polynomial: no zero coefficients.
+/// A polynomial, without zero coefficients.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub(crate) struct Polynomial {
     pub(super) terms: BTreeMap<Monomial, Number>,
@@ -69,7 +70,7 @@ impl Polynomial {
         self.terms.is_empty()
     }
 
-    /// The constant, if it is one.
+    /// The value, if the polynomial is a constant.
     pub(super) fn as_constant(&self) -> Option<Number> {
         match self.terms.len() {
             0 => Some(Number::zero()),
@@ -79,7 +80,7 @@ impl Polynomial {
     }
 
     pub(super) fn too_long(&self) -> bool {
-        self.terms.len() > MANY
+        self.terms.len() > MAX_TERMS
     }
 
     fn push(&mut self, monomial: Monomial, value: Number) {
@@ -121,7 +122,7 @@ impl Polynomial {
         scaled
     }
 
-    /// The product, squares of sines written with cosines.
+    /// The product, in which squares of sines are written with cosines.
     pub(super) fn mul(&self, other: &Self, variables: &Variables) -> Self {
         let mut result = Polynomial::default();
         for (m1, c1) in &self.terms {
@@ -132,7 +133,7 @@ impl Polynomial {
         result
     }
 
-    /// sin^2 = 1 - cos^2, again and again.
+    /// Adds a term, in which sin^2 is replaced by 1 - cos^2 until no square of a sine remains.
     fn push_reduced(&mut self, monomial: Monomial, value: Number, variables: &Variables) {
         for (i, e) in monomial.iter().enumerate() {
             if *e < 2 {
@@ -159,7 +160,7 @@ impl Polynomial {
         self.terms.last_key_value()
     }
 
-    /// The quotient where the division leaves nothing.
+    /// The quotient of an exact division; `None` if there is a remainder.
     pub(super) fn divided(&self, divisor: &Self) -> Option<Self> {
         let (lead, factor) = divisor.leading()?;
         let (lead, factor) = (lead.clone(), Number::one().div(factor)?);
@@ -168,7 +169,7 @@ impl Polynomial {
         let mut steps = 0;
         while let Some((m, c)) = rest.leading() {
             steps += 1;
-            if steps > MANY {
+            if steps > MAX_TERMS {
                 return None;
             }
             let monomial = quotient(m, &lead)?;
@@ -231,7 +232,7 @@ impl Polynomial {
         used
     }
 
-    /// Coefficients by power of one variable, highest last.
+    /// The coefficients of the powers of one variable, highest power last.
     fn by_powers(&self, variable: usize) -> Vec<Polynomial> {
         let mut powers: Vec<Polynomial> = Vec::new();
         for (m, c) in &self.terms {
@@ -259,14 +260,15 @@ impl Polynomial {
         result
     }
 
-    /// A common divisor: the greatest where that takes few steps, else 1. Sines
-    /// and cosines count as independent here.
+    /// A common divisor: the greatest if it is found in a few steps, else 1. Sines and cosines
+    /// count as independent variables here.
     pub(super) fn common_divisor(&self, other: &Self) -> Self {
-        let mut budget = STEPS;
+        let mut budget = MAX_GCD_STEPS;
         gcd(self, other, &mut budget).unwrap_or_else(|| Polynomial::constant(Number::one()))
     }
 
-    /// The quotient by a sine, with its square taken for 1 - cos^2.
+    /// The quotient of a division by a sine, using sin^2 = 1 - cos^2; `None` if there is a
+    /// remainder.
     pub(super) fn divided_by_sine(&self, sine: usize, variables: &Variables) -> Option<Self> {
         let cosine = variables.cosine_of(sine)?;
         let powers = self.by_powers(sine);
@@ -288,7 +290,7 @@ impl Polynomial {
     }
 }
 
-/// Euclid's algorithm on primitive parts, variable by variable.
+/// Greatest common divisor by Euclid's algorithm on primitive parts, variable by variable.
 fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial> {
     let one = || Polynomial::constant(Number::one());
     if a.is_zero() {
@@ -320,7 +322,7 @@ fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial>
     while !q.is_zero() {
         *budget = budget.checked_sub(1)?;
         if degree(&q) <= 1 {
-            // nothing of the main variable is common
+            // no common factor contains the main variable
             q = one();
             p = q.clone();
             break;
@@ -337,7 +339,7 @@ fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial>
     Some(content.plain_mul(&p))
 }
 
-/// Content and primitive part as a polynomial in one variable.
+/// Content and primitive part of a polynomial in one variable.
 fn primitive(a: &Polynomial, main: usize, budget: &mut usize) -> Option<(Polynomial, Polynomial)> {
     let mut content = Polynomial::default();
     for coefficient in a.by_powers(main) {

@@ -1,5 +1,5 @@
-//! Expressions as a person writes them, in the spec's grammar:
-//! `-2*sqrt(3)/(3*a)`, `a^2`, `d4^2 + a3^2`.
+//! Expressions in the spec's grammar, as a person writes them: `-2*sqrt(3)/(3*a)`, `a^2`, `d4^2 +
+//! a3^2`.
 
 use dashu_int::IBig;
 #[cfg(test)]
@@ -11,7 +11,7 @@ use crate::sym::Number;
 use super::polynomial::Monomial;
 use super::{Polynomial, Ratio, Variables};
 
-/// The factors of a monomial.
+/// The factors of a monomial: powers of variables.
 fn factors(monomial: &Monomial, variables: &Variables) -> Vec<Coefficient> {
     monomial
         .iter()
@@ -28,8 +28,8 @@ fn factors(monomial: &Monomial, variables: &Variables) -> Vec<Coefficient> {
         .collect()
 }
 
-/// A positive number as what stands above a fraction line, and the integer below it if there is
-/// one.
+/// Splits a positive number into what is printed above the fraction line, and the integer below it
+/// if there is one.
 fn split(value: &Number) -> (Coefficient, Option<Coefficient>) {
     if let Some(rational) = value.as_rational() {
         let (numerator, denominator) = (rational.numerator(), rational.denominator());
@@ -49,7 +49,7 @@ fn split(value: &Number) -> (Coefficient, Option<Coefficient>) {
     }
 }
 
-/// One term without its sign, over a denominator's factors.
+/// One term without its sign, divided by the factors in `below`.
 fn term(
     coefficient: &Number,
     monomial: &Monomial,
@@ -69,7 +69,7 @@ fn term(
     }
 }
 
-/// The sum of what a polynomial's terms are printed as, positive terms first.
+/// The sum of a polynomial's terms, each printed by `print`, positive terms first.
 fn sum(p: &Polynomial, print: impl Fn(&Number, &Monomial) -> Coefficient) -> Coefficient {
     let mut terms: Vec<(&Monomial, &Number)> = p.terms.iter().rev().collect();
     terms.sort_by_key(|(_, c)| c.is_negative());
@@ -77,12 +77,12 @@ fn sum(p: &Polynomial, print: impl Fn(&Number, &Monomial) -> Coefficient) -> Coe
     Coefficient::sum(terms.map(|(m, c)| (c.is_negative(), print(c, m))))
 }
 
-/// A polynomial over a denominator's factors.
+/// A polynomial divided by the factors in `below`, term by term.
 fn over(p: &Polynomial, below: &[Coefficient], variables: &Variables) -> Coefficient {
     sum(p, |c, m| term(c, m, below, variables))
 }
 
-/// A polynomial over a monomial: each term in its lowest terms.
+/// A polynomial divided by a monomial, each term in lowest terms.
 fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Coefficient {
     sum(p, |coefficient, monomial| {
         let (mut above, mut under) = (monomial.clone(), below.clone());
@@ -96,7 +96,7 @@ fn over_monomial(p: &Polynomial, below: &Monomial, variables: &Variables) -> Coe
     })
 }
 
-/// A quotient.
+/// A quotient as it is printed.
 pub(super) fn ratio(r: &Ratio, variables: &Variables) -> Coefficient {
     let (n, d) = (r.numerator(), r.denominator());
     if d.as_constant().is_some() {
@@ -113,7 +113,7 @@ pub(super) fn ratio(r: &Ratio, variables: &Variables) -> Coefficient {
     over(n, &[], variables).over(bottom)
 }
 
-/// A polynomial that is zero by value only, as an equation.
+/// The equation for a polynomial that is zero by value only, such as `l1 = l2`.
 pub(super) fn coincidence(p: &Polynomial, variables: &Variables) -> String {
     let p = p.without(&p.common_monomial());
     let p = match p.leading().and_then(|(_, c)| Number::one().div(c)) {

@@ -4,7 +4,7 @@ use crate::sym::Number;
 
 use super::{Polynomial, Variables};
 
-/// A quotient; the denominator's leading coefficient is 1.
+/// A quotient of polynomials; the denominator's leading coefficient is 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Ratio {
     numerator: Polynomial,
@@ -30,7 +30,7 @@ impl Ratio {
         }
     }
 
-    /// The constant, if it is one.
+    /// The value, if the quotient is a constant.
     pub(super) fn as_constant(&self) -> Option<Number> {
         let denominator = self.denominator.as_constant()?;
         self.numerator.as_constant()?.div(&denominator)
@@ -48,7 +48,7 @@ impl Ratio {
         &self.denominator
     }
 
-    /// 0 for constants, more the longer the expression is.
+    /// A measure of the length of the expression; 0 for constants.
     pub(super) fn weight(&self) -> usize {
         let size = |p: &Polynomial| -> usize {
             p.terms
@@ -57,7 +57,7 @@ impl Ratio {
                 .sum::<usize>()
                 + p.terms.len().saturating_sub(1)
         };
-        // a denominator makes what follows longer still
+        // denominators count more, since they make all further results longer
         size(&self.numerator) + 3 * size(&self.denominator)
     }
 
@@ -68,7 +68,7 @@ impl Ratio {
         }
     }
 
-    /// Lowest terms; `None` where it is too long.
+    /// The quotient in lowest terms; `None` if it is too long.
     fn lowest(
         numerator: Polynomial,
         denominator: Polynomial,
@@ -89,9 +89,9 @@ impl Ratio {
                 (n, d) = (nn, dd);
             }
         }
-        // the sines that squares of cosines hide
+        // common factors that are sines, hidden because their squares are written with cosines
         for sine in variables.sines() {
-            // the denominator is short, and seldom divisible
+            // test the denominator first: it is short, and seldom divisible
             while d.as_constant().is_none()
                 && let Some(dd) = d.divided_by_sine(sine, variables)
                 && let Some(nn) = n.divided_by_sine(sine, variables)

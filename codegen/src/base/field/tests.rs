@@ -62,7 +62,7 @@ fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
     assert!(difference.is_zero());
     assert_eq!(printed(&f, &difference), "0");
     assert_eq!(f.coincidences().collect::<Vec<_>>(), ["l1 = l2"]);
-    // and what is zero by its expression is not worth a note
+    // a difference that is zero by its expression is no coincidence
     let nothing = f.sub(&left, &left);
     assert!(nothing.is_zero() && f.coincidences().count() == 1);
 }
@@ -161,7 +161,7 @@ fn an_expression_that_is_too_long_is_written_as_its_value() {
         value: half.clone(),
         form: Form::TooLong,
     };
-    // what is made of it has no form either
+    // an expression computed from a dropped one is dropped too
     let sum = f.add(&name, &long);
     for (element, known, text) in [
         (Element::exact(half), true, "1/2"),

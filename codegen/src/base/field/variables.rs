@@ -1,20 +1,20 @@
-//! The variables of expressions: geometry names, and sines and cosines of
-//! angles that have no exact ones.
+//! The variables of expressions: geometry names, and sines and cosines of angles that have no exact
+//! value.
 
 use crate::base::Coefficient;
 use crate::spec::Function;
 use crate::sym::Number;
 
-/// What a variable stands for.
+/// A variable of the expressions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Variable {
     /// A geometry name.
     Name(String),
-    /// Sine of an angle, rad.
+    /// The sine of an angle in rad.
     Sin(Number),
-    /// Cosine of an angle, rad.
+    /// The cosine of an angle in rad.
     Cos(Number),
-    /// A constant that is not a polynomial in the others, as written.
+    /// A constant that is not a polynomial in the other variables, as it is printed.
     Written(Coefficient),
 }
 
@@ -25,7 +25,7 @@ pub(crate) struct Variables {
 }
 
 impl Variables {
-    /// The index of a variable, new if it is not there yet.
+    /// The index of a variable, which is added if it is new.
     pub(super) fn index(&mut self, variable: Variable, value: Number) -> usize {
         if let Some(at) = self.all.iter().position(|(v, _)| *v == variable) {
             return at;
@@ -50,7 +50,7 @@ impl Variables {
             .map(|(i, _)| i)
     }
 
-    /// How the variable is written.
+    /// The variable as it is printed.
     pub(super) fn name(&self, index: usize) -> Coefficient {
         match self.all.get(index).map(|v| &v.0) {
             Some(Variable::Name(name)) => Coefficient::Name(name.clone()),

@@ -1,6 +1,6 @@
-//! The same mechanism with other values of its geometry names. What the values
-//! have in common stays so: names of equal size are scaled together, and names
-//! defined by others follow.
+//! The same mechanism with other values of its geometry names. Relations between the values are
+//! preserved: names of equal magnitude are scaled together, and names defined by others follow
+//! these.
 
 use crate::base::certificate::{Samples, certify};
 use crate::base::geometry::mentions_names;
@@ -10,19 +10,18 @@ use crate::model::{self, Model};
 use crate::spec::{Expr, Function, Spec};
 use crate::sym::{Graph, Number};
 
-/// Names that are scaled together.
+/// Geometry names that are scaled together.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// The name that stands for them.
+    /// The name that represents the group in expressions.
     pub(super) name: String,
-    /// Its value.
+    /// The value of this name.
     pub(super) value: Number,
     members: Vec<String>,
 }
 
 impl Group {
-    /// All names of some groups, to be scaled in proportion; `None` for fewer than
-    /// two groups.
+    /// The union of several groups, to be scaled in proportion; `None` for fewer than two groups.
     pub(super) fn merged<'a>(mut groups: impl Iterator<Item = &'a Group>) -> Option<Group> {
         let mut merged = groups.next()?.clone();
         let first = merged.members.len();
@@ -32,13 +31,13 @@ impl Group {
         (merged.members.len() > first).then_some(merged)
     }
 
-    /// Its names.
+    /// The names of the group.
     pub(super) fn members(&self) -> impl Iterator<Item = &str> {
         self.members.iter().map(String::as_str)
     }
 }
 
-/// A note on the names of angles that are left as they are, if there are some.
+/// A note on the angles whose values are not varied; empty if there are none.
 pub(super) fn fixed_angles(spec: &Spec) -> Vec<String> {
     let names = spec.geometry.iter().filter(|(_, quantity)| {
         let value = &quantity.value;
@@ -54,8 +53,8 @@ pub(super) fn fixed_angles(spec: &Spec) -> Vec<String> {
     )]
 }
 
-/// The groups of a spec. Angles that are fractions of pi are left as they are:
-/// others have no exact sines.
+/// The groups of a spec's geometry names. Angles that are fractions of pi are not varied, since
+/// other angles have no exact sines.
 pub(super) fn groups(spec: &Spec) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for (name, quantity) in &spec.geometry {
@@ -76,8 +75,8 @@ pub(super) fn groups(spec: &Spec) -> Vec<Group> {
     groups
 }
 
-/// A mechanism with each group scaled by a factor, sampled: `None` where it
-/// does not close or where its rank is in doubt.
+/// Samples the mechanism with each group scaled by a factor; `None` if it does not close or if its
+/// rank is uncertain.
 pub(super) fn sample(spec: &Spec, scales: &[(&Group, Number)], seed: u64) -> Option<Samples> {
     let spec = scaled(spec, scales)?;
     let model = model::build(&spec);
@@ -86,7 +85,7 @@ pub(super) fn sample(spec: &Spec, scales: &[(&Group, Number)], seed: u64) -> Opt
     samples.certificate().is_certain().then_some(samples)
 }
 
-/// Home closed again.
+/// A home that satisfies the closure equations with the changed values.
 fn home(model: &Model) -> Option<Vec<f64>> {
     let mut g = Graph::new();
     for coordinate in &model.coordinates {
@@ -99,7 +98,7 @@ fn home(model: &Model) -> Option<Vec<f64>> {
     close_home(&loops, model).ok()
 }
 
-/// The spec with other values.
+/// The spec with the groups scaled and all quantities evaluated anew.
 fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
     let mut spec = spec.clone();
     let mut names: Vec<(String, Number)> = Vec::new();
@@ -117,7 +116,7 @@ fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
     Some(spec)
 }
 
-/// An expression's value.
+/// The value of an expression for the given values of names.
 fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
     let of = |e: &Expr| value(e, names);
     Some(match expr {
@@ -133,7 +132,7 @@ fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
             let (a, b) = (of(a)?, of(b)?);
             match b.as_i64() {
                 Some(exponent) => a.powi(exponent)?,
-                // the only other exponent that a spec may hold is 1/2
+                // the only other exponent that the grammar allows is 1/2
                 None => a.sqrt()?,
             }
         }

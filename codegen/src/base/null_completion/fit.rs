@@ -1,5 +1,5 @@
-//! Factors as functions of the geometry names: what a factor does when one name
-//! after the other changes.
+//! Factors as functions of the geometry names, found from the change of a factor when the names are
+//! scaled, one at a time and all together.
 
 use crate::base::certificate::Float320;
 use crate::base::field::{Element, Field, Variable};
@@ -8,32 +8,32 @@ use crate::sym::Number;
 use super::elsewhere::Group;
 use super::recognise::{agree, factors, is_rounding, recognise};
 
-/// The largest power of a name that is looked for.
-const POWER: i64 = 4;
-/// The largest power of a name in a sum.
-const POWER_IN_SUM: i64 = 2;
-/// The most terms that are tried in a sum.
-const CANDIDATES: usize = 14;
+/// The largest power of a name, in absolute value, in a product.
+const MAX_POWER: i64 = 4;
+/// The largest power of a name, in absolute value, in a sum.
+const MAX_POWER_IN_SUM: i64 = 2;
+/// The largest number of candidate terms for a sum.
+const MAX_CANDIDATES: usize = 14;
 
-/// A factor at other values of the names.
+/// The value of a factor with scaled names.
 #[derive(Clone, Debug)]
-pub(super) struct Elsewhere {
-    /// By group, what it was scaled by.
+pub(super) struct ScaledFactor {
+    /// The scale of each group.
     pub(super) scales: Vec<Number>,
-    /// The factor there.
+    /// The factor with these scales.
     pub(super) value: Float320,
 }
 
-/// What is known of a factor: its value as given, with each group scaled alone
-/// (`None` for a group that cannot be), and with all of them scaled.
+/// The sampled values of a factor: at the given geometry, with each group scaled alone (`None` for
+/// a group that cannot be scaled alone), and with all groups scaled.
 #[derive(Clone, Debug)]
-pub(super) struct Observed {
+pub(super) struct SampledFactor {
     pub(super) value: Float320,
     pub(super) alone: Vec<Option<Float320>>,
-    pub(super) together: Vec<Elsewhere>,
+    pub(super) together: Vec<ScaledFactor>,
 }
 
-/// A product of powers of groups, with a factor.
+/// A product of powers of the groups' names and a number.
 #[derive(Clone, Debug)]
 struct Product {
     factor: Number,
@@ -45,20 +45,21 @@ struct Product {
 pub(super) struct Fit(Vec<Product>);
 
 impl Fit {
-    /// The function that a factor is: a constant times powers of the names, or a
-    /// short sum of such.
-    pub(super) fn find(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+    /// Finds the factor as a function of the names: a constant times powers of the names, or a
+    /// short sum of such products.
+    pub(super) fn find(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
         if is_rounding(&observed.value) {
             let zero = observed.together.iter().all(|e| is_rounding(&e.value));
             return zero.then(|| Fit(Vec::new()));
         }
         monomial(observed, groups, scale)
-            .filter(|fit| fit.holds(observed, groups))
+            .filter(|fit| fit.agrees_with(observed, groups))
             .or_else(|| sum(observed, groups, scale))
     }
 
-    /// Whether this is the factor, as given and wherever it was seen with all names changed.
-    fn holds(&self, observed: &Observed, groups: &[Group]) -> bool {
+    /// Whether the function agrees with the factor at the given geometry and wherever all groups
+    /// were scaled.
+    fn agrees_with(&self, observed: &SampledFactor, groups: &[Group]) -> bool {
         let everywhere = observed.together.iter();
         !observed.together.is_empty()
             && everywhere
@@ -76,7 +77,7 @@ impl Fit {
         Some(sum)
     }
 
-    /// The expression.
+    /// The function as an element of the field.
     pub(super) fn element(&self, field: &mut Field, groups: &[Group]) -> Element {
         let mut sum = Element::zero();
         for product in &self.0 {
@@ -88,7 +89,7 @@ impl Fit {
                     term = if *power > 0 {
                         field.mul(&term, &variable)
                     } else {
-                        // a group's value is not zero
+                        // the value of a group is not zero
                         field.div(&term, &variable).unwrap_or_else(Element::zero)
                     };
                 }
@@ -99,7 +100,7 @@ impl Fit {
     }
 }
 
-/// The product of powers of the names.
+/// The product of powers of the names, with each name scaled if `scales` are given.
 fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[i64]) -> Option<Number> {
     let mut product = Number::one();
     for (k, (group, power)) in groups.iter().zip(powers).enumerate() {
@@ -110,13 +111,13 @@ fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[i64]) -> Opt
     Some(product)
 }
 
-/// How a factor grows with a group: its power, or `None`.
+/// The power of a group's name in a factor that is a product of powers; `None` if it is not.
 fn power(before: &Float320, after: &Float320, scale: &Number) -> Option<i64> {
     let ratio = after.checked_div(*before)?;
-    (-POWER..=POWER).find(|p| scale.powi(*p).is_some_and(|s| agree(&ratio, &s)))
+    (-MAX_POWER..=MAX_POWER).find(|p| scale.powi(*p).is_some_and(|s| agree(&ratio, &s)))
 }
 
-fn monomial(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
     let powers: Option<Vec<i64>> = observed
         .alone
         .iter()
@@ -132,9 +133,8 @@ fn monomial(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit
     Some(Fit(vec![Product { factor, powers }]))
 }
 
-/// A sum: an integer relation among products of powers at values that have
-/// nothing else in common.
-fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
+/// A sum, found as an integer relation among products of powers at unrelated values of the names.
+fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
     let place = observed.together.first()?;
     let involved: Vec<bool> = observed
         .alone
@@ -143,7 +143,7 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
         .collect();
     let mut all = vec![vec![]];
     for is_involved in involved {
-        let range = if is_involved { POWER_IN_SUM } else { 0 };
+        let range = if is_involved { MAX_POWER_IN_SUM } else { 0 };
         all = all
             .into_iter()
             .flat_map(|powers: Vec<i64>| {
@@ -159,7 +159,7 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
         }
     }
     let roots = [Number::one(), Number::from_i64(3).sqrt()?];
-    // lengths have a dimension, and so has a factor
+    // the factor has a dimension, so all terms have the same degree in the lengths
     for degree in [0, 1, -1, 2, -2] {
         let mut candidates: Vec<&Vec<i64>> = all
             .iter()
@@ -167,7 +167,7 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
             .collect();
         candidates.sort_by_key(|p| p.iter().map(|e| e.abs()).sum::<i64>());
         for roots in [&roots[..1], &roots[..]] {
-            let most = CANDIDATES / roots.len();
+            let most = MAX_CANDIDATES / roots.len();
             let mut products = Vec::new();
             let mut values = Vec::new();
             for powers in candidates.iter().take(most) {
@@ -186,8 +186,8 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
                 powers,
             });
             let fit = Fit(terms.filter(|t| !t.factor.is_zero()).collect());
-            // digits of some terms relate by chance: elsewhere they do not
-            if fit.holds(observed, groups) {
+            // terms may be related by chance at one set of values; at others they are not
+            if fit.agrees_with(observed, groups) {
                 return Some(fit);
             }
         }
@@ -202,9 +202,9 @@ mod tests {
 
     type Function<'a> = &'a dyn Fn(&Number, &Number) -> Number;
 
-    /// What is seen of a function of two lengths, a and b, where each is changed alone and both
+    /// Values of a function of two lengths, a and b, with each length changed alone and both
     /// together.
-    fn observed(f: impl Fn(&Number, &Number) -> Number) -> (Observed, Vec<Group>, Number) {
+    fn observed(f: impl Fn(&Number, &Number) -> Number) -> (SampledFactor, Vec<Group>, Number) {
         let text = "name: two\ngeometry: {a: 0.3, b: 0.7}\nlimbs: [{name: arm, joints: \
                     [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
         let source = crate::diag::Source::new("two.yaml", text);
@@ -214,15 +214,15 @@ mod tests {
         let scale = Number::ratio(33, 32).unwrap();
         let at = |s: &Number, t: &Number| wide(&f(&a.mul(s), &b.mul(t)));
         let one = Number::one();
-        // large numbers with nothing in common, as where mechanisms are sampled
+        // unrelated large numbers, as in the sampling of mechanisms
         let together = [(1_037_720, 1_075_437), (970_520, 941_037)].map(|(p, q)| {
             let scales = [p, q].map(|n| Number::ratio(n, 1_000_003).unwrap());
-            Elsewhere {
+            ScaledFactor {
                 value: at(&scales[0], &scales[1]),
                 scales: scales.to_vec(),
             }
         });
-        let observed = Observed {
+        let observed = SampledFactor {
             value: at(&one, &one),
             alone: vec![Some(at(&scale, &one)), Some(at(&one, &scale))],
             together: together.to_vec(),
@@ -244,7 +244,7 @@ mod tests {
             let (seen, groups, scale) = observed(f);
             let fit = Fit::find(&seen, &groups, &scale);
             let fit = fit.unwrap_or_else(|| panic!("function {k}"));
-            // at lengths that it was not found from
+            // at lengths that were not used to find the function
             let scales = [5, 3].map(Number::from_i64);
             let [a, b] = [(3, 2), (21, 10)].map(|(p, q)| Number::ratio(p, q).unwrap());
             assert_eq!(fit.value(&groups, Some(&scales)), Some(f(&a, &b)), "{k}");

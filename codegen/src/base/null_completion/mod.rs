@@ -1,10 +1,9 @@
-//! Layer 3: null directions that no tree shows, completed from samples.
+//! Layer 3: null directions that the trees do not give, completed from samples.
 //!
-//! With the columns that trees eliminate gone, every other column that the
-//! samples do not keep is a combination of those they keep. Its factors are
-//! found with 96 digits, recognised as exact numbers, and as functions of the
-//! geometry names from samples at other values of these. Each direction is
-//! verified at fresh states.
+//! The columns that the derived directions eliminate are left out. Of the remaining columns the
+//! samples need a part, and every other one is a linear combination of these. Its factors are
+//! computed with 96 digits, recognised as exact numbers, and as functions of the geometry names
+//! from samples at other values of these. Each direction is verified at fresh states.
 
 mod elsewhere;
 mod fit;
@@ -23,14 +22,13 @@ use super::kept_columns;
 use super::span::Vector;
 
 use elsewhere::{Group, fixed_angles, groups, sample};
-use fit::{Elsewhere, Fit, Observed};
+use fit::{Fit, SampledFactor, ScaledFactor};
 pub use recognise::recognise;
 
-/// A direction is null where it leaves at most this part of the largest
-/// number sampled.
-const NULL: f64 = 1e-60;
+/// The largest residual of a null direction, as a part of the largest number sampled.
+const MAX_NULL_RESIDUAL: f64 = 1e-60;
 
-/// A sampled mechanism.
+/// The samples of a mechanism from which null directions are completed.
 #[derive(Debug)]
 pub(super) struct Sampled<'a> {
     samples: &'a Samples,
@@ -38,15 +36,15 @@ pub(super) struct Sampled<'a> {
     seed: u64,
 }
 
-/// Completed directions.
+/// The completed directions.
 #[derive(Debug, Default)]
 pub(super) struct Completed {
-    /// With how well their factors are known.
+    /// The directions, each with how well its factors are known.
     pub(super) directions: Vec<(Vector, Exactness)>,
-    /// Factors that are numbers only, and why.
+    /// Factors that are known as numbers only, each with the reason.
     pub(super) unrecognised: Vec<String>,
-    /// Names that no factor was seen to depend on, since they were not varied, and
-    /// why.
+    /// Names that were not varied, so that a dependence of the factors on them is unknown, each
+    /// with the reason.
     pub(super) held: Vec<String>,
 }
 
@@ -59,8 +57,8 @@ impl<'a> Sampled<'a> {
         }
     }
 
-    /// How many directions are not null at the sampled states, which would be an
-    /// error of what derived them.
+    /// The number of directions that are not null at the sampled states, which would be an error in
+    /// their derivation.
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {
         let columns = self.samples.certificate().columns;
         let part = |direction: &Vector| {
@@ -69,11 +67,11 @@ impl<'a> Sampled<'a> {
             self.samples.left_over(&values(&inside, columns))
         };
         null.iter()
-            .filter(|direction| part(direction) > NULL)
+            .filter(|direction| part(direction) > MAX_NULL_RESIDUAL)
             .count()
     }
 
-    /// What is missing from a null space.
+    /// Completes the null space `null` by the directions that the samples have in addition.
     pub(super) fn complete(
         &self,
         field: &mut Field,
@@ -81,15 +79,16 @@ impl<'a> Sampled<'a> {
         model: &Model,
         null: &[Vector],
         order: &[usize],
-        asked: usize,
+        requested: usize,
     ) -> Completed {
         let mut completed = Completed::default();
         let certificate = self.samples.certificate();
         if null.len() + certificate.rank >= certificate.columns {
             return completed;
         }
-        let derived = kept_columns::reduce(field, null, order, asked).rows;
-        // what is eliminated last is kept first; what trees eliminate is not kept
+        let derived = kept_columns::reduce(field, null, order, requested).rows;
+        // columns eliminated last are kept first; columns that the derived directions eliminate
+        // come at the end
         let (last, first): (Vec<usize>, Vec<usize>) =
             order.iter().rev().partition(|c| derived.contains_key(c));
         let all: Vec<usize> = first.iter().chain(&last).copied().collect();
@@ -101,18 +100,18 @@ impl<'a> Sampled<'a> {
         let Ok(fresh) = certify(model, self.home, self.seed + 1) else {
             return completed;
         };
-        let around = Around::new(spec, certificate.rank, self.seed);
-        completed.held.clone_from(&around.held);
+        let scaled_samples = ScaledSamples::new(spec, certificate.rank, self.seed);
+        completed.held.clone_from(&scaled_samples.held);
         for column in missing {
             let mut numeric = vec![Float320::ZERO; certificate.columns];
             numeric[column] = Float320::ONE;
             for (k, x) in kept.iter().zip(&combinations[column]) {
                 numeric[*k] = -*x;
             }
-            let forms = shapes::same(model, null, &numeric);
+            let forms = shapes::equivalent_supports(model, null, &numeric);
             let mut best: Option<Recognised> = None;
             for support in std::iter::once(shapes::support(&numeric)).chain(forms) {
-                let Some(found) = self.recognise(&around, support) else {
+                let Some(found) = self.recognise(&scaled_samples, support) else {
                     continue;
                 };
                 if best.as_ref().is_none_or(|b| found.doubt() < b.doubt()) {
@@ -123,9 +122,9 @@ impl<'a> Sampled<'a> {
                 }
             }
             let Some(best) = best else { continue };
-            let direction = best.direction(field, &around.groups);
-            if fresh.left_over(&values(&direction, certificate.columns)) < NULL {
-                let exactness = best.exactness(!around.held.is_empty());
+            let direction = best.direction(field, &scaled_samples.groups);
+            if fresh.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL {
+                let exactness = best.exactness(!scaled_samples.held.is_empty());
                 completed.directions.push((direction, exactness));
                 completed.unrecognised.extend(best.notes(model));
             }
@@ -133,12 +132,12 @@ impl<'a> Sampled<'a> {
         completed
     }
 
-    /// Recognises the one direction within some columns.
-    fn recognise(&self, around: &Around, support: Vec<usize>) -> Option<Recognised> {
+    /// Recognises the factors of the null direction within the given columns.
+    fn recognise(&self, scaled_samples: &ScaledSamples, support: Vec<usize>) -> Option<Recognised> {
         let values = self.samples.circuit(&support)?;
-        let elsewhere = around.circuits(&support);
+        let elsewhere = scaled_samples.circuits(&support);
         let factors = values.into_iter().enumerate();
-        let factors = factors.map(|(k, value)| elsewhere.factor(around, value, k));
+        let factors = factors.map(|(k, value)| elsewhere.factor(scaled_samples, value, k));
         Some(Recognised {
             factors: factors.collect(),
             support,
@@ -146,18 +145,18 @@ impl<'a> Sampled<'a> {
     }
 }
 
-/// What a factor turned out to be.
+/// The form in which a factor was recognised.
 #[derive(Clone, Debug)]
 enum Factor {
     /// A function of the names.
     Function(Fit),
-    /// Exact at the given values.
+    /// An exact number, valid at the given values.
     Constant(Number),
-    /// Its digits.
+    /// A number of which only the digits are known.
     Digits(Float320),
 }
 
-/// A direction with what its factors are.
+/// A null direction with its recognised factors.
 #[derive(Clone, Debug)]
 struct Recognised {
     support: Vec<usize>,
@@ -165,7 +164,7 @@ struct Recognised {
 }
 
 impl Recognised {
-    /// How much of it is not a function of the names.
+    /// A measure of how far the factors are from functions of the names: 0 if all of them are.
     fn doubt(&self) -> usize {
         let doubts = self.factors.iter().map(|factor| match factor {
             Factor::Function(_) => 0,
@@ -175,8 +174,8 @@ impl Recognised {
         doubts.sum()
     }
 
-    /// How well the factors are known; with names that are `held`, these may hide in
-    /// any factor but the 1 of a lone parameter.
+    /// How well the factors are known. If some names were `held` at their values, any factor might
+    /// depend on them, except the 1 of a direction with a single parameter.
     fn exactness(&self, held: bool) -> Exactness {
         let least = if held && self.support.len() > 1 {
             Exactness::AtThisGeometry
@@ -185,7 +184,7 @@ impl Recognised {
         };
         let factors = self.factors.iter().map(|factor| match factor {
             Factor::Function(_) => Exactness::Symbolic,
-            // 0 and 1 are what they are
+            // 0 and 1 are taken as independent of the names
             Factor::Constant(value) if value.is_zero() || value.is_one() => least,
             Factor::Constant(_) => Exactness::AtThisGeometry,
             Factor::Digits(_) => Exactness::Numeric,
@@ -211,7 +210,7 @@ impl Recognised {
         direction
     }
 
-    /// Why some factors are numbers.
+    /// A note for each factor that is known by its digits only.
     fn notes(&self, model: &Model) -> Vec<String> {
         let label = |c: usize| &model.parameters[c].label;
         let digits = self.support.iter().zip(&self.factors);
@@ -236,20 +235,20 @@ fn values(direction: &Vector, columns: usize) -> Vec<Float320> {
     values
 }
 
-/// Samples at other values of the names.
-struct Around {
+/// Samples of the mechanism at other values of the names.
+struct ScaledSamples {
     groups: Vec<Group>,
-    /// What a group is scaled by alone.
+    /// The factor by which a single group is scaled.
     scale: Number,
     alone: Vec<Option<Samples>>,
-    /// All groups that can be scaled, with their scales.
+    /// Samples with all groups scaled that can be, with the scales.
     together: Vec<(Vec<Number>, Samples)>,
-    /// Names that were not varied, or only in proportion, and why.
+    /// Names that were not varied, or only in proportion, each with the reason.
     held: Vec<String>,
 }
 
-impl Around {
-    fn new(spec: &Spec, rank: usize, seed: u64) -> Around {
+impl ScaledSamples {
+    fn new(spec: &Spec, rank: usize, seed: u64) -> ScaledSamples {
         let mut groups = groups(spec);
         let scale = Number::ratio(33, 32).unwrap_or_else(Number::one);
         let look = |scales: &[(&Group, Number)]| {
@@ -260,7 +259,7 @@ impl Around {
             .map(|group| look(&[(group, scale.clone())]))
             .collect();
         let mut held = fixed_angles(spec);
-        // lengths that must keep their proportion still may grow together
+        // lengths that cannot be changed alone may still be scaled together
         let stuck: Vec<usize> = (0..groups.len()).filter(|&k| alone[k].is_none()).collect();
         let merged = Group::merged(stuck.iter().map(|&k| &groups[k]));
         let grown = merged.and_then(|group| Some((look(&[(&group, scale.clone())])?, group)));
@@ -283,7 +282,7 @@ impl Around {
             ));
         }
         let mut together = Vec::new();
-        // numerators and denominators with nothing in common
+        // scales that are unrelated fractions
         for step in [37_717_i64, -29_483] {
             let scales: Vec<Number> = (1..)
                 .zip(&alone)
@@ -301,7 +300,7 @@ impl Around {
                 together.push((scales, samples));
             }
         }
-        Around {
+        ScaledSamples {
             groups,
             scale,
             alone,
@@ -310,11 +309,11 @@ impl Around {
         }
     }
 
-    /// The direction within the same columns, everywhere.
-    fn circuits(&self, support: &[usize]) -> Circuits {
+    /// The null direction within the given columns, for all values of the names.
+    fn circuits(&self, support: &[usize]) -> ScaledCircuits {
         let alone = self.alone.iter();
         let together = self.together.iter();
-        Circuits {
+        ScaledCircuits {
             alone: alone.map(|s| s.as_ref()?.circuit(support)).collect(),
             together: together
                 .filter_map(|(scales, s)| Some((scales.clone(), s.circuit(support)?)))
@@ -323,26 +322,27 @@ impl Around {
     }
 }
 
-/// A direction at other values of the names.
-struct Circuits {
+/// The null direction at other values of the names.
+struct ScaledCircuits {
     alone: Vec<Option<Vec<Float320>>>,
     together: Vec<(Vec<Number>, Vec<Float320>)>,
 }
 
-impl Circuits {
-    /// What a factor is: a function of the names, else an exact number.
-    fn factor(&self, around: &Around, value: Float320, k: usize) -> Factor {
-        let together = self.together.iter().map(|(scales, values)| Elsewhere {
+impl ScaledCircuits {
+    /// Recognises a factor: as a function of the names, else as an exact number, else by its
+    /// digits.
+    fn factor(&self, scaled_samples: &ScaledSamples, value: Float320, k: usize) -> Factor {
+        let together = self.together.iter().map(|(scales, values)| ScaledFactor {
             scales: scales.clone(),
             value: values[k],
         });
         let alone = self.alone.iter();
-        let observed = Observed {
+        let observed = SampledFactor {
             value,
             alone: alone.map(|values| Some(values.as_ref()?[k])).collect(),
             together: together.collect(),
         };
-        if let Some(fit) = Fit::find(&observed, &around.groups, &around.scale) {
+        if let Some(fit) = Fit::find(&observed, &scaled_samples.groups, &scaled_samples.scale) {
             return Factor::Function(fit);
         }
         recognise(&value).map_or(Factor::Digits(value), Factor::Constant)
@@ -354,7 +354,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// The mass of a pendulum's body has no effect, its moment about the axis has.
+    /// The mass of a pendulum's body has no effect; its moment of inertia about the axis has.
     #[test]
     fn directions_that_move_what_is_sampled_are_refuted() {
         let text = "name: one\nlimbs: [{name: arm, joints: \

@@ -1,8 +1,8 @@
-//! Exact numbers from their first digits.
+//! Recognition of exact numbers from their leading digits.
 //!
-//! A fraction is told by its continued fraction: where numerator and denominator
-//! are short and still agree to 60 digits, no other number is meant. Of sums
-//! with square roots, an integer relation tells the same.
+//! A fraction is recognised by its continued fraction: if numerator and denominator are short and
+//! still agree to 60 digits, no other number is plausible. Sums with square roots are recognised in
+//! the same way by an integer relation.
 
 use dashu_int::{IBig, Sign, UBig};
 use dashu_ratio::RBig;
@@ -12,18 +12,19 @@ use crate::sym::Number;
 
 use super::relation::relation;
 
-/// Bits to which a value must agree: 60 digits.
-const AGREEMENT: usize = 200;
-/// Bits that numerator and denominator may have together.
-const LENGTH: usize = 100;
+/// Number of bits to which a fraction must agree with the value: 60 digits.
+const AGREEMENT_BITS: usize = 200;
+/// Largest total number of bits of numerator and denominator.
+const MAX_FRACTION_BITS: usize = 100;
 
 /// Whether a value is zero up to rounding.
 pub(super) fn is_rounding(value: &Float320) -> bool {
     value.log10() < -60.0
 }
 
-/// The exact number: a fraction, a fraction times a root of one or times or over pi or its
-/// square, or a sum of fractions times square roots of small integers.
+/// Recognises an exact number from its digits: a fraction, a fraction times a square root, a
+/// fraction times or divided by pi or pi^2, or a sum of fractions times square roots of small
+/// integers. `None` if no such number agrees.
 pub fn recognise(value: &Float320) -> Option<Number> {
     if is_rounding(value) {
         return Some(Number::zero());
@@ -63,7 +64,7 @@ pub fn recognise(value: &Float320) -> Option<Number> {
     })
 }
 
-/// A fraction times or over pi or its square, as the leads of screws bring them in.
+/// A fraction times or divided by pi or pi^2, such as the leads of screws introduce.
 fn of_pi(value: &Float320) -> Option<Number> {
     let pi = Number::pi();
     let square = pi.mul(&pi);
@@ -77,7 +78,7 @@ fn of_pi(value: &Float320) -> Option<Number> {
     })
 }
 
-/// A value as a combination of constants with short fractions as factors.
+/// A value as a linear combination of constants with short fractions as factors.
 pub(super) fn combination(value: &Float320, constants: &[Number]) -> Option<Number> {
     let factors = factors(value, constants)?;
     let mut sum = Number::zero();
@@ -87,7 +88,7 @@ pub(super) fn combination(value: &Float320, constants: &[Number]) -> Option<Numb
     agree(value, &sum).then_some(sum)
 }
 
-/// The factors of such a combination.
+/// The factors of a value as a linear combination of constants.
 pub(super) fn factors(value: &Float320, constants: &[Number]) -> Option<Vec<RBig>> {
     let all: Vec<Float320> = std::iter::once(*value)
         .chain(constants.iter().map(Float320::from_number))
@@ -101,13 +102,13 @@ pub(super) fn factors(value: &Float320, constants: &[Number]) -> Option<Vec<RBig
     Some(rest.iter().map(factor).collect())
 }
 
-/// Whether an exact number has these digits.
+/// Whether an exact number agrees with the value to 58 digits.
 pub(super) fn agree(value: &Float320, exact: &Number) -> bool {
     let off = *value - Float320::from_number(exact);
     off.is_zero() || off.log10() < value.log10().max(-10.0) - 58.0
 }
 
-/// A short fraction that agrees to 60 digits.
+/// A short fraction that agrees with the value to 60 digits.
 fn fraction(value: &Float320) -> Option<RBig> {
     let (negative, magnitude, exponent) = value.binary();
     // value = n / d exactly
@@ -121,7 +122,7 @@ fn fraction(value: &Float320) -> Option<RBig> {
         (magnitude << shift, UBig::ONE)
     };
     let (mut a, mut b) = (n.clone(), d.clone());
-    // convergents
+    // convergents p / q of the continued fraction
     let (mut p0, mut q0) = (UBig::ZERO, UBig::ONE);
     let (mut p1, mut q1) = (UBig::ONE, UBig::ZERO);
     while b != UBig::ZERO {
@@ -130,7 +131,7 @@ fn fraction(value: &Float320) -> Option<RBig> {
         (a, b) = (b, rest);
         let (p2, q2) = (&quotient * &p1 + &p0, &quotient * &q1 + &q0);
         (p0, q0, p1, q1) = (p1, q1, p2, q2);
-        if bits(&p1) + bits(&q1) > LENGTH {
+        if bits(&p1) + bits(&q1) > MAX_FRACTION_BITS {
             return None;
         }
         // |n/d - p/q| < 2^-200 n/d
@@ -140,7 +141,7 @@ fn fraction(value: &Float320) -> Option<RBig> {
         } else {
             &right - &left
         };
-        if (off << AGREEMENT) < left {
+        if (off << AGREEMENT_BITS) < left {
             let sign = if negative {
                 Sign::Negative
             } else {

@@ -1,17 +1,17 @@
-//! Integer relations among values, by lattice reduction.
+//! Integer relations among real numbers, by lattice reduction.
 
 use dashu_int::IBig;
 use dashu_int::ops::{Abs, BitTest, DivEuclid};
 
 use crate::base::certificate::Float320;
 
-/// Bits of the values that go into the lattice.
-const BITS: i32 = 230;
-/// Bits that the integers of a relation may have together.
-const LENGTH: usize = 130;
+/// Number of bits of each value that enter the lattice.
+const VALUE_BITS: i32 = 230;
+/// Largest total number of bits of the integers of a relation.
+const MAX_RELATION_BITS: usize = 130;
 
-/// Integers, not all zero, that combine the values to nothing; `None` where
-/// only long ones do, which any values have.
+/// Integers, not all zero, whose combination of the values is zero; `None` if there are only long
+/// ones, which exist for any values.
 pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
     let n = values.len();
     let largest = values
@@ -26,7 +26,7 @@ pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
     for (i, value) in values.iter().enumerate() {
         let mut row = vec![IBig::ZERO; n + 1];
         row[i] = IBig::ONE;
-        row[n] = integer(&value.scaled(BITS - top))?;
+        row[n] = integer(&value.scaled(VALUE_BITS - top))?;
         basis.push(row);
     }
     reduce(&mut basis);
@@ -34,12 +34,13 @@ pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
         let (of, left) = row.split_at(n);
         let lengths = of.iter().map(BitTest::bit_len);
         let longest = lengths.clone().max().unwrap_or(0);
-        lengths.sum::<usize>() <= LENGTH && left.iter().all(|x| x.bit_len() <= longest + 8)
+        lengths.sum::<usize>() <= MAX_RELATION_BITS
+            && left.iter().all(|x| x.bit_len() <= longest + 8)
     });
     found.map(|row| row[..n].to_vec())
 }
 
-/// The nearest integer below in size.
+/// The integer part, rounded towards zero.
 fn integer(value: &Float320) -> Option<IBig> {
     let (negative, magnitude, exponent) = value.binary();
     let shift = usize::try_from(exponent.unsigned_abs()).ok()?;
@@ -60,9 +61,9 @@ fn dot(a: &[IBig], b: &[IBig]) -> IBig {
     products.fold(IBig::ZERO, |sum, x| sum + x)
 }
 
-/// The lattice reduction of Lenstra, Lenstra and Lovasz in integers alone, after
-/// de Weger: `d` are Gram determinants, `lambda` the coefficients of
-/// orthogonalisation times them.
+/// The lattice reduction of Lenstra, Lenstra and Lovasz in integer arithmetic, after de Weger: `d`
+/// are the Gram determinants, `lambda` the coefficients of the orthogonalisation multiplied by
+/// them.
 struct Lattice<'a> {
     basis: &'a mut [Vec<IBig>],
     d: Vec<IBig>,
@@ -112,13 +113,13 @@ impl Lattice<'_> {
         }
     }
 
-    /// Takes the nearest multiple of an earlier vector away.
+    /// Subtracts the nearest integer multiple of an earlier vector.
     fn shorten(&mut self, k: usize, l: usize) {
         let (of, d) = (&self.lambda[k][l], &self.d[l + 1]);
         if of.abs() * 2 <= *d {
             return;
         }
-        // rounded: floor(x / d + 1/2)
+        // q is x / d rounded: floor(x / d + 1/2)
         let q = (of * IBig::from(2) + d).div_euclid(d * IBig::from(2));
         let (before, after) = self.basis.split_at_mut(k);
         for (x, y) in after[0].iter_mut().zip(&before[l]) {
@@ -131,7 +132,7 @@ impl Lattice<'_> {
         after[0][l] -= &q * &self.d[l + 1];
     }
 
-    /// Exchanges a vector with the one before.
+    /// Exchanges a vector with the one before it.
     fn exchange(&mut self, k: usize) {
         self.basis.swap(k, k - 1);
         let (before, after) = self.lambda.split_at_mut(k);

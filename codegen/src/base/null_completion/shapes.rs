@@ -1,5 +1,5 @@
-//! One direction may be written in many ways, since what trees show can be added
-//! to it. Which way has short factors depends on the mechanism: a few are tried.
+//! Alternative forms of a null direction. Derived null directions can be added to it, and the
+//! mechanism decides in which form the factors are short, so several forms are tried.
 
 use crate::base::certificate::Float320;
 use crate::base::span::Vector;
@@ -11,18 +11,22 @@ use super::recognise::is_rounding;
 pub(super) fn support(direction: &[Float320]) -> Vec<usize> {
     let columns = 0..direction.len();
     let mut support: Vec<usize> = columns.filter(|c| !is_rounding(&direction[*c])).collect();
-    // with 1 where it is already
+    // a column whose entry is 1 already comes first
     if let Some(one) = support.iter().position(|c| direction[*c] == Float320::ONE) {
         support.swap(0, one);
     }
     support
 }
 
-/// Supports of a direction with others added, that are zero where they can be in
-/// some order of the columns.
-pub(super) fn same(model: &Model, null: &[Vector], direction: &[Float320]) -> Vec<Vec<usize>> {
-    // which entries of a body stay longest
-    const LAST: [&[usize]; 8] = [
+/// The supports of several forms of a direction, each with as many zeros as possible at the first
+/// columns of some order, by adding multiples of the derived null directions.
+pub(super) fn equivalent_supports(
+    model: &Model,
+    null: &[Vector],
+    direction: &[Float320],
+) -> Vec<Vec<usize>> {
+    // entries of a body that are eliminated last
+    const ELIMINATED_LAST: [&[usize]; 8] = [
         // products of inertia, all or one of them
         &[1, 2, 4],
         &[4],
@@ -36,24 +40,25 @@ pub(super) fn same(model: &Model, null: &[Vector], direction: &[Float320]) -> Ve
     ];
     let is_last = |c: usize, last: &[usize]| match model.parameters[c].kind {
         ParameterKind::Inertial { entry, .. } => last.contains(&entry),
-        // friction is friction's own matter
+        // columns of friction are eliminated last, as they combine with each other only
         _ => true,
     };
     let columns = || 0..direction.len();
-    // inner bodies' columns stay longer, or outer ones'
-    let sorted = LAST.iter().flat_map(|last| {
+    // once with outer bodies eliminated before inner ones, once the other way round
+    let sorted = ELIMINATED_LAST.iter().flat_map(|last| {
         [columns().rev().collect(), columns().collect()].map(|mut order: Vec<usize>| {
             order.sort_by_key(|c| is_last(*c, last));
             order
         })
     });
     sorted
-        .map(|order| support(&zeroed(null, direction, &order)))
+        .map(|order| support(&with_zeros(null, direction, &order)))
         .collect()
 }
 
-/// The direction with zeros at as many of the first columns as can be.
-fn zeroed(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
+/// The direction plus multiples of the null directions, with zeros at as many of the first columns
+/// of `order` as possible.
+fn with_zeros(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
     let mut rows: Vec<Vec<Float320>> = null
         .iter()
         .map(|row| {

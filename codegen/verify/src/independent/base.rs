@@ -1,4 +1,5 @@
-//! Base parameters against the numeric path, their certificate, and the way there and back.
+//! Checks of the base parameters: against the numeric method, by their certificate, and by
+//! conversion of parameters to base parameters and back.
 
 use regen_codegen::base::Analysis;
 use regen_codegen::interpret::{self, Double, Rounded};
@@ -14,7 +15,7 @@ use super::rounding::{self, Compared};
 use super::{GAP, RANK, SPAN, Subject, WAY_BACK};
 
 impl Subject<'_> {
-    /// Rank, span, gap and the way back.
+    /// The checks of rank, null space, certificate and conversion.
     pub(super) fn base(
         &self,
         states: &[State],
@@ -29,8 +30,8 @@ impl Subject<'_> {
             rank.verdict = Verdict::Open;
         }
 
-        // Wedin: the sine of the angle is at most the error over the smallest singular value that
-        // is kept. Columns have unit length, so that the error is a sum over columns.
+        // Wedin: the sine of the angle is at most the error divided by the smallest singular value
+        // that is kept. Columns have unit length, so that the error is a sum over columns.
         let error = self.column_errors(states)?;
         let mut span = Check::of(SPAN, numeric.angle, error / numeric.angle_rank.last_kept);
         if !numeric.angle_rank.certain {
@@ -41,8 +42,8 @@ impl Subject<'_> {
         Ok([rank, span, gap, back])
     }
 
-    /// The norm of the error of an observation matrix with columns of unit length, relative to
-    /// its largest singular value, which is at least 1.
+    /// The norm of the error of an observation matrix with columns of unit length, relative to its
+    /// largest singular value, which is at least 1.
     fn column_errors(&self, states: &[State]) -> Result<f64, VerifyError> {
         let dof = self.robot.independent.len();
         let columns = self.robot.parameters.len();
@@ -62,18 +63,18 @@ impl Subject<'_> {
         let whole = sums.iter().map(|s| s.1).fold(0.0, larger);
         let mut total = 0.0;
         for (error, sum) in sums {
-            // columns that are rounding are not scaled up
+            // columns of mere rounding errors are not scaled up
             let size = if sum > 1e-24 * whole { sum } else { whole };
             if size > 0.0 {
                 total += error / size;
             }
         }
-        // the matrix is multiplied by orthogonal ones, of as many reflections as columns
+        // error of the decomposition: a product with as many reflections as there are columns
         Ok(total.sqrt() + (columns * columns) as f64 * f64::EPSILON)
     }
 
-    /// Parameters, their base parameters, and other parameters that have the same ones: the second
-    /// derivation must find the same forces.
+    /// Converts parameters to base parameters, and these to other parameters: the second derivation
+    /// must compute the same forces from both.
     fn back(
         &self,
         states: &[State],
@@ -90,7 +91,8 @@ impl Subject<'_> {
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate() {
             let theirs = Compared::at(self.reference, state)?;
-            // any parameters, or where some are known, parameters for which that holds
+            // any parameters; if `base` relates some of them or drops columns, parameters that
+            // satisfy this
             let any = analysis.base.known.is_empty()
                 && analysis.base.parameters.iter().all(|p| !p.dropped);
             let phi = if any {
@@ -143,8 +145,9 @@ impl Subject<'_> {
     }
 }
 
-/// Kept and dropped numbers further apart than double precision reaches: what no choice of a
-/// tolerance in it could fake.
+/// The largest number dropped by the certificate, relative to the smallest kept, must be below the
+/// resolution of double precision, so that no choice of a tolerance in double precision could give
+/// this gap.
 fn gap(analysis: &Analysis) -> Check {
     let Ok(certificate) = &analysis.certificate else {
         return Check::of(GAP, f64::NAN, f64::EPSILON).with("no certificate");

@@ -1,4 +1,4 @@
-//! The regressor against derivations that share no code with it.
+//! Checks of the regressor against derivations that share no code with it.
 
 use regen_codegen::interpret::{self, Double, Precision, Single};
 use regen_codegen::robot::FunctionKind;
@@ -16,8 +16,9 @@ impl Subject<'_> {
         self.robot.independent.len()
     }
 
-    /// K_i - X^T K_e entry by entry: Newton-Euler in the world frame, X by singular values.
-    pub(super) fn second(&self, states: &[State]) -> Result<Check, VerifyError> {
+    /// Compares the regressor with K_i - X^T K_e entry by entry: Newton-Euler in the world frame, X
+    /// by singular values.
+    pub(super) fn compare_second_derivation(&self, states: &[State]) -> Result<Check, VerifyError> {
         let dof = self.dof();
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate() {
@@ -41,8 +42,8 @@ impl Subject<'_> {
         Ok(worst.check(SECOND))
     }
 
-    /// Forces of random parameters by another program.
-    pub(super) fn peer(&self) -> Check {
+    /// Compares the forces of random parameters with those computed by another program.
+    pub(super) fn compare_peer(&self) -> Check {
         let Some(vectors) = self.vectors else {
             return Check::absent(PEER, "none");
         };
@@ -60,7 +61,7 @@ impl Subject<'_> {
                 worst.note(place, f64::NAN, 0.0);
                 continue;
             };
-            // vectors of another geometry are not closed here
+            // vectors of a robot with other geometry do not satisfy the closure equations here
             let open = rounding::openness(self.reference, &state.q);
             worst.note(place, open, rounding::closed(self.reference));
             let w = rounding::regressor::<Double>(self.robot, &state);
@@ -68,7 +69,8 @@ impl Subject<'_> {
             let sizes = rounding::terms(&theirs, &given.phi);
             for ((ours, tau), size) in ours.iter().zip(&given.tau).zip(&sizes) {
                 if *size > 0.0 {
-                    // their program rounds as the second derivation does
+                    // assume that the other program has the rounding errors of the second
+                    // derivation
                     worst.note(
                         place,
                         (ours.0 - tau).abs() / size,
@@ -82,8 +84,8 @@ impl Subject<'_> {
         worst.check(PEER).with(vectors.by.clone())
     }
 
-    /// qd_i . W phi without friction against the rate of kinetic and potential energy, which
-    /// dual numbers take from the bodies' poses alone.
+    /// Compares qd_i . W phi without friction with the rate of the kinetic and potential energy,
+    /// computed by dual numbers from the bodies' poses alone.
     pub(super) fn power(
         &self,
         states: &[State],
@@ -103,7 +105,7 @@ impl Subject<'_> {
                 power += force * rate;
                 error += bound * rate.abs();
             }
-            // the energy's terms are the tree's: forces of all coordinates on their rates
+            // the terms of the energy's rate are the powers of the tree's coordinates
             let terms: f64 = (0..theirs.tree.nrows())
                 .map(|k| {
                     let row = theirs.tree.row(k);
@@ -120,7 +122,7 @@ impl Subject<'_> {
         Ok(worst.check(POWER))
     }
 
-    /// Random parameters; energies know nothing of friction.
+    /// Random parameters without friction, which energies do not contain.
     pub(super) fn without_friction(&self, random: &mut Random) -> Vec<f64> {
         let parameters = self.robot.parameters.iter();
         parameters
@@ -131,7 +133,7 @@ impl Subject<'_> {
             .collect()
     }
 
-    /// The regressor in single precision at states that it holds, against double precision.
+    /// Compares the regressor in single precision, at states rounded to it, with double precision.
     pub(super) fn single(&self, states: &[State]) -> Check {
         let Some(function) = self.robot.function(FunctionKind::Regressor) else {
             return Check::absent(SINGLE, "none");
@@ -159,7 +161,7 @@ impl Subject<'_> {
                 for k in places {
                     let found = single.get(k).map_or(f64::NAN, |x| f64::from(*x));
                     let bound = &bounds[k];
-                    // what double precision itself misses is a roundoff of this bound
+                    // the reference value in double precision is off by a roundoff of this bound
                     let error = bound.error * (1.0 + Single::UNIT);
                     worst.note(place, (found - bound.value).abs() / scale, error / scale);
                 }

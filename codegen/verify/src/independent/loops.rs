@@ -1,4 +1,4 @@
-//! Do loops that are closed stay closed, when nothing but accelerations is integrated?
+//! The check that closed loops stay closed if only accelerations are integrated.
 
 use regen_codegen::interpret;
 use regen_codegen::robot::FunctionKind;
@@ -10,40 +10,41 @@ use crate::vector::{larger, size};
 use super::rounding;
 use super::{DRIFT, Subject};
 
-/// How far the fastest coordinate goes, rad or m.
-const WAY: f64 = 0.05;
-/// Steps of the coarse run; the fine one has twice as many.
-const STEPS: usize = 12;
-/// Motions that are followed.
+/// Distance travelled by the fastest coordinate, rad or m.
+const MAX_TRAVEL: f64 = 0.05;
+/// Number of steps of the coarse run; the fine one has twice as many.
+const COARSE_STEPS: usize = 12;
+/// Number of motions that are integrated.
 const MOTIONS: usize = 3;
-/// Of order 4, half the step leaves a sixteenth; a half of that order's worth is demanded.
-const SMALLER: f64 = 4.0;
+/// Least ratio of the errors of the coarse and the fine run. For order 4 half the step leaves a
+/// sixteenth of the error; the check demands a quarter.
+const MIN_ERROR_REDUCTION: f64 = 4.0;
 
 impl Subject<'_> {
-    /// Coordinates, all of them, integrated from A qdd = b alone by the classical Runge-Kutta
-    /// method, without ever closing the loops: f and A qd of the second derivation must vanish at
-    /// the end but for an error that falls as the step's fourth power.
+    /// Integrates all coordinates from A qdd = b alone by the classical Runge-Kutta method, without
+    /// ever closing the loops: f and A qd of the second derivation must vanish at the end, up to an
+    /// error that decreases with the fourth power of the step.
     pub(super) fn drift(&self, states: &[State]) -> Check {
         if self.reference.rows() == 0 {
             return Check::absent(DRIFT, "no loop");
         }
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate().take(MOTIONS) {
-            // closed at the start, as the second derivation sees it
+            // the loops must be closed at the start, according to the second derivation
             let start = rounding::openness(self.reference, &state.q);
             worst.note(place, start, rounding::closed(self.reference));
-            let coarse = self.open_after(state, STEPS);
-            let fine = self.open_after(state, 2 * STEPS);
-            let rounding = rounding::unit(self.reference, &state.q) * (2 * STEPS) as f64;
-            worst.note(place, fine, coarse / SMALLER + rounding);
+            let coarse = self.open_after(state, COARSE_STEPS);
+            let fine = self.open_after(state, 2 * COARSE_STEPS);
+            let rounding = rounding::unit(self.reference, &state.q) * (2 * COARSE_STEPS) as f64;
+            worst.note(place, fine, coarse / MIN_ERROR_REDUCTION + rounding);
         }
         worst.check(DRIFT)
     }
 
-    /// How far open the loops and their rates are after the motion, relative to their terms.
+    /// The residuals of the loops and of their rates after the motion, relative to their terms.
     fn open_after(&self, state: &State, steps: usize) -> f64 {
         let fastest = size(&state.qd).max(size(&state.qdd).sqrt()).max(1.0);
-        let h = WAY / fastest / steps as f64;
+        let h = MAX_TRAVEL / fastest / steps as f64;
         let mut q = state.q.clone();
         let mut qd = state.qd.clone();
         let pushed = |x: &[f64], h: f64, v: &[f64]| -> Vec<f64> {
@@ -68,7 +69,7 @@ impl Subject<'_> {
             .copied()
             .collect();
         let scale = size(a.as_slice()) * size(&qd);
-        // NaN stays
+        // a NaN is propagated
         let rate = if scale == 0.0 {
             0.0
         } else {
@@ -77,7 +78,7 @@ impl Subject<'_> {
         larger(rounding::openness(self.reference, &q), rate)
     }
 
-    /// All accelerations by the program, the independent ones as given at the start.
+    /// All accelerations by the robot's function, with the independent ones given at the start.
     fn accelerations(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<f64> {
         let wanted: Vec<f64> = self.robot.independent.iter().map(|k| qdd[*k]).collect();
         self.robot

@@ -1,5 +1,5 @@
-//! Checks that share no code with what they check, each with a bound that is computed from
-//! roundoff, operations and condition numbers.
+//! Checks against derivations that share no code with the robot's functions. The bound of each
+//! error is computed from roundoff, operations and condition numbers.
 //!
 //! | file | what |
 //! |---|---|
@@ -28,15 +28,15 @@ use crate::states::{Reach, SEED, closed_state};
 
 pub use vectors::Vectors;
 
-/// Closed states that are tried.
+/// Number of closed states.
 const STATES: usize = 8;
-/// The condition of A_e may be this much worse than at home; bounds grow with it, and where they
-/// end near a singularity is no evidence about the model.
-const WORSE_THAN_HOME: f64 = 0.1;
-/// States that are drawn for one that is so.
-const TRIES: usize = 20;
+/// Least ratio of the conditioning of A_e at a state to that at home. The bounds grow near a
+/// singularity, where large errors are no evidence against the model.
+const MIN_CONDITIONING_RATIO: f64 = 0.1;
+/// Largest number of random states drawn until one is well enough conditioned.
+const MAX_TRIES: usize = 20;
 
-/// What the independent checks state, in the order in which [`independent`] reports them.
+/// The statements of the independent checks, in the order in which [`independent`] reports them.
 pub const INDEPENDENT: [What; 9] = [
     SECOND, PEER, POWER, DRIFT, RANK, SPAN, GAP, WAY_BACK, SINGLE,
 ];
@@ -86,12 +86,12 @@ const SINGLE: What = What {
     statement: "regressor in single precision",
 };
 
-/// Checks a robot with base parameters against the second derivation from the text of its spec,
-/// and against the vectors of another program where there are any.
+/// Checks a robot with base parameters against the second derivation from the text of its spec, and
+/// against the vectors of another program if given.
 ///
 /// # Errors
-/// When the robot has no base parameters, the second derivation reads the text otherwise, or no
-/// closed state or singular value is found.
+/// If the robot has no base parameters, the second derivation finds other coordinates or parameters
+/// in the text, or no closed state is found, or the singular values are not.
 pub fn independent(
     robot: &Robot,
     text: &str,
@@ -110,16 +110,16 @@ pub fn independent(
     })
 }
 
-/// Everything that the checks of one robot look at.
+/// The data for the checks of one robot.
 struct Subject<'a> {
     robot: &'a Robot,
-    /// The second derivation, from the same text.
+    /// The second derivation, from the text of the same spec.
     reference: &'a Mechanism,
     vectors: Option<&'a Vectors>,
 }
 
 impl Subject<'_> {
-    /// Every check, in the order of [`INDEPENDENT`].
+    /// Makes all checks, in the order of [`INDEPENDENT`].
     fn check(&self) -> Result<Vec<Check>, VerifyError> {
         if self.robot.coordinates != self.reference.coordinates
             || self.robot.labels() != self.reference.labels()
@@ -132,8 +132,8 @@ impl Subject<'_> {
         let states = self.states()?;
         let mut random = Random::new(SEED + 1);
         let mut checks = vec![
-            self.second(&states)?,
-            self.peer(),
+            self.compare_second_derivation(&states)?,
+            self.compare_peer(),
             self.power(&states, &mut random)?,
             self.drift(&states),
         ];
@@ -151,8 +151,8 @@ impl Subject<'_> {
         for _ in 0..STATES {
             let mut draw = || closed_state(&model, &mut closure, &mut random, Reach::INDEPENDENT);
             let mut state = draw()?;
-            for _ in 0..TRIES {
-                if self.reference.conditioning(&state.q) >= WORSE_THAN_HOME * home {
+            for _ in 0..MAX_TRIES {
+                if self.reference.conditioning(&state.q) >= MIN_CONDITIONING_RATIO * home {
                     break;
                 }
                 state = draw()?;

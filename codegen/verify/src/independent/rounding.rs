@@ -1,9 +1,10 @@
-//! How far two computations of the same forces may differ at a state.
+//! Bounds of the rounding errors by which two computations of the same forces may differ at a
+//! state.
 //!
-//! The program's own error is bounded operation by operation ([`Rounded`]). The second
-//! derivation is another program: its error is bounded by the roundings along its longest chain,
-//! [`CHAIN`] for each coordinate and row, each no more than a roundoff of the largest term of the
-//! row, and by the condition of A_e where it solves for X.
+//! The error of the robot's functions is bounded operation by operation ([`Rounded`]). The error of
+//! the second derivation is bounded by the number of roundings along its longest chain,
+//! [`ROUNDINGS_PER_COORDINATE`] for each coordinate and row, each at most a roundoff of the largest
+//! term of the row, and by the condition of A_e, since it solves for X.
 
 use nalgebra::DMatrix;
 use regen_codegen::interpret::{self, Double, Precision, Rounded};
@@ -13,21 +14,22 @@ use regen_reference::{Mechanism, State};
 use crate::error::VerifyError;
 use crate::vector::{dot, larger, size};
 
-/// Roundings for each coordinate on the way from the ground to a force: two products of 4x4
+/// Roundings for each coordinate on the path from the ground to a force: two products of 4x4
 /// matrices (8 in a row each), two recursions of velocity and acceleration (16 each), the wrench
 /// and its projection (16).
-const CHAIN: f64 = 64.0;
+const ROUNDINGS_PER_COORDINATE: f64 = 64.0;
 
-/// What the second derivation says at a state, and how far off both may be.
+/// The results of the second derivation at a state, with their error.
 pub(crate) struct Compared {
-    /// K of the tree, coordinates by parameters.
+    /// The regressor K of the tree: one row per coordinate, one column per parameter.
     pub(crate) tree: DMatrix<f64>,
-    /// K_i - X^T K_e.
+    /// The reduced regressor K_i - X^T K_e.
     pub(crate) reduced: DMatrix<f64>,
-    /// X^T's rows with the identity: dof by coordinates.
+    /// The projection on the independent coordinates, the identity and -X^T: one row per
+    /// independent coordinate, one column per coordinate.
     pub(crate) projection: DMatrix<f64>,
-    /// The roundoff that counts: of numbers, or of a state that is closed to no more, times the
-    /// condition of A_e and the length of the chain.
+    /// The relative error: the roundoff of numbers, and of a state that satisfies the closure
+    /// equations no better, times the condition of A_e and the length of the chain.
     pub(crate) unit: f64,
 }
 
@@ -47,14 +49,14 @@ impl Compared {
         })
     }
 
-    /// The largest term that entry (row, column) of the reduced regressor is a sum of.
+    /// The largest term of the sum that is entry (row, column) of the reduced regressor.
     pub(crate) fn term(&self, row: usize, column: usize) -> f64 {
         (0..self.tree.nrows())
             .map(|k| (self.projection[(row, k)] * self.tree[(k, column)]).abs())
             .fold(0.0, larger)
     }
 
-    /// The largest term of a row.
+    /// The largest term in a row of the reduced regressor.
     pub(crate) fn row(&self, row: usize) -> f64 {
         (0..self.tree.ncols())
             .map(|column| self.term(row, column))
@@ -62,29 +64,28 @@ impl Compared {
     }
 }
 
-/// Roundings in a row.
+/// Number of roundings in a row.
 fn chain(reference: &Mechanism) -> f64 {
-    CHAIN * (reference.n() + reference.rows()) as f64
+    ROUNDINGS_PER_COORDINATE * (reference.n() + reference.rows()) as f64
 }
 
-/// How far open loops may be that are closed but for roundings, relative to their terms.
+/// Bound of the closure residual of a state that is closed up to rounding, relative to its terms.
 pub(crate) fn closed(reference: &Mechanism) -> f64 {
     chain(reference) * Double::UNIT
 }
 
-/// A state's unit of error in the second derivation: see [`Compared::unit`].
+/// The relative error of the second derivation at a state: see [`Compared::unit`].
 pub(crate) fn unit(reference: &Mechanism, q: &[f64]) -> f64 {
     let chain = chain(reference);
     if reference.dependent.is_empty() {
         return chain * Double::UNIT;
     }
-    // a state that is open by more than roundings is an error, not an excuse
+    // a larger closure residual is an error of the state, and must not widen the bound
     let open = openness(reference, q).min(closed(reference));
     chain * (Double::UNIT + open) / reference.conditioning(q)
 }
 
-/// By how much the loops are open at a state, row by row relative to what the row's terms add up
-/// to.
+/// The closure residual at a state, relative to the largest sum of the terms in a row.
 pub(crate) fn openness(reference: &Mechanism, q: &[f64]) -> f64 {
     let f: Vec<f64> = reference.constraints(q);
     let a = reference.jacobian(q);
@@ -95,11 +96,11 @@ pub(crate) fn openness(reference: &Mechanism, q: &[f64]) -> f64 {
             terms.map(|(a, q)| a.abs() * larger(1.0, q.abs())).sum()
         })
         .fold(0.0, larger);
-    // NaN stays
+    // a NaN is propagated
     if scale == 0.0 { 0.0 } else { size(&f) / scale }
 }
 
-/// The program's reduced regressor, column by column, with the bounds of its errors in `P`.
+/// The robot's reduced regressor, column by column, with the bounds of its errors in `P`.
 pub(crate) fn regressor<P: Precision>(robot: &Robot, state: &State) -> Vec<Rounded<P>> {
     let exact = |v: &[f64]| -> Vec<Rounded<P>> { v.iter().map(|x| Rounded::exact(*x)).collect() };
     let (q, qd, qdd) = (exact(&state.q), exact(&state.qd), exact(&state.qdd));
@@ -110,8 +111,8 @@ pub(crate) fn regressor<P: Precision>(robot: &Robot, state: &State) -> Vec<Round
         })
 }
 
-/// The same in double precision, with 0 for what is nothing but rounding: columns may then be
-/// scaled up however short they are, as in millimetres beside tonnes.
+/// The regressor in double precision, with 0 for entries within their error bounds: columns may
+/// then be scaled up however short they are, as in a spec in millimetres and tonnes.
 pub(crate) fn certain(robot: &Robot, state: &State) -> Vec<f64> {
     regressor::<Double>(robot, state)
         .iter()
@@ -125,7 +126,7 @@ pub(crate) fn certain(robot: &Robot, state: &State) -> Vec<f64> {
         .collect()
 }
 
-/// The forces of parameters by the program, and the bound of their error.
+/// The robot's forces for given parameters, with the bounds of their errors.
 pub(crate) fn forces(w: &[Rounded<Double>], phi: &[f64], dof: usize) -> Vec<(f64, f64)> {
     (0..dof)
         .map(|row| {
@@ -140,7 +141,8 @@ pub(crate) fn forces(w: &[Rounded<Double>], phi: &[f64], dof: usize) -> Vec<(f64
         .collect()
 }
 
-/// The sizes of the forces' terms, row by row, of parameters that the reference multiplies.
+/// For each force, the sum of the magnitudes of its terms for given parameters, by the second
+/// derivation.
 pub(crate) fn terms(compared: &Compared, phi: &[f64]) -> Vec<f64> {
     (0..compared.reduced.nrows())
         .map(|row| {
@@ -152,7 +154,7 @@ pub(crate) fn terms(compared: &Compared, phi: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The forces of parameters by the second derivation.
+/// The forces for given parameters by the second derivation.
 pub(crate) fn reference_forces(compared: &Compared, phi: &[f64]) -> Vec<f64> {
     let rows = compared.reduced.row_iter();
     rows.map(|row| {

@@ -37,7 +37,7 @@ fn derived(text: &str) -> Robot {
     pipeline::derive(&Source::new("robot.yaml", text)).unwrap()
 }
 
-/// A robot, and the text and vectors that it is held against.
+/// A robot, with the text and the vectors against which it is checked.
 struct Case {
     robot: Robot,
     text: String,
@@ -54,7 +54,7 @@ impl Case {
         }
     }
 
-    /// The checks with this verdict.
+    /// The checks with the given verdict.
     fn with(&self, verdict: Verdict) -> Vec<&'static str> {
         let report = independent(&self.robot, &self.text, self.vectors.as_ref()).unwrap();
         let made: Vec<_> = report.checks.iter().map(|c| c.what).collect();
@@ -70,7 +70,7 @@ impl Case {
         self.with(Verdict::Fails)
     }
 
-    /// These checks fail, and perhaps others.
+    /// Asserts that the given checks fail; others may fail too.
     #[track_caller]
     fn fails(&self, keys: &[&str]) {
         let failing = self.failing();
@@ -79,7 +79,7 @@ impl Case {
         }
     }
 
-    /// Turns the sign of the last entry of a function that is computed.
+    /// Reverses the sign of the last entry of a function that is not a constant.
     fn turn(&mut self, kind: FunctionKind) {
         let functions = &mut self.robot.functions;
         let function = functions.iter_mut().find(|f| f.kind == kind).unwrap();
@@ -146,7 +146,7 @@ fn a_wrong_factor_in_a_combination_turns_the_null_space() {
     let base = &mut case.robot.analysis.as_mut().unwrap().base;
     let direction = base.null.iter_mut().find(|d| d.terms.len() > 1).unwrap();
     let term = &mut direction.terms[1];
-    // off by a millionth
+    // an error of one millionth
     let factor = Number::ratio(1_000_001, 1_000_000).unwrap();
     term.value = term.value.mul(&factor);
     assert_eq!(case.failing(), ["span"]);
@@ -180,7 +180,7 @@ fn numbers_dropped_near_those_kept_and_a_certificate_that_is_not_there_are_seen(
     case.fails(&["gap", "rank"]);
 }
 
-/// Lengths whose square single precision cannot hold, although double precision can.
+/// Lengths whose square overflows single precision, but not double precision.
 #[test]
 fn what_single_precision_cannot_hold_is_seen() {
     let text = "\

@@ -1,15 +1,15 @@
-//! Forces that another program found at given states.
+//! Forces at given states, computed by another program.
 
 use regen_codegen::robot::Robot;
 use serde::Deserialize;
 
 use crate::error::VerifyError;
 
-/// States with parameters, and the forces that another program finds there.
+/// States with parameters, and the forces that another program computed for them.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vectors {
-    /// Which program.
+    /// The name of the program.
     pub(super) by: String,
     coordinates: Vec<String>,
     independent: Vec<String>,
@@ -28,15 +28,16 @@ pub(super) struct State {
 }
 
 impl Vectors {
-    /// Reads them from JSON.
+    /// Reads the vectors from JSON.
     ///
     /// # Errors
-    /// When the text is no such JSON.
+    /// If the text is not JSON of this form.
     pub fn parse(text: &str) -> Result<Self, VerifyError> {
         serde_json::from_str(text).map_err(VerifyError::Vectors)
     }
 
-    /// Whether they are of this robot: names in the same order, and as many numbers.
+    /// Checks that the vectors belong to this robot: the same names in the same order, and the
+    /// right counts of numbers. The error describes the difference.
     pub(super) fn fit(&self, robot: &Robot) -> Result<(), String> {
         let independent: Vec<&String> = robot
             .independent

@@ -1,4 +1,4 @@
-//! Quotients, roots, sines and cosines.
+//! Quotients, square roots, sines and cosines.
 
 use std::sync::OnceLock;
 
@@ -6,18 +6,18 @@ use crate::sym::Number;
 
 use super::Float320;
 
-/// Newton steps from the 53 bits of an `f64` to more than 320.
-const STEPS: usize = 3;
-/// How often an angle is halved before its series.
+/// Newton steps that refine the 53 bits of an `f64` to more than 320.
+const NEWTON_STEPS: usize = 3;
+/// Number of times an angle is halved before its series is summed.
 const HALVINGS: i32 = 8;
-/// Terms of the series: below 2^-8 each of them is worth more than 22 bits.
+/// Terms of the series: for arguments below 2^-8 each adds more than 22 bits.
 const TERMS: usize = 15;
 
-/// What sine and cosine need.
+/// Constants for sine and cosine.
 struct Constants {
     half_pi: Float320,
     /// 2/pi.
-    quarters: Float320,
+    quarters_per_rad: Float320,
     /// 1/n! for even n from 2, signs alternating from minus.
     even: [Float320; TERMS],
     /// 1/n! for odd n from 3, signs alternating from minus.
@@ -41,7 +41,7 @@ fn constants() -> &'static Constants {
         }
         Constants {
             half_pi,
-            quarters: half_pi.reciprocal().unwrap_or(Float320::ZERO),
+            quarters_per_rad: half_pi.reciprocal().unwrap_or(Float320::ZERO),
             even,
             odd,
         }
@@ -49,29 +49,29 @@ fn constants() -> &'static Constants {
 }
 
 impl Float320 {
-    /// `1 / self`, `None` of 0.
+    /// `1 / self`; `None` if `self` is 0.
     pub fn reciprocal(self) -> Option<Float320> {
         if self.is_zero() {
             return None;
         }
-        // of the mantissa, which an f64 can hold whatever the exponent
+        // the reciprocal of the mantissa, which an f64 can hold whatever the exponent
         let mantissa = self.abs().scaled(-self.exponent);
         let mut y = Float320::from_f64(1.0 / mantissa.to_f64());
-        for _ in 0..STEPS {
+        for _ in 0..NEWTON_STEPS {
             y = y + y * (Float320::ONE - mantissa * y);
         }
         let y = y.scaled(-self.exponent);
         Some(if self.negative { -y } else { y })
     }
 
-    /// `self / divisor`, `None` at 0.
+    /// `self / divisor`; `None` if the divisor is 0.
     pub fn checked_div(self, divisor: Float320) -> Option<Float320> {
         let y = divisor.reciprocal()?;
         let quotient = self * y;
         Some(quotient + y * (self - divisor * quotient))
     }
 
-    /// The square root, `None` of a negative value.
+    /// The square root; `None` for a negative value.
     pub fn sqrt(self) -> Option<Float320> {
         if self.is_zero() {
             return Some(Float320::ZERO);
@@ -82,7 +82,7 @@ impl Float320 {
         let half = self.exponent.div_euclid(2);
         let x = self.scaled(-2 * half);
         let mut y = Float320::from_f64(1.0 / libm::sqrt(x.to_f64()));
-        for _ in 0..STEPS {
+        for _ in 0..NEWTON_STEPS {
             y = y + (y * (Float320::ONE - x * y * y)).scaled(-1);
         }
         let root = x * y;
@@ -90,14 +90,15 @@ impl Float320 {
         Some(root.scaled(half))
     }
 
-    /// Sine and cosine, to some 315 bits of 1.
+    /// Sine and cosine of an angle in rad, with an absolute error of about 2^-315.
     pub fn sin_cos(self) -> (Float320, Float320) {
         let constants = constants();
         let mut quadrant = 0u8;
         let mut rest = self;
-        // once, unless the angle is beyond what an f64 counts in whole turns
+        // one pass is enough, unless the angle is so large that an f64 cannot count its quarter
+        // turns
         for _ in 0..8 {
-            let turns = libm::round((rest * constants.quarters).to_f64());
+            let turns = libm::round((rest * constants.quarters_per_rad).to_f64());
             if turns == 0.0 {
                 break;
             }
@@ -118,7 +119,8 @@ impl Float320 {
     }
 }
 
-/// Series of the angle halved some times, then doubled back.
+/// Sine and cosine of a small angle: the series of the angle, halved several times, then doubled
+/// back.
 fn near_zero(angle: Float320, constants: &Constants) -> (Float320, Float320) {
     let x = angle.scaled(-HALVINGS);
     let square = x * x;

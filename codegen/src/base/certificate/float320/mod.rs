@@ -1,9 +1,9 @@
-//! Binary floating point of a fixed 320 bits, made for speed: five words, no
+//! Binary floating point with a fixed mantissa of 320 bits, made for speed: five words, no
 //! allocation, `Copy`.
 //!
-//! It stands beside the `BigFloat` of the exact numbers, which carries as many bits
-//! in an allocated integer and calls close values equal: neither suits the
-//! elimination of a large matrix, where what is left over must be seen as it is.
+//! The exact numbers use `BigFloat` instead, which has as many bits in an allocated integer and
+//! treats close values as equal. Neither suits the elimination of a large matrix, where remainders
+//! must stay visible.
 
 mod functions;
 #[cfg(test)]
@@ -20,15 +20,15 @@ use crate::sym::Number;
 const WORDS: usize = 5;
 /// Bits of a mantissa.
 const BITS: u32 = 64 * WORDS as u32;
-/// Exponents stay within this, so that sums of a few of them never overflow.
+/// Bound on the magnitude of exponents, so that sums of a few of them never overflow.
 const EXPONENT_LIMIT: i32 = 1 << 28;
 /// Decimal digits of a mantissa.
 pub const DIGITS: usize = 96;
 
-/// `0.mantissa * 2^exponent` with a sign: the leading bit of the mantissa is
-/// set, but for zero, whose exponent is the least there is.
+/// A number `0.mantissa * 2^exponent` with a sign. The leading bit of the mantissa is set, except
+/// for zero, which has the least exponent.
 ///
-/// Results are rounded to nearest, give or take the last bit.
+/// Results are rounded to nearest, up to an error in the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Float320 {
     /// Least significant word first.
@@ -37,7 +37,7 @@ pub struct Float320 {
     negative: bool,
 }
 
-/// A mantissa with a word to round by in front, least significant word first.
+/// A mantissa with an additional lowest word for rounding, least significant word first.
 type Guarded = [u64; WORDS + 1];
 
 impl Float320 {
@@ -54,22 +54,22 @@ impl Float320 {
         negative: false,
     };
 
-    /// Whether this is 0.
+    /// Whether the number is 0.
     pub fn is_zero(&self) -> bool {
         self.exponent == i32::MIN
     }
 
-    /// The least e with `|self| < 2^e`, far below any other for 0.
+    /// The least e with `|self| < 2^e`; for 0 a value far below any other.
     pub(super) fn exponent(&self) -> i32 {
         self.exponent.max(-EXPONENT_LIMIT)
     }
 
-    /// Whether this is less than 0.
+    /// Whether the number is less than 0.
     pub fn is_negative(&self) -> bool {
         self.negative
     }
 
-    /// This very value.
+    /// Converts an `f64` exactly; 0 for an infinity or NaN.
     pub fn from_f64(value: f64) -> Float320 {
         let (fraction, exponent) = libm::frexp(value);
         if fraction == 0.0 || !value.is_finite() {
@@ -86,22 +86,22 @@ impl Float320 {
         }
     }
 
-    /// The value of an exact number, rounded.
+    /// Converts an exact number, rounded.
     pub fn from_number(value: &Number) -> Float320 {
         let (negative, magnitude, exponent) = value.binary();
-        let mut solve_guarded: Guarded = [0; WORDS + 1];
+        let mut guarded: Guarded = [0; WORDS + 1];
         let bytes = magnitude.to_le_bytes();
-        for (word, chunk) in solve_guarded[1..].iter_mut().zip(bytes.chunks(8)) {
+        for (word, chunk) in guarded[1..].iter_mut().zip(bytes.chunks(8)) {
             let mut le = [0; 8];
             le[..chunk.len()].copy_from_slice(chunk);
             *word = u64::from_le_bytes(le);
         }
         let limit = i64::from(EXPONENT_LIMIT);
         let exponent = (exponent + i64::from(BITS)).clamp(-limit, limit);
-        Float320::normalised(solve_guarded, exponent as i32, negative)
+        Float320::normalised(guarded, exponent as i32, negative)
     }
 
-    /// Sign, an integer and the power of two to multiply it by.
+    /// The sign, an integer and the power of two by which it is multiplied.
     pub(crate) fn binary(&self) -> (bool, UBig, i64) {
         let bytes: Vec<u8> = self.words.iter().flat_map(|w| w.to_le_bytes()).collect();
         let exponent = if self.is_zero() {
@@ -112,14 +112,13 @@ impl Float320 {
         (self.negative, UBig::from_le_bytes(&bytes), exponent)
     }
 
-    /// The nearest `f64`, give or take its last bit; infinite or 0 beyond its
-    /// range.
+    /// The nearest `f64`, up to an error in the last bit; infinite or 0 beyond its range.
     pub fn to_f64(&self) -> f64 {
         let magnitude = libm::ldexp(self.fraction(), self.exponent.max(-EXPONENT_LIMIT));
         if self.negative { -magnitude } else { magnitude }
     }
 
-    /// log10 of the magnitude, minus infinity of 0.
+    /// log10 of the magnitude; minus infinity for 0.
     pub fn log10(&self) -> f64 {
         if self.is_zero() {
             return f64::NEG_INFINITY;
@@ -127,7 +126,7 @@ impl Float320 {
         libm::log10(self.fraction()) + f64::from(self.exponent) * core::f64::consts::LOG10_2
     }
 
-    /// The mantissa in [1/2, 1], or 0.
+    /// The mantissa as an `f64` in [1/2, 1]; 0 for 0.
     fn fraction(&self) -> f64 {
         let [.., low, high] = self.words;
         libm::ldexp(high as f64, -64) + libm::ldexp(low as f64, -128)
@@ -154,35 +153,35 @@ impl Float320 {
         }
     }
 
-    /// The order of the magnitudes.
+    /// Compares the magnitudes.
     pub fn cmp_abs(&self, other: &Float320) -> Ordering {
         self.exponent
             .cmp(&other.exponent)
             .then_with(|| self.words.iter().rev().cmp(other.words.iter().rev()))
     }
 
-    /// From a mantissa that may have leading zeros.
-    fn normalised(solve_guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
-        let Some(top) = solve_guarded.iter().rposition(|w| *w != 0) else {
+    /// Builds a number from a mantissa that may have leading zeros.
+    fn normalised(guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
+        let Some(top) = guarded.iter().rposition(|w| *w != 0) else {
             return Float320::ZERO;
         };
-        let zeros = solve_guarded[top].leading_zeros();
+        let zeros = guarded[top].leading_zeros();
         let shift = 64 * (WORDS - top) as u32 + zeros;
-        let solve_guarded = if shift == 0 {
-            solve_guarded
+        let guarded = if shift == 0 {
+            guarded
         } else {
-            shifted_left(&solve_guarded, shift)
+            shifted_left(&guarded, shift)
         };
-        Float320::rounded(solve_guarded, exponent - shift.cast_signed(), negative)
+        Float320::rounded(guarded, exponent - shift.cast_signed(), negative)
     }
 
-    /// From a mantissa whose leading bit is set.
+    /// Builds a number from a mantissa whose leading bit is set.
     #[inline]
-    fn rounded(solve_guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
+    fn rounded(guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
         let mut words = [0; WORDS];
-        words.copy_from_slice(&solve_guarded[1..]);
+        words.copy_from_slice(&guarded[1..]);
         let mut exponent = exponent;
-        let mut carry = solve_guarded[0] >> 63 != 0;
+        let mut carry = guarded[0] >> 63 != 0;
         for word in &mut words {
             let (sum, over) = word.overflowing_add(u64::from(carry));
             (*word, carry) = (sum, over);
@@ -201,17 +200,17 @@ impl Float320 {
         }
     }
 
-    fn solve_guarded(&self) -> Guarded {
+    fn guarded(&self) -> Guarded {
         let [a, b, c, d, e] = self.words;
         [0, a, b, c, d, e]
     }
 }
 
-/// An integer below 2^64 that an `f64` holds.
+/// Converts an `f64` in [2^63, 2^64) to the integer of the same value.
 fn as_word(value: f64) -> u64 {
     let bits = value.to_bits();
     let mantissa = (bits & ((1 << 52) - 1)) | (1 << 52);
-    // the exponent is that of a number in [2^63, 2^64]
+    // the exponent is known from the range
     mantissa << 11
 }
 
@@ -223,7 +222,7 @@ fn shifted_right(value: &Guarded, shift: u32) -> Guarded {
     let (words, bits) = ((shift / 64) as usize & 7, shift % 64);
     core::array::from_fn(|i| {
         let (low, high) = (padded[i + words], padded[i + words + 1]);
-        // two shifts, since one by 64 bits is none
+        // two shifts, since a single shift by 64 bits is not allowed
         (low >> bits) | ((high << 1) << (63 - bits))
     })
 }
@@ -240,15 +239,15 @@ fn shifted_left(value: &Guarded, shift: u32) -> Guarded {
     })
 }
 
-/// |a| + |b|, where a's exponent is not the smaller one.
+/// |a| + |b|, where the exponent of a is at least that of b.
 #[inline]
 fn sum(a: &Float320, b: &Float320, negative: bool) -> Float320 {
     let gap = a.exponent.wrapping_sub(b.exponent).cast_unsigned();
     if gap > BITS + 1 {
         return Float320 { negative, ..*a };
     }
-    let shifted = shifted_right(&b.solve_guarded(), gap);
-    let mut total = a.solve_guarded();
+    let shifted = shifted_right(&b.guarded(), gap);
+    let mut total = a.guarded();
     let mut carry = false;
     for (x, y) in total.iter_mut().zip(&shifted) {
         (*x, carry) = add_with_carry(*x, *y, carry);
@@ -261,15 +260,15 @@ fn sum(a: &Float320, b: &Float320, negative: bool) -> Float320 {
     Float320::rounded(total, a.exponent + 1, negative)
 }
 
-/// |a| - |b|, where |a| is not the smaller one.
+/// |a| - |b|, where |a| is at least |b|.
 #[inline]
 fn difference(a: &Float320, b: &Float320, negative: bool) -> Float320 {
     let gap = a.exponent.wrapping_sub(b.exponent).cast_unsigned();
     if gap > BITS + 1 {
         return Float320 { negative, ..*a };
     }
-    let shifted = shifted_right(&b.solve_guarded(), gap);
-    let mut rest = a.solve_guarded();
+    let shifted = shifted_right(&b.guarded(), gap);
+    let mut rest = a.guarded();
     let mut borrow = false;
     for (x, y) in rest.iter_mut().zip(&shifted) {
         let (first, one) = x.overflowing_sub(*y);
@@ -356,14 +355,14 @@ impl Mul for Float320 {
             }
             product[i + WORDS] = carry;
         }
-        let mut solve_guarded: Guarded = [0; WORDS + 1];
-        solve_guarded.copy_from_slice(&product[WORDS - 1..]);
+        let mut guarded: Guarded = [0; WORDS + 1];
+        guarded.copy_from_slice(&product[WORDS - 1..]);
         let mut exponent = self.exponent + other.exponent;
-        if solve_guarded[WORDS] >> 63 == 0 {
-            solve_guarded = shifted_left_by_one(&solve_guarded);
+        if guarded[WORDS] >> 63 == 0 {
+            guarded = shifted_left_by_one(&guarded);
             exponent -= 1;
         }
-        Float320::rounded(solve_guarded, exponent, self.negative != other.negative)
+        Float320::rounded(guarded, exponent, self.negative != other.negative)
     }
 }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::Float320;
 use crate::sym::Number;
 
-/// The exact value.
+/// The exact value of a number.
 fn rational(x: &Float320) -> RBig {
     let base = Number::from_i64(2);
     let power = |e: i32| base.powi(i64::from(e)).unwrap();
@@ -21,7 +21,7 @@ fn rational(x: &Float320) -> RBig {
     sum.as_rational().unwrap()
 }
 
-/// Whether `x` is `exact` but for `ulps` units in the last of 320 bits.
+/// Whether `x` equals `exact` up to `ulps` units in the last of 320 bits.
 fn close(x: &Float320, exact: &RBig, ulps: u32) -> bool {
     let unit = Number::from_i64(2)
         .powi(-319)
@@ -33,7 +33,7 @@ fn close(x: &Float320, exact: &RBig, ulps: u32) -> bool {
     error <= abs(exact.clone()) * unit * RBig::from(ulps)
 }
 
-/// Values with all bits in use and exponents that differ.
+/// Values that use all bits, with different exponents.
 fn wide() -> impl Strategy<Value = Float320> {
     let parts = (any::<[u64; 5]>(), -100..100i32, any::<bool>(), 0..4usize);
     parts.prop_map(|(mut words, exponent, negative, zeros)| {

@@ -6,7 +6,7 @@ use crate::constraints::{close_home, world_equations};
 use crate::diag::Source;
 use crate::kinematics::{Frames, Geometry};
 
-/// States of a mechanism of the repository, and its model.
+/// The model of a mechanism of the repository, and states of it.
 fn states(path: &str, count: usize) -> (Model, Vec<State>) {
     let path = format!("{}/../{path}", env!("CARGO_MANIFEST_DIR"));
     let source = Source::new(&path, std::fs::read_to_string(&path).unwrap());
@@ -36,7 +36,7 @@ fn a_parallelogram_keeps_its_opposite_sides_parallel() {
         assert!((state.q[0] + state.q[1]).log10() < -75.0);
         assert!((state.q[0] - state.q[2]).log10() < -75.0);
         assert!((state.j[1][0] + Float320::ONE).log10() < -70.0);
-        // the flat positions, where the branches meet, are not passed
+        // the flat positions, where the branches meet, are not crossed
         assert!((0.0..core::f64::consts::PI).contains(&state.q[0].to_f64()));
     }
     assert!(spread(&states, 0) > 1.5);
