@@ -1,6 +1,6 @@
 //! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
-//! its limits, [`reach`] how far each coordinate can go, [`simulate`] moves a closed chain with friction, control and sensors and writes the
-//! log of it.
+//! its limits, [`reach`] computes the range of each coordinate, and [`simulate`] integrates a
+//! closed-loop mechanism with friction, controllers, drives and sensors, and returns its log.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
