@@ -35,8 +35,8 @@ pub enum Outcome {
     NotClosed {
         /// The fraction of the straight line that was reached, from 0 to 1.
         at: f64,
-        /// The largest |f| where the solve stopped, in m or without unit; for `at` below 1, lengths
-        /// are in [`LoopClosure::length_unit`].
+        /// The largest |f| where the solve stopped, in m or without unit; if the continuation along
+        /// the line stopped, lengths are in [`LoopClosure::length_unit`].
         residual: f64,
     },
     /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
