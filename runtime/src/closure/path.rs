@@ -138,7 +138,7 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     }
     let mut point = start.clone();
     let mut done = 0.0;
-    let mut wish = 1.0;
+    let mut proposed = 1.0;
     let mut steps = 0;
     while done < 1.0 {
         let mut tangent = vec![0.0; point.q.len()];
@@ -148,7 +148,7 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
         let _ = model.velocities(&point.q, independent, &line, &mut tangent)?;
         let speed = largest(&tangent);
         let mut part =
-            f64::min(wish, MAX_PREDICTOR_MOVE / speed.max(MAX_PREDICTOR_MOVE)).min(1.0 - done);
+            f64::min(proposed, MAX_PREDICTOR_MOVE / speed.max(MAX_PREDICTOR_MOVE)).min(1.0 - done);
         // a remainder shorter than the shortest step is taken in this step
         if 1.0 - done - part < shortest {
             part = 1.0 - done;
@@ -164,7 +164,7 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
             Ok((next, change)) => {
                 done = if last { 1.0 } else { done + part };
                 point = next;
-                wish = if change < 0.5 * MAX_MATRIX_CHANGE {
+                proposed = if change < 0.5 * MAX_MATRIX_CHANGE {
                     2.0 * part
                 } else {
                     part
@@ -182,8 +182,8 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
                 }
             }
             Err(refusal) => {
-                wish = 0.5 * part;
-                if wish < shortest {
+                proposed = 0.5 * part;
+                if proposed < shortest {
                     let outcome = failed_outcome(&point, refusal, done);
                     return Ok((point, outcome, steps));
                 }

@@ -123,7 +123,7 @@ where
         0 => std::thread::available_parallelism().map_or(1, core::num::NonZero::get),
         threads => threads,
     };
-    let crew = SharedSearch {
+    let shared = SharedSearch {
         problem,
         dense,
         settings,
@@ -137,11 +137,11 @@ where
         for _ in 0..threads.min(settings.starts) {
             scope.spawn(|| {
                 loop {
-                    let start = crew.next.fetch_add(1, Ordering::Relaxed);
+                    let start = shared.next.fetch_add(1, Ordering::Relaxed);
                     if start >= settings.starts {
                         break;
                     }
-                    let result = crew.start(start);
+                    let result = shared.start(start);
                     if let Ok(mut ended) = ended.lock() {
                         ended.push((start, result));
                     }
@@ -154,7 +154,7 @@ where
     ended.sort_by_key(|(start, _)| *start);
     let mut outcome = Outcome::NotClosed;
     for (_, result) in ended {
-        outcome = crew.better(outcome, result?);
+        outcome = shared.better(outcome, result?);
     }
     Ok(outcome)
 }
@@ -330,18 +330,18 @@ where
                 middle.clone(),
                 home.clone(),
             ];
-            let kept = check::shrink_to_limits(
+            let motion = check::shrink_to_limits(
                 &self.problem,
                 &mut closure,
                 &self.dense,
                 &poses,
                 search.at(),
             )?;
-            match kept {
+            match motion {
                 Err(worst) => passed = worst,
-                Ok(kept) => {
-                    let made = self.excitation(&mut closure, &kept, start)?;
-                    best = match (best, made) {
+                Ok(motion) => {
+                    let excitation = self.excitation(&mut closure, &motion, start)?;
+                    best = match (best, excitation) {
                         (Some(old), Some(new)) => Some(self.smaller(old, new)),
                         (old, new) => old.or(new),
                     };
@@ -366,19 +366,19 @@ where
     fn excitation(
         &self,
         closure: &mut LoopClosure<'_, M>,
-        kept: &check::MotionWithinLimits,
+        motion: &check::MotionWithinLimits,
         start: usize,
     ) -> Result<Option<Box<Excitation>>, ExciteError> {
-        let Some(observed) = self.problem.observed(closure, &kept.y)? else {
+        let Some(observed) = self.problem.observed(closure, &motion.y)? else {
             return Ok(None);
         };
-        let margins = kept.bounds.iter().map(|bound| Margin {
+        let margins = motion.bounds.iter().map(|bound| Margin {
             limit: self.problem.limits[bound.limit].clone(),
             left: -bound.value,
             time: self.time(*bound),
         });
         Ok(Some(Box::new(Excitation {
-            series: self.problem.space.series(&kept.y)?,
+            series: self.problem.space.series(&motion.y)?,
             figures: Figures::new(&observed.w, &observed.weighted, self.problem.columns),
             margins: margins.collect(),
             start,

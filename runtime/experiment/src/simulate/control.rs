@@ -117,14 +117,14 @@ impl Pid {
         let rate = memory.last.map_or(0.0, |last| (error - last) / period);
         memory.last = Some(error);
         let grown = memory.integral + error * period;
-        let wish = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
+        let effort_with = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
         let Some([lo, hi]) = limit else {
             memory.integral = grown;
-            return wish(grown);
+            return effort_with(grown);
         };
-        let effort = wish(grown);
+        let effort = effort_with(grown);
         if (effort > hi && error > 0.0) || (effort < lo && error < 0.0) {
-            return wish(memory.integral).max(lo).min(hi);
+            return effort_with(memory.integral).max(lo).min(hi);
         }
         memory.integral = grown;
         effort.max(lo).min(hi)
