@@ -1,74 +1,76 @@
-//! Base parameters: the combinations of the dynamic parameters that the forces depend on, and
+//! Base parameters, the combinations of the dynamic parameters on which the efforts depend, and
 //! the interface of models that compute with them.
 
 use crate::{Arguments, BaseFunction, Condition, Model, Scalar, SizeError};
 
-/// A parameter in a combination.
+/// A dynamic parameter in the linear combination of a base parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseTerm<'a> {
     /// The parameter's label.
     pub parameter: &'a str,
-    /// Its place among the regressor's columns.
+    /// The index of its column in the regressor.
     pub index: usize,
-    /// The factor as an expression in the spec's geometry names.
+    /// The factor as an expression in the description's geometry names.
     pub coefficient: &'a str,
-    /// The factor's value.
+    /// The numerical value of the factor.
     pub value: f64,
 }
 
-/// A base parameter: a kept parameter, which gives it its label, plus multiples of others.
+/// A base parameter: one dynamic parameter, after which it is labelled, plus multiples of
+/// eliminated ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseParameter<'a> {
-    /// The kept parameter's label.
+    /// The label, which is that of the first parameter of the combination.
     pub label: &'a str,
-    /// The combination, the kept parameter first with factor 1.
+    /// The linear combination; the first term has the factor 1.
     pub terms: &'a [BaseTerm<'a>],
 }
 
-/// The certificate of a base: the rank at random closed states in multiple precision.
+/// The certificate of a set of base parameters: the rank of the observation matrix at random closed
+/// states, in multiple precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certificate {
-    /// Columns: dynamic parameters.
+    /// The number of columns, which is that of the dynamic parameters.
     pub columns: usize,
-    /// Their rank.
+    /// The rank of the columns.
     pub rank: usize,
-    /// States sampled.
+    /// The number of sampled states.
     pub states: usize,
-    /// Decimal digits carried.
+    /// The number of decimal digits of the arithmetic.
     pub digits: usize,
-    /// The smallest number that counted, as a part of the largest.
+    /// The smallest number that counts as nonzero, relative to the largest.
     pub smallest_kept: f64,
-    /// The largest number that did not count, as a part of the largest.
+    /// The largest number that counts as zero, relative to the largest of all.
     pub largest_dropped: f64,
 }
 
-/// The base of a model.
+/// The base parameters of a model and their certificate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseInfo<'a> {
     /// The base parameters, in the order of `beta`.
     pub base: &'a [BaseParameter<'a>],
     /// Labels of the eliminated parameters, in the order of `free`.
     pub free: &'a [&'a str],
-    /// Its certificate, if there is one.
+    /// The certificate, if there is one.
     pub certificate: Option<Certificate>,
-    /// Whether the base is certified to be minimal.
+    /// Whether the number of base parameters is certified to be minimal.
     pub complete: bool,
 }
 
-/// A [`Model`] with base parameters. `rank` is the number of them.
+/// A [`Model`] with base parameters. `rank` is the number of base parameters.
 pub trait BaseModel<T: Scalar = f64>: Model<T> {
-    /// The combinations and their certificate.
+    /// The base parameters and their certificate.
     fn base_info(&self) -> BaseInfo<'_>;
 
-    /// Forms in the parameters that this base takes as zero: what `base: zero`, `equal` and `drop`
-    /// of the spec say, each under the label of the parameter that it takes out. Only parameters
-    /// that fulfil them have the forces that their base parameters give. Empty for a spec without
-    /// such choices.
+    /// The linear combinations of the dynamic parameters that these base parameters assume to be
+    /// zero, as chosen by `base: zero`, `equal` and `drop` of the description; each has the label
+    /// of the parameter that it eliminates. The efforts computed from base parameters hold only for
+    /// parameters that fulfil these equations. Empty for a description without such choices.
     fn zeros(&self) -> &[BaseParameter<'_>] {
         &[]
     }
 
-    /// Computes a function over base parameters, as [`Model::eval`] does the others.
+    /// Computes a function of base parameters, as [`Model::eval`] does the others.
     ///
     /// # Errors
     /// When a length does not fit: the first of the arguments in order, then of `out`.
@@ -81,7 +83,7 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
 
     /// The reduced regressor `W_red` (Eq. 23).
     ///
-    /// - `q`, `qd`, `qdd`: n; `out`: `dof * rank`, column by column.
+    /// - `q`, `qd`, `qdd`: n; `out`: `dof * rank`, column-major.
     ///
     /// # Errors
     /// When a length does not fit.
@@ -102,7 +104,7 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
         self.eval_base(BaseFunction::BaseRegressor, arguments, out)
     }
 
-    /// The base parameters of given parameters.
+    /// The base parameters of given dynamic parameters.
     ///
     /// - `phi`: p; `out`: rank.
     ///
@@ -118,7 +120,8 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
             .map(drop)
     }
 
-    /// Parameters that have given base parameters: all of them, as `free` takes all values.
+    /// The dynamic parameters that have given base parameters and given eliminated parameters. All
+    /// solutions are reached by varying `free`.
     ///
     /// - `beta`: rank; `free`: values of the eliminated parameters; `out`: p.
     ///
@@ -135,7 +138,7 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
             .map(drop)
     }
 
-    /// Inverse dynamics from base parameters.
+    /// The efforts of the independent coordinates, from base parameters.
     ///
     /// - `q`, `qd`, `qdd`: n; `beta`: rank; `out`: dof.
     ///
@@ -160,7 +163,7 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
         self.eval_base(BaseFunction::BaseInverseDynamics, arguments, out)
     }
 
-    /// Gravity from base parameters.
+    /// The gravity vector of the reduced model, from base parameters.
     ///
     /// - `q`: n; `beta`: rank; `out`: dof.
     ///
@@ -199,9 +202,9 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
         self.eval_base(BaseFunction::BaseBiasForces, arguments, out)
     }
 
-    /// The mass matrix from base parameters.
+    /// The mass matrix of the independent coordinates, from base parameters.
     ///
-    /// - `q`: n; `beta`: rank; `out`: `dof * dof`, row by row.
+    /// - `q`: n; `beta`: rank; `out`: `dof * dof`, row-major.
     ///
     /// # Errors
     /// When a length does not fit.

@@ -1,5 +1,5 @@
-//! Base regressors of many samples: as many at once as a vector register holds, by the
-//! instruction set found at run time.
+//! Base regressors of many samples, computed several at once in SIMD registers with the instruction
+//! set detected at run time.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -11,8 +11,8 @@ use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use crate::{BaseKernel, Condition, Lane, Scalar, SizeError};
 
-/// States of a model with N coordinates, one series per coordinate: registers are filled with
-/// samples that follow one another.
+/// States of a model with N coordinates, one series per coordinate; consecutive samples fill the
+/// lanes of a register.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a, const N: usize> {
     q: [&'a [f64]; N],
@@ -22,7 +22,7 @@ pub struct Samples<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Samples<'a, N> {
-    /// Coordinates, velocities and accelerations, in m or rad and their rates.
+    /// Takes the series of coordinates (m or rad), velocities and accelerations (per s, per s^2).
     ///
     /// # Errors
     /// When the series are not equally long.
@@ -44,20 +44,20 @@ impl<'a, const N: usize> Samples<'a, N> {
         Ok(Samples { q, qd, qdd, len })
     }
 
-    /// How many samples there are.
+    /// The number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there are none.
+    /// Whether there are no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The samples in `parts` parts, one after the other, none longer than another by more than
-    /// one: for as many threads.
+    /// Splits the samples into `parts` consecutive parts, one per thread, whose lengths differ by
+    /// at most one. Each item is the index of the part's first sample and the part.
     #[cfg(feature = "std")]
     fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
         let Samples { q, qd, qdd, len } = *self;
@@ -71,12 +71,12 @@ impl<'a, const N: usize> Samples<'a, N> {
     }
 }
 
-/// The base regressors of a few samples that follow one another, one in each lane.
+/// The base regressors of a few consecutive samples, one in each lane.
 #[derive(Debug)]
 pub struct Block<'a, S: Simd, const DOF: usize, const COLUMNS: usize> {
-    /// The first sample.
+    /// The index of the first sample.
     pub first: usize,
-    /// How many samples: lanes beyond hold a state of zeros.
+    /// The number of samples; the lanes beyond it were computed from a state of zeros.
     pub len: usize,
     /// `w[c][r]` multiplies base parameter c in the equation of independent coordinate r.
     pub w: &'a [[Lane<S>; DOF]; COLUMNS],
@@ -85,14 +85,14 @@ pub struct Block<'a, S: Simd, const DOF: usize, const COLUMNS: usize> {
 }
 
 impl<S: Simd, const DOF: usize, const COLUMNS: usize> Block<'_, S, DOF, COLUMNS> {
-    /// The values of an entry, one per sample.
+    /// The values of one entry of the base regressor, one per sample.
     #[inline(always)]
     pub fn entry(&self, column: usize, row: usize) -> &[f64] {
         let values = core::slice::from_ref(&self.w[column][row].v);
         &bytemuck::cast_slice::<S::f64s, f64>(values)[..self.len]
     }
 
-    /// The pivots of the condition, one per sample.
+    /// The pivot of the condition at each sample.
     #[inline(always)]
     pub fn pivots(&self) -> &[f64] {
         let values = core::slice::from_ref(&self.condition.pivot.v);
@@ -100,15 +100,15 @@ impl<S: Simd, const DOF: usize, const COLUMNS: usize> Block<'_, S, DOF, COLUMNS>
     }
 }
 
-/// What takes base regressors, block by block, while they are in the cache.
+/// Receives base regressors block by block, while they are in the cache.
 pub trait Consumer<const DOF: usize, const COLUMNS: usize> {
-    /// Takes the next samples. Mark it `#[inline(always)]`, so that it is compiled for the
-    /// instruction set of its lanes.
+    /// Processes the next samples. Mark the implementation `#[inline(always)]`, so that it is
+    /// compiled for the instruction set of its lanes.
     fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, COLUMNS>);
 }
 
-/// Computes the base regressor of every sample in lanes and hands the blocks, in order, to the
-/// consumer. Nothing is allocated; what is zero at every state is written once.
+/// Computes the base regressor of every sample in SIMD lanes and passes the blocks, in order, to
+/// the consumer. Allocates nothing; entries that are zero at every state are written only once.
 ///
 /// ```
 /// # use regen_runtime::{BaseKernel, Condition, Scalar};
@@ -155,8 +155,8 @@ pub fn base_regressors<K, C, const N: usize, const DOF: usize, const COLUMNS: us
     Arch::new().dispatch(Run::<K, C, N, DOF, COLUMNS>::new(samples, 0, consumer));
 }
 
-/// The work of [`base_regressors`], for an instruction set of the caller's choice: dispatch it with
-/// a token of `pulp`, or run it with `pulp::Scalar`, which is in one lane.
+/// [`base_regressors`] as a task for an instruction set of the caller's choice: dispatch it with a
+/// token of `pulp`, or run it with `pulp::Scalar`, which has one lane.
 pub fn task<'a, K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
     samples: &Samples<'a, N>,
     consumer: &'a mut C,
@@ -168,9 +168,9 @@ where
     Run::<K, C, N, DOF, COLUMNS>::new(samples, 0, consumer)
 }
 
-/// As [`base_regressors`] on some threads, each with a consumer of its own and a part of the
-/// samples that follow one another. The consumers come back in the order of their parts, so that
-/// putting them together does not depend on which thread was faster.
+/// As [`base_regressors`] on one thread per consumer: each consumer receives one consecutive part
+/// of the samples. Consumer k has received part k whichever thread finished first, so that merging
+/// them in order gives a reproducible result.
 #[cfg(feature = "std")]
 pub fn base_regressors_on_threads<K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
     samples: &Samples<'_, N>,
@@ -248,19 +248,20 @@ where
             if first >= len {
                 break;
             }
-            // the loop once more, for what does not fill a register: the kernel is inlined, so it
-            // stands in one place only
+            // the same loop once more, for the samples that do not fill a register: the kernel is
+            // inlined, so it should occur in the code only once
             (q, qd, qdd, count) = (rest_q, rest_qd, rest_qdd, 1);
         }
     }
 }
 
-/// `pulp` aligns its registers like single numbers. Where they straddle lines of the cache, storing
-/// them takes twice as long, and many times as long across pages.
+/// A value aligned to cache lines. `pulp` aligns its registers like single numbers; storing a
+/// register that straddles two cache lines takes twice as long, and many times as long across
+/// pages.
 #[repr(align(64))]
 struct Aligned<T>(T);
 
-/// What of every series fills whole registers.
+/// The part of every series that fills whole registers.
 #[inline(always)]
 fn whole_registers<S: Simd, const N: usize>(series: [&[f64]; N]) -> [&[S::f64s]; N] {
     series.map(|series| S::as_simd_f64s(series).0)
@@ -272,7 +273,8 @@ fn one_register<S: Simd, const N: usize>(lanes: &[Lane<S>; N]) -> [&[S::f64s]; N
     lanes.each_ref().map(|lane| core::slice::from_ref(&lane.v))
 }
 
-/// Samples of every series side by side: one lane each, zeros beyond.
+/// Loads the samples `first..end` of every series into one register each, zeros in the lanes
+/// beyond.
 #[inline(always)]
 fn loaded<S: Simd, const N: usize>(
     simd: S,
@@ -287,24 +289,25 @@ fn loaded<S: Simd, const N: usize>(
     lanes
 }
 
-/// Accumulates the normal equations `W^T W` and `W^T tau` of base parameters, in lanes: the
-/// quickest way to least squares, at the price of squaring the condition number of W. Observation
-/// matrices that are not well conditioned belong into an orthogonal factor instead.
+/// Accumulates the normal equations `W^T W` and `W^T tau` of base parameters in SIMD lanes. This is
+/// the fastest method of least squares, but it squares the condition number of W; use a QR factor
+/// for observation matrices that are not well conditioned.
 ///
-/// Equations are weighted by row: 1 / sigma^2 of each independent coordinate's effort.
+/// Equations are weighted by row, with 1 / sigma^2 of each independent coordinate's effort.
 #[derive(Clone, Debug)]
 pub struct Normal<'a, const DOF: usize, const COLUMNS: usize> {
     tau: [&'a [f64]; DOF],
     weights: [f64; DOF],
-    /// `W^T W`, symmetric; its lower triangle is filled: `gram[a][b]` for b <= a.
+    /// The symmetric `W^T W`, of which only the lower triangle is filled: `gram[a][b]` for b <= a.
     pub gram: [[f64; COLUMNS]; COLUMNS],
     /// `W^T tau`.
     pub right: [f64; COLUMNS],
 }
 
 impl<'a, const DOF: usize, const COLUMNS: usize> Normal<'a, DOF, COLUMNS> {
-    /// Nothing yet. `tau` are the efforts of the independent coordinates, N or N m, one series per
-    /// coordinate; samples beyond their end do not count. `weights` in 1/N^2 or 1/(N m)^2.
+    /// Empty sums. `tau` are the efforts of the independent coordinates, N or N m, one series per
+    /// coordinate; samples beyond the end of the shortest series are ignored. `weights` in 1/N^2 or
+    /// 1/(N m)^2.
     #[must_use]
     pub fn new(tau: [&'a [f64]; DOF], weights: [f64; DOF]) -> Self {
         Normal {
@@ -315,7 +318,7 @@ impl<'a, const DOF: usize, const COLUMNS: usize> Normal<'a, DOF, COLUMNS> {
         }
     }
 
-    /// Adds what another one has accumulated.
+    /// Adds the sums of `other`.
     pub fn merge(&mut self, other: &Self) {
         let mine = self.gram.iter_mut().flatten().chain(&mut self.right);
         for (x, y) in mine.zip(other.gram.iter().flatten().chain(&other.right)) {
@@ -334,7 +337,7 @@ impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Normal<'
             return;
         }
         let tau: [Lane<S>; DOF] = loaded(simd, &self.tau, block.first, end);
-        // lanes without a sample do not count
+        // 1 in lanes with a sample, 0 in the others
         let mut counts = Lane::broadcast(simd, 0.0);
         let values = bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut counts.v));
         for value in values.iter_mut().take(end - block.first) {
@@ -349,7 +352,8 @@ impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Normal<'
             let dot = |other: &[Lane<S>; DOF]| {
                 let products = weighted.iter().zip(other);
                 let sum = products.fold(counts.splat(0.0), |sum, (x, y)| x.mul_add(*y, sum));
-                // a state of zeros may be singular: nothing of it may be added, not even times zero
+                // lanes without a sample may be singular, and 0 times NaN is NaN: select, not
+                // multiply
                 let counted = Lane::select(on, sum, counts.splat(0.0));
                 simd.reduce_sum_f64s(counted.v)
             };

@@ -1,17 +1,16 @@
-//! Loop closure: all coordinates from the independent ones, on one assembly branch.
+//! Loop closure: computes all coordinates from the independent ones, on one assembly branch.
 //!
-//! The closure equations of a mechanism have several solutions for the same independent
-//! coordinates: its assembly branches. A branch is what can be reached from `home` while A_e
-//! stays regular and its determinant keeps its sign, and a state is found by going there: along
-//! the straight line in the independent coordinates, by a predictor (the velocities, Eq. 9)
-//! and a corrector (Newton's method).
+//! For the same independent coordinates the closure equations of a mechanism have several
+//! solutions: its assembly branches. The branch solved here is the set of states that can be
+//! reached from `home` while A_e stays regular and its determinant keeps its sign. A state is found
+//! by continuation along the straight line in the independent coordinates, with a predictor (the
+//! velocities, Eq. 9) and a corrector (Newton's method).
 //!
-//! Each step is accepted only if the corrector contracts and moves little beside the predictor,
-//! and if A_e changes by less than half of what could make it singular, measured as
-//! |A_e(old)^-1 A_e(new) - 1|: every matrix between the two is then regular, so that a step
-//! cannot leap over a singularity, not even over one where the determinant touches zero and
-//! keeps its sign. Otherwise the step is halved, and where no step is short enough the
-//! [`Outcome`] says why.
+//! A step is accepted only if the corrector contracts and moves little compared to the predictor,
+//! and if A_e changes by less than half of what could make it singular, measured as |A_e(old)^-1
+//! A_e(new) - 1|: every matrix between the two is then regular, so that a step cannot leap over a
+//! singularity, not even over one where the determinant touches zero and keeps its sign. A step
+//! that is refused is halved; where no step is short enough the [`Outcome`] gives the reason.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -27,17 +26,17 @@ mod scaled;
 use newton::Newton;
 use path::Point;
 
-/// What became of a closure solve. A numerical outcome, not an error.
+/// The result of a closure solve: a numerical outcome, not an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The loops are closed at the independent coordinates that were asked for.
+    /// The loops are closed at the requested independent coordinates.
     Closed,
     /// Newton's method found no closed state.
     NotClosed {
-        /// The fraction of the line that was reached, from 0 to 1.
+        /// The fraction of the straight line that was reached, from 0 to 1.
         at: f64,
-        /// The largest |f| where it stopped, in m or without unit; on the way, lengths are in
-        /// [`LoopClosure::length_unit`].
+        /// The largest |f| where the solve stopped, in m or without unit; if the continuation along
+        /// the line stopped, lengths are in [`LoopClosure::length_unit`].
         residual: f64,
     },
     /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
@@ -45,7 +44,7 @@ pub enum Outcome {
     Singular {
         /// The fraction of the line that was reached, from 0 to 1.
         at: f64,
-        /// The condition there.
+        /// The condition of A_e at the last state.
         condition: Condition<f64>,
     },
     /// A_e does not vary continuously along the line, or its determinant changes sign without
@@ -57,7 +56,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Whether the loops are closed where they were asked to be.
+    /// Whether the loops are closed at the requested independent coordinates.
     pub fn is_closed(self) -> bool {
         self == Self::Closed
     }
@@ -79,7 +78,7 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// A call that no model and no number can make good.
+/// An invalid argument or an inconsistent model: an error of the caller, unlike an [`Outcome`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ClosureError {
@@ -89,12 +88,12 @@ pub enum ClosureError {
     NotFinite {
         /// The argument's name.
         argument: &'static str,
-        /// Which entry.
+        /// The index of the entry in the argument.
         index: usize,
     },
     /// The model's `Info` does not name each coordinate once as independent or dependent.
     Partition {
-        /// The coordinate.
+        /// The index of the coordinate.
         coordinate: usize,
     },
 }
@@ -132,16 +131,16 @@ impl core::error::Error for ClosureError {
 /// A configuration found by [`LoopClosure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// All n coordinates, rad or m: closed at the target if the outcome says so, else the last
-    /// state on the branch.
+    /// All n coordinates, rad or m: the closed state at the target if `outcome` is
+    /// [`Outcome::Closed`], else the last state reached on the branch.
     pub q: Vec<f64>,
     /// The largest |f| (Eq. 6) at `q` over all constraint rows, in m or without unit.
     pub residual: f64,
     /// The condition of A_e at `q`.
     pub condition: Condition<f64>,
-    /// What became of the solve.
+    /// Whether the loops were closed, or why not.
     pub outcome: Outcome,
-    /// The number of continuation steps, refused ones included; of Newton steps for home.
+    /// The number of continuation steps, refused ones included; for home, of Newton steps.
     pub steps: usize,
 }
 
@@ -152,21 +151,24 @@ pub struct State {
     pub q: Vec<f64>,
     /// All n velocities (Eq. 9), rad/s or m/s; NaN unless the outcome is [`Outcome::Closed`].
     pub qd: Vec<f64>,
-    /// All n accelerations (Eq. 7), rad/s^2 or m/s^2; NaN likewise.
+    /// All n accelerations (Eq. 7), rad/s^2 or m/s^2; NaN unless the outcome is
+    /// [`Outcome::Closed`].
     pub qdd: Vec<f64>,
     /// The largest |f| (Eq. 6) at `q`, in m or without unit.
     pub residual: f64,
     /// The condition of A_e at `q`; where its pivot is below 0.1, not above the reciprocal
-    /// condition number of A_e with scaled columns. Rates carry the rounding of `q`, amplified
-    /// by up to its inverse for velocities and the cube of it for accelerations.
+    /// condition number of A_e with scaled columns. Velocities carry the rounding errors of `q`
+    /// amplified by up to the inverse of this pivot, accelerations by up to the cube of the
+    /// inverse.
     pub condition: Condition<f64>,
-    /// What became of the solve.
+    /// Whether the loops were closed, or why not.
     pub outcome: Outcome,
 }
 
-/// The loop closure of one model, from its home and, for trajectories, from the last solution.
+/// Solves the loop closure of one model, starting from its home or, along a trajectory, from
+/// the last solution.
 ///
-/// Mechanisms without loops need no solve; all below holds for them too.
+/// Mechanisms without loops need no solve, but the same methods work for them.
 ///
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/slider_crank.rs")); }
@@ -189,13 +191,14 @@ pub struct State {
 pub struct LoopClosure<'m, M: ?Sized> {
     newton: Newton<'m, M>,
     home: Solution,
-    /// Home, and the last solution of a `track` call; absent where home is not closed.
+    /// Home, and the last solution of a `track` call; `None` if home is not closed.
     ends: Option<(Point, Point)>,
 }
 
 impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
-    /// Closes the model's home: the independent coordinates keep their values, the dependent
-    /// ones are solved by damped Newton. What became of it is in [`home`](LoopClosure::home).
+    /// Closes the loops at the model's home: the independent coordinates keep their values, the
+    /// dependent ones are solved by damped Newton iterations. [`home`](LoopClosure::home) returns
+    /// the result.
     ///
     /// # Errors
     /// When the model's `Info` is inconsistent.
@@ -203,14 +206,14 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         let info = model.info();
         check_info(&info)?;
         let mut newton = Newton::new(model)?;
-        let mut q = newton.model.own(info.home);
+        let mut q = newton.model.to_scaled(info.home);
         let steps = newton.close(&mut q)?;
-        let open = newton.polish(&mut q)?;
+        let remaining = newton.polish(&mut q)?;
         let point = Point::new(&mut newton, q)?;
-        let closes = open <= newton.tolerance(&point.q)?;
-        let q = newton.model.given(&point.q);
-        let residual = newton.open(&q)?;
-        let condition = point.worst();
+        let closes = remaining <= newton.tolerance(&point.q)?;
+        let q = newton.model.to_model_units(&point.q);
+        let residual = newton.model_residual(&q)?;
+        let condition = point.worst_condition();
         let outcome = if !closes {
             Outcome::NotClosed { at: 0.0, residual }
         } else if condition.status() == Status::Singular {
@@ -229,53 +232,55 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         Ok(Self { newton, home, ends })
     }
 
-    /// The unit of length in which states are judged, m: a power of 2^8 within a factor of
-    /// sixteen of the mechanism's size, so 1 for mechanisms of usual size.
+    /// The unit of length, m, in which residuals and steps are measured: a power of 2^8 within a
+    /// factor of sixteen of the mechanism's size, so 1 for mechanisms of usual size.
     ///
-    /// A state counts as closed where f is below 1e-12 times the size of its terms in this unit,
-    /// so that a mechanism of micrometres is closed as well as one of metres.
+    /// A state counts as closed where |f| is below 1e-12 times the size of its terms in this unit,
+    /// so that a mechanism of micrometres is closed as accurately as one of metres.
     pub fn length_unit(&self) -> f64 {
         self.newton.model.length
     }
 
-    /// The closed home, or what kept it from closing.
+    /// The closed home, or in its `outcome` the reason why it could not be closed.
     pub fn home(&self) -> &Solution {
         &self.home
     }
 
-    /// The state at `q_i` (dof, rad or m) on home's branch, along the straight line from home.
+    /// Closes the loops at `q_i` (dof, rad or m) on home's branch, along the straight line from
+    /// home.
     ///
-    /// The same `q_i` gives the same result, whatever was solved before.
+    /// The result depends on `q_i` alone, not on earlier calls.
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
     pub fn solve(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
-        Ok(self.go(q_i, false)?.0)
+        Ok(self.solve_from(q_i, false)?.0)
     }
 
-    /// As [`solve`](LoopClosure::solve), along the straight line from the last solution of a
-    /// `track` call that closed; at first from home.
+    /// As [`solve`](LoopClosure::solve), but along the straight line from the last solution of a
+    /// `track` call that closed; the first call starts from home.
     ///
-    /// For trajectories: short lines are cheap, and the branch is kept along the path itself.
+    /// For trajectories: short lines cost few steps, and the branch is followed along the path
+    /// itself.
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
     pub fn track(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
-        let (solution, point) = self.go(q_i, true)?;
+        let (solution, point) = self.solve_from(q_i, true)?;
         if let (Some(point), Some(ends)) = (point, &mut self.ends) {
             ends.1 = point;
         }
         Ok(solution)
     }
 
-    /// Lets the next `track` call start from home again.
+    /// Makes the next `track` call start from home again.
     pub fn restart(&mut self) {
         if let Some((home, last)) = &mut self.ends {
             last.clone_from(home);
         }
     }
 
-    /// As [`solve`](LoopClosure::solve), with all velocities and accelerations from the
+    /// As [`solve`](LoopClosure::solve), and computes all velocities and accelerations from the
     /// independent ones (dof each; rad/s or m/s, rad/s^2 or m/s^2).
     ///
     /// # Errors
@@ -291,8 +296,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         self.motion(solution, qd_i, qdd_i)
     }
 
-    /// As [`track`](LoopClosure::track), with all velocities and accelerations from the
-    /// independent ones.
+    /// As [`track`](LoopClosure::track), and computes all velocities and accelerations from the
+    /// independent ones (dof each; rad/s or m/s, rad/s^2 or m/s^2).
     ///
     /// # Errors
     /// When an argument has a wrong length or an entry that is not finite.
@@ -307,7 +312,9 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         self.motion(solution, qd_i, qdd_i)
     }
 
-    fn go(
+    /// Follows the branch to `q_i` from home, or from the last tracked solution with `from_last`;
+    /// returns the solution and, if it is closed, the state to track from next.
+    fn solve_from(
         &mut self,
         q_i: &[f64],
         from_last: bool,
@@ -317,12 +324,15 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             return Ok((self.home.clone(), None));
         };
         let start = if from_last { last } else { home };
-        let own = self.newton.model.own_of(&self.newton.independent, q_i);
-        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, &own)?;
-        let open = self.newton.polish(&mut point.q)?;
-        let closes = open <= self.newton.tolerance(&point.q)?;
-        let q = self.newton.model.given(&point.q);
-        let residual = self.newton.open(&q)?;
+        let scaled = self
+            .newton
+            .model
+            .to_scaled_of(&self.newton.independent, q_i);
+        let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, &scaled)?;
+        let remaining = self.newton.polish(&mut point.q)?;
+        let closes = remaining <= self.newton.tolerance(&point.q)?;
+        let q = self.newton.model.to_model_units(&point.q);
+        let residual = self.newton.model_residual(&q)?;
         if outcome.is_closed() && !closes {
             outcome = Outcome::NotClosed { at: 1.0, residual };
         }
@@ -361,8 +371,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         if outcome.is_closed() {
             worst = worst.worst(model.velocities(&q, qd_i, &mut qd)?);
             worst = worst.worst(model.accelerations(&q, &qd, qdd_i, &mut qdd)?);
-            let own = self.newton.model.own(&q);
-            worst = path::doubted(&mut self.newton, &own, worst)?;
+            let scaled = self.newton.model.to_scaled(&q);
+            worst = path::refine_condition(&mut self.newton, &scaled, worst)?;
         }
         Ok(State {
             q,
@@ -375,7 +385,7 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     }
 }
 
-/// The argument has the length and is finite.
+/// Checks that the argument has the expected length and finite entries.
 fn check(argument: &'static str, values: &[f64], expected: usize) -> Result<(), ClosureError> {
     if values.len() != expected {
         let got = values.len();
@@ -391,7 +401,8 @@ fn check(argument: &'static str, values: &[f64], expected: usize) -> Result<(), 
     }
 }
 
-/// Home fits, and independent and dependent coordinates are a partition of all.
+/// Checks that home has n entries and that each coordinate is listed once as independent or
+/// dependent.
 fn check_info(info: &Info<'_>) -> Result<(), ClosureError> {
     let n = info.coordinates.len();
     check("home", info.home, n)?;

@@ -1,16 +1,18 @@
-//! How well a closure's linear solve is conditioned.
+//! The conditioning of the linear solve with the constraint Jacobian.
 
 use crate::Scalar;
 
-/// Below this pivot, or at NaN, a state counts as singular: what is solved there means nothing.
+/// A state counts as singular where the pivot (without unit) is below this or NaN: what is solved
+/// there is meaningless.
 pub const SINGULAR: f64 = 1e-10;
 
-/// Below this pivot a state is near a singularity: about four of sixteen digits are lost.
+/// A state counts as nearly singular where the pivot (without unit) is below this: about four of
+/// sixteen digits are lost.
 pub const NEAR_SINGULAR: f64 = 1e-4;
 
 /// The conditioning of A_e, the constraint Jacobian of the dependent coordinates (Eq. 9).
 ///
-/// A numerical outcome, never an error: a singular state has one too.
+/// It is a numerical outcome, not an error: functions return it at singular states too.
 ///
 /// ```
 /// use regen_runtime::{Condition, Status};
@@ -22,15 +24,15 @@ pub const NEAR_SINGULAR: f64 = 1e-4;
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Condition<T> {
-    /// The smallest pivot of A_e relative to its usual size: about 1 in the middle of the
-    /// workspace, 0 at a singularity, NaN if the state is not finite. Without unit.
+    /// The smallest pivot of A_e relative to its usual size, without unit: about 1 in the middle of
+    /// the workspace, 0 at a singularity, NaN if the state is not finite.
     pub pivot: T,
 }
 
 /// The class of a [`Condition`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
-    /// The solve keeps its accuracy.
+    /// The pivot is at least [`NEAR_SINGULAR`]: the solve is accurate.
     Regular,
     /// The pivot is below [`NEAR_SINGULAR`]: digits are lost.
     NearSingular,
@@ -39,7 +41,7 @@ pub enum Status {
 }
 
 impl<T: Scalar> Condition<T> {
-    /// The condition of a mechanism without loops, in the shape of `proto`.
+    /// The condition of a mechanism without loops, pivot 1, in the shape of `proto`.
     #[inline]
     pub fn regular(proto: T) -> Self {
         Self {
@@ -70,7 +72,7 @@ impl<T: Scalar> Condition<T> {
     /// ```
     #[inline]
     pub fn is_regular(self) -> bool {
-        // At the bound itself too: slightly on the safe side of `status`.
+        // unlike `status`, a pivot equal to the bound is not regular: slightly on the safe side
         T::all(self.pivot.splat(NEAR_SINGULAR).less(self.pivot))
     }
 }

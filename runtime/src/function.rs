@@ -1,4 +1,4 @@
-//! The functions of a model as data: what each is called, takes and gives.
+//! The functions of a model as data: name, arguments and output shape of each.
 
 use crate::{BaseInfo, Info, SizeError};
 
@@ -8,7 +8,7 @@ mod table;
 pub use arguments::{Argument, Arguments};
 pub use table::{BaseFunction, Function};
 
-/// What the length of an argument or of an output counts.
+/// The items that the length of an argument or an output counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// All coordinates: n.
@@ -25,7 +25,7 @@ pub enum Size {
     Parameters,
     /// The bodies.
     Bodies,
-    /// The cones that limit joints and cuts.
+    /// The swing limits of joints and cuts.
     Cones,
     /// The base parameters: rank.
     Base,
@@ -51,16 +51,16 @@ pub enum Shape {
     Vector(Size),
     /// A matrix.
     Matrix {
-        /// How many rows it has.
+        /// The number of rows.
         rows: Size,
-        /// How many columns it has.
+        /// The number of columns.
         columns: Size,
-        /// How it is stored.
+        /// The order in which the entries are stored.
         layout: Layout,
     },
 }
 
-/// What a function is called, takes and gives.
+/// The name, the arguments and the output of a function.
 ///
 /// ```
 /// use regen_runtime::function::{Argument, Shape, Size};
@@ -74,17 +74,17 @@ pub enum Shape {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signature {
-    /// The name of its method.
+    /// The name of the method.
     pub name: &'static str,
-    /// Its arguments, in the order of its method.
+    /// The arguments, in the order of the method.
     pub arguments: &'static [Argument],
-    /// The shape of its output.
+    /// The shape of the output.
     pub shape: Shape,
-    /// Whether its method returns the [`Condition`](crate::Condition) of a solve with A_e.
+    /// Whether the method returns the [`Condition`](crate::Condition) of a solve with A_e.
     pub has_condition: bool,
 }
 
-/// How many there are of what each [`Size`] counts, in one model.
+/// The number of items that each [`Size`] counts, in one model.
 ///
 /// ```
 /// use regen_runtime::function::{Size, Sizes};
@@ -97,7 +97,7 @@ pub struct Signature {
 /// };
 /// let sizes = Sizes::of(&info);
 /// assert_eq!(sizes.length(Size::Independent), 2);
-/// // what velocities take and give fits a model of two coordinates
+/// // the arguments and the output of `velocities` in a model of two coordinates
 /// let velocities = Function::Velocities.signature();
 /// let (q, qd_i) = (&[0.1, 0.2][..], &[1.0][..]);
 /// let arguments = Arguments { q, qd_i, ..Arguments::EMPTY };
@@ -107,30 +107,30 @@ pub struct Signature {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// All coordinates.
+    /// The number of all coordinates.
     pub coordinates: usize,
-    /// The independent coordinates.
+    /// The number of independent coordinates.
     pub independent: usize,
-    /// The dependent coordinates.
+    /// The number of dependent coordinates.
     pub dependent: usize,
-    /// The actuated coordinates.
+    /// The number of actuated coordinates.
     pub actuated: usize,
-    /// The closure rows of cuts and couplings.
+    /// The number of closure rows of cuts and couplings.
     pub rows: usize,
-    /// The dynamic parameters.
+    /// The number of dynamic parameters.
     pub parameters: usize,
-    /// The bodies.
+    /// The number of bodies.
     pub bodies: usize,
-    /// The cones that limit joints and cuts.
+    /// The number of swing limits of joints and cuts.
     pub cones: usize,
-    /// The base parameters.
+    /// The number of base parameters.
     pub base: usize,
-    /// The eliminated parameters.
+    /// The number of eliminated parameters.
     pub free: usize,
 }
 
 impl Sizes {
-    /// The sizes of a model, without base parameters.
+    /// The sizes of a model; the numbers of base and eliminated parameters are 0.
     pub fn of(info: &Info<'_>) -> Self {
         Self {
             coordinates: info.coordinates.len(),
@@ -146,7 +146,7 @@ impl Sizes {
         }
     }
 
-    /// The same with the sizes of a base.
+    /// The same with the numbers of base and eliminated parameters of `base`.
     #[must_use]
     pub fn with_base(self, base: &BaseInfo<'_>) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl Sizes {
         }
     }
 
-    /// How many there are of what a size counts.
+    /// The number of items that `size` counts; 12 for [`Size::Pose`].
     pub fn length(&self, size: Size) -> usize {
         match size {
             Size::Coordinates => self.coordinates,
@@ -181,7 +181,7 @@ impl Sizes {
         }
     }
 
-    /// Whether arguments and output have the lengths that a function needs.
+    /// Checks that arguments and output have the lengths that a function needs.
     ///
     /// # Errors
     /// The first length that does not fit: of the arguments in order, then of the output.

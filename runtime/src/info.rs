@@ -1,65 +1,67 @@
-//! What a model states about itself: names, sizes, limits, nominal values.
+//! The data that describe a model: names, sizes, limits, nominal values.
 
 use crate::{Friction, Parameter};
 
 /// One loop closure: a joint that was cut to obtain a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut<'a> {
-    /// Its name.
+    /// The name of the cut.
     pub name: &'a str,
-    /// The number of its constraint equations.
+    /// The number of constraint equations of the cut.
     pub rows: usize,
 }
 
-/// How a coordinate moves: it decides the units of positions and efforts.
+/// The kind of motion of a coordinate, which decides the units of its positions and efforts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// A turn: rad, N m.
+    /// Rotation: positions in rad, efforts in N m.
     Rotation,
-    /// A shift: m, N.
+    /// Translation: positions in m, efforts in N.
     Translation,
 }
 
-/// The limits of a coordinate that are stated: lowest and highest value.
+/// The limits of a coordinate, each the lowest and the highest value; `None` where the description
+/// states no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Of the position, rad or m.
+    /// Limits of the position, rad or m.
     pub position: Option<[f64; 2]>,
-    /// Of the velocity, rad/s or m/s.
+    /// Limits of the velocity, rad/s or m/s.
     pub velocity: Option<[f64; 2]>,
-    /// Of the acceleration, rad/s^2 or m/s^2.
+    /// Limits of the acceleration, rad/s^2 or m/s^2.
     pub acceleration: Option<[f64; 2]>,
-    /// Of the effort, N m or N.
+    /// Limits of the effort, N m or N.
     pub effort: Option<[f64; 2]>,
 }
 
-/// What is stated about the joint of one coordinate.
+/// Motion, friction, limits and nominal friction values of one coordinate's joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
-    /// How it moves.
+    /// Whether the coordinate is a rotation or a translation.
     pub motion: Motion,
-    /// Its friction model.
+    /// The friction model of the joint.
     pub friction: Friction,
-    /// Its limits.
+    /// The limits of the coordinate.
     pub limits: Limits,
     /// The nominal values of the friction model's coefficients, in the order of
-    /// [`Friction::symbols`], SI units; those of nonlinear models too, which have no place
-    /// among the parameters. `None` where none is stated, and beyond the symbols.
+    /// [`Friction::symbols`], SI units. They include the coefficients of nonlinear models, which
+    /// are not among the dynamic parameters. `None` where the description states no value, and
+    /// beyond the last symbol.
     pub nominal: [Option<f64>; 5],
 }
 
-/// A limit of the angle between two z axes: those before and after a spherical or universal
-/// joint, or those of a cut's two frames.
+/// A swing limit: a bound of the angle between two z axes, those of the frames before and after a
+/// spherical or universal joint, or those of a cut's two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwingLimit<'a> {
-    /// The joint or the cut.
+    /// The name of the joint or the cut.
     pub name: &'a str,
-    /// The greatest angle, rad.
+    /// The greatest allowed angle, rad.
     pub greatest: f64,
 }
 
-/// The names, sizes and stated values of a model: borrowed slices, so that generated code can
-/// state them as a constant and a model read at run time can lend its own.
+/// The names, sizes and stated values of a model. All lists are borrowed slices, so that generated
+/// code can define an `Info` as a constant, and a model read at run time can lend its own lists.
 ///
 /// ```
 /// use regen_runtime::{Cut, Info, Parameter, Symbol};
@@ -91,15 +93,14 @@ pub struct SwingLimit<'a> {
 pub struct Info<'a> {
     /// The robot's name.
     pub name: &'a str,
-    /// The names of all coordinates, in the order of `q`; rad or m by the joint's kind.
+    /// The names of all coordinates, in the order of `q`; in rad or m by the joint's motion.
     pub coordinates: &'a [&'a str],
-    /// Which coordinates are independent: indices into `coordinates`, in the order of the
-    /// regressor's rows.
+    /// The independent coordinates: indices into `coordinates`, in the order of the regressor's
+    /// rows.
     pub independent: &'a [usize],
-    /// Which coordinates are dependent: indices into `coordinates`, in the order of A_e's
-    /// columns.
+    /// The dependent coordinates: indices into `coordinates`, in the order of A_e's columns.
     pub dependent: &'a [usize],
-    /// Which coordinates have a measured effort: indices into `coordinates`.
+    /// The actuated coordinates, whose efforts are measured: indices into `coordinates`.
     pub actuated: &'a [usize],
     /// The dynamic parameters, in the order of the regressor's columns.
     pub parameters: &'a [Parameter<'a>],
@@ -107,25 +108,28 @@ pub struct Info<'a> {
     pub bodies: &'a [&'a str],
     /// The cuts, in the order of their constraint rows.
     pub cuts: &'a [Cut<'a>],
-    /// A closed state: the start of every closure solve, and the choice of assembly branch.
+    /// A closed state (n, rad or m): every closure solve starts from it, and it selects the
+    /// assembly branch.
     pub home: &'a [f64],
     /// Gravity in the world frame, m/s^2.
     pub gravity: [f64; 3],
-    /// The number of constraint rows: of all cuts, redundant ones included, then of couplings.
+    /// The number of constraint rows: those of all cuts, redundant ones included, then those of
+    /// couplings.
     pub rows: usize,
-    /// What is stated about each coordinate's joint, in the order of `coordinates`; empty
-    /// where nothing is known about any.
+    /// The joint of each coordinate, in the order of `coordinates`; empty if the model has no data
+    /// of its joints.
     pub joints: &'a [Joint],
-    /// The cones that limit spherical and universal joints: joints in the order of their
-    /// coordinates, then cuts. The order of [`Model::cones`](crate::Model::cones).
+    /// The swing limits of spherical and universal joints in the order of their coordinates, then
+    /// those of cuts. The order of [`Model::cones`](crate::Model::cones).
     pub cones: &'a [SwingLimit<'a>],
-    /// The nominal value of each parameter, in the order of `parameters`, about the origin of
-    /// the body's frame; `None` where the spec gives none. Empty where nothing is known.
+    /// The nominal value of each parameter, in the order of `parameters`, about the origin of the
+    /// body's frame; `None` where the description gives none. Empty if the model has no nominal
+    /// values.
     pub nominal: &'a [Option<f64>],
 }
 
 impl Limits {
-    /// None stated.
+    /// No limits.
     pub const NONE: Limits = Limits {
         position: None,
         velocity: None,
@@ -135,14 +139,14 @@ impl Limits {
 }
 
 impl Joint {
-    /// A turn, nothing else stated.
+    /// A rotation without friction model, limits or nominal values.
     pub const TURN: Joint = Joint {
         motion: Motion::Rotation,
         friction: Friction::None,
         limits: Limits::NONE,
         nominal: [None; 5],
     };
-    /// A shift, nothing else stated.
+    /// A translation without friction model, limits or nominal values.
     pub const SHIFT: Joint = Joint {
         motion: Motion::Translation,
         ..Joint::TURN
@@ -150,7 +154,7 @@ impl Joint {
 }
 
 impl Info<'static> {
-    /// Without coordinates, parameters or anything stated: for `..Info::EMPTY`.
+    /// An `Info` without coordinates, parameters or values, to be completed with `..Info::EMPTY`.
     pub const EMPTY: Info<'static> = Info {
         name: "",
         coordinates: &[],
@@ -170,17 +174,17 @@ impl Info<'static> {
 }
 
 impl Info<'_> {
-    /// The number of degrees of freedom: of independent coordinates.
+    /// The number of degrees of freedom, which is the number of independent coordinates.
     pub fn dof(&self) -> usize {
         self.independent.len()
     }
 
-    /// The place of a coordinate in `q`, if there is one of that name.
+    /// The index of a coordinate in `q`, if there is one of that name.
     pub fn index_of(&self, coordinate: &str) -> Option<usize> {
         self.coordinates.iter().position(|name| *name == coordinate)
     }
 
-    /// The place of a parameter among the regressor's columns, if there is one of that label.
+    /// The index of a parameter among the regressor's columns, if there is one with that label.
     pub fn parameter_of(&self, label: &str) -> Option<usize> {
         self.parameters.iter().position(|p| *p == *label)
     }
@@ -191,13 +195,14 @@ impl Info<'_> {
         self.parameters.iter().map(Parameter::label).collect()
     }
 
-    /// How the joint of a coordinate moves, where that is stated.
+    /// Whether a coordinate is a rotation or a translation; `None` if there is no such coordinate
+    /// or no data of its joint.
     pub fn motion_of(&self, coordinate: &str) -> Option<Motion> {
         let joint = self.joints.get(self.index_of(coordinate)?)?;
         Some(joint.motion)
     }
 
-    /// The nominal parameters in the order of `parameters`, if every one has a value.
+    /// The nominal parameters (p, SI units) in the order of `parameters`, if every one has a value.
     #[cfg(feature = "closure")]
     pub fn nominal_parameters(&self) -> Option<alloc::vec::Vec<f64>> {
         if self.nominal.len() != self.parameters.len() {

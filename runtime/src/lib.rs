@@ -1,9 +1,9 @@
-//! What generated robot models run on.
+//! The runtime library that generated robot models are compiled against.
 //!
-//! Emitted code is generic over [`Scalar`], falls back on [`solve_pivoted`] where a static
-//! pivot order loses accuracy, and reports the outcome as a [`Condition`]. [`Model`] is the
-//! interface that all robots share, generated or interpreted. The core is `no_std`, allocates
-//! nothing and depends on `libm` alone.
+//! Generated code is generic over [`Scalar`], calls [`solve_pivoted`] where its fixed pivot order
+//! would lose accuracy, and reports how well that solve was conditioned as a [`Condition`].
+//! [`Model`] is the interface of all robots, generated or interpreted. The core is `no_std`,
+//! allocates nothing and depends on `libm` alone.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
@@ -11,19 +11,20 @@
 //!
 //! # Features
 //!
-//! Every feature adds and none changes a result:
+//! Features only add items; none changes a numerical result:
 //! - `std` (default): threads for batches, and fused products where the target has them.
-//! - `closure` (default): loop closure on an assembly branch; observation matrices over
-//!   samples. Needs an allocator.
-//! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
-//!   Needs `std`.
-//! - `tangent`: `Tangent`, derivatives in several directions, the same bits on every machine.
-//! - `simd`: `Lane`, several states at once, by the instruction set found at run time; `batch`,
-//!   base regressors of many samples.
-//! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
+//! - `closure` (default): solving the loop closure on one assembly branch, and observation matrices
+//!   over samples. Needs an allocator.
+//! - `dual`: `Dual`, dual numbers of the crate `num-dual`, to differentiate everything that a model
+//!   computes. Needs `std`.
+//! - `tangent`: `Tangent`, derivatives in several directions at once, bit-identical on every
+//!   machine.
+//! - `simd`: `Lane`, several states at once in one SIMD register, with the instruction set detected
+//!   at run time; `batch`, base regressors of many samples.
+//! - `macros`: `robot_model!`, which derives a robot from its YAML file at compile time.
 //!
-//! Identification from logs is the crate `regen-identify`; exciting trajectories and simulation
-//! are `regen-experiment`. Neither is linked by a controller.
+//! The crate `regen-identify` identifies parameters from logs; `regen-experiment` computes exciting
+//! trajectories and simulates. A controller links neither.
 #![no_std]
 #![allow(
     clippy::doc_markdown,

@@ -1,24 +1,26 @@
-//! The linear solve that takes over where a static pivot order is not accurate.
+//! The linear solve with complete pivoting, used where the fixed pivot order of generated code is
+//! not accurate.
 
 use crate::Scalar;
 
-/// Rows and columns whose entries are below this part of the largest are not scaled up.
-const FLOOR: f64 = 1.0 / 1024.0;
+/// The divisor of a row or column is at least this fraction of the largest divisor: smaller rows
+/// and columns may contain nothing but rounding errors and are not scaled up fully.
+const MIN_SCALE_RATIO: f64 = 1.0 / 1024.0;
 
 /// Solves A X = B with complete pivoting; returns X and the reciprocal pivot ratio.
 ///
 /// - `a`: A, `R` rows of `N` coefficients, `R >= N`. Where there are more rows than unknowns
-///   the system must be consistent; the rows that depend on others are left over.
+///   the system must be consistent; the rows that depend on others are not used.
 /// - `b`: B, `R` rows, one column per right-hand side.
-/// - returns X, `N` rows of `K`, and the smallest over the largest pivot: 1 for a multiple of
-///   a permutation, 0 for a singular A, where X means nothing and may not be finite. The ratio
-///   is in the units of A: give lengths in those of the mechanism. A NaN or an infinity
-///   anywhere in A or B gives NaN everywhere.
+/// - returns X, `N` rows of `K`, and the ratio of the smallest to the largest pivot: 1 for a
+///   multiple of a permutation, 0 for a singular A, where X is meaningless and may not be finite.
+///   The ratio depends on the units of A: give lengths in units of the mechanism's size. A NaN or
+///   an infinity anywhere in A or B gives NaN everywhere.
 ///
-/// The choice of pivots is made on rows and columns divided by their largest entries, so that
-/// metres beside radians do not decide it; but only down to a thousandth of the matrix, since
-/// dependent rows may hold nothing but rounding. It is made by [`Scalar::select`]: every SIMD
-/// lane pivots on its own.
+/// Pivots are chosen from rows and columns divided by their largest entries, so that the choice
+/// does not depend on metres beside radians; but entries below a thousandth of the largest are not
+/// scaled up fully, since dependent rows may contain nothing but rounding errors. The choice is
+/// made by [`Scalar::select`]: every SIMD lane pivots separately.
 ///
 /// `N = 0` and `R < N` do not compile.
 ///
@@ -47,7 +49,7 @@ pub fn solve_pivoted<T: Scalar, const R: usize, const N: usize, const K: usize>(
             "a solve needs unknowns, and a row for each"
         );
     };
-    // In range by the line above, so that the compiler keeps no check.
+    // in range by the assertion above, so that the compiler emits no bounds check
     let proto = a[0][0];
     let zero = proto.splat(0.0);
     let one = proto.splat(1.0);
@@ -57,7 +59,7 @@ pub fn solve_pivoted<T: Scalar, const R: usize, const N: usize, const K: usize>(
     let poison = non_finite(&a, zero) + non_finite(&b, zero);
     let (mut row_scale, mut column_scale) = equilibrate(&mut a, &mut b, zero, one);
 
-    // `order` follows the swaps of columns: entry k is the unknown that stands in column k.
+    // `order` follows the swaps of columns: entry k is the index of the unknown of column k
     let mut order = [zero; N];
     for (k, slot) in order.iter_mut().enumerate() {
         *slot = proto.splat(k as f64);
@@ -97,7 +99,8 @@ fn non_finite<T: Scalar, const C: usize>(rows: &[[T; C]], zero: T) -> T {
         .fold(zero, |sum, entry| sum + *entry * zero)
 }
 
-/// Divides rows, then columns, by their largest entry; returns the divisors of both.
+/// Divides rows of A and B, then columns of A, by their largest entry; returns the divisors of
+/// both.
 fn equilibrate<T: Scalar, const R: usize, const N: usize, const K: usize>(
     a: &mut [[T; N]; R],
     b: &mut [[T; K]; R],
@@ -129,17 +132,18 @@ fn equilibrate<T: Scalar, const R: usize, const N: usize, const K: usize>(
     (rows, columns)
 }
 
-/// Makes divisors of sizes: none below [`FLOOR`] of the largest, and none zero.
+/// Turns the sizes of rows or columns into divisors: none below [`MIN_SCALE_RATIO`] of the largest,
+/// and none zero.
 fn bound<T: Scalar>(sizes: &mut [T], zero: T, one: T) {
     let largest = sizes.iter().fold(zero, |m, size| larger(m, *size));
-    let floor = largest * zero.splat(FLOOR);
+    let floor = largest * zero.splat(MIN_SCALE_RATIO);
     for size in sizes {
         let divisor = larger(*size, floor);
         *size = T::select(zero.less(divisor), divisor, one);
     }
 }
 
-/// The smallest over the largest pivot, in the units of A; 0 where all are zero.
+/// The ratio of the smallest to the largest pivot, in the units of A; 0 where all are zero.
 fn pivot_ratio<T: Scalar, const R: usize, const N: usize>(
     a: &[[T; N]; R],
     row_scale: &[T; R],
@@ -161,8 +165,8 @@ fn pivot_ratio<T: Scalar, const R: usize, const N: usize>(
     T::select(zero.less(largest), smallest / largest, zero)
 }
 
-/// Turns the first N rows into an upper triangle, the largest entry first; the scales and the
-/// order of the unknowns follow the swaps.
+/// Eliminates with complete pivoting: the first N rows become an upper triangle. The scales and the
+/// order of the unknowns follow the swaps of rows and columns.
 fn eliminate<T: Scalar, const R: usize, const N: usize, const K: usize>(
     a: &mut [[T; N]; R],
     b: &mut [[T; K]; R],
@@ -199,7 +203,7 @@ fn eliminate<T: Scalar, const R: usize, const N: usize, const K: usize>(
             }
             exchange(swap, top_scale, scale);
         }
-        // After this pass that entry stands in column k.
+        // After this pass that entry is in column k.
         for j in k + 1..N {
             let (Some(at), Some(other)) = (top.get(k), top.get(j)) else {
                 break;
@@ -268,7 +272,7 @@ fn tail_max<T: Scalar, const N: usize>(row: &[T; N], k: usize, proto: T) -> T {
         .fold(proto.splat(0.0), |m, entry| larger(m, entry.abs()))
 }
 
-/// The larger of two values; NaN is dealt with once, by `non_finite`.
+/// The larger of two values; NaN entries are handled once, by `non_finite`.
 fn larger<T: Scalar>(a: T, b: T) -> T {
     T::select(a.less(b), b, a)
 }

@@ -2,26 +2,26 @@
 
 use crate::{Arguments, Condition, Function, Info, Scalar, SizeError};
 
-/// A robot's kinematics and dynamics over slices.
+/// A robot's kinematics and dynamics, with slices as arguments and results.
 ///
 /// A model implements [`eval`](Model::eval), which computes any [`Function`]; the methods named
-/// after the functions call it. `eval` checks the lengths once; misuse is a [`SizeError`]. What
-/// happens numerically is in the [`Condition`] of the solve with A_e that the function needed. The
-/// trait can be made into an object: `&dyn Model`.
+/// after the functions call it. `eval` checks the lengths once and returns a [`SizeError`] if one
+/// does not fit. The returned [`Condition`] rates the solve with A_e that the function needed. The
+/// trait is dyn-compatible: `&dyn Model`.
 ///
-/// Sizes: n coordinates, dof of them independent and n_e dependent, p parameters. Units are SI
+/// Sizes: n coordinates, of which dof are independent and n_e dependent; p parameters. Units are SI
 /// and radians: positions in m, angles in rad, efforts in N or N m. q, qd, qdd are over all
-/// coordinates; a suffix `_i` means over the independent ones, in `Info::independent` order.
-/// The states are used as given, closed or not.
+/// coordinates; a suffix `_i` means over the independent ones, in `Info::independent` order. The
+/// functions do not check that a state closes the loops: they compute at the given one.
 pub trait Model<T: Scalar = f64> {
-    /// The names and sizes of the model's parts.
+    /// The names, sizes and stated values of the model.
     fn info(&self) -> Info<'_>;
 
-    /// Computes a function. It reads the arguments that the function's
+    /// Computes a function: reads the arguments that the function's
     /// [`signature`](Function::signature) lists and writes `out`, of the shape stated there.
     ///
-    /// The condition of a function that solves nothing is [`Condition::regular`]. The methods below
-    /// pass a constant `function`: a model that has this method inlined loses nothing by them.
+    /// The condition of a function that solves no linear system is [`Condition::regular`]. The
+    /// methods below pass a constant `function`, so that they cost nothing where `eval` is inlined.
     ///
     /// # Errors
     /// When a length does not fit: the first of the arguments in order, then of `out`.
@@ -321,11 +321,11 @@ pub trait Model<T: Scalar = f64> {
         self.eval(Function::Poses, arguments, out).map(drop)
     }
 
-    /// The cosines of the angles that cones limit: those between the two z axes of each of
-    /// `Info::cones`. Inside the cone they are at least the cosine of its greatest angle; they
-    /// are smooth where the angle is not, at zero.
+    /// The cosines of the swing angles, each between the two z axes of one of `Info::cones`. Within
+    /// a swing limit the cosine is at least that of its greatest angle. The cosine is smooth at
+    /// angle zero, where the angle itself is not.
     ///
-    /// - `q`: n; `out`: one per cone.
+    /// - `q`: n; `out`: one per swing limit, in `Info::cones` order.
     ///
     /// # Errors
     /// When a length does not fit.

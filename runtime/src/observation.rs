@@ -1,4 +1,4 @@
-//! Evaluation over samples: the observation matrix of a trajectory (Eq. 12).
+//! The observation matrix of a trajectory (Eq. 12): the regressor at many samples.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -26,23 +26,23 @@ impl<'a> From<&'a crate::State> for Sample<'a> {
     }
 }
 
-/// The regressors of all samples below each other (Eq. 12).
+/// The observation matrix: the regressors of all samples, stacked (Eq. 12).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationMatrix {
     /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`.
     /// Rows are sample by sample, dof each. A singular sample's rows may not be finite.
     pub w: Vec<f64>,
-    /// dof times the number of samples.
+    /// The number of rows: dof times the number of samples.
     pub rows: usize,
-    /// The number of parameters.
+    /// The number of columns, one per dynamic parameter.
     pub columns: usize,
-    /// The number of rows of each sample.
+    /// The number of rows of each sample, one per independent coordinate.
     pub dof: usize,
     /// The condition of A_e at each sample.
     pub conditions: Vec<Condition<f64>>,
 }
 
-/// Evaluates the regressor at every sample.
+/// Evaluates the regressor at every sample and stacks the results.
 ///
 /// # Errors
 /// When a sample's arrays do not fit the model.
@@ -90,7 +90,8 @@ pub fn observation_matrix<M: Model<f64> + ?Sized>(
 }
 
 impl ObservationMatrix {
-    /// A parameter's column, `rows` long; empty if there is no such parameter.
+    /// The column of the parameter with this index, `rows` long; empty if there is no such
+    /// parameter.
     pub fn column(&self, parameter: usize) -> &[f64] {
         if parameter >= self.columns {
             return &[];
@@ -98,9 +99,9 @@ impl ObservationMatrix {
         &self.w[parameter * self.rows..(parameter + 1) * self.rows]
     }
 
-    /// Divides each column by its largest entry in size, zero columns by 1; returns the
-    /// divisors: the matrix C^-1 of Eq. 27. The estimates of the scaled system, divided by
-    /// these, are the parameters.
+    /// Divides each column by the absolute value of its largest entry, zero columns by 1; returns
+    /// the divisors: the diagonal of C^-1 of Eq. 27. Dividing the estimates of the scaled system by
+    /// these divisors gives the parameters.
     #[must_use = "without the divisors the parameters cannot be had back"]
     pub fn scale_columns(&mut self) -> Vec<f64> {
         if self.rows == 0 {

@@ -1,4 +1,4 @@
-//! The number type that emitted code is generic over.
+//! The number type over which generated code is generic.
 
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -21,33 +21,34 @@ pub use tangent::Tangent;
 
 /// A real number, a number with derivatives, or several numbers at once.
 ///
-/// Emitted functions are straight-line code over this trait: no branch depends on a value, every
-/// choice is a [`select`](Scalar::select). One source therefore serves `f64`, `f32`, dual numbers
-/// and SIMD lanes.
+/// Generated functions are straight-line code over this trait: they have no branch that depends on
+/// a value; every choice is a [`select`](Scalar::select). The same source therefore serves `f64`,
+/// `f32`, dual numbers and SIMD lanes.
 ///
-/// # Constants are lifted, not made
+/// # Constants are made from an existing value
 ///
-/// There is no `from_f64`. [`splat`](Scalar::splat) takes the shape of a value in hand. A SIMD lane
-/// whose instruction set is found at run time carries a token that proves the set is there; a
-/// constant made from nothing would have no token, and only `unsafe` could invent one.
+/// There is no `from_f64`. [`splat`](Scalar::splat) makes a constant in the shape of an existing
+/// value. A SIMD lane carries a token which proves that its instruction set, detected at run time,
+/// is available; a constant without an existing value would need a token that only `unsafe` code
+/// could make.
 ///
-/// # `[f64; N]` is no lane
+/// # `[f64; N]` is not a `Scalar`
 ///
-/// Arrays of `f64` do not implement this trait. The compiler takes each such value apart again,
-/// and in functions of thousands of operations it spills instead of vectorising: slower than
-/// one call per state, and many times slower to compile. Use `Lane` (feature `simd`).
+/// Arrays of `f64` do not implement this trait. The compiler splits such values into single
+/// numbers, and in functions of thousands of operations it spills registers instead of vectorising:
+/// slower than one call per state, and many times slower to compile. Use `Lane` (feature `simd`).
 ///
 /// # `mul_add` follows the hardware
 ///
-/// [`mul_add`](Scalar::mul_add) is fused only where fused hardware is known to be there: for
-/// `f64` and `f32` under `cfg!(target_feature = "fma")`, for `Lane` where its token says so.
-/// Anywhere else it is a product and a sum, because the fused result would come from a software
-/// routine a hundred times slower. Results may thus differ in the last bits between targets.
+/// [`mul_add`](Scalar::mul_add) is fused only where hardware for it is known to exist: for `f64`
+/// and `f32` under `cfg!(target_feature = "fma")`, for `Lane` where its token proves it. Elsewhere
+/// it is a product and a sum, because a software routine for the fused result would be a hundred
+/// times slower. Results may thus differ in the last bits between targets.
 ///
 /// # NaN
 ///
-/// Every operation passes NaN on, including [`sign`](Scalar::sign), [`min`](Scalar::min) and
-/// [`max`](Scalar::max). Only [`less`](Scalar::less) forgets it: a comparison with NaN is false.
+/// Every operation propagates NaN, including [`sign`](Scalar::sign), [`min`](Scalar::min) and
+/// [`max`](Scalar::max). Only [`less`](Scalar::less) does not: a comparison with NaN is false.
 ///
 /// ```
 /// use regen_runtime::Scalar;
@@ -67,7 +68,7 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The outcome of a comparison: one truth value per lane.
+    /// The result of a comparison: one truth value per lane.
     type Mask: Copy;
 
     /// The constant `c` in the shape of `self`, whose value does not matter.
@@ -92,9 +93,10 @@ pub trait Scalar:
 
     /// Sine and cosine of several angles in radians at once.
     ///
-    /// For `f64` a polynomial in vector registers where all angles are within 2^20 rad, each
-    /// result within one ulp; otherwise, and for other types, as [`sin_cos`](Scalar::sin_cos).
-    /// `Lane` does the same for all angles, one check for all of them.
+    /// For `f64` this is a polynomial in vector registers where all angles are within 2^20 rad,
+    /// each result within one ulp; otherwise, and for other types, it calls
+    /// [`sin_cos`](Scalar::sin_cos). `Lane` computes all angles together too, after one check of
+    /// their size.
     ///
     /// ```
     /// use regen_runtime::Scalar;
@@ -109,19 +111,19 @@ pub trait Scalar:
         angles.map(Self::sin_cos)
     }
 
-    /// Where `self < other`; false at NaN.
+    /// `self < other` in each lane; false at NaN.
     fn less(self, other: Self) -> Self::Mask;
 
-    /// `yes` where the mask holds, `no` elsewhere. Both are evaluated.
+    /// `yes` where the mask is true, `no` elsewhere. Both are evaluated.
     #[must_use]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
-    /// Whether the mask holds in every lane.
+    /// Whether the mask is true in every lane.
     fn all(mask: Self::Mask) -> bool;
 
     /// The smaller of two values; NaN if either is NaN.
     ///
-    /// On a concrete `f64`, `x.min(y)` is the inherent method, which drops NaN; write
+    /// On a concrete `f64`, `x.min(y)` calls the inherent method, which ignores NaN; write
     /// `Scalar::min(x, y)`.
     #[inline]
     #[must_use]
@@ -139,7 +141,7 @@ pub trait Scalar:
     }
 }
 
-/// Where the value is not NaN: a sign is a number below two, NaN is below nothing.
+/// True in lanes that are not NaN: the sign of a number is below two, and NaN is below nothing.
 #[inline]
 fn is_number<T: Scalar>(value: T) -> T::Mask {
     value.sign().less(value.splat(2.0))

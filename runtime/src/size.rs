@@ -1,8 +1,8 @@
-//! Slices whose lengths are checked against a model's sizes.
+//! Conversions from slices to arrays, which check the lengths against a model's sizes.
 
 use core::fmt;
 
-/// A slice whose length does not fit the model.
+/// The error of a slice whose length does not fit the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SizeError {
     /// The argument's name in the called method.
@@ -25,7 +25,7 @@ impl fmt::Display for SizeError {
 
 impl core::error::Error for SizeError {}
 
-/// The slice as an array of the model's size.
+/// Converts a slice to an array of the model's size.
 ///
 /// # Errors
 /// When the length is not `N`.
@@ -48,7 +48,7 @@ pub fn array<'a, T, const N: usize>(
     })
 }
 
-/// The slice as an array of the model's size, to write to.
+/// Converts a mutable slice to a mutable array of the model's size.
 ///
 /// # Errors
 /// When the length is not `N`.
@@ -65,8 +65,8 @@ pub fn array_mut<'a, T, const N: usize>(
     })
 }
 
-/// The slice as `OUTER` arrays of `INNER` entries, to write to: the columns of a column-major
-/// matrix, or the rows of a row-major one.
+/// Converts a mutable slice to `OUTER` mutable arrays of `INNER` entries: the columns of a
+/// column-major matrix, or the rows of a row-major one.
 ///
 /// `INNER = 0` does not compile; check such a slice with [`array_mut`] and `N = 0`.
 ///

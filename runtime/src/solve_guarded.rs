@@ -1,21 +1,21 @@
-//! A linear solve whose pivots were fixed when the code was generated, with a
-//! second way for states where they are unfit.
+//! A linear solve in the pivot order that was fixed when the code was generated, replaced by a
+//! solve with complete pivoting at states where that order is unfit.
 
 use crate::{Scalar, solve_pivoted};
 
-/// Below this part of their usual size the fixed pivots are not trusted: about
-/// three of sixteen digits may be lost there, and not more.
+/// The least pivot, relative to its usual size, for which the fixed pivot order is used: about
+/// three of sixteen digits may be lost at this bound, and not more above it.
 pub const PIVOT_BOUND: f64 = 1e-3;
 
-/// A solution and its condition.
+/// Returns the solution with the fixed pivot order or, where its pivots are too small, solves again
+/// with complete pivoting; returns the pivot ratio too.
 ///
-/// - `fixed`: the solution by the fixed order of pivots.
-/// - `margin`: the smallest of those pivots relative to its usual size.
-/// - `system`: A and B of A X = B, all rows; asked for only where `margin` is
-///   not above [`PIVOT_BOUND`] (or NaN) in some lane, and then solved with
-///   pivoting in these lanes.
-/// - returns X, and `margin` or, where X was solved anew, the pivot ratio of
-///   [`solve_pivoted`]; never above 1.
+/// - `fixed`: the solution with the fixed pivot order.
+/// - `margin`: the smallest pivot of that order relative to its usual size.
+/// - `system`: computes A and B of A X = B, all rows. It is called only if `margin` is not above
+///   [`PIVOT_BOUND`] (or NaN) in some lane; these lanes are then solved with complete pivoting.
+/// - returns X, and `margin` or, where X was solved again, the pivot ratio of [`solve_pivoted`];
+///   never above 1.
 ///
 /// ```
 /// use regen_runtime::solve_guarded;
@@ -24,7 +24,7 @@ pub const PIVOT_BOUND: f64 = 1e-3;
 /// let system = || ([[1.0, 1.0], [1.0, -1.0]], [[3.0], [1.0]]);
 /// let (x, condition) = solve_guarded([[2.0], [1.0]], 1.0, system);
 /// assert_eq!((x, condition), ([[2.0], [1.0]], 1.0));
-/// // In 0 x + y = 1, x + y = 3 it is gone.
+/// // In 0 x + y = 1, x + y = 3 this pivot is 0: the system is solved again.
 /// let system = || ([[0.0, 1.0], [1.0, 1.0]], [[1.0], [3.0]]);
 /// let (x, condition) = solve_guarded([[f64::NAN]; 2], 0.0, system);
 /// assert_eq!(x, [[2.0], [1.0]]);

@@ -1,4 +1,5 @@
-//! Sines and cosines of several angles at once, against sums of two doubles.
+//! Compares sines and cosines of several angles at once with a reference in double-double
+//! arithmetic.
 #![cfg(feature = "std")]
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -6,7 +7,7 @@ use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use proptest::prelude::*;
 use regen_runtime::Scalar;
 
-/// A number as an unevaluated sum of two doubles, some 106 bits (Dekker, 1971).
+/// A number as an unevaluated sum of two `f64`, with some 106 bits (Dekker, 1971).
 #[derive(Clone, Copy)]
 struct Double(f64, f64);
 
@@ -73,7 +74,7 @@ fn reference(x: f64) -> (Double, Double) {
     }
 }
 
-/// How far a result is from the exact one, in units of the exact one's last place.
+/// The error of a result, in units of the last place of the exact one.
 fn ulps(found: f64, exact: Double) -> f64 {
     let size = exact.0.abs();
     let ulp = f64::from_bits(size.to_bits() + 1) - size;
@@ -126,8 +127,8 @@ fn beyond_its_reach_it_is_the_standard_library() {
     assert!((other - 1.0_f64.sin()).abs() < 1e-15);
 }
 
-/// Registers are filled up with zeros where angles are left over: what an angle gives does not
-/// depend on how many there are, or on its place.
+/// Incomplete registers are padded with zeros; the result of an angle must not depend on how many
+/// angles there are, or on its position among them.
 #[test]
 fn an_angle_gives_the_same_among_any_number_of_others() {
     fn check<const N: usize>() {
@@ -148,7 +149,7 @@ fn an_angle_gives_the_same_among_any_number_of_others() {
     assert_eq!(f64::sin_cos_all([]), []);
 }
 
-/// Two hundred thousand angles, or two million in `.ci/full`; prints the largest error met.
+/// Draws two hundred thousand angles, or two million in `.ci/full`; prints the largest error.
 #[test]
 fn largest_error() {
     let rounds = match std::env::var_os("REGEN_FULL") {

@@ -1,4 +1,5 @@
-//! Loop closure on mechanisms whose branches and singularities are known in closed form.
+//! Tests of the loop closure on mechanisms whose branches and singularities are known in closed
+//! form.
 
 #![cfg(feature = "closure")]
 #![allow(clippy::unwrap_used, clippy::float_cmp, unreachable_pub)]
@@ -48,7 +49,7 @@ fn turns(x: f64) -> f64 {
 }
 
 fn assert_at(q: &[f64], expected: &[f64; 3], bound: f64) {
-    // The rod's angle may differ by whole turns.
+    // the rod's angle may differ by whole turns
     let differences = [
         q[0] - expected[0],
         turns(q[1] - expected[1]),
@@ -81,7 +82,8 @@ proptest! {
         prop_assert_eq!(solution.outcome, Outcome::Closed);
         prop_assert!(solution.residual < 1e-13 * (1.0 + target.abs()), "{:e}", solution.residual);
         assert_at(&solution.q, &exact(&model, target, elbow), 1e-12);
-        // Continuous on the way: the rod turns with the crank, so that its absolute angle stays.
+        // continuous along the path: the rod turns relative to the crank, so that its absolute
+        // angle stays
         let (rod, at_home) = (solution.q[0] + solution.q[1], model.home[0] + model.home[1]);
         prop_assert!((rod - at_home).abs() < PI);
     }
@@ -93,7 +95,7 @@ proptest! {
         target in -6.0..6.0_f64,
         elbow in prop::sample::select(vec![-1.0, 1.0]),
     ) {
-        // The rod is perpendicular to the slider at sin(angle) = +-rod: a fold.
+        // a fold: the rod is perpendicular to the slider at sin(angle) = +-rod
         let fold = rod.asin();
         let model = slider_crank(1.0, rod, 0.0, start * fold, elbow);
         let mut closure = LoopClosure::new(&model).unwrap();
@@ -110,7 +112,7 @@ proptest! {
                 }
                 other => prop_assert!(false, "{}", other),
             }
-            // Where it stopped, it is closed and on the branch.
+            // the last state is closed and on the branch
             assert_at(&solution.q, &exact(&model, solution.q[0], elbow), 1e-5);
         }
     }
@@ -151,7 +153,7 @@ proptest! {
         loops in 1..3_usize,
         crossed: bool,
     ) {
-        // With two equal loops the determinant touches zero and keeps its sign.
+        // with two equal loops the determinant touches zero and keeps its sign
         let flat = if crossed {
             // The antiparallelogram: the follower mirrored on the diagonal.
             let diagonal = (-start.sin()).atan2(2.0 - start.cos());
@@ -179,7 +181,8 @@ proptest! {
 
     #[test]
     fn a_four_bar_goes_round_with_its_branch(target in -20.0..20.0_f64, up: bool) {
-        // Grashof: the input is the shortest and turns fully; each branch is a circle.
+        // Grashof's condition: the input is the shortest bar and turns fully; each branch is a
+        // circle
         let bars = Loop { input: 0.5, coupler: 1.5, follower: 1.2, ground: 1.4 };
         let guess = if up { vec![0.0, 0.8, 1.8] } else { vec![0.0, -0.8, -1.8] };
         let model = FourBars { loops: vec![bars], home: guess };
@@ -187,7 +190,7 @@ proptest! {
         prop_assert_eq!(closure.home().outcome, Outcome::Closed);
         let solution = closure.solve(&[target]).unwrap();
         prop_assert_eq!(solution.outcome, Outcome::Closed);
-        // The elbow of coupler and follower stays on its side.
+        // the elbow of coupler and follower stays on the same side
         let elbow = (solution.q[0] + solution.q[1] - solution.q[2]).sin();
         prop_assert_eq!(elbow < 0.0, up);
         prop_assert!(solution.residual < 1e-13);
@@ -224,7 +227,7 @@ fn a_home_out_of_reach_is_not_closed_and_nothing_is_solved_from_it() {
 
 #[test]
 fn a_singular_home_is_singular() {
-    // The rod stands upright: it cannot say to which side the slider goes.
+    // the rod is perpendicular to the slider's axis: the slider may move to either side
     let model = SliderCrank {
         crank: 1.0,
         rod: 1.0,

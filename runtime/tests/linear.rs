@@ -1,4 +1,4 @@
-//! The pivoted solve against systems of known solution.
+//! Tests of the pivoted solve on systems with known solutions.
 
 #![allow(clippy::unwrap_used)]
 
@@ -7,7 +7,7 @@ use regen_runtime::solve_pivoted;
 
 const EPS: f64 = f64::EPSILON;
 
-/// A X of a known X.
+/// The right-hand side A X for a known X.
 fn times<const R: usize, const N: usize, const K: usize>(
     a: &[[f64; N]; R],
     x: &[[f64; K]; N],
@@ -31,7 +31,8 @@ proptest! {
     fn a_random_system_gives_its_solution(a in matrix::<5, 5>(), x in matrix::<5, 2>()) {
         let (found, ratio) = solve_pivoted(&a, &times(&a, &x));
         prop_assert!((0.0..=1.0).contains(&ratio));
-        // The pivot ratio overestimates by a modest factor; so does complete pivoting's growth.
+        // the pivot ratio overestimates the condition by a modest factor, and so does the growth of
+        // complete pivoting
         assert_close(&found, &x, 1000.0 * EPS / ratio);
     }
 

@@ -1,4 +1,5 @@
-//! One model through every scalar type, the meaning of its methods, and misuse.
+//! Tests of one model with every scalar type, of the relations between its methods, and of wrong
+//! lengths.
 
 #![cfg(feature = "closure")]
 #![allow(clippy::unwrap_used, unreachable_pub)]
@@ -30,7 +31,7 @@ fn state(angle: f64, qd: f64, qdd: f64) -> State {
     state
 }
 
-/// One number of a model's method that fills a slice.
+/// The only entry that a model's method writes.
 fn one<T: Scalar>(proto: T, fill: impl FnOnce(&mut [T]) -> Result<Condition<T>, SizeError>) -> T {
     let mut out = [proto];
     let condition = fill(&mut out).unwrap();
@@ -38,7 +39,7 @@ fn one<T: Scalar>(proto: T, fill: impl FnOnce(&mut [T]) -> Result<Condition<T>, 
     out[0]
 }
 
-/// The regressor, the inverse dynamics and the velocities at a state, one after the other.
+/// Concatenates the regressor, the inverse dynamics and the velocities at a state.
 fn evaluate<T: Scalar>(proto: T, state: &State) -> Vec<T> {
     let splat = |values: &[f64]| values.iter().map(|x| proto.splat(*x)).collect::<Vec<_>>();
     let (q, qd, qdd, phi) = (
@@ -72,7 +73,7 @@ proptest! {
         let still = one(0.0, |out| MODEL.bias_forces(&q, &[0.0; 3], &PHI, out));
         prop_assert!((one(0.0, |out| MODEL.gravity(&q, &PHI, out)) - still).abs() < 1e-13 * size);
 
-        // With itself as its reference, Slotine and Li's regressor is the regressor.
+        // with the motion itself as reference, Slotine and Li's regressor equals the regressor
         let mut y = [0.0; 3];
         let _ = MODEL.adaptive_regressor(&q, &rates, &[qd], &[qdd], &mut y).unwrap();
         for (y, w) in y.iter().zip(&w) {

@@ -1,4 +1,4 @@
-//! The named methods of the traits pass their arguments to `eval` under their names.
+//! The methods of the traits pass their arguments to `eval` under the right names.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::cell::RefCell;
@@ -8,8 +8,8 @@ use regen_runtime::{
     Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, SizeError,
 };
 
-/// A model that writes down what it is asked: the function's name and the arguments given, each
-/// by its name and its only entry.
+/// A model that records each call of `eval`: the function's name and the given arguments, each by
+/// its name and its only entry.
 #[derive(Default)]
 struct Recorder {
     calls: RefCell<Vec<Call>>,
@@ -70,8 +70,8 @@ impl BaseModel for Recorder {
     }
 }
 
-/// Calls methods with a different entry for each argument; returns what is expected of each: the
-/// name, the arguments in order, and whether a condition came back.
+/// Calls methods with a different entry for each argument; returns the expected records: the name,
+/// the arguments in order, and whether the method returns a condition.
 macro_rules! call {
     ($model:ident, $expected:ident: $($method:ident($($argument:ident = $value:expr),*) -> $back:ident;)*) => {
         $(

@@ -1,5 +1,5 @@
-//! Emitted code must have no way to panic, so what it calls must have none either: compiled
-//! with optimisation, the solve and the checks of lengths name no panic.
+//! Generated code must not be able to panic, so neither may the runtime functions it calls: their
+//! optimised code must not call a panic.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "std")]
@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::process::Command;
 
-/// What a solve, and a control that can panic, look like in a crate of a user.
+/// The source of a user's crate with two sizes of the pivoted solve.
 const USER: &str = "
 #[inline(never)]
 pub fn solve_2(a: &[[f64; 2]; 3], b: &[[f64; 1]; 3]) -> ([[f64; 1]; 2], f64) {
@@ -27,7 +27,7 @@ pub fn solve_9(a: &[[f64; 9]; 12], b: &[[f32; 9]; 12]) -> ([[f32; 4]; 9], f32) {
 }
 ";
 
-/// What a generated `impl Model` does with its slices.
+/// The source of a crate that checks its slices as a generated `impl Model` does.
 const SHAPES: &str = "
 use regen_runtime::{SizeError, array, array_mut, matrix_mut};
 #[inline(never)]
@@ -40,7 +40,7 @@ pub fn shapes(q: &[f64], out: &mut [f64], w: &mut [f64]) -> Result<(), SizeError
 }
 ";
 
-/// Stands in for the crate of this name, without a panic of its own.
+/// A replacement of the crate `libm` that cannot panic.
 const LIBM: &str = "
 #![no_std]
 macro_rules! same { ($($name:ident)*) => { $(pub fn $name(x: f64) -> f64 { x })* } }
@@ -72,7 +72,7 @@ fn assembly(name: &str, source: &str) -> String {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let runtime = folder.join(format!("libruntime_{name}.rlib"));
     let common = ["--edition=2024", "-Copt-level=3", "-Ccodegen-units=1"];
-    // neither of the functions that are looked at calls it
+    // none of the examined functions calls it
     let libm = folder.join(format!("liblibm_{name}.rlib"));
     let source_of_libm = folder.join(format!("libm_{name}.rs"));
     std::fs::write(&source_of_libm, LIBM).unwrap();
@@ -108,7 +108,7 @@ fn assembly(name: &str, source: &str) -> String {
     std::fs::read_to_string(&out).unwrap()
 }
 
-/// Lines that name a panic or one of the failures that lead to it.
+/// The lines of the assembly that name a panic, or one of the failures that lead to a panic.
 fn panics(assembly: &str) -> Vec<&str> {
     assembly
         .lines()

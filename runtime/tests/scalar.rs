@@ -1,4 +1,4 @@
-//! Every scalar type against `f64`, and the rules about NaN.
+//! Compares every scalar type with `f64`, and tests the propagation of NaN.
 
 #![allow(clippy::float_cmp, reason = "these values are exact")]
 
@@ -25,7 +25,7 @@ fn operations<T: Scalar>(x: T, y: T) -> [T; 13] {
     ]
 }
 
-/// The same by the standard library.
+/// The same operations with the standard library.
 fn reference(x: f64, y: f64) -> [f64; 13] {
     [
         x + y,
@@ -44,7 +44,8 @@ fn reference(x: f64, y: f64) -> [f64; 13] {
     ]
 }
 
-/// `mul_add` may be fused, a sum of two roundings; sines may be 2 ulp off.
+/// Compares within rounding errors: `mul_add` may be fused, a sum may have two rounding errors, and
+/// sines may be 2 ulp off.
 fn assert_like(found: &[f64; 13], x: f64, y: f64, epsilon: f64) {
     let size = 1.0 + x.abs() + (x * y).abs();
     for (i, (found, expected)) in found.iter().zip(reference(x, y)).enumerate() {
@@ -69,7 +70,7 @@ proptest! {
     #[test]
     fn single_precision_is_double_precision_rounded(x in -10.0..10.0_f32, y in 0.1..10.0_f32) {
         prop_assume!(x != 0.0);
-        // Near multiples of pi/2 both take the same argument, so that the relative error holds.
+        // near multiples of pi/2 both get the same argument, so that the relative error is small
         let found = operations(x, y).map(f64::from);
         assert_like(&found, f64::from(x), f64::from(y), f64::from(f32::EPSILON));
     }
@@ -81,7 +82,7 @@ proptest! {
     }
 }
 
-/// The rules that hold for one type, values taken out by `get`.
+/// Checks the propagation of NaN for one type; `get` extracts the value.
 fn nan_rules<T: Scalar>(proto: T, get: impl Fn(T) -> f64) {
     let nan = proto.splat(f64::NAN);
     let one = proto.splat(1.0);
@@ -89,7 +90,7 @@ fn nan_rules<T: Scalar>(proto: T, get: impl Fn(T) -> f64) {
         .into_iter()
         .enumerate()
         .filter_map(|(i, v)| {
-            // Only the lifted constant does not depend on the value.
+            // only the result of `splat` does not depend on the value
             (i != 5).then_some(v)
         })
     {
@@ -169,7 +170,7 @@ mod lane {
         bytemuck::cast_slice::<S::f64s, f64>(&[lane.v]).to_vec()
     }
 
-    /// Runs a check on every instruction set that is there, and without any.
+    /// Runs a check with every available instruction set, and without any.
     fn everywhere<F: WithSimd<Output = ()> + Copy>(check: F) {
         Arch::new().dispatch(check);
         #[cfg(target_arch = "x86_64")]
@@ -208,7 +209,7 @@ mod lane {
             for i in 0..S::F64_LANES {
                 let x = self.0[i];
                 for (found, expected) in [(sin[i], x.sin()), (cos[i], x.cos())] {
-                    // The reference itself is within one ulp.
+                    // the reference itself has an error of up to one ulp
                     let error = (found - expected).abs();
                     assert!(
                         error <= 2.0 * ulp(expected),

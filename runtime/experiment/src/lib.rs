@@ -1,8 +1,8 @@
 //! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
-//! its limits, [`reach`] how far each coordinate can go, [`simulate`] moves a closed chain with
-//! friction, control and sensors and writes the log of it. [`instruments`] identifies a robot by
-//! instruments from its simulated motion. [`trajectory`] is the file that
-//! trajectories are kept in.
+//! its limits, [`reach`] computes the range of each coordinate, and [`simulate`] integrates a
+//! closed-loop mechanism with friction, controllers, drives and sensors, and returns its log.
+//! [`instruments`] identifies a robot by instrumental variables from its simulated motion, and
+//! [`trajectory`] reads and writes trajectory files.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel

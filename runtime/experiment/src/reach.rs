@@ -1,19 +1,19 @@
-//! Motions about home that need no trajectory file: how far each coordinate can go.
+//! Motions about home that need no trajectory file: the range of each coordinate.
 
 use std::f64::consts::TAU;
 
 use regen_runtime::{ClosureError, Info, LoopClosure, Model, Motion};
 
-/// Parts in which the way to a limit is walked.
-const PARTS: usize = 40;
-/// How far a turn without limits goes, rad.
-const TURN: f64 = 1.0;
-/// The part of the mechanism's size that a shift without limits goes.
-const SHIFT: f64 = 0.25;
+/// The number of steps from home to a limit.
+const STEPS_TO_LIMIT: usize = 40;
+/// The half range of a rotation without limits, rad.
+const FREE_ROTATION: f64 = 1.0;
+/// The half range of a translation without limits, relative to the mechanism's size.
+const FREE_TRANSLATION: f64 = 0.25;
 
-/// How far each independent coordinate can go from home while the others stay: the loops close
-/// on home's branch, and no limit that home itself keeps is passed. Lowest and highest value,
-/// in rad or m.
+/// The range of each independent coordinate about home while the other ones stay at home: within it
+/// the loops close on home's branch, and no limit that home itself fulfils is exceeded. Returns the
+/// lowest and highest value of each, rad or m, in `Info::independent` order.
 ///
 /// # Errors
 /// When the model's home is not closed.
@@ -21,25 +21,25 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let size = size(model)?;
-    let judge = Judge::new(model)?;
+    let limits = LimitsKeptAtHome::new(model)?;
     let mut closure = LoopClosure::new(model)?;
     let mut ranges = Vec::with_capacity(home.len());
     for (k, coordinate) in info.independent.iter().enumerate() {
         let joint = info.joints.get(*coordinate);
         let free = match joint.map(|j| j.motion) {
-            Some(Motion::Translation) => SHIFT * size,
-            _ => TURN,
+            Some(Motion::Translation) => FREE_TRANSLATION * size,
+            _ => FREE_ROTATION,
         };
         let limit = joint.and_then(|j| j.limits.position);
         let [lo, hi] = limit.unwrap_or([home[k] - free, home[k] + free]);
         let mut range = [home[k]; 2];
         for (end, reached) in [lo, hi].into_iter().zip(&mut range) {
             closure.restart();
-            for part in 1..=PARTS {
+            for part in 1..=STEPS_TO_LIMIT {
                 let mut q = home.clone();
-                q[k] += (end - home[k]) * part as f64 / PARTS as f64;
+                q[k] += (end - home[k]) * part as f64 / STEPS_TO_LIMIT as f64;
                 let found = closure.track(&q)?;
-                if !found.outcome.is_closed() || !judge.allows(model, &found.q)? {
+                if !found.outcome.is_closed() || !limits.allows(model, &found.q)? {
                     break;
                 }
                 *reached = q[k];
@@ -50,16 +50,17 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
     Ok(ranges)
 }
 
-/// A gentle periodic motion of all independent coordinates at once: sines about the middle of
-/// the nearer range, each at a harmonic of its own, starting at home. The result is the
-/// amplitude of each; they are made smaller together until every state of the period is allowed.
+/// The amplitudes (dof, rad or m) of a gentle periodic motion about home: independent coordinate k
+/// follows a sine of k + 1 periods. Each amplitude starts at 0.4 of the distance from home to the
+/// nearer end of its range; all are reduced together until every sampled state of the period closes
+/// and is within the limits. They are 0 if that fails.
 ///
 /// # Errors
 /// When the model's home is not closed.
 pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureError> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
-    let judge = Judge::new(model)?;
+    let limits = LimitsKeptAtHome::new(model)?;
     let mut amplitudes: Vec<f64> = ranges(model)?
         .iter()
         .zip(&home)
@@ -76,7 +77,7 @@ pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureErro
                 .map(|(k, (home, a))| home + a * libm::sin(TAU * (k + 1) as f64 * phase))
                 .collect();
             let found = closure.track(&q)?;
-            if !found.outcome.is_closed() || !judge.allows(model, &found.q)? {
+            if !found.outcome.is_closed() || !limits.allows(model, &found.q)? {
                 allowed = false;
                 break;
             }
@@ -91,8 +92,8 @@ pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureErro
     Ok(vec![0.0; home.len()])
 }
 
-/// The greatest distance of a body's origin at home from the world's or another body's, m; 1
-/// where there is none.
+/// The mechanism's size: the greatest distance at home between the origins of two bodies, or of a
+/// body and the world, m; 1 where that is 0.
 fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, ClosureError> {
     let info = model.info();
     let mut poses = vec![0.0; 12 * info.bodies.len()];
@@ -110,14 +111,15 @@ fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, ClosureError> {
     Ok(if size > 0.0 { size } else { 1.0 })
 }
 
-/// The limits that home keeps.
-struct Judge {
+/// The limits that home fulfils; limits that home itself exceeds are not checked.
+struct LimitsKeptAtHome {
+    /// The limits of each coordinate, rad or m.
     positions: Vec<Option<[f64; 2]>>,
-    /// Least cosines.
+    /// The least cosine of each swing angle.
     cones: Vec<Option<f64>>,
 }
 
-impl Judge {
+impl LimitsKeptAtHome {
     fn new<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, ClosureError> {
         let info = model.info();
         let cosines = cosines(model, &info, info.home)?;
@@ -134,8 +136,9 @@ impl Judge {
         })
     }
 
+    /// Whether all these limits hold at the closed state `q` (n).
     fn allows<M: Model<f64> + ?Sized>(&self, model: &M, q: &[f64]) -> Result<bool, ClosureError> {
-        // as much as the end of a walk to a limit may round
+        // rad or m, for the rounding errors of the last step to a limit
         const SLACK: f64 = 1e-9;
         let info = model.info();
         let positions = self.positions.iter().zip(q);
@@ -150,6 +153,7 @@ impl Judge {
     }
 }
 
+/// The cosines of all swing angles at `q`.
 fn cosines<M: Model<f64> + ?Sized>(
     model: &M,
     info: &Info<'_>,

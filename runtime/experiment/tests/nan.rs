@@ -1,4 +1,4 @@
-//! What the solvers make of numbers that are none: never a number that looks right.
+//! NaN and infinite inputs must give an error, an outcome or NaN, never a plausible number.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "../../tests/models/pendulum.rs"]
@@ -32,7 +32,7 @@ fn forward_dynamics_gives_no_number_for_what_is_none() {
     let state = [0.4, 0.2, 0.3];
     assert!(accelerations(PHI, state).unwrap().is_finite());
     for bad in BAD {
-        // A pendulum's acceleration does not depend on its velocity.
+        // a pendulum's acceleration does not depend on its velocity
         for k in [0, 2] {
             let mut state = state;
             state[k] = bad;
@@ -50,7 +50,7 @@ fn forward_dynamics_gives_no_number_for_what_is_none() {
     }
 }
 
-/// A limit must not take the place of what a controller failed to compute.
+/// A command that is NaN must not be replaced by the limit of the drive.
 #[test]
 fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
     let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
@@ -78,7 +78,7 @@ fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
         );
         assert_eq!(run(0.1).ended, Termination::Complete);
     }
-    // An infinite command is held at a limit.
+    // an infinite command is reduced to the limit
     let settings = Settings {
         duration: 0.5,
         drives: vec![Drive {

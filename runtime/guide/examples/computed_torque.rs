@@ -1,5 +1,5 @@
-//! Identify the simulated 3-RPS from one experiment, then let it follow a fast motion: by PID
-//! alone, and by computed torque with the parameters just identified.
+//! Identifies the simulated 3-RPS from one experiment, then makes it follow a fast motion: with PID
+//! control alone, and with computed torque control from the identified parameters.
 //!
 //! ```sh
 //! cargo run --release -p regen-guide --example computed_torque
@@ -29,7 +29,7 @@ fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], 
             (q[leg], qd[leg], qdd[leg]) = (0.62, 0.0, 0.0);
             for (size, multiple) in waves {
                 let w = TAU * multiple / 7.5;
-                // Harmonics of the legs differ in phase, so that the platform tilts.
+                // the legs differ in phase, so that the platform tilts
                 let a = w * t + 2.1 * leg as f64 * multiple;
                 q[leg] += size * a.sin();
                 qd[leg] += size * w * a.cos();
@@ -41,7 +41,8 @@ fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], 
 
 fn main() -> Result<(), Box<dyn Error>> {
     let info = robot().info();
-    // The robot that nobody knows: its bodies differ from the drawing by up to 10 %.
+    // the true robot, whose parameters are unknown: its bodies differ from the drawing by up to 10
+    // %
     let drawing = info.nominal_parameters().ok_or("no nominal values")?;
     let truth = perturbed(&info, &drawing, 0.1, &mut Noise::new(7));
     let laws = nominal_friction(&info)?;
@@ -72,12 +73,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..Settings::default()
     };
 
-    // 1. The experiment, under the PID that every robot has.
+    // 1. the experiment, under PID control
     let exciting = motion(&[(0.03, 2.0), (0.02, 5.0), (0.008, 9.0)]);
     let log = simulate(robot(), &truth, &exciting, &settings)?;
     let beta = identified(&log)?;
 
-    // 2. A motion that was not in the experiment.
+    // 2. a motion that was not in the experiment
     let fast = motion(&[(0.06, 4.0), (0.006, 10.0)]);
     let by_pid = simulate(robot(), &truth, &fast, &settings)?;
     let mut controller = ComputedTorque::new(beta)?;
@@ -98,7 +99,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Base parameters by least squares, each leg weighted by its noise.
+/// Base parameters by least squares, each leg's equations weighted by its noise.
 fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
     let n = robot().info().coordinates.len();
     let mut data = Recorded::new();
@@ -128,7 +129,7 @@ fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
     Ok(found.values)
 }
 
-/// tau = M(q) (qdd_wanted + Kv e' + Kp e) + h(q, qd), in base parameters.
+/// Computed torque control in base parameters: tau = M(q) (qdd_wanted + Kv e' + Kp e) + h(q, qd).
 struct ComputedTorque {
     beta: Vec<f64>,
     closure: LoopClosure<'static, dyn BaseModel<f64>>,
@@ -146,7 +147,7 @@ impl ComputedTorque {
     }
 
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
-        // 20 rad/s, critically damped.
+        // a bandwidth of 20 rad/s, critically damped
         let (kp, kv) = (400.0, 40.0);
         let measured = now.measured;
         let last = self.last.replace(measured.to_vec());
@@ -160,8 +161,9 @@ impl ComputedTorque {
                 now.qdd_i[k] + kv * ed + kp * e
             })
             .collect();
-        // The model is asked at the measured positions, and at the wanted velocities: those of
-        // the encoders are noisy, and Coulomb friction would chatter at each reversal.
+        // the model is evaluated at the measured positions and the wanted velocities: the
+        // velocities from the encoders are noisy, and Coulomb friction would chatter at each
+        // reversal
         if let Ok(state) = self.closure.solve_state(measured, now.qd_i, &wanted)
             && state.outcome.is_closed()
         {
@@ -171,7 +173,7 @@ impl ComputedTorque {
     }
 }
 
-/// The root mean square of the legs' errors, m.
+/// The root mean square of the legs' tracking errors, m.
 fn tracking(log: &Log, reference: &impl Fn(f64, &mut [f64], &mut [f64], &mut [f64])) -> f64 {
     let n = robot().info().coordinates.len();
     let (mut sum, mut count) = (0.0, 0.0);

@@ -1,6 +1,6 @@
-//! A planar five-bar from a CSV file to its parameters, by the library alone: read, differentiate,
-//! identify, and predict a log that was not used. `regen identify --report` does the same from
-//! the command line, with figures.
+//! Identifies a planar five-bar from a CSV file with the library alone: reads the log,
+//! differentiates, identifies, and predicts a log that was not used. `regen identify --report` does
+//! the same from the command line, with figures.
 //!
 //! ```sh
 //! cargo run --release -p regen-guide --example fivebar
@@ -23,7 +23,7 @@ fn robot() -> &'static dyn BaseModel<f64> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fivebar");
-    // Positions and torques of the motors; all else follows from the loop.
+    // positions and torques of the motors; the other coordinates follow from the loop
     let mut first = logs(&folder.join("run1.csv"))?;
     let found = identify(
         robot(),
@@ -64,7 +64,8 @@ fn logs(path: &Path) -> Result<Logs<'static, dyn BaseModel<f64>>, Box<dyn Error>
     Ok(Logs::open(robot(), &[PathBuf::from(path)], &settings)?)
 }
 
-/// Values with their deviations; above 15 % a parameter is not properly identified.
+/// Prints the values with their standard deviations; above 15 % a parameter is not properly
+/// identified.
 fn table(found: &Identified) {
     let estimate = &found.estimate;
     println!("{:8} {:>10} {:>10} {:>8}", "", "value", "sigma", "sigma %");

@@ -1,5 +1,5 @@
-//! What does the arm carry? A seven-axis arm runs the same motion without and with a payload;
-//! the difference of its torques is linear in the ten parameters of the payload.
+//! Identifies the payload of an arm. A seven-axis arm runs the same motion without and with a
+//! payload; the difference of its torques is linear in the ten parameters of the payload.
 //!
 //! ```sh
 //! cargo run --release -p regen-guide --example payload
@@ -15,7 +15,7 @@ use regen_runtime::{Model, Parameter, Symbol};
 
 regen_runtime::robot_model!("../../../robots/panda.yaml");
 
-/// Standard deviation of the torques' noise, N m.
+/// The standard deviation of the torques' noise, N m.
 const SIGMA: f64 = 0.05;
 
 /// The arm, over `f64`.
@@ -23,7 +23,7 @@ fn arm() -> &'static dyn Model<f64> {
     &Panda
 }
 
-/// Ten parameters of a body about its frame's origin: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m.
+/// The ten parameters of a body about its frame's origin: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m.
 fn about_the_frame(mass: f64, com: [f64; 3], inertia: [f64; 6]) -> [f64; 10] {
     let [x, y, z] = com;
     let [xx, xy, xz, yy, yz, zz] = inertia;
@@ -44,7 +44,7 @@ fn about_the_frame(mass: f64, com: [f64; 3], inertia: [f64; 6]) -> [f64; 10] {
 fn main() -> Result<(), Box<dyn Error>> {
     let info = arm().info();
     let (n, p) = (info.coordinates.len(), info.parameters.len());
-    // The columns of the last body, on which the payload is mounted: the flange's.
+    // the columns of the last body, the flange, on which the payload is mounted
     let last = info.bodies.last().ok_or("no bodies")?;
     let flange = Parameter::new(Symbol::Ixx, last);
     let first = info
@@ -53,7 +53,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         .position(|parameter| *parameter == flange)
         .ok_or("no body 7")?;
 
-    // What nobody knows: the payload in the flange's frame, kg, m, kg m^2 about its own centre.
+    // the true payload, which is unknown: in the flange's frame, kg, m, kg m^2 about its own centre
+    // of mass
     let (mass, com) = (2.4, [0.02, -0.01, 0.15]);
     let payload = about_the_frame(mass, com, [0.008, 0.0, 0.001, 0.009, 0.0, 0.004]);
     let empty = info.nominal_parameters().ok_or("no nominal values")?;
@@ -111,7 +112,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// All joints wave about a bent pose, each at frequencies of its own.
+/// Positions, velocities and accelerations of a motion: each joint oscillates about a bent pose at
+/// its own frequencies.
 fn motion(t: f64, n: usize) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let middle = [0.0, -0.4, 0.0, -1.8, 0.0, 1.6, 0.4];
     let (mut q, mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);

@@ -1,4 +1,4 @@
-//! The symbols. Each function checks its arguments, makes slices of the lengths that the
+//! The exported symbols. Each function checks its arguments, makes slices of the lengths that the
 //! interface promises, and calls safe code.
 
 use core::ffi::c_int;
@@ -14,7 +14,8 @@ pub use solve::{
     spotrs_, ssyevr_,
 };
 
-/// The length of a column-major matrix: up to its last entry, not its last column's end.
+/// The number of stored entries from the first to the last entry of a column-major matrix; the
+/// padding after the last column is not included.
 fn extent(rows: usize, columns: usize, leading: usize) -> usize {
     if rows == 0 || columns == 0 {
         0
@@ -23,22 +24,23 @@ fn extent(rows: usize, columns: usize, leading: usize) -> usize {
     }
 }
 
-/// A size that is not negative.
+/// Converts a size; `None` if it is negative.
 fn size(n: c_int) -> Option<usize> {
     usize::try_from(n).ok()
 }
 
-/// A leading dimension that holds that many rows.
+/// Converts a leading dimension; `None` if it is less than `rows` or 1.
 fn leading(value: c_int, rows: usize) -> Option<usize> {
     size(value).filter(|&l| l >= rows.max(1))
 }
 
+/// Converts a size to a value of `info`.
 fn info_of(value: usize) -> c_int {
     c_int::try_from(value).unwrap_or(c_int::MAX)
 }
 
-/// The value of an argument, or what the interface says about one that is not allowed: `info`
-/// is minus its place.
+/// Unwraps the value of an argument; an argument that is not allowed sets `info` to minus its
+/// position and returns from the routine.
 macro_rules! argument {
     ($value:expr, $place:expr, $info:ident) => {
         match $value {
@@ -51,7 +53,7 @@ macro_rules! argument {
     };
 }
 
-/// Reads scalar arguments.
+/// Reads scalar arguments, which the interface passes by reference.
 macro_rules! read {
     ($($name:ident),*) => {
         // SAFETY: the interface passes every scalar by a pointer to one readable value.

@@ -1,25 +1,29 @@
-//! Decompositions, on slices whose lengths the caller has checked; the result is `info`.
+//! Decompositions on slices whose lengths the caller has checked. Failures are returned as the
+//! values of `info`, as `None` or as `false`.
 
 use nalgebra::linalg::SymmetricEigen;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU, RealField};
 
 use crate::multiply::{Triangle, load, load_symmetric, store};
 
-/// Sweeps of the iterations; a few per row are needed.
-const SWEEPS: usize = 10_000;
+/// Bound on the iterations of the eigenvalue and singular value algorithms; a few per row are
+/// needed.
+const MAX_ITERATIONS: usize = 10_000;
 
-/// Which eigenvalues are wanted.
+/// The eigenvalues to compute.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Range<T> {
+    /// All eigenvalues.
     All,
-    /// Those in (low, high].
+    /// The eigenvalues in the interval (low, high].
     Between(T, T),
-    /// From place `.0` to place `.1`, counted from 1.
+    /// The eigenvalues number `.0` to `.1` in ascending order, counted from 1.
     Places(usize, usize),
 }
 
-/// Eigenvalues, ascending, into `w`, their vectors into the columns of `z`; returns how many, or
-/// `None` where the iteration does not end.
+/// Eigenvalues and eigenvectors of a symmetric matrix: writes the eigenvalues, ascending, to `w`
+/// and their vectors to the columns of `z`. Returns the number of eigenvalues, or `None` where the
+/// iteration does not converge.
 pub(crate) fn syevr<T: RealField + Copy>(
     a: &DMatrix<T>,
     range: Range<T>,
@@ -30,7 +34,7 @@ pub(crate) fn syevr<T: RealField + Copy>(
     if a.iter().any(|x| !x.is_finite()) {
         return None;
     }
-    let eigen = SymmetricEigen::try_new(a.clone(), T::default_epsilon(), SWEEPS)?;
+    let eigen = SymmetricEigen::try_new(a.clone(), T::default_epsilon(), MAX_ITERATIONS)?;
     let mut order: Vec<usize> = (0..n).collect();
     let values = &eigen.eigenvalues;
     order.sort_by(|&i, &j| {
@@ -56,8 +60,8 @@ pub(crate) fn syevr<T: RealField + Copy>(
     Some(wanted.len())
 }
 
-/// The Cholesky factor in place of its triangle, U^T U or L L^T; the other triangle stays.
-/// Otherwise the order of the first leading minor that is not positive.
+/// Replaces one triangle by the Cholesky factor, U^T U or L L^T, and leaves the other triangle
+/// unchanged. Returns 0, or the order of the first leading minor that is not positive.
 pub(crate) fn potrf<T: RealField + Copy>(
     triangle: Triangle,
     n: usize,
@@ -82,7 +86,7 @@ pub(crate) fn potrf<T: RealField + Copy>(
     (1..n).find(positive).unwrap_or(n)
 }
 
-/// Solves with a factor that [`potrf`] made; `false` where its diagonal has a zero.
+/// Solves A X = B with the factor that [`potrf`] computed; `false` where its diagonal has a zero.
 pub(crate) fn potrs<T: RealField + Copy>(
     triangle: Triangle,
     n: usize,
@@ -103,18 +107,19 @@ pub(crate) fn potrs<T: RealField + Copy>(
 
 /// A thin singular value decomposition.
 pub(crate) struct Svd<T> {
-    /// Rows x k.
+    /// The left singular vectors, rows x k.
     pub(crate) u: DMatrix<T>,
-    /// Descending.
+    /// The k singular values, descending.
     pub(crate) values: Vec<T>,
-    /// k x columns.
+    /// The right singular vectors, transposed, k x columns.
     pub(crate) v_t: DMatrix<T>,
 }
 
-/// The thin singular value decomposition, k = min(rows, columns) values.
+/// The thin singular value decomposition, k = min(rows, columns) values; `None` where the matrix is
+/// not finite or the iteration does not converge.
 ///
-/// By Jacobi's rotations from one side (Hestenes, 1958): nalgebra's own leaves errors of 1e-12
-/// on some ordinary matrices, a thousand times more than a solver may expect.
+/// By one-sided Jacobi rotations (Hestenes, 1958): nalgebra's algorithm has errors of 1e-12 on some
+/// ordinary matrices, a thousand times more than a solver may expect.
 pub(crate) fn svd<T: RealField + Copy>(a: &DMatrix<T>) -> Option<Svd<T>> {
     if a.iter().any(|x| !x.is_finite()) {
         return None;
@@ -129,8 +134,8 @@ pub(crate) fn svd<T: RealField + Copy>(a: &DMatrix<T>) -> Option<Svd<T>> {
     }
     let n = a.ncols();
     let (mut u, mut v) = (a.clone(), DMatrix::identity(n, n));
-    let settled = (0..SWEEPS).any(|_| !sweep(&mut u, &mut v));
-    if !settled {
+    let converged = (0..MAX_ITERATIONS).any(|_| !sweep(&mut u, &mut v));
+    if !converged {
         return None;
     }
     let norms: Vec<T> = (0..n).map(|j| u.column(j).norm()).collect();
@@ -155,7 +160,8 @@ pub(crate) fn svd<T: RealField + Copy>(a: &DMatrix<T>) -> Option<Svd<T>> {
     })
 }
 
-/// Turns every two columns of `u` until they are orthogonal; whether any turned.
+/// Rotates every pair of columns of `u` once to make them orthogonal, and `v` likewise; returns
+/// whether any pair was rotated.
 fn sweep<T: RealField + Copy>(u: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
     let n = u.ncols();
     let small = T::default_epsilon() * nalgebra::convert(u.nrows() as f64);
@@ -185,11 +191,11 @@ fn sweep<T: RealField + Copy>(u: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
     turned
 }
 
-/// A unit vector orthogonal to orthonormal columns, of which there are fewer than rows.
+/// A unit vector orthogonal to the orthonormal `columns`, of which there are fewer than rows.
 fn complement<T: RealField + Copy>(columns: &DMatrix<T>) -> DVector<T> {
     let rows = columns.nrows();
     let part = |r: usize| columns.row(r).norm_squared();
-    // the axis that is the farthest from their span
+    // the coordinate axis that is farthest from the span of the columns
     let best = (1..rows).fold(0, |best, r| if part(r) < part(best) { r } else { best });
     let mut axis = DVector::zeros(rows);
     axis[best] = T::one();
@@ -200,8 +206,8 @@ fn complement<T: RealField + Copy>(columns: &DMatrix<T>) -> DVector<T> {
     axis.normalize()
 }
 
-/// Solves A X = B by elimination with row exchanges; `a` becomes its factors. Returns the place,
-/// from 1, of a pivot that is zero, B then unchanged; else 0.
+/// Solves A X = B by elimination with row exchanges; `a` becomes its LU factors. Returns 0, or the
+/// position, from 1, of a zero pivot, in which case B is unchanged.
 pub(crate) fn gesv<T: RealField + Copy>(
     n: usize,
     a: &mut [T],
@@ -212,7 +218,7 @@ pub(crate) fn gesv<T: RealField + Copy>(
     let factors: LU<T, Dyn, Dyn> = LU::new(load(a, n, n, leading));
     let mut order = DMatrix::from_fn(n, 1, |i, _| i);
     factors.p().permute_rows(&mut order);
-    // exchanges, one after the other, that lead to this order
+    // the sequence of row exchanges that leads to this order, as LAPACK's ipiv
     let mut current: Vec<usize> = (0..n).collect();
     for i in 0..n {
         let from = (i..n).find(|&k| current[k] == order[(i, 0)]).unwrap_or(i);

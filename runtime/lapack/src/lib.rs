@@ -9,21 +9,21 @@
 //! extern crate regen_lapack as _;
 //! ```
 //!
-//! The calling convention is Fortran's: everything by reference, integers of 32 bits, matrices
-//! column by column with a leading dimension, characters without their hidden lengths, trailing
-//! underscores. The decompositions are nalgebra's but for the singular values, made for matrices of a few
-//! dozen rows.
+//! The calling convention is Fortran's: all arguments by reference, integers of 32 bits, matrices
+//! column-major with a leading dimension, characters without their hidden lengths, trailing
+//! underscores. The decompositions are nalgebra's, except for the singular values, and are meant
+//! for matrices of a few dozen rows.
 //!
-//! What differs from the reference implementation: `gesdd` and `gesvd` know the jobs `N`, `S`
-//! and, where it is the same as `S`, `A`; `potrf` leaves its matrix as it was where it fails;
-//! workspaces are asked for with size 1 and not used. Outcomes are told by `info` as usual: `-i`
-//! where argument i is not allowed, a positive number where the numbers do not permit the
-//! decomposition. The multiplications have no `info`; as in the reference implementation, an
-//! argument that is not allowed stops the program.
+//! Differences from the reference implementation: `gesdd` and `gesvd` accept the jobs `N`, `S` and,
+//! where it is the same as `S`, `A`; `potrf` leaves its matrix unchanged where it fails; a
+//! workspace query returns size 1, and workspaces are not used. Results are reported by `info` as
+//! usual: `-i` where argument i is not allowed, a positive number where the decomposition does not
+//! exist. The multiplications have no `info`; as in the reference implementation, an argument that
+//! is not allowed stops the program.
 //!
 //! # Features
 //!
-//! - `system`: exports nothing, for programs that link a BLAS and LAPACK anyway.
+//! - `system`: exports no symbols, for programs that link a system BLAS and LAPACK.
 #![allow(
     clippy::doc_markdown,
     reason = "names of arguments and routines, as in the interface"

@@ -1,8 +1,8 @@
-//! Products, on slices whose lengths the caller has checked.
+//! Matrix products on slices whose lengths the caller has checked.
 
 use nalgebra::{DMatrix, RealField};
 
-/// Which triangle of a symmetric matrix is stored.
+/// The triangle of a symmetric matrix that is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Triangle {
     Upper,
@@ -10,6 +10,7 @@ pub(crate) enum Triangle {
 }
 
 impl Triangle {
+    /// Reads the argument `uplo`: `U` or `L`.
     pub(crate) fn of(character: u8) -> Option<Self> {
         match character.to_ascii_uppercase() {
             b'U' => Some(Self::Upper),
@@ -18,6 +19,7 @@ impl Triangle {
         }
     }
 
+    /// Whether the entry in row i and column j is in the triangle.
     pub(crate) fn has(self, i: usize, j: usize) -> bool {
         match self {
             Self::Upper => i <= j,
@@ -26,7 +28,7 @@ impl Triangle {
     }
 }
 
-/// Whether a factor is transposed.
+/// Reads the argument `trans`: whether a factor is transposed (`T`, `C`) or not (`N`).
 pub(crate) fn transposed(character: u8) -> Option<bool> {
     match character.to_ascii_uppercase() {
         b'N' => Some(false),
@@ -35,6 +37,7 @@ pub(crate) fn transposed(character: u8) -> Option<bool> {
     }
 }
 
+/// Reads a matrix from column-major storage.
 pub(crate) fn load<T: RealField + Copy>(
     a: &[T],
     rows: usize,
@@ -44,6 +47,7 @@ pub(crate) fn load<T: RealField + Copy>(
     DMatrix::from_fn(rows, columns, |i, j| a[j * leading + i])
 }
 
+/// Reads a symmetric n x n matrix of which one triangle is stored.
 pub(crate) fn load_symmetric<T: RealField + Copy>(
     a: &[T],
     triangle: Triangle,
@@ -59,6 +63,7 @@ pub(crate) fn load_symmetric<T: RealField + Copy>(
     })
 }
 
+/// Writes a matrix to column-major storage.
 pub(crate) fn store<T: RealField + Copy>(matrix: &DMatrix<T>, a: &mut [T], leading: usize) {
     for j in 0..matrix.ncols() {
         for i in 0..matrix.nrows() {
@@ -67,7 +72,7 @@ pub(crate) fn store<T: RealField + Copy>(matrix: &DMatrix<T>, a: &mut [T], leadi
     }
 }
 
-/// `old := alpha new + beta old`; where beta is zero `old` is not read, it may be NaN.
+/// `old := alpha new + beta old`; where beta is zero `old` is not read, since it may be NaN.
 fn blend<T: RealField + Copy>(old: &mut T, alpha: T, new: T, beta: T) {
     *old = if beta.is_zero() {
         alpha * new
@@ -76,7 +81,7 @@ fn blend<T: RealField + Copy>(old: &mut T, alpha: T, new: T, beta: T) {
     };
 }
 
-/// op(A), rows x columns, from its stored form.
+/// Reads op(A), rows x columns, from the storage of A.
 pub(crate) fn operand<T: RealField + Copy>(
     a: &[T],
     transpose: bool,
@@ -108,7 +113,7 @@ pub(crate) fn gemm<T: RealField + Copy>(
     }
 }
 
-/// One triangle of `C := alpha S + beta C`.
+/// `C := alpha S + beta C`, for one triangle of C.
 pub(crate) fn update_triangle<T: RealField + Copy>(
     alpha: T,
     s: &DMatrix<T>,
@@ -124,7 +129,8 @@ pub(crate) fn update_triangle<T: RealField + Copy>(
     }
 }
 
-/// Where entry k of a vector of n entries is stored: backwards for a negative increment.
+/// The storage index of entry k of a vector of n entries; a negative increment stores the vector
+/// backwards.
 fn place(k: usize, n: usize, increment: isize) -> usize {
     let step = increment.unsigned_abs();
     if increment < 0 {
@@ -134,7 +140,7 @@ fn place(k: usize, n: usize, increment: isize) -> usize {
     }
 }
 
-/// `y := alpha A x + beta y` with increments that are not zero.
+/// `y := alpha A x + beta y`; the increments of x and y must not be zero.
 pub(crate) fn gemv<T: RealField + Copy>(
     alpha: T,
     a: &DMatrix<T>,

@@ -1,4 +1,5 @@
-//! The symbols against nalgebra and against what defines each result, over random sizes.
+//! Compares the exported symbols with nalgebra and with the equations that define each result, over
+//! random sizes.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![allow(
     clippy::undocumented_unsafe_blocks,
@@ -25,7 +26,7 @@ use regen_lapack::{
     sgemm_, spotrf_, ssyevr_,
 };
 
-/// Rounding of sums over a dozen numbers of size 1.
+/// Bound of the rounding errors of sums over a dozen numbers of size 1.
 const CLOSE: f64 = 1e-12;
 
 fn ch(c: char) -> c_char {
@@ -48,7 +49,7 @@ prop_compose! {
         -> DMatrix<f64> { let a = DMatrix::from_vec(n, n, entries); &a + a.transpose() }
 }
 
-/// The stored form with a leading dimension of `ld`, NaN where nothing may be read.
+/// Stores a matrix with the leading dimension `ld`, NaN where the routine must not read.
 fn stored(a: &DMatrix<f64>, ld: usize, used: impl Fn(usize, usize) -> bool) -> Vec<f64> {
     let mut out = vec![f64::NAN; ld * a.ncols()];
     for j in 0..a.ncols() {
@@ -202,7 +203,7 @@ proptest! {
 
     #[test]
     fn singular_vectors_rebuild_the_matrix(a in matrix(8), divide: bool, double: bool) {
-        // a column twice makes a value zero
+        // a repeated column makes a singular value zero
         let a = if double { let mut b = a.clone(); b.set_column(0, &a.column(a.ncols() - 1)); b } else { a };
         let (m, n) = a.shape();
         let k = m.min(n);
@@ -279,7 +280,7 @@ proptest! {
         let (sa, sb) = (t(ta, &a), t(tb, &b));
         let (lda, ldb, ldc) = (sa.nrows() + 1, sb.nrows() + 2, m + 3);
         let (fa, fb) = (stored(&sa, lda, |_, _| true), stored(&sb, ldb, |_, _| true));
-        // what is multiplied by zero may be anything
+        // entries that are multiplied by zero may be NaN
         let mut out = stored(&c, ldc, |_, _| beta != 0.0);
         unsafe {
             dgemm_(
@@ -454,7 +455,7 @@ fn arguments_that_are_not_allowed_are_named_by_place() {
     }
 }
 
-/// The same code serves both precisions; this holds the single one's symbols to their types.
+/// Both precisions have the same code; this checks the types of the single-precision symbols.
 #[test]
 fn single_precision_does_the_same() {
     let mut c = [f32::NAN; 4];

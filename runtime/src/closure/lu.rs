@@ -1,4 +1,4 @@
-//! A small dense factorisation, to compare the columns of A that belong to the dependent
+//! A small dense LU factorisation, to compare the columns of A that belong to the dependent
 //! coordinates between two states.
 
 use alloc::vec;
@@ -6,18 +6,18 @@ use alloc::vec::Vec;
 
 use crate::Scalar;
 
-/// P A D^-1 = L U with partial pivoting, D the columns' largest entries: the comparison of
-/// two matrices below then does not depend on the units of the coordinates.
+/// P A D^-1 = L U with partial pivoting. D holds the largest entry of each column, so that
+/// comparing two matrices does not depend on the units of the coordinates.
 ///
-/// A may have more rows than columns. The pivots then choose as many rows as there are columns,
-/// and those that are left follow from them in a closed state: where loops are redundant, one
-/// may be at its dead centre while another one holds the bodies.
+/// A may have more rows than columns. The pivots then select as many rows as there are columns; in
+/// a closed state the other rows depend on these. With redundant loops, one loop may be at its dead
+/// centre while another one still holds the bodies.
 #[derive(Clone, Debug)]
 pub(super) struct Lu {
     size: usize,
     /// L below the diagonal, U on and above it, row-major, of the chosen rows.
     factors: Vec<f64>,
-    /// The rows of A that were chosen, in the order of the pivots.
+    /// The rows of A that the pivots selected, in the order of the pivots.
     rows: Vec<usize>,
     scale: Vec<f64>,
 }
@@ -45,7 +45,7 @@ impl Lu {
         lu
     }
 
-    /// An entry of the factors. There are as many as asked for; what is not there is no number.
+    /// An entry of the factors; NaN if it does not exist.
     fn at(&self, i: usize, j: usize) -> f64 {
         entry(&self.factors, i * self.size + j)
     }
@@ -82,21 +82,22 @@ impl Lu {
         }
     }
 
-    /// The smallest over the largest pivot; 1 without any, NaN where the matrix is not finite.
+    /// The ratio of the smallest to the largest pivot; 1 without pivots, NaN where the matrix is
+    /// not finite.
     pub(super) fn ratio(&self) -> f64 {
         let pivots = || (0..self.size).map(|k| self.at(k, k).abs());
         let largest = pivots().fold(0.0, f64::max);
         pivots().fold(1.0, |m, pivot| Scalar::min(m, pivot / largest))
     }
 
-    /// The reciprocal condition number, in the largest row sum, of the chosen rows with columns
-    /// scaled: 1 at best, 0 or NaN where they are singular. Pivots may all be larger.
+    /// The reciprocal condition number in the largest row sum of the selected rows with scaled
+    /// columns: 1 at best, 0 or NaN where they are singular. It may be small although no pivot is.
     pub(super) fn reciprocal_condition(&self) -> f64 {
         let n = self.size;
         let (mut sums, mut sizes) = (vec![0.0; n], vec![0.0; n]);
         let mut x = vec![0.0; n];
         for column in 0..n {
-            // A D^-1 e, as L U e, and its inverse
+            // column of A D^-1, computed as L U e, and column of its inverse
             for (i, size) in sizes.iter_mut().enumerate() {
                 let known = (0..i.min(column + 1)).map(|k| self.at(i, k) * self.at(k, column));
                 let own = if i <= column { self.at(i, column) } else { 0.0 };
@@ -158,7 +159,7 @@ impl Lu {
         }
     }
 
-    /// The largest row sum of |D A^-1 B D^-1 - I| over the chosen rows of both. Below 1, every
+    /// The largest row sum of |D A^-1 B D^-1 - I| over the selected rows of both. Below 1, every
     /// matrix on the straight line from A to B is regular in these rows.
     pub(super) fn distance(&self, other: &[f64]) -> f64 {
         let n = self.size;
@@ -177,13 +178,13 @@ impl Lu {
                 *sum += x.abs();
             }
         }
-        // NaN must not pass for a small distance.
+        // a fold that keeps NaN: it must not count as a small distance
         sums.into_iter()
             .fold(0.0, |m, sum| if sum <= m { m } else { sum })
     }
 }
 
-/// The matrix with its columns divided by a scale; zero columns are left.
+/// The matrix with its columns divided by `scale`; zero columns stay zero.
 fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
     let mut scaled = matrix.to_vec();
     for row in rows_mut(&mut scaled, scale.len()) {
@@ -196,14 +197,15 @@ fn scaled(matrix: &[f64], scale: &[f64]) -> Vec<f64> {
     scaled
 }
 
-/// An entry by its place; NaN where there is none, which no status takes for a solution.
+/// The entry at an index; NaN if there is none, so that a wrong index cannot give a solution.
 pub(super) fn entry(values: &[f64], at: usize) -> f64 {
     values.get(at).copied().unwrap_or(f64::NAN)
 }
 
-/// The rows of a row-major matrix; none where they are empty.
+/// The rows of a row-major matrix of `size` columns; none where `size` is 0.
 ///
-/// As `chunks_exact`, which keeps a check of its size in some controllers' code.
+/// Used instead of `chunks_exact`, whose check of the chunk size stays in the compiled code of some
+/// controllers.
 pub(super) fn rows(matrix: &[f64], size: usize) -> impl Iterator<Item = &[f64]> {
     let mut rest = matrix;
     core::iter::from_fn(move || {
@@ -215,6 +217,7 @@ pub(super) fn rows(matrix: &[f64], size: usize) -> impl Iterator<Item = &[f64]> 
     })
 }
 
+/// As [`rows`], mutable.
 pub(super) fn rows_mut(matrix: &mut [f64], size: usize) -> impl Iterator<Item = &mut [f64]> {
     let mut rest = matrix;
     core::iter::from_fn(move || {
@@ -256,7 +259,7 @@ mod tests {
         assert!(lu.distance(&tall) < 1e-15);
         let near = tall.map(|x| 1.25 * x);
         assert!((lu.distance(&near) - 0.25).abs() < 1e-15);
-        // All rows together lose a column.
+        // The columns of all three rows are dependent.
         assert!(Lu::new(&[1.0, 2.0, 2.0, 4.0, 3.0, 6.0], 2).ratio() < 1e-15);
     }
 
@@ -298,7 +301,7 @@ mod tests {
         assert!(lu.distance(&a) < 1e-15);
         let near = a.map(|x| 1.25 * x);
         assert!((lu.distance(&near) - 0.25).abs() < 1e-15);
-        // A pivot that vanishes is at distance 1 at least.
+        // A matrix with a zero pivot has a distance of at least 1.
         assert!(lu.distance(&[0.0, 3.0, 0.0, 1.0]) >= 1.0 - 1e-15);
         // The second coordinate in millimetres.
         let b = [0.1, 3.0, 2.0, 0.8];

@@ -7,14 +7,14 @@ use super::lu::{Lu, entry, rows};
 use super::scaled::Scaled;
 use crate::{Condition, Model, SizeError};
 
-/// The residual of a closed state, in units of what the constraint rows are made of.
-const TOLERANCE: f64 = 1e-12;
+/// Bound of |f| for a closed state, relative to the size of the terms of the constraint rows.
+const RELATIVE_TOLERANCE: f64 = 1e-12;
 
-/// Newton steps below this, relative to the coordinates, have converged: the next would be
-/// the square of it.
-const CONVERGED: f64 = 1e-9;
+/// A Newton step below this, relative to 1 + the size of the dependent coordinates, counts as
+/// converged: the error that remains is of the order of its square.
+const CONVERGED_STEP: f64 = 1e-9;
 
-/// A model with the memory that the iterations need. All states are in the model's units.
+/// A model with the buffers of the Newton iterations. All states are in the units of [`Scaled`].
 #[derive(Debug)]
 pub(super) struct Newton<'m, M: ?Sized> {
     pub(super) model: Scaled<'m, M>,
@@ -25,27 +25,29 @@ pub(super) struct Newton<'m, M: ?Sized> {
     jacobian: Vec<f64>,
 }
 
-/// Residuals of redundant rows up to this many times what counts as closed are taken on the way:
-/// the last of them is polished.
-pub(super) const NEARLY: f64 = 1e6;
+/// Factor on the tolerance of a closed state within which redundant rows are accepted at
+/// intermediate states of the path; only the last state is polished to the tolerance itself.
+pub(super) const PATH_TOLERANCE_FACTOR: f64 = 1e6;
 
-/// Which rows a step solves, where there are more than dependent coordinates.
+/// The constraint rows that a Newton step solves, where there are more rows than dependent
+/// coordinates.
 #[derive(Clone, Copy)]
 enum SolvedRows {
-    /// As many as there are dependent coordinates: the model's choice.
+    /// The rows that the model selects, as many as there are dependent coordinates.
     Chosen,
-    /// All of them, in the sense of least squares: the chosen ones may meet at states where the
-    /// others are open.
+    /// All rows, by least squares: the selected rows may vanish at states where the other rows do
+    /// not.
     All,
 }
 
-/// How a correction ended.
+/// How the corrector ended.
 pub(super) enum Correction {
-    /// At a solution near the start.
+    /// It converged to a solution near the start.
     Converged,
-    /// It left the neighbourhood of the start or was slow; a shorter step may do better.
+    /// It left the neighbourhood of the start or converged slowly; a shorter predictor step may
+    /// help.
     Refused,
-    /// It met a value that is not finite, or did not end.
+    /// It met a value that is not finite, or did not converge in the allowed number of steps.
     Failed,
 }
 
@@ -62,22 +64,24 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         })
     }
 
-    /// The largest |f| at a state as the model has it, in the model's own units.
-    pub(super) fn open(&mut self, given: &[f64]) -> Result<f64, SizeError> {
-        self.model.model.constraints(given, &mut self.f)?;
+    /// The largest |f| at a state in the model's own units (m, rad).
+    pub(super) fn model_residual(&mut self, q: &[f64]) -> Result<f64, SizeError> {
+        self.model.model.constraints(q, &mut self.f)?;
         Ok(largest(&self.f))
     }
 
-    /// The largest |f| over all constraint rows, redundant ones included; NaN if any is.
+    /// The largest |f| over all constraint rows, redundant ones included; NaN if any entry is NaN.
     pub(super) fn residual(&mut self, q: &[f64]) -> Result<f64, SizeError> {
         self.model.constraints(q, &mut self.f)?;
         Ok(largest(&self.f))
     }
 
-    /// The residual that counts as closed at `q`: [`TOLERANCE`] of the lengths in the rows.
+    /// The largest residual of a state at `q` that counts as closed: [`RELATIVE_TOLERANCE`] times
+    /// the size of the rows.
     ///
-    /// A row's size is what its terms add up to, |A| max(1, |q|); the largest row's is taken
-    /// for all, since redundant rows may have nothing but rounding in them.
+    /// The size of a row is the sum of the sizes of its terms, |A| max(1, |q|). The size of the
+    /// largest row is used for all rows, since redundant rows may contain nothing but rounding
+    /// errors.
     pub(super) fn tolerance(&mut self, q: &[f64]) -> Result<f64, SizeError> {
         self.model.jacobian(q, &mut self.jacobian)?;
         let size = rows(&self.jacobian, q.len())
@@ -88,7 +92,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
                     .sum()
             })
             .fold(0.0, f64::max);
-        Ok(TOLERANCE * size)
+        Ok(RELATIVE_TOLERANCE * size)
     }
 
     /// Fills `step` with the model's Newton step; returns its largest entry and the condition.
@@ -97,9 +101,9 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok((largest(&self.step), condition))
     }
 
-    /// Fills `step` by this way; returns its largest entry.
-    fn step_by(&mut self, way: SolvedRows, q: &[f64]) -> Result<f64, SizeError> {
-        match way {
+    /// Fills `step` with the step that solves these rows; returns its largest entry.
+    fn step_by(&mut self, solved: SolvedRows, q: &[f64]) -> Result<f64, SizeError> {
+        match solved {
             SolvedRows::Chosen => {
                 let _ = self.newton_step(q)?;
             }
@@ -108,12 +112,12 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(largest(&self.step))
     }
 
-    /// Are there more constraint rows than dependent coordinates?
+    /// Whether there are more constraint rows than dependent coordinates.
     pub(super) fn redundant(&self) -> bool {
         self.f.len() > self.dependent.len()
     }
 
-    /// The rows of A in the dependent coordinates' columns, row-major, at `q`.
+    /// The columns of A of the dependent coordinates at `q`, all rows, row-major.
     pub(super) fn dependent_columns(&mut self, q: &[f64]) -> Result<Vec<f64>, SizeError> {
         self.model.jacobian(q, &mut self.jacobian)?;
         let mut columns = Vec::with_capacity(self.f.len() * self.dependent.len());
@@ -123,8 +127,8 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(columns)
     }
 
-    /// Fills `step` with the solution of A^T A step = -A^T f: it is repeated until f vanishes, so
-    /// that the squared condition costs steps and no accuracy.
+    /// Fills `step` with the solution of A^T A step = -A^T f. The step is repeated until f
+    /// vanishes, so that the squared condition number costs steps but no accuracy.
     fn gauss_newton_step(&mut self, q: &[f64]) -> Result<(), SizeError> {
         let size = self.dependent.len();
         let a = self.dependent_columns(q)?;
@@ -148,7 +152,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(self.newton_step(q)?.1)
     }
 
-    /// Adds a part of the step to the dependent coordinates.
+    /// Adds `part` times the step to the dependent coordinates.
     fn advance(&self, q: &mut [f64], part: f64) {
         for (at, step) in self.dependent.iter().zip(&self.step) {
             if let Some(q) = q.get_mut(*at) {
@@ -157,10 +161,11 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         }
     }
 
-    /// Full Newton steps that must halve at least each time and stay within `reach` together.
+    /// The corrector: full Newton steps, each at most half as long as the one before, and in sum
+    /// not longer than `reach`.
     ///
-    /// Where the rows that the model solves lead away, or to a place where redundant ones are
-    /// open, all rows are tried.
+    /// If solving the model's selected rows does not converge, or converges to a state where
+    /// redundant rows are not closed, all rows are solved by least squares.
     pub(super) fn correct(&mut self, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
         let start = self.redundant().then(|| q.to_vec());
         let chosen = self.correct_by(SolvedRows::Chosen, q, reach)?;
@@ -168,7 +173,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
             return Ok(chosen);
         };
         if matches!(chosen, Correction::Converged)
-            && self.residual(q)? <= NEARLY * self.tolerance(q)?
+            && self.residual(q)? <= PATH_TOLERANCE_FACTOR * self.tolerance(q)?
         {
             return Ok(chosen);
         }
@@ -178,15 +183,15 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
 
     fn correct_by(
         &mut self,
-        way: SolvedRows,
+        solved: SolvedRows,
         q: &mut [f64],
         reach: f64,
     ) -> Result<Correction, SizeError> {
-        let floor = CONVERGED * (1.0 + largest_at(q, &self.dependent));
+        let floor = CONVERGED_STEP * (1.0 + largest_at(q, &self.dependent));
         let mut moved = 0.0;
         let mut last = f64::INFINITY;
         for _ in 0..30 {
-            let size = self.step_by(way, q)?;
+            let size = self.step_by(solved, q)?;
             if !size.is_finite() {
                 return Ok(Correction::Failed);
             }
@@ -203,7 +208,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(Correction::Failed)
     }
 
-    /// Newton steps as long as the residual falls; returns it.
+    /// Takes Newton steps as long as the residual falls; returns the residual.
     pub(super) fn polish(&mut self, q: &mut [f64]) -> Result<f64, SizeError> {
         let best = self.polish_by(SolvedRows::Chosen, q)?;
         if self.redundant() && best > self.tolerance(q)? {
@@ -212,10 +217,10 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(best)
     }
 
-    fn polish_by(&mut self, way: SolvedRows, q: &mut [f64]) -> Result<f64, SizeError> {
+    fn polish_by(&mut self, solved: SolvedRows, q: &mut [f64]) -> Result<f64, SizeError> {
         let mut best = self.residual(q)?;
         for _ in 0..8 {
-            let _ = self.step_by(way, q)?;
+            let _ = self.step_by(solved, q)?;
             let mut trial = q.to_vec();
             self.advance(&mut trial, 1.0);
             let residual = self.residual(&trial)?;
@@ -229,8 +234,8 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
         Ok(best)
     }
 
-    /// Newton's method from far away: each step is halved until the residual falls.
-    /// Returns the number of steps.
+    /// Newton's method far from a solution: each step is halved until the residual falls. Returns
+    /// the number of steps.
     pub(super) fn close(&mut self, q: &mut [f64]) -> Result<usize, SizeError> {
         let mut residual = self.residual(q)?;
         for steps in 0..100 {
@@ -258,14 +263,14 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     }
 }
 
-/// Both are all coordinates.
+/// Copies the n coordinates of `from` to `q`.
 fn copy(q: &mut [f64], from: &[f64]) {
     for (q, from) in q.iter_mut().zip(from) {
         *q = *from;
     }
 }
 
-/// The largest absolute value; NaN if any is.
+/// The largest absolute value; NaN if any entry is NaN.
 pub(super) fn largest(values: &[f64]) -> f64 {
     values
         .iter()
@@ -273,6 +278,7 @@ pub(super) fn largest(values: &[f64]) -> f64 {
         .fold(0.0, |m, x| if x <= m { m } else { x })
 }
 
+/// The largest absolute value of the coordinates at these indices.
 fn largest_at(q: &[f64], places: &[usize]) -> f64 {
     places
         .iter()

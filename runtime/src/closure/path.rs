@@ -4,26 +4,27 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::lu::{Lu, entry};
-use super::newton::{Correction, NEARLY, Newton, largest};
+use super::newton::{Correction, Newton, PATH_TOLERANCE_FACTOR, largest};
 use super::{ClosureError, Outcome};
 use crate::{Condition, Model, Status};
 
-/// The most that any coordinate moves in one step, rad or units of length.
-const LONGEST: f64 = 0.25;
+/// The most that any coordinate moves in one predictor step, rad or units of length.
+const MAX_PREDICTOR_MOVE: f64 = 0.25;
 
-/// The corrector's move, relative to the predictor's.
-const CORRECTION: f64 = 0.25;
+/// The most that the corrector may move, relative to the predictor.
+const MAX_CORRECTION_RATIO: f64 = 0.25;
 
-/// How far A_e may change in one step, see [`Lu::distance`]: half of what could be singular.
-const CHANGE: f64 = 0.5;
+/// The most that A_e may change in one step, as [`Lu::distance`]: half of the distance 1 at which
+/// it could be singular.
+const MAX_MATRIX_CHANGE: f64 = 0.5;
 
-/// The shortest step, in the independent coordinates relative to 1 + their size.
-const SHORTEST: f64 = 1e-12;
+/// The shortest step in the independent coordinates, relative to 1 + their size.
+const MIN_RELATIVE_STEP: f64 = 1e-12;
 
-/// Enough for a path of thousands of rad.
-const MOST_STEPS: usize = 50_000;
+/// Bound on the number of continuation steps, enough for a path of thousands of rad.
+const MAX_STEPS: usize = 50_000;
 
-/// A state on the branch, with its A_e.
+/// A closed state on the branch, with its A_e.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     pub(super) q: Vec<f64>,
@@ -31,66 +32,66 @@ pub(super) struct Point {
     lu: Lu,
 }
 
-/// Why a step was not taken.
+/// Why a continuation step was refused.
 #[derive(Clone, Copy)]
 enum Refusal {
-    /// The corrector's reason, with the residual where it stopped.
+    /// The corrector found no closed state; the residual where it stopped.
     NotClosed(f64),
-    /// The corrector moved far, or A_e changed much.
+    /// The corrector moved too far, or A_e changed too much, to be sure of the branch.
     OffBranch,
 }
 
 impl Point {
-    /// The state `q` with its A_e.
+    /// Factors A_e at the closed state `q`.
     pub(super) fn new<M: Model<f64> + ?Sized>(
         newton: &mut Newton<'_, M>,
         q: Vec<f64>,
     ) -> Result<Self, ClosureError> {
-        let (lu, condition) = factored(newton, &q)?;
+        let (lu, condition) = factor_at(newton, &q)?;
         Ok(Self { q, condition, lu })
     }
 
-    /// The model's condition, or the pivots of A_e as they are if those are worse: what a
-    /// model scales its pivots by is its own choice.
-    pub(super) fn worst(&self) -> Condition<f64> {
+    /// The worse of the model's condition and of the pivot ratio of A_e itself, since each model
+    /// scales its pivots in its own manner.
+    pub(super) fn worst_condition(&self) -> Condition<f64> {
         self.condition.worst(Condition {
             pivot: self.lu.ratio(),
         })
     }
 }
 
-/// Below this pivot the condition is looked at more closely: in the middle of a workspace it is
-/// not worth its time.
-const DOUBTFUL: f64 = 0.1;
+/// Below this pivot of A_e its condition number is computed too; in the middle of a workspace that
+/// would only cost time.
+const SUSPECT_PIVOT: f64 = 0.1;
 
-/// The model's condition and, where its pivot is doubtful, the condition number of A_e if that is
-/// worse: several pivots that are only small may make a matrix that is nearly singular, where
-/// rates are not those of the independent coordinates any more.
-pub(super) fn doubted<M: Model<f64> + ?Sized>(
+/// The model's condition or, where its pivot is below [`SUSPECT_PIVOT`], the reciprocal condition
+/// number of A_e if that is worse: several pivots that are each only small can make a nearly
+/// singular matrix, whose dependent rates are wrong.
+pub(super) fn refine_condition<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
     condition: Condition<f64>,
 ) -> Result<Condition<f64>, ClosureError> {
-    if newton.dependent.is_empty() || condition.pivot >= DOUBTFUL {
+    if newton.dependent.is_empty() || condition.pivot >= SUSPECT_PIVOT {
         return Ok(condition);
     }
-    let pivot = factored(newton, q)?.0.reciprocal_condition();
+    let pivot = factor_at(newton, q)?.0.reciprocal_condition();
     Ok(condition.worst(Condition { pivot }))
 }
 
-/// The factored rows at `q`, and the model's condition there.
-fn factored<M: Model<f64> + ?Sized>(
+/// The factored matrix at `q`, and the model's condition.
+fn factor_at<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
 ) -> Result<(Lu, Condition<f64>), ClosureError> {
-    let matrix = compared(newton, q)?;
+    let matrix = dependent_matrix(newton, q)?;
     let condition = newton.condition(q)?;
     Ok((Lu::new(&matrix, newton.dependent.len()), condition))
 }
 
-/// A_e, or all rows of A in the dependent columns where there are redundant ones: each of A_e's
-/// rows may lose its pivot while the mechanism has no singularity.
-fn compared<M: Model<f64> + ?Sized>(
+/// A_e or, where there are redundant rows, the dependent columns of A with all rows: the rows that
+/// A_e selects may lose a pivot where the mechanism has no singularity.
+fn dependent_matrix<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
 ) -> Result<Vec<f64>, ClosureError> {
@@ -123,21 +124,21 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
         .collect();
     let size = 1.0 + largest(target).max(largest(&origin));
     let length = largest(&line);
-    let shortest = if length > SHORTEST * size {
-        SHORTEST * size / length
+    let shortest = if length > MIN_RELATIVE_STEP * size {
+        MIN_RELATIVE_STEP * size / length
     } else {
         1.0
     };
 
-    // that far is more steps than are taken: a measured value of 1e300 need not try them
-    if length > LONGEST * MOST_STEPS as f64 {
+    // the line needs more than MAX_STEPS steps, for instance to a measured value of 1e300
+    if length > MAX_PREDICTOR_MOVE * MAX_STEPS as f64 {
         let residual = newton.residual(&start.q)?;
         let outcome = Outcome::NotClosed { at: 0.0, residual };
         return Ok((start.clone(), outcome, 0));
     }
     let mut point = start.clone();
     let mut done = 0.0;
-    let mut wish = 1.0;
+    let mut proposed = 1.0;
     let mut steps = 0;
     while done < 1.0 {
         let mut tangent = vec![0.0; point.q.len()];
@@ -146,8 +147,9 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
         } = newton;
         let _ = model.velocities(&point.q, independent, &line, &mut tangent)?;
         let speed = largest(&tangent);
-        let mut part = f64::min(wish, LONGEST / speed.max(LONGEST)).min(1.0 - done);
-        // A rest shorter than the shortest step would not be seen by the corrector.
+        let mut part =
+            f64::min(proposed, MAX_PREDICTOR_MOVE / speed.max(MAX_PREDICTOR_MOVE)).min(1.0 - done);
+        // a remainder shorter than the shortest step is taken in this step
         if 1.0 - done - part < shortest {
             part = 1.0 - done;
         }
@@ -162,12 +164,12 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
             Ok((next, change)) => {
                 done = if last { 1.0 } else { done + part };
                 point = next;
-                wish = if change < 0.5 * CHANGE {
+                proposed = if change < 0.5 * MAX_MATRIX_CHANGE {
                     2.0 * part
                 } else {
                     part
                 };
-                let condition = point.worst();
+                let condition = point.worst_condition();
                 if condition.status() == Status::Singular {
                     return Ok((
                         point,
@@ -180,15 +182,15 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
                 }
             }
             Err(refusal) => {
-                wish = 0.5 * part;
-                if wish < shortest {
-                    let outcome = refused(&point, refusal, done);
+                proposed = 0.5 * part;
+                if proposed < shortest {
+                    let outcome = failed_outcome(&point, refusal, done);
                     return Ok((point, outcome, steps));
                 }
             }
         }
         steps += 1;
-        if steps == MOST_STEPS {
+        if steps == MAX_STEPS {
             let residual = newton.residual(&point.q)?;
             return Ok((point, Outcome::NotClosed { at: done, residual }, steps));
         }
@@ -196,10 +198,10 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     Ok((point, Outcome::Closed, steps))
 }
 
-/// What it means that no step from here is short enough.
-fn refused(point: &Point, refusal: Refusal, at: f64) -> Outcome {
-    let condition = point.worst();
-    // At a fold the pivot falls as the square root of the distance, which SHORTEST bounds.
+/// The outcome where even the shortest step from `point` is refused.
+fn failed_outcome(point: &Point, refusal: Refusal, at: f64) -> Outcome {
+    let condition = point.worst_condition();
+    // At a fold the pivot falls as the square root of the distance, which MIN_RELATIVE_STEP bounds.
     if condition.status() != Status::Regular {
         return Outcome::Singular { at, condition };
     }
@@ -209,8 +211,8 @@ fn refused(point: &Point, refusal: Refusal, at: f64) -> Outcome {
     }
 }
 
-/// One step to the independent coordinates `to`: predictor along the tangent, corrector, and
-/// the checks that it is on the branch. Returns the new point and how far A_e changed.
+/// One step to the independent coordinates `to`: predictor along the tangent, corrector, and the
+/// checks that the new state is on the branch. Returns the new state and how far A_e changed.
 fn step<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     point: &Point,
@@ -227,7 +229,7 @@ fn step<M: Model<f64> + ?Sized>(
             *q = *x;
         }
     }
-    let reach = CORRECTION * part * largest(tangent);
+    let reach = MAX_CORRECTION_RATIO * part * largest(tangent);
     match newton.correct(&mut q, reach)? {
         Correction::Converged => {}
         Correction::Refused => return Ok(Err(Refusal::OffBranch)),
@@ -236,19 +238,19 @@ fn step<M: Model<f64> + ?Sized>(
         }
     }
     let residual = newton.residual(&q)?;
-    let matrix = compared(newton, &q)?;
+    let matrix = dependent_matrix(newton, &q)?;
     let change = point.lu.distance(&matrix);
     let (lu, condition) = (
         Lu::new(&matrix, newton.dependent.len()),
         newton.condition(&q)?,
     );
-    // Steps may end without closing redundant rows, where least squares have a minimum.
-    let closes = !newton.redundant() || residual <= NEARLY * newton.tolerance(&q)?;
+    // The least-squares steps may end at a minimum where redundant rows are not closed.
+    let closes = !newton.redundant() || residual <= PATH_TOLERANCE_FACTOR * newton.tolerance(&q)?;
     if !(residual.is_finite() && closes) {
         return Ok(Err(Refusal::NotClosed(residual)));
     }
-    // NaN is no small change.
-    let near = change <= CHANGE;
+    // false for NaN
+    let near = change <= MAX_MATRIX_CHANGE;
     if !near {
         return Ok(Err(Refusal::OffBranch));
     }

@@ -1,5 +1,5 @@
-//! A model in units of its own size, so that what counts as closed, as a short step or as near a
-//! singularity does not depend on the unit in which its lengths are given.
+//! A model in units of its own size, so that the tolerances for closed states, short steps and
+//! singularities do not depend on the unit of its lengths.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -7,30 +7,32 @@ use alloc::vec::Vec;
 use super::lu::{rows, rows_mut};
 use crate::{Condition, Model, Motion, SizeError};
 
-/// Sizes up to this times the unit, or one over it, keep the unit.
-const USUAL: f64 = 16.0;
-const STEP: f64 = 256.0;
-/// What is beyond so many steps is no length.
-const MOST: usize = 120;
-/// Rows smaller than this beside the largest hold nothing but rounding.
-const ROUNDING: f64 = 1e-9;
+/// The unit of length is within this factor of the mechanism's size.
+const MAX_SIZE_RATIO: f64 = 16.0;
+/// The ratio of two neighbouring units of length, 2^8.
+const UNIT_STEP: f64 = 256.0;
+/// Bound on the steps in the search for the unit: 256^120 is beyond every `f64`.
+const MAX_UNIT_STEPS: usize = 120;
+/// Rows smaller than this, relative to the largest row, count as rounding errors.
+const ROUNDING_RATIO: f64 = 1e-9;
 
-/// A model whose shifts are in `length`, and so are its length rows.
+/// A model whose translations are in units of `length`, and so are its constraint rows that are
+/// lengths.
 ///
-/// Units are powers of 2^8: they change no digit, and mechanisms between a sixteenth and sixteen
-/// metres are solved in metres.
+/// The unit is a power of 2^8 m, so that scaling is exact; mechanisms between a sixteenth and
+/// sixteen metres are solved in metres.
 #[derive(Debug)]
 pub(super) struct Scaled<'m, M: ?Sized> {
     pub(super) model: &'m M,
     pub(super) length: f64,
-    /// By coordinate.
+    /// The unit of each coordinate: 1 rad or `length`.
     coordinates: Vec<f64>,
     dependent: Vec<usize>,
-    /// By row of f and A.
+    /// The unit of each row of f and A.
     rows: Vec<f64>,
-    /// By row of the square A_e.
+    /// The unit of each row of the square A_e.
     square: Vec<f64>,
-    /// A state in the model's own units.
+    /// Buffer for a state in the model's own units.
     q: Vec<f64>,
 }
 
@@ -63,13 +65,13 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .filter(|k| shifts(*k))
             .filter_map(|k| info.home.get(k));
         let size = places.chain(slides).fold(0.0_f64, |m, x| m.max(x.abs()));
-        scaled.length = coarse(size);
+        scaled.length = length_unit_near(size);
         for (k, unit) in scaled.coordinates.iter_mut().enumerate() {
             if shifts(k) {
                 *unit = scaled.length;
             }
         }
-        // mechanisms of usual size stay in metres, row by row
+        // mechanisms of usual size stay in metres
         if info.rows == 0 || (scaled.length - 1.0).abs() < f64::EPSILON {
             return Ok(scaled);
         }
@@ -87,7 +89,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         Ok(scaled)
     }
 
-    /// Which rows are lengths: those whose terms are nearer to the unit of length than to 1.
+    /// The unit of each row: `length` for rows whose terms are nearer to it than to 1, else 1.
     fn units_of(&self, a: &[f64], columns: &[f64]) -> Vec<f64> {
         let sizes: Vec<f64> = rows(a, columns.len())
             .map(|row| {
@@ -99,9 +101,9 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .collect();
         let largest = sizes.iter().copied().fold(0.0, f64::max);
         let unit = |size: f64| {
-            if size <= ROUNDING * largest {
+            if size <= ROUNDING_RATIO * largest {
                 self.length.max(1.0)
-            } else if apart(size, self.length) < apart(size, 1.0) {
+            } else if size_ratio(size, self.length) < size_ratio(size, 1.0) {
                 self.length
             } else {
                 1.0
@@ -110,33 +112,34 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         sizes.into_iter().map(unit).collect()
     }
 
-    /// A state or rates in the model's own units.
-    pub(super) fn given(&self, scaled: &[f64]) -> Vec<f64> {
+    /// Converts a state or rates to the model's own units.
+    pub(super) fn to_model_units(&self, scaled: &[f64]) -> Vec<f64> {
         let both = scaled.iter().zip(&self.coordinates);
         both.map(|(q, unit)| q * unit).collect()
     }
 
-    /// The same in these units.
-    pub(super) fn own(&self, given: &[f64]) -> Vec<f64> {
+    /// Converts a state or rates from the model's own units to the scaled ones.
+    pub(super) fn to_scaled(&self, given: &[f64]) -> Vec<f64> {
         let both = given.iter().zip(&self.coordinates);
         both.map(|(q, unit)| q / unit).collect()
     }
 
-    /// Values of some coordinates in these units.
-    pub(super) fn own_of(&self, which: &[usize], given: &[f64]) -> Vec<f64> {
+    /// Converts values of the coordinates `which` to the scaled units.
+    pub(super) fn to_scaled_of(&self, which: &[usize], given: &[f64]) -> Vec<f64> {
         let both = given.iter().zip(which);
         both.map(|(q, k)| q / unit_at(&self.coordinates, *k))
             .collect()
     }
 
-    fn take(&mut self, q: &[f64]) {
+    /// Stores the scaled state `q` in the model's own units.
+    fn set_state(&mut self, q: &[f64]) {
         for ((own, q), unit) in self.q.iter_mut().zip(q).zip(&self.coordinates) {
             *own = q * unit;
         }
     }
 
     pub(super) fn constraints(&mut self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        self.take(q);
+        self.set_state(q);
         self.model.constraints(&self.q, out)?;
         for (f, unit) in out.iter_mut().zip(&self.rows) {
             *f /= unit;
@@ -145,7 +148,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
     }
 
     pub(super) fn jacobian(&mut self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        self.take(q);
+        self.set_state(q);
         self.model.jacobian(&self.q, out)?;
         for (row, unit) in rows_mut(out, q.len()).zip(&self.rows) {
             for (a, coordinate) in row.iter_mut().zip(&self.coordinates) {
@@ -160,7 +163,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         q: &[f64],
         out: &mut [f64],
     ) -> Result<Condition<f64>, SizeError> {
-        self.take(q);
+        self.set_state(q);
         let condition = self.model.newton_step(&self.q, out)?;
         for (step, at) in out.iter_mut().zip(&self.dependent) {
             *step /= unit_at(&self.coordinates, *at);
@@ -173,7 +176,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         q: &[f64],
         out: &mut [f64],
     ) -> Result<(), SizeError> {
-        self.take(q);
+        self.set_state(q);
         self.model.dependent_jacobian(&self.q, out)?;
         let rows = rows_mut(out, self.dependent.len());
         for (row, unit) in rows.zip(&self.square) {
@@ -191,7 +194,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         qd_i: &[f64],
         out: &mut [f64],
     ) -> Result<Condition<f64>, SizeError> {
-        self.take(q);
+        self.set_state(q);
         let rates: Vec<f64> = qd_i
             .iter()
             .zip(independent)
@@ -210,20 +213,20 @@ fn unit_at(units: &[f64], at: usize) -> f64 {
     units.get(at).copied().unwrap_or(1.0)
 }
 
-/// By what factor two sizes differ.
-fn apart(a: f64, b: f64) -> f64 {
+/// The factor, at least 1, by which two sizes differ.
+fn size_ratio(a: f64, b: f64) -> f64 {
     (a / b).max(b / a)
 }
 
-/// The coarse power of two near a size; 1 for nothing.
-fn coarse(size: f64) -> f64 {
+/// The power of 2^8 near a size; 1 if the size is zero or not finite.
+fn length_unit_near(size: f64) -> f64 {
     let mut unit = 1.0;
     if size > 0.0 && size.is_finite() {
-        for _ in 0..MOST {
-            if size > USUAL * unit {
-                unit *= STEP;
-            } else if size < unit / USUAL {
-                unit /= STEP;
+        for _ in 0..MAX_UNIT_STEPS {
+            if size > MAX_SIZE_RATIO * unit {
+                unit *= UNIT_STEP;
+            } else if size < unit / MAX_SIZE_RATIO {
+                unit /= UNIT_STEP;
             }
         }
     }

@@ -11,17 +11,17 @@ macro_rules! arguments {
         }
 
         impl Argument {
-            /// All of them.
+            /// All arguments.
             pub const ALL: [Argument; [$(stringify!($case)),*].len()] = [$(Argument::$case),*];
 
-            /// Its name, in methods and in [`Arguments`].
+            /// The name of the argument in methods and in [`Arguments`].
             pub fn name(self) -> &'static str {
                 match self {
                     $(Argument::$case => stringify!($field),)*
                 }
             }
 
-            /// What its elements belong to.
+            /// The items to which its entries belong, one entry each.
             pub fn size(self) -> Size {
                 match self {
                     $(Argument::$case => Size::$size,)*
@@ -29,8 +29,8 @@ macro_rules! arguments {
             }
         }
 
-        /// Arguments by name. A function reads those that its signature lists; the others may
-        /// stay empty.
+        /// The arguments of a function by name. A function reads those that its signature lists;
+        /// the others may stay empty.
         ///
         /// ```
         /// use regen_runtime::Arguments;
@@ -46,10 +46,10 @@ macro_rules! arguments {
         }
 
         impl<'a, T> Arguments<'a, T> {
-            /// None given.
+            /// All arguments empty.
             pub const EMPTY: Self = Self { $($field: &[],)* };
 
-            /// The entries of one.
+            /// The entries of one argument.
             #[inline]
             pub fn get(&self, argument: Argument) -> &'a [T] {
                 match argument {
@@ -57,7 +57,7 @@ macro_rules! arguments {
                 }
             }
 
-            /// The same with other entries of one.
+            /// The same with the entries of one argument replaced.
             #[inline]
             #[must_use]
             pub fn with(self, argument: Argument, entries: &'a [T]) -> Self {
@@ -74,24 +74,24 @@ macro_rules! arguments {
 arguments! {
     /// The coordinates, rad or m.
     Q, q: Coordinates;
-    /// The velocities of all coordinates.
+    /// The velocities of all coordinates, rad/s or m/s.
     Qd, qd: Coordinates;
-    /// The accelerations of all coordinates.
+    /// The accelerations of all coordinates, rad/s^2 or m/s^2.
     Qdd, qdd: Coordinates;
-    /// The velocities of the independent coordinates.
+    /// The velocities of the independent coordinates, rad/s or m/s.
     QdI, qd_i: Independent;
-    /// The accelerations of the independent coordinates.
+    /// The accelerations of the independent coordinates, rad/s^2 or m/s^2.
     QddI, qdd_i: Independent;
-    /// The reference velocities of the independent coordinates.
+    /// The reference velocities of the independent coordinates, rad/s or m/s.
     QdRI, qd_r_i: Independent;
-    /// The reference accelerations of the independent coordinates.
+    /// The reference accelerations of the independent coordinates, rad/s^2 or m/s^2.
     QddRI, qdd_r_i: Independent;
-    /// The dynamic parameters.
+    /// The dynamic parameters, SI units.
     Phi, phi: Parameters;
     /// The efforts of the actuated coordinates, N m or N.
     TauActuated, tau_actuated: Actuated;
-    /// The base parameters.
+    /// The base parameters, SI units.
     Beta, beta: Base;
-    /// The values of the eliminated parameters.
+    /// The values of the eliminated parameters, SI units.
     Free, free: Free;
 }

@@ -1,4 +1,4 @@
-//! The functions of the traits, one row each.
+//! The table of the traits' functions, one row each.
 
 use super::{Argument, Layout, Shape, Signature, Size};
 
@@ -36,10 +36,10 @@ macro_rules! functions {
         }
 
         impl $enum {
-            /// All of them.
+            /// All functions.
             pub const ALL: [$enum; [$(stringify!($case)),*].len()] = [$($enum::$case),*];
 
-            /// What it is called, takes and gives.
+            /// The name, the arguments and the output of the function.
             pub fn signature(self) -> &'static Signature {
                 match self {
                     $($enum::$case => {
@@ -57,20 +57,20 @@ macro_rules! functions {
     };
 }
 
-/// The method returns a condition.
+/// Value of [`Signature::has_condition`]: the method returns a condition.
 const CONDITION: bool = true;
-/// The method returns nothing.
-const NOTHING: bool = false;
+/// Value of [`Signature::has_condition`]: the method returns no condition.
+const NO_CONDITION: bool = false;
 
 functions! {
     /// A function of every [`Model`](crate::Model).
     Function of Model {
-        Constraints = constraints(Q) -> Shape::Vector(Size::Rows), NOTHING;
-        Jacobian = jacobian(Q) -> by_rows(Size::Rows, Size::Coordinates), NOTHING;
-        Bias = bias(Q, Qd) -> Shape::Vector(Size::Rows), NOTHING;
+        Constraints = constraints(Q) -> Shape::Vector(Size::Rows), NO_CONDITION;
+        Jacobian = jacobian(Q) -> by_rows(Size::Rows, Size::Coordinates), NO_CONDITION;
+        Bias = bias(Q, Qd) -> Shape::Vector(Size::Rows), NO_CONDITION;
         NewtonStep = newton_step(Q) -> Shape::Vector(Size::Dependent), CONDITION;
         DependentJacobian = dependent_jacobian(Q)
-            -> by_rows(Size::Dependent, Size::Dependent), NOTHING;
+            -> by_rows(Size::Dependent, Size::Dependent), NO_CONDITION;
         Velocities = velocities(Q, QdI) -> Shape::Vector(Size::Coordinates), CONDITION;
         Accelerations = accelerations(Q, Qd, QddI)
             -> Shape::Vector(Size::Coordinates), CONDITION;
@@ -85,8 +85,8 @@ functions! {
         AdaptiveRegressor = adaptive_regressor(Q, Qd, QdRI, QddRI)
             -> by_columns(Size::Independent, Size::Parameters), CONDITION;
         GeneralizedForces = generalized_forces(Q, TauActuated) -> Shape::Vector(Size::Independent), CONDITION;
-        Poses = poses(Q) -> by_rows(Size::Bodies, Size::Pose), NOTHING;
-        Cones = cones(Q) -> Shape::Vector(Size::Cones), NOTHING;
+        Poses = poses(Q) -> by_rows(Size::Bodies, Size::Pose), NO_CONDITION;
+        Cones = cones(Q) -> Shape::Vector(Size::Cones), NO_CONDITION;
     }
 }
 
@@ -95,9 +95,9 @@ functions! {
     BaseFunction of BaseModel {
         BaseRegressor = base_regressor(Q, Qd, Qdd)
             -> by_columns(Size::Independent, Size::Base), CONDITION;
-        ToBase = to_base(Phi) -> Shape::Vector(Size::Base), NOTHING;
+        ToBase = to_base(Phi) -> Shape::Vector(Size::Base), NO_CONDITION;
         FromBase = parameters_from_base(Beta, Free)
-            -> Shape::Vector(Size::Parameters), NOTHING;
+            -> Shape::Vector(Size::Parameters), NO_CONDITION;
         BaseInverseDynamics = base_inverse_dynamics(Q, Qd, Qdd, Beta)
             -> Shape::Vector(Size::Independent), CONDITION;
         BaseGravity = base_gravity(Q, Beta) -> Shape::Vector(Size::Independent), CONDITION;

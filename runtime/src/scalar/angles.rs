@@ -1,10 +1,10 @@
 //! Sines and cosines of several `f64` at once: a polynomial without branches, so that the
 //! compiler puts the angles into vector registers.
 
-/// The greatest angle in size, in rad, that the reduction by quarter turns is exact for: 2^20.
-pub(super) const REACH: f64 = 1_048_576.0;
+/// The largest |angle|, in rad, for which the reduction by quarter turns is exact: 2^20.
+pub(super) const MAX_ANGLE: f64 = 1_048_576.0;
 
-/// pi/2 in three parts of 33 bits and the rest.
+/// pi/2 as a sum of three parts of 33 bits and a remainder.
 ///
 /// The three leading parts times an integer of 20 bits are exact (Cody and Waite, 1980).
 pub(super) const HALF_PI: [f64; 4] = [
@@ -24,7 +24,7 @@ pub(super) const SIN: [f64; 6] = [
     1.591_805_913_698_281e-10,
 ];
 
-/// (cos y - 1 + y^2/2) / y^4 in powers of y^2, likewise.
+/// (cos y - 1 + y^2/2) / y^4 in powers of y^2, up to the same |y|, interpolated at Chebyshev nodes.
 pub(super) const COS: [f64; 6] = [
     0.041_666_666_666_666_664,
     -0.001_388_888_888_888_739_3,
@@ -34,11 +34,11 @@ pub(super) const COS: [f64; 6] = [
     -1.138_258_853_535_252_6e-11,
 ];
 
-/// Adding it rounds to an integer, which then stands in the last bits.
-pub(super) const MAGIC: f64 = 6_755_399_441_055_744.0;
+/// 1.5 * 2^52: adding it rounds a number to an integer, which is then in the last bits of the sum.
+pub(super) const ROUNDING_SHIFT: f64 = 6_755_399_441_055_744.0;
 
-/// Sine and cosine of every angle, each within one ulp; `None` where one is beyond [`REACH`], or
-/// no number.
+/// Sine and cosine of every angle, each within one ulp; `None` where an angle is beyond
+/// [`MAX_ANGLE`] or NaN.
 #[inline(always)]
 #[allow(
     clippy::inline_always,
@@ -47,14 +47,14 @@ pub(super) const MAGIC: f64 = 6_755_399_441_055_744.0;
 pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f64); N]> {
     let mut within = true;
     for x in angles {
-        within &= x.abs() < REACH;
+        within &= x.abs() < MAX_ANGLE;
     }
     if !within {
         return None;
     }
     let mut all = [(0.0, 0.0); N];
-    // registers are filled up with zeros: five angles in two full ones take half as long as four
-    // in a register and one by itself
+    // incomplete registers are padded with zeros: computing five angles in two full registers takes
+    // half as long as four in a register and one separately
     let (head, rest) = angles.as_chunks::<8>();
     let (out, out_rest) = all.as_chunks_mut::<8>();
     for (angles, out) in head.iter().zip(out) {
@@ -68,7 +68,7 @@ pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f6
     Some(all)
 }
 
-/// Sine and cosine of up to L angles within [`REACH`], as many at once.
+/// Sine and cosine of up to L angles within [`MAX_ANGLE`], computed together.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "as for `near`")]
 fn together<const L: usize>(angles: &[f64], out: &mut [(f64, f64)]) {
@@ -91,8 +91,8 @@ fn together<const L: usize>(angles: &[f64], out: &mut [(f64, f64)]) {
     }
 }
 
-/// As [`near`], with a shorter reduction by fused products; false where an angle is closer than
-/// [`APART`] to a multiple of a quarter turn other than zero.
+/// As [`near`] for several angles, with a shorter reduction by fused products; false where an angle
+/// is closer than [`MIN_REMAINDER`] to a multiple of a quarter turn other than zero.
 #[cfg(all(feature = "std", target_feature = "fma"))]
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "as for `near`")]
@@ -103,39 +103,40 @@ fn quick_all<const L: usize>(
 ) -> bool {
     let mut good = true;
     for ((x, s), c) in angles.iter().zip(sines).zip(cosines) {
-        let shifted = fused(*x, core::f64::consts::FRAC_2_PI, MAGIC);
-        let quarters = shifted - MAGIC;
+        let shifted = fused(*x, core::f64::consts::FRAC_2_PI, ROUNDING_SHIFT);
+        let quarters = shifted - ROUNDING_SHIFT;
         // exact: a multiple of the last place of x or of pi/2, and below one
         let first = fused(-quarters, core::f64::consts::FRAC_PI_2, *x);
-        // here |first| is well above the second part of pi/2 times the quarters
+        // where `good`, |first| is well above quarters * HALF_PI_LOW
         let y = fused(-quarters, HALF_PI_LOW, first);
         let tail = fused(-quarters, HALF_PI_LOW, first - y);
-        good &= (y.abs() >= APART) | (quarters == 0.0);
+        good &= (y.abs() >= MIN_REMAINDER) | (quarters == 0.0);
         (*s, *c) = turned(y, tail, shifted.to_bits());
     }
     good
 }
 
-/// What is left of pi/2 beside its double.
+/// pi/2 minus its nearest `f64`.
 #[cfg(all(feature = "std", target_feature = "fma"))]
 const HALF_PI_LOW: f64 = 6.123_233_995_736_766e-17;
 
-/// 2^-24: a million times what the third part of pi/2 can amount to, relative to the last place.
+/// Least remainder, in rad, for the short reduction: 2^-24, a million times what the third part of
+/// pi/2 can amount to, relative to the last place.
 #[cfg(all(feature = "std", target_feature = "fma"))]
-const APART: f64 = 5.960_464_477_539_063e-8;
+const MIN_REMAINDER: f64 = 5.960_464_477_539_063e-8;
 
-/// Sine and cosine for |x| up to [`REACH`].
+/// Sine and cosine for |x| up to [`MAX_ANGLE`].
 #[inline(always)]
 #[allow(
     clippy::inline_always,
     reason = "left as a call, it keeps the loop around it from being vectorised"
 )]
 fn near(x: f64) -> (f64, f64) {
-    let shifted = fused(x, core::f64::consts::FRAC_2_PI, MAGIC);
+    let shifted = fused(x, core::f64::consts::FRAC_2_PI, ROUNDING_SHIFT);
     let turns = shifted.to_bits();
-    let quarters = shifted - MAGIC;
+    let quarters = shifted - ROUNDING_SHIFT;
 
-    // y + tail = x - quarters * pi/2; the sums keep what they round off
+    // y + tail = x - quarters * pi/2; two_sum returns the rounding errors of the sums
     let first = x - quarters * HALF_PI[0];
     let (second, error_2) = two_sum(first, -(quarters * HALF_PI[1]));
     let (third, error_3) = two_sum(second, -(quarters * HALF_PI[2]));
@@ -144,8 +145,8 @@ fn near(x: f64) -> (f64, f64) {
     turned(y, (third - y) + rest, turns)
 }
 
-/// Sine and cosine of y + tail, |y| up to pi/4, and some quarter turns, of which the last two bits
-/// count.
+/// Sine and cosine of y + tail, |y| up to pi/4, plus `turns` quarter turns, of which only the last
+/// two bits matter.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "as for `near`")]
 fn turned(y: f64, tail: f64, turns: u64) -> (f64, f64) {
@@ -153,12 +154,13 @@ fn turned(y: f64, tail: f64, turns: u64) -> (f64, f64) {
     let half = z * 0.5;
     // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
     let sin = y + fused(y * z, polynomial(z, &SIN), tail * (1.0 - half));
-    // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back
+    // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail), with the rounding error of 1 - y^2/2 added
+    // back
     let leading = 1.0 - half;
     let lost = (1.0 - leading) - half;
     let cos = leading + (lost + fused(z * z, polynomial(z, &COS), -(y * tail)));
 
-    // odd quarter turns swap the two, and each has its signs
+    // an odd number of quarter turns swaps sine and cosine; then each gets its sign
     let swap = 0_u64.wrapping_sub(turns & 1);
     let (s, c) = (sin.to_bits(), cos.to_bits());
     let exchanged = (s ^ c) & swap;
@@ -186,7 +188,7 @@ fn polynomial(z: f64, [c0, c1, c2, c3, c4, c5]: &[f64; 6]) -> f64 {
     fused(fused(high, square, middle), square, low)
 }
 
-/// The rounded sum and exactly what it rounds off (Knuth).
+/// The rounded sum and its exact rounding error (Knuth).
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "as for `near`")]
 fn two_sum(a: f64, b: f64) -> (f64, f64) {

@@ -1,4 +1,4 @@
-//! Numbers that carry their derivatives.
+//! Dual numbers: numbers with their derivatives.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -9,8 +9,8 @@ use super::Scalar;
 /// A dual number of `num-dual` as a [`Scalar`]: `Dual<Dual64>` for first derivatives,
 /// `Dual<Dual2_64>` or `Dual<HyperDual64>` for second ones.
 ///
-/// The derivative of [`sign`](Scalar::sign) is zero, at the jump too. Comparisons and
-/// [`select`](Scalar::select) look at the real part.
+/// The derivative of [`sign`](Scalar::sign) is zero, also at the jump. Comparisons and
+/// [`select`](Scalar::select) use the real part only.
 ///
 /// ```
 /// use num_dual::Dual64;

@@ -1,4 +1,4 @@
-//! Several numbers at once, by the instruction set found at run time.
+//! Several numbers at once in a SIMD register, with the instruction set detected at run time.
 #![allow(
     clippy::inline_always,
     reason = "an operation left as a call is compiled without the token's instruction set"
@@ -9,17 +9,17 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 use pulp::{Simd, bytemuck};
 
 use super::Scalar;
-use super::angles::{COS, HALF_PI, MAGIC, SIN};
+use super::angles::{COS, HALF_PI, ROUNDING_SHIFT, SIN};
 
 /// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
 ///
-/// The token `simd` proves that the instruction set is there. Get one from
-/// `pulp::Arch::new().dispatch(...)`. Only what is inlined into the dispatched function is
-/// compiled for the instruction set; a function that is not still gives the right values, but
-/// each of its operations becomes a call.
+/// The token `simd` proves that the instruction set is available. Get one from
+/// `pulp::Arch::new().dispatch(...)`. Only code that is inlined into the dispatched function is
+/// compiled for the instruction set; a function that is not inlined still gives the right values,
+/// but each of its operations becomes a call.
 ///
-/// Sine and cosine are polynomials within 2 ulp where all lanes are up to [`Lane::REACH`] in
-/// size; beyond, and for `atan`, `exp` and `powf`, each lane is computed on its own.
+/// Sine and cosine are polynomials within 2 ulp where the angles of all lanes are within
+/// [`Lane::REACH`]; beyond, and for `atan`, `exp` and `powf`, each lane is computed separately.
 ///
 /// ```
 /// use pulp::{Arch, Simd, WithSimd};
@@ -49,7 +49,7 @@ pub struct Lane<S: Simd> {
     pub v: S::f64s,
 }
 
-/// The outcome of a comparison of [`Lane`]s.
+/// The result of a comparison of [`Lane`]s.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMask<S: Simd> {
     simd: S,
@@ -57,10 +57,10 @@ pub struct LaneMask<S: Simd> {
 }
 
 impl<S: Simd> Lane<S> {
-    /// The greatest angle in size, in rad, that the vector reduction is exact for: 2^20.
-    pub const REACH: f64 = super::angles::REACH;
+    /// The largest |angle|, in rad, for which the vector reduction is exact: 2^20.
+    pub const REACH: f64 = super::angles::MAX_ANGLE;
 
-    /// The constant in every lane.
+    /// A register with the same value in every lane.
     #[inline(always)]
     pub fn broadcast(simd: S, value: f64) -> Self {
         Self {
@@ -69,7 +69,7 @@ impl<S: Simd> Lane<S> {
         }
     }
 
-    /// The function applied to each lane on its own.
+    /// Applies the function to each lane separately.
     #[inline]
     #[must_use]
     pub fn map(self, function: impl Fn(f64) -> f64) -> Self {
@@ -80,7 +80,7 @@ impl<S: Simd> Lane<S> {
         Self { v, ..self }
     }
 
-    /// Where the value is not NaN, which is no number's equal.
+    /// True in lanes that are not NaN: NaN does not equal itself.
     #[inline(always)]
     fn is_number(self) -> LaneMask<S> {
         LaneMask {
@@ -90,7 +90,7 @@ impl<S: Simd> Lane<S> {
     }
 
     /// Whether products are fused with sums: -2^-60 is lost where the product is rounded. Both
-    /// numbers are constants, so that the compiler knows the answer.
+    /// factors are constants, so that the compiler can evaluate this test.
     #[inline(always)]
     fn fuses(self) -> bool {
         let small = f64::EPSILON * 4_194_304.0;
@@ -101,7 +101,7 @@ impl<S: Simd> Lane<S> {
             .any(|x| *x != 0.0)
     }
 
-    /// `self - quarters * pi/2` as a value and what is lost in it.
+    /// `self - quarters * pi/2` as a value and its rounding error.
     #[inline(always)]
     fn reduced(self, quarters: Self) -> (Self, Self) {
         if self.fuses() {
@@ -115,7 +115,7 @@ impl<S: Simd> Lane<S> {
             (y, error - last)
         } else {
             // the three leading parts of pi/2 have 33 bits, so that their products with an
-            // integer of 20 bits are exact (Cody and Waite); the sums keep what they round off
+            // integer of 20 bits are exact (Cody and Waite); two_sum returns the rounding errors
             let first = self - quarters * self.splat(HALF_PI[0]);
             let (second, error_2) = two_sum(first, -(quarters * self.splat(HALF_PI[1])));
             let (third, error_3) = two_sum(second, -(quarters * self.splat(HALF_PI[2])));
@@ -125,8 +125,8 @@ impl<S: Simd> Lane<S> {
         }
     }
 
-    /// Sine and cosine of y + tail, |y| up to pi/4, and as many quarter turns as the last bits of
-    /// `shifted` say.
+    /// Sine and cosine of y + tail, |y| up to pi/4, plus the number of quarter turns that is in the
+    /// last bits of `shifted`.
     #[inline(always)]
     fn turned(self, tail: Self, shifted: Self) -> (Self, Self) {
         let (simd, y) = (self.simd, self);
@@ -135,12 +135,13 @@ impl<S: Simd> Lane<S> {
         // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
         let leading = y.splat(1.0) - half;
         let sin = y + (y * z).mul_add(polynomial(z, &SIN), tail * leading);
-        // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back
+        // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail), with the rounding error of 1 - y^2/2
+        // added back
         let lost = (y.splat(1.0) - leading) - half;
         let cos = leading + (z * z).mul_add(polynomial(z, &COS), (-y).mul_add(tail, lost));
 
-        // odd quarter turns swap the two; the sine's sign is the second last bit, the cosine's
-        // the sum of the last two
+        // an odd number of quarter turns swaps sine and cosine; the sign of the sine is the second
+        // last bit, that of the cosine the exclusive or of the last two
         let bits = simd.transmute_u64s_f64s(shifted.v);
         let has = |bit: u64| {
             let bit = simd.splat_u64s(bit);
@@ -165,22 +166,23 @@ impl<S: Simd> Lane<S> {
 
 const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
 
-/// What is left of pi/2 beside its double, and beside that and this.
+/// pi/2 minus its nearest `f64`.
 const HALF_PI_LOW: f64 = 6.123_233_995_736_766e-17;
+/// pi/2 minus its nearest `f64` and [`HALF_PI_LOW`].
 const HALF_PI_LAST: f64 = -1.497_384_904_859_183_3e-33;
 
-/// Sines and cosines of angles up to [`Lane::REACH`]. Each loop is short enough for the compiler
+/// Sines and cosines of angles within [`Lane::REACH`]. Each loop is short enough for the compiler
 /// to unroll it, so that the angles stay in registers and are computed side by side.
 #[inline(always)]
 fn sin_cos_near<S: Simd, const N: usize>(angles: [Lane<S>; N]) -> [(Lane<S>, Lane<S>); N] {
     let mut shifted = angles;
     for x in &mut shifted {
         // the sum rounds to an integer of quarter turns
-        *x = x.mul_add(x.splat(TWO_OVER_PI), x.splat(MAGIC));
+        *x = x.mul_add(x.splat(TWO_OVER_PI), x.splat(ROUNDING_SHIFT));
     }
     let mut reduced = angles.map(|x| (x, x));
     for ((y, tail), (x, shifted)) in reduced.iter_mut().zip(angles.iter().zip(&shifted)) {
-        (*y, *tail) = x.reduced(*shifted - x.splat(MAGIC));
+        (*y, *tail) = x.reduced(*shifted - x.splat(ROUNDING_SHIFT));
     }
     for ((y, tail), shifted) in reduced.iter_mut().zip(&shifted) {
         (*y, *tail) = y.turned(*tail, *shifted);
@@ -188,7 +190,7 @@ fn sin_cos_near<S: Simd, const N: usize>(angles: [Lane<S>; N]) -> [(Lane<S>, Lan
     reduced
 }
 
-/// The polynomial with these coefficients, lowest power first.
+/// Evaluates the polynomial with these coefficients, lowest power first.
 #[inline(always)]
 fn polynomial<S: Simd>(z: Lane<S>, coefficients: &[f64; 6]) -> Lane<S> {
     let [c0, c1, c2, c3, c4, c5] = coefficients.map(|c| z.splat(c));
@@ -198,7 +200,7 @@ fn polynomial<S: Simd>(z: Lane<S>, coefficients: &[f64; 6]) -> Lane<S> {
     high.mul_add(square, c1.mul_add(z, c0))
 }
 
-/// The rounded sum and exactly what it rounds off.
+/// The rounded sum and its exact rounding error (Knuth).
 #[inline(always)]
 fn two_sum<S: Simd>(a: Lane<S>, b: Lane<S>) -> (Lane<S>, Lane<S>) {
     let sum = a + b;
@@ -327,7 +329,7 @@ impl<S: Simd> Scalar for Lane<S> {
     }
 }
 
-/// Sine and cosine of each lane on its own.
+/// Sine and cosine of each lane, computed separately.
 #[cold]
 #[inline(never)]
 fn sin_cos_each<S: Simd>(x: Lane<S>) -> (Lane<S>, Lane<S>) {

@@ -17,7 +17,7 @@ macro_rules! scalar {
 
             #[inline]
             fn mul_add(self, a: Self, b: Self) -> Self {
-                // Without std there is no fused product that the compiler maps to hardware.
+                // Without std there is no fused operation that the compiler maps to hardware.
                 #[cfg(all(feature = "std", target_feature = "fma"))]
                 {
                     $float::mul_add(self, a, b)

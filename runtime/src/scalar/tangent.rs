@@ -6,9 +6,9 @@ use crate::Scalar;
 
 /// A number with its derivatives in `N` directions: a dual number with `N` tangents.
 ///
-/// Unlike `Dual` its elementary functions are those of the crate `libm` and nothing is fused, so
-/// that a search that depends on the last bit ends at the same place on every machine. The
-/// derivative of [`sign`](Scalar::sign) is zero, at the jump too; comparisons look at the value.
+/// Unlike `Dual`, its elementary functions are those of the crate `libm` and no operation is fused,
+/// so that a search that depends on the last bit gives the same result on every machine. The
+/// derivative of [`sign`](Scalar::sign) is zero, also at the jump; comparisons use the value only.
 ///
 /// ```
 /// use regen_runtime::{Scalar, Tangent};
@@ -20,14 +20,14 @@ use crate::Scalar;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tangent<const N: usize> {
-    /// The number.
+    /// The value.
     pub value: f64,
-    /// Its derivatives.
+    /// The derivatives of the value in the N directions.
     pub rates: [f64; N],
 }
 
 impl<const N: usize> Tangent<N> {
-    /// A constant.
+    /// A constant: all derivatives are zero.
     pub fn constant(value: f64) -> Self {
         Self {
             value,
@@ -35,7 +35,8 @@ impl<const N: usize> Tangent<N> {
         }
     }
 
-    /// A variable that changes along one direction; a constant if there is no such direction.
+    /// A variable with derivative 1 in `direction` and 0 in the others; a constant if there is no
+    /// such direction.
     pub fn along(value: f64, direction: usize) -> Self {
         let mut out = Self::constant(value);
         if let Some(rate) = out.rates.get_mut(direction) {
@@ -53,6 +54,7 @@ impl<const N: usize> Tangent<N> {
         }
     }
 
+    /// A function of two numbers: its value, and `rate` of the derivatives in each direction.
     #[inline]
     fn with(self, other: &Self, value: f64, rate: impl Fn(f64, f64) -> f64) -> Self {
         let mut rates = self.rates;

@@ -5,7 +5,7 @@ use regen_runtime::{
     Arguments, Condition, Cut, Function, Info, Model, Parameter, SizeError, Symbol,
 };
 
-/// One loop: lengths of the input crank, the coupler, the other crank and the ground.
+/// One loop: the lengths of the input crank, the coupler, the follower crank and the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Loop {
     pub input: f64,
@@ -14,8 +14,9 @@ pub struct Loop {
     pub ground: f64,
 }
 
-/// Loops on one input crank. q = (input angle, then for each loop the coupler's angle relative
-/// to the input and the follower's absolute angle). The only parameter is the crank's inertia.
+/// A mechanism of four-bar loops with one common input crank. q = (input angle, then for each loop
+/// the coupler's angle relative to the input and the follower's absolute angle). The only parameter
+/// is the crank's inertia.
 #[derive(Clone, Debug)]
 pub struct FourBars {
     pub loops: Vec<Loop>,
@@ -39,7 +40,8 @@ impl FourBars {
         1 + 2 * self.loops.len()
     }
 
-    /// Solves each loop's two equations; returns the worst sine between coupler and follower.
+    /// Solves the two equations of each loop; the pivot is the smallest sine of the angle between
+    /// coupler and follower.
     fn solve(&self, q: &[f64], sides: &[f64], out: &mut [f64]) -> Condition<f64> {
         let mut condition = Condition { pivot: 1.0 };
         for (k, bars) in self.loops.iter().enumerate() {
@@ -53,7 +55,8 @@ impl FourBars {
         condition
     }
 
-    /// -f, or what must be solved for the velocities or the accelerations.
+    /// The right-hand sides of all loops, two per loop: -f, or those of the velocities or the
+    /// accelerations.
     fn sides(&self, each: impl Fn(usize, &Loop) -> [f64; 2]) -> Vec<f64> {
         self.loops
             .iter()
@@ -88,7 +91,7 @@ impl FourBars {
         })
     }
 
-    /// A, row by row.
+    /// The constraint Jacobian A, row-major.
     fn a(&self, q: &[f64], out: &mut [f64]) {
         let n = self.n();
         out.fill(0.0);
@@ -104,7 +107,7 @@ impl FourBars {
         }
     }
 
-    /// -A_i times the input's rate.
+    /// -A_i times the velocity of the input.
     fn driven(&self, q: &[f64], rate: f64) -> Vec<f64> {
         self.sides(|k, bars| {
             let coupler = q[0] + q[1 + 2 * k];

@@ -1,11 +1,11 @@
-// A pendulum, written by hand: the model without loops.
+// A pendulum, written by hand: a model without loops.
 
 use regen_runtime::{
     Arguments, Condition, Function, Info, Model, Parameter, Scalar, SizeError, Symbol, array,
     array_mut,
 };
 
-/// A body on a revolute joint about a horizontal axis; angle 0 hangs down. Parameters: the
+/// A body on a revolute joint about a horizontal axis; at angle 0 it hangs down. Parameters: the
 /// inertia about the axis and the first moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Pendulum;
@@ -52,7 +52,7 @@ impl<T: Scalar> Model<T> for Pendulum {
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
         let [q] = *array(x.q, "q")?;
-        // velocities do not matter, but their count does
+        // the results do not depend on the velocities, but their number is checked
         let velocity = || array::<T, 1>(x.qd, "qd");
         match function {
             Function::Constraints

@@ -1,8 +1,8 @@
-// The pendulum's base parameters: both of its parameters, as they are. Stands behind pendulum.rs.
+// The pendulum's base parameters, which are its two parameters. To be included after pendulum.rs.
 
 use regen_runtime::{BaseFunction, BaseInfo, BaseModel, BaseParameter, BaseTerm};
 
-/// A parameter by itself.
+/// The combination of a base parameter that is one parameter alone.
 const fn alone(parameter: &'static str, index: usize) -> BaseTerm<'static> {
     BaseTerm {
         parameter,

@@ -36,7 +36,7 @@ impl SliderCrank {
         ]
     }
 
-    /// A_e^-1 times right-hand sides.
+    /// Multiplies right-hand sides by A_e^-1.
     fn solve<T: regen_runtime::Scalar, const K: usize>(
         &self,
         q: &[T; 3],
@@ -66,12 +66,12 @@ impl SliderCrank {
         [crank * c + rod * rc, crank * s + rod * rs]
     }
 
-    /// The regressor row for given velocity and accelerations of crank and slider.
+    /// The regressor row for the given velocity of the crank and accelerations of crank and slider.
     fn row<T: regen_runtime::Scalar>(x: [T; 2], qd: T, qdd: T, slide: T) -> [T; 3] {
         [qdd, qd, -(x[1] * (slide + slide.splat(Self::GRAVITY)))]
     }
 
-    /// All accelerations at given velocities.
+    /// All accelerations, from all velocities and the crank's acceleration.
     fn second<T: regen_runtime::Scalar>(&self, q: &[T; 3], qd: &[T; 3], qdd: T) -> [T; 3] {
         let (x, _) = self.x(q);
         let (y, _) = self.solve(q, &self.b(q, qd).map(|b| [b]));

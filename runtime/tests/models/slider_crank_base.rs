@@ -1,4 +1,4 @@
-// The slider-crank's base parameters: all three of its parameters, as they are. Stands behind
+// The slider-crank's base parameters, which are its three parameters. To be included after
 // slider_crank.rs.
 
 use regen_runtime::{

@@ -1,27 +1,30 @@
-//! The last word on limits: between samples too, and what it takes to keep them.
+//! The final check of limits, between samples too, and the reduction of motions that exceed them.
 
 use super::ExciteError;
 use super::evaluate::{Number, Problem};
 use super::space::Row;
 use regen_runtime::{BaseModel, LoopClosure};
 
-/// Points in each period of the highest harmonic.
-pub(super) const DENSE: usize = 128;
+/// The number of grid points in each period of the highest harmonic.
+pub(super) const POINTS_PER_PERIOD: usize = 128;
 
-/// The limit that is passed most, or kept least: which, where and by how much.
+/// The largest value of a limit over a period, and where it occurs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Worst {
+    /// The index of the limit.
     pub(super) limit: usize,
-    /// The point of the dense grid.
+    /// The index of the point of the dense grid.
     pub(super) point: usize,
-    /// In units of half the limit's range, with what may be hidden between points.
+    /// The value in units of half the limit's range, above 0 where the limit is exceeded; it
+    /// includes a bound on the excess between grid points.
     pub(super) value: f64,
 }
 
-/// An upper bound of each limit's value over the period.
+/// An upper bound of each limit's value over the period, from its values at the grid points.
 ///
-/// Between two points a function is at most the larger of both plus an eighth of its greatest
-/// second difference; that is taken twice, from the points around.
+/// Between two points a function is at most the larger of both values plus an eighth of its
+/// greatest second difference. Twice that is added, with the greatest second difference at the
+/// point and its two neighbours.
 fn bounds(values: &[f64], limits: usize) -> Vec<Worst> {
     let points = values.len().checked_div(limits).unwrap_or(0);
     let at = |point: usize, limit: usize| values[(point % points) * limits + limit];
@@ -39,7 +42,7 @@ fn bounds(values: &[f64], limits: usize) -> Vec<Worst> {
             for point in 0..points {
                 let bends = [point + points - 1, point, point + 1].map(|p| bend(p, limit));
                 let value = at(point, limit) + 0.25 * bends.into_iter().fold(0.0, f64::max);
-                // NaN is the worst
+                // NaN is worse than any number
                 if value > worst.value || value.is_nan() {
                     worst = Worst {
                         limit,
@@ -53,16 +56,16 @@ fn bounds(values: &[f64], limits: usize) -> Vec<Worst> {
         .collect()
 }
 
-/// A motion that keeps every limit.
+/// A motion within all limits: its variables and the bound of each limit's value.
 pub(super) struct MotionWithinLimits {
     pub(super) y: Vec<f64>,
     pub(super) bounds: Vec<Worst>,
 }
 
-/// The motion itself or, where that passes a limit, a smaller one of the same shape about a pose
-/// that keeps them; else the limit that even the pose passes, or nothing where it cannot be
-/// closed.
-pub(super) fn keep<M, D>(
+/// Returns the motion `y` or, if it exceeds a limit, a smaller motion of the same shape about one
+/// of the `poses` that is within all limits. Otherwise returns the limit that is exceeded most even
+/// when standing still at the pose, or `None` if no tried motion could be closed.
+pub(super) fn shrink_to_limits<M, D>(
     problem: &Problem<'_, M, D>,
     closure: &mut LoopClosure<'_, M>,
     dense: &[Row],
@@ -111,7 +114,7 @@ mod tests {
 
     #[test]
     fn the_bound_is_above_what_hides_between_points() {
-        // the peak of a sine halfway between two points
+        // a sine whose peak is halfway between two points
         let points = 16;
         let values: Vec<f64> = (0..points)
             .map(|k| libm::cos(core::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(points)))

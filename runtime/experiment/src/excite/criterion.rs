@@ -1,22 +1,24 @@
-//! What makes a trajectory exciting, as functions of the observation matrix.
+//! The criteria of exciting trajectories, as functions of the observation matrix.
 
 use regen_identify::SingularValues;
 
-/// What is sought.
+/// The criterion that the search optimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Criterion {
-    /// A small condition number of `W_red` with its columns scaled to unit length (Eq. 24, 27).
+    /// Minimises the condition number of `W_red` with its columns scaled to unit length (Eq. 24,
+    /// 27).
     #[default]
     ScaledCondition,
-    /// A small condition number of `W_red` as it is (Eq. 24).
+    /// Minimises the condition number of `W_red` without scaling (Eq. 24).
     Condition,
-    /// A small `-log det(W^T Sigma^-1 W)` (Eq. 26), Sigma of the efforts' variances.
+    /// Minimises `-log det(W^T Sigma^-1 W)` (Eq. 26), Sigma the diagonal matrix of the efforts'
+    /// variances.
     Determinant,
-    /// A large smallest singular value of `W_red`.
+    /// Maximises the smallest singular value of `W_red`.
     SmallestSingular,
 }
 
-/// The figures of an observation matrix, whatever was sought.
+/// The values of all criteria for one observation matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// The condition number with columns scaled to unit length (Eq. 27).
@@ -29,14 +31,15 @@ pub struct Figures {
     pub smallest_singular: f64,
 }
 
-/// An objective's value, and its derivatives by the entries of W.
+/// The value of an objective, and its derivatives by the entries of W.
 #[derive(Clone, Debug)]
 pub(super) struct Objective {
     pub(super) value: f64,
-    /// As W, column-major.
+    /// The derivatives, column-major as W.
     pub(super) slope: Vec<f64>,
 }
 
+/// The Euclidean length of each column; 1 for a zero column.
 fn column_lengths(w: &[f64], rows: usize) -> Vec<f64> {
     let columns = w.chunks_exact(rows.max(1));
     columns
@@ -47,6 +50,7 @@ fn column_lengths(w: &[f64], rows: usize) -> Vec<f64> {
         .collect()
 }
 
+/// The matrix with each column divided by its length.
 fn scaled(w: &[f64], rows: usize, lengths: &[f64]) -> Vec<f64> {
     let columns = w.chunks_exact(rows.max(1)).zip(lengths);
     columns
@@ -55,13 +59,14 @@ fn scaled(w: &[f64], rows: usize, lengths: &[f64]) -> Vec<f64> {
 }
 
 impl Criterion {
-    /// What is minimised for it: the logarithm of the condition number, with the largest and
-    /// the smallest singular values replaced by the means
-    /// `(sum s_i^2p)^(1/2p)` and `(sum s_i^-2p)^(-1/2p)`, which are smooth where values
-    /// coincide and tend to both as `sharpness` p grows; likewise -log of the smallest one.
+    /// The smooth objective that the search minimises: the logarithm of the condition number, with
+    /// the largest and the smallest singular values replaced by the means `(sum s_i^2p)^(1/2p)` and
+    /// `(sum s_i^-2p)^(-1/2p)`, which are smooth where singular values coincide and tend to the
+    /// largest and the smallest value as `sharpness` p grows; or -log of the smallest value,
+    /// replaced likewise.
     ///
-    /// - `w`: n columns, column-major; its rows divided by the efforts' deviations where the
-    ///   criterion weighs them.
+    /// - `w`: n columns, column-major; its rows divided by the efforts' standard deviations if
+    ///   the criterion [weights](Self::is_weighted) them.
     pub(super) fn objective(self, w: &[f64], n: usize, sharpness: f64) -> Objective {
         let rows = w.len().checked_div(n).unwrap_or(0);
         let lengths = match self {
@@ -92,7 +97,7 @@ impl Criterion {
             }
         }
         if let Some(lengths) = lengths {
-            // through w_j / |w_j|
+            // the chain rule through the scaling w_j / |w_j|
             let columns = slope.chunks_exact_mut(rows.max(1));
             let pairs = columns.zip(w.chunks_exact(rows.max(1))).zip(&lengths);
             for ((column, unit), length) in pairs {
@@ -105,10 +110,10 @@ impl Criterion {
         Objective { value, slope }
     }
 
-    /// F(s) and dF/ds_i / s_i.
+    /// The objective F as a function of the singular values s, and dF/ds_i / s_i.
     fn of_values(self, values: &[f64], p: f64) -> (f64, Vec<f64>) {
         let largest = values.first().copied().unwrap_or(1.0);
-        // a smallest value of zero would make all that follows infinite
+        // a smallest singular value of zero would make the objective infinite
         let floor = 1e-14 * largest.max(f64::MIN_POSITIVE);
         let s: Vec<f64> = values.iter().map(|s| s.max(floor)).collect();
         let smallest = s.last().copied().unwrap_or(1.0);
@@ -137,7 +142,8 @@ impl Criterion {
         }
     }
 
-    /// What a user compares: the criterion itself, small where the trajectory is good.
+    /// The criterion's value without smoothing, for comparing trajectories: smaller is better, so
+    /// that the smallest singular value has its sign changed.
     pub fn of(self, figures: &Figures) -> f64 {
         match self {
             Criterion::ScaledCondition => figures.scaled_condition,
@@ -147,15 +153,15 @@ impl Criterion {
         }
     }
 
-    /// Whether the rows of W are divided by the efforts' deviations.
-    pub(super) fn weighs(self) -> bool {
+    /// Whether the rows of W are divided by the efforts' standard deviations.
+    pub(super) fn is_weighted(self) -> bool {
         self == Criterion::Determinant
     }
 }
 
 impl Figures {
-    /// Of a matrix with `n` columns, column-major; `weighted` is the same with its rows divided
-    /// by the efforts' deviations.
+    /// The figures of a matrix with `n` columns, column-major; `weighted` is the same matrix with
+    /// its rows divided by the efforts' standard deviations.
     pub(super) fn new(w: &[f64], weighted: &[f64], n: usize) -> Self {
         let rows = w.len().checked_div(n).unwrap_or(0);
         let raw = SingularValues::new(w, n);

@@ -1,4 +1,4 @@
-//! The robot along a trajectory: limits and observation matrix with their derivatives.
+//! Evaluation of a trajectory: limits and observation matrix, with their derivatives.
 
 use super::criterion::Objective;
 use super::limits::{Limit, LimitInputs};
@@ -6,45 +6,47 @@ use super::space::{Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
 use regen_runtime::{BaseModel, Info, LoopClosure, Scalar, SizeError};
 
-/// The number that derivatives are computed with.
+/// The number type with which derivatives are computed.
 pub(super) type Number = Tangent<DIRECTIONS>;
 
-/// All that stays the same during a search.
+/// The fixed data of a search: model, limits, criterion, variables and grid.
 pub(super) struct Problem<'m, M, D> {
     pub(super) model: &'m M,
     pub(super) derivatives: &'m D,
     pub(super) info: Info<'m>,
     pub(super) limits: Vec<Limit>,
-    /// Parameters for efforts, where these are limited and known.
+    /// The nominal parameters, if efforts are limited and can be computed.
     pub(super) nominal: Option<Vec<f64>>,
     pub(super) criterion: Criterion,
-    /// 1 over the deviation of each row's effort.
+    /// 1 over the standard deviation of each independent coordinate's effort.
     pub(super) weights: Vec<f64>,
+    /// The number of base parameters.
     pub(super) columns: usize,
     pub(super) space: Space,
-    /// The grid on which limits are kept during the search.
+    /// The grid points at which limits are checked during the search.
     pub(super) grid: Vec<Row>,
-    /// Each `stride`-th grid point is a sample of the observation matrix.
+    /// Every `stride`-th grid point is a sample of the observation matrix.
     pub(super) stride: usize,
 }
 
-/// The robot along one trajectory.
+/// Objective, limits and their derivatives at one candidate trajectory.
 #[derive(Clone, Debug)]
 pub(super) struct Evaluation {
     pub(super) objective: f64,
     pub(super) gradient: Vec<f64>,
-    /// The limits' values, grid point by grid point.
+    /// The values of all limits, grid point by grid point.
     pub(super) values: Vec<f64>,
-    /// Their derivatives by q, qd, qdd of the independent coordinates.
+    /// The derivatives of each value by q, qd, qdd of the independent coordinates (3 dof each).
     pub(super) slopes: Vec<f64>,
 }
 
-/// The observation matrix of a trajectory.
+/// The observation matrix of a trajectory, column-major, without and with weighted rows.
 pub(super) struct Observed {
     pub(super) w: Vec<f64>,
     pub(super) weighted: Vec<f64>,
 }
 
+/// The quantities of one state, besides q, on which limits and regressor depend.
 struct Motion<T> {
     qd: Vec<T>,
     qdd: Vec<T>,
@@ -62,7 +64,7 @@ where
         self.info.dof()
     }
 
-    /// The rest of a state: `q` is closed.
+    /// Computes rates, efforts and the cosines of swing angles at the closed state `q`.
     fn motion<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
@@ -96,7 +98,8 @@ where
         })
     }
 
-    /// The actuators' efforts from those of the independent coordinates: as many as these.
+    /// Solves for the efforts of the actuated joints from the generalized forces `tau` of the
+    /// independent coordinates; there are as many actuated joints as independent coordinates.
     fn of_actuators<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
@@ -121,7 +124,7 @@ where
         }
         let mut b = tau;
         for k in 0..n {
-            // rows change places by size, entry by entry: no branch on values is needed
+            // partial pivoting by `select`, which needs no branch on values
             for i in k + 1..n {
                 let swap = a[k * n + k].abs().less(a[i * n + k].abs());
                 for j in 0..n {
@@ -150,8 +153,9 @@ where
         Ok(b)
     }
 
-    fn limited<T: Scalar>(&self, q: &[T], motion: &Motion<T>) -> Vec<T> {
-        let seen = LimitInputs {
+    /// The value of each limit in one state.
+    fn limit_values<T: Scalar>(&self, q: &[T], motion: &Motion<T>) -> Vec<T> {
+        let inputs = LimitInputs {
             q,
             qd: &motion.qd,
             qdd: &motion.qdd,
@@ -159,10 +163,11 @@ where
             cones: &motion.cones,
             pivot: motion.pivot,
         };
-        self.limits.iter().map(|l| l.value(&seen)).collect()
+        self.limits.iter().map(|l| l.value(&inputs)).collect()
     }
 
-    /// Limits and objective with derivatives; nothing where the loops do not stay closed.
+    /// Computes objective and limits with their derivatives at the variables `y`; `None` where the
+    /// loops do not stay closed.
     pub(super) fn evaluate(
         &self,
         closure: &mut LoopClosure<'_, M>,
@@ -196,7 +201,7 @@ where
                 for (c, place) in self.info.independent.iter().enumerate() {
                     q[*place] = part(0, c);
                 }
-                // one step from a closed state is exact in the first derivatives
+                // one Newton step from a closed state gives exact first derivatives
                 let _condition = self.derivatives.newton_step(&q, &mut step)?;
                 for (place, step) in self.info.dependent.iter().zip(&step) {
                     q[*place] = q[*place] + *step;
@@ -205,7 +210,7 @@ where
                 let qdd_i: Vec<Number> = (0..dof).map(|c| part(2, c)).collect();
                 let motion = self.motion(self.derivatives, &q, &qd_i, &qdd_i, zero)?;
                 let count = DIRECTIONS.min(directions - first);
-                for (l, value) in self.limited(&q, &motion).iter().enumerate() {
+                for (l, value) in self.limit_values(&q, &motion).iter().enumerate() {
                     if first == 0 {
                         values.push(value.value);
                     }
@@ -228,11 +233,11 @@ where
         if !w.iter().chain(&values).all(|x| x.is_finite()) {
             return Ok(None);
         }
-        if self.criterion.weighs() {
+        if self.criterion.is_weighted() {
             self.weigh(&mut w);
         }
         let Objective { value, mut slope } = self.criterion.objective(&w, self.columns, sharpness);
-        if self.criterion.weighs() {
+        if self.criterion.is_weighted() {
             self.weigh(&mut slope);
         }
         let mut gradient = vec![0.0; y.len()];
@@ -256,6 +261,7 @@ where
         }))
     }
 
+    /// Divides the rows of `w` by the standard deviations of the efforts.
     fn weigh(&self, w: &mut [f64]) {
         for chunk in w.chunks_exact_mut(self.weights.len().max(1)) {
             for (x, weight) in chunk.iter_mut().zip(&self.weights) {
@@ -264,7 +270,8 @@ where
         }
     }
 
-    /// The limits' values at each of these rows; nothing where the loops do not stay closed.
+    /// The values of all limits at each of these grid points; `None` where the loops do not stay
+    /// closed.
     pub(super) fn values(
         &self,
         closure: &mut LoopClosure<'_, M>,
@@ -280,12 +287,12 @@ where
                 return Ok(None);
             }
             let motion = self.motion(self.model, &closed.q, &qd_i, &qdd_i, 0.0)?;
-            out.extend(self.limited(&closed.q, &motion));
+            out.extend(self.limit_values(&closed.q, &motion));
         }
         Ok(Some(out))
     }
 
-    /// The observation matrix of a trajectory; nothing where the loops do not stay closed.
+    /// The observation matrix of a trajectory; `None` where the loops do not stay closed.
     pub(super) fn observed(
         &self,
         closure: &mut LoopClosure<'_, M>,
@@ -313,7 +320,7 @@ where
         Ok(Some(Observed { w, weighted }))
     }
 
-    /// The derivative of a limit's value by the variables.
+    /// The derivatives by the variables of one entry of [`Evaluation::values`].
     pub(super) fn slope(&self, evaluation: &Evaluation, limit: usize) -> Vec<f64> {
         let directions = 3 * self.dof();
         let mut out = vec![0.0; self.space.size()];
@@ -323,7 +330,7 @@ where
         out
     }
 
-    /// How much each limit changes to first order along a step of the variables.
+    /// The first-order change of each limit's value along a step of the variables.
     pub(super) fn changes(&self, evaluation: &Evaluation, step: &[f64]) -> Vec<f64> {
         let directions = 3 * self.dof();
         let each = self.limits.len();

@@ -1,11 +1,11 @@
-//! The limits that a trajectory keeps, each a number that is at most zero.
+//! The limits of a trajectory, each as a number that is at most zero within the limit.
 
 use core::fmt;
 
 use super::{ExciteError, Settings};
 use regen_runtime::{Info, Scalar};
 
-/// What a limit is about.
+/// The quantity that a limit bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// A coordinate's position.
@@ -16,26 +16,26 @@ pub enum Quantity {
     Acceleration,
     /// An actuator's effort.
     Effort,
-    /// The angle of a cone.
+    /// The swing angle of a spherical or universal joint, or of a cut.
     SwingLimit,
-    /// The distance from singularities.
+    /// The distance from singularities: the pivot of A_e.
     Singularity,
 }
 
-/// One limit: a quantity that may not pass a bound to one side.
+/// One limit: a lower or upper bound of a quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limit {
-    /// What it is about.
+    /// The bounded quantity.
     pub quantity: Quantity,
-    /// The coordinate or the cone; empty for the distance from singularities.
+    /// The name of the coordinate or the swing limit; empty for the distance from singularities.
     pub name: String,
-    /// The bound: SI units, rad; an angle for cones.
+    /// The bound, in SI units and rad; an angle for swing limits.
     pub bound: f64,
-    /// Whether the quantity may not be above the bound; otherwise not below.
+    /// Whether this is an upper bound; otherwise it is a lower bound.
     pub upper: bool,
-    /// Which entry of the quantity.
+    /// The index of the coordinate, the actuated joint or the swing limit.
     at: usize,
-    /// What the limit is divided by: half the range.
+    /// The divisor that makes values comparable: half the range between the limits.
     size: f64,
 }
 
@@ -59,31 +59,31 @@ impl fmt::Display for Limit {
     }
 }
 
-/// What limits look at in one state.
+/// The quantities of one state on which limits depend.
 pub(super) struct LimitInputs<'a, T> {
     pub(super) q: &'a [T],
     pub(super) qd: &'a [T],
     pub(super) qdd: &'a [T],
-    /// Of the actuators, in the order of `Info::actuated`.
+    /// The efforts of the actuated joints, in the order of `Info::actuated`.
     pub(super) efforts: &'a [T],
-    /// Cosines.
+    /// The cosines of the swing angles.
     pub(super) cones: &'a [T],
     pub(super) pivot: T,
 }
 
 impl Limit {
-    /// At most zero where the limit is kept; in units of half the range.
-    pub(super) fn value<T: Scalar>(&self, seen: &LimitInputs<'_, T>) -> T {
-        let entry = |values: &[T]| values.get(self.at).copied().unwrap_or(seen.pivot);
+    /// The excess over the limit in units of half its range: at most zero within the limit.
+    pub(super) fn value<T: Scalar>(&self, inputs: &LimitInputs<'_, T>) -> T {
+        let entry = |values: &[T]| values.get(self.at).copied().unwrap_or(inputs.pivot);
         let value = match self.quantity {
-            Quantity::Position => entry(seen.q),
-            Quantity::Velocity => entry(seen.qd),
-            Quantity::Acceleration => entry(seen.qdd),
-            Quantity::Effort => entry(seen.efforts),
-            Quantity::Singularity => seen.pivot,
+            Quantity::Position => entry(inputs.q),
+            Quantity::Velocity => entry(inputs.qd),
+            Quantity::Acceleration => entry(inputs.qdd),
+            Quantity::Effort => entry(inputs.efforts),
+            Quantity::Singularity => inputs.pivot,
             Quantity::SwingLimit => {
-                // the cosine is at least the bound's
-                let cosine = entry(seen.cones);
+                // within the limit the cosine of the angle is at least that of the bound
+                let cosine = entry(inputs.cones);
                 return (cosine.splat(libm::cos(self.bound)) - cosine) / cosine.splat(self.size);
             }
         };
@@ -93,7 +93,7 @@ impl Limit {
     }
 }
 
-/// Every limit that is stated and can be checked.
+/// All limits of the settings that can be checked; limits of efforts only if `efforts` is set.
 pub(super) fn limits(
     info: &Info<'_>,
     settings: &Settings,

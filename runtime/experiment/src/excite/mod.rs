@@ -1,16 +1,16 @@
-//! Exciting trajectories: motions from which parameters can be told apart (section 3).
+//! Exciting trajectories: motions for which the base parameters can be identified well (section 3).
 //!
-//! The independent coordinates follow finite Fourier series (Eq. 25; Swevers et al., 1996) whose
-//! coefficients make the observation matrix of the base parameters well conditioned, by one of
-//! four [criteria](Criterion), while every limit is kept: positions, velocities and accelerations
-//! of all coordinates, passive ones included, cones of spherical joints, efforts at nominal
-//! parameters, and a margin from singularities. The loops stay closed on the branch of `home`.
+//! The independent coordinates follow finite Fourier series (Eq. 25; Swevers et al., 1996). Their
+//! coefficients minimise one of four [criteria](Criterion) of the observation matrix of the base
+//! parameters, subject to all limits: positions, velocities and accelerations of all coordinates,
+//! passive ones included, swing limits of spherical joints, efforts at nominal parameters, and a
+//! margin from singularities. The loops stay closed on the branch of `home`.
 //!
 //! The search is sequential quadratic programming from random starts, with exact derivatives by
-//! [`Tangent`] numbers through the robot's functions. What it returns keeps all limits between
-//! samples too: it is checked on a grid of 128 points per period of the highest harmonic, with a
-//! bound on what hides between those, and made smaller where that is needed. The same seed gives
-//! the same result, on any number of threads.
+//! evaluating the robot's functions with [`Tangent`] numbers. The returned motion is within all
+//! limits between samples too: it is checked on a grid of 128 points per period of the highest
+//! harmonic, with a bound on the excess between these points, and reduced where needed. The same
+//! seed gives the same result, on any number of threads.
 
 mod check;
 mod criterion;
@@ -33,51 +33,51 @@ pub use scaled_problem::{ScaledEvaluation, ScaledProblem};
 use regen_identify::signals::SignalError;
 use regen_runtime::{ClosureError, Info, Limits, SizeError};
 
-// the solver's symbols
+// links the BLAS and LAPACK symbols that clarabel calls
 extern crate regen_lapack as _;
 
-/// The directions in which the search differentiates at a time: position, velocity and
+/// The number of directions in which the search differentiates at once: position, velocity and
 /// acceleration of three coordinates.
 pub const DIRECTIONS: usize = 9;
 
-/// What is sought, and within which limits.
+/// The settings of a search: series, criterion, limits and effort of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// The number of harmonics.
     pub harmonics: usize,
-    /// The frequency of the first, Hz.
+    /// The frequency of the first harmonic, Hz.
     pub frequency: f64,
-    /// The number of samples in a period that make the observation matrix.
+    /// The number of samples per period in the observation matrix.
     pub samples: usize,
-    /// What is sought.
+    /// The criterion to optimise.
     pub criterion: Criterion,
     /// Whether velocities and accelerations are 0 where the period starts and ends.
     pub at_rest: bool,
-    /// The limits of each coordinate, in the order of `q`. Independent ones need a range of
-    /// positions.
+    /// The limits of each coordinate, in the order of `q`. Independent coordinates must have
+    /// position limits.
     pub limits: Vec<Limits>,
-    /// The greatest angle of each of `Info::cones`, rad.
+    /// The greatest angle of each swing limit, in the order of `Info::cones`, rad.
     pub cones: Vec<f64>,
     /// The least [`Condition::pivot`](regen_runtime::Condition) along the trajectory.
     pub singular_margin: f64,
-    /// The parameters by which efforts are computed, in the order of `Info::parameters`; none:
+    /// The parameters with which efforts are computed, in the order of `Info::parameters`; `None`:
     /// efforts are not limited.
     pub nominal: Option<Vec<f64>>,
     /// The standard deviation of each independent coordinate's effort, for
     /// [`Criterion::Determinant`]; empty: all 1.
     pub deviations: Vec<f64>,
-    /// Of the random starts.
+    /// The seed of the random starts.
     pub seed: u64,
-    /// The number of starts.
+    /// The number of random starts.
     pub starts: usize,
     /// The number of threads; 0: as many as the machine has.
     pub threads: usize,
-    /// Steps in each of the five stages of a start.
+    /// The maximum number of steps in each of the five stages of a start.
     pub steps: usize,
 }
 
 impl Settings {
-    /// For a robot with the limits and nominal parameters that it states: 11 harmonics of
+    /// The default settings for a robot, with its limits and nominal parameters: 11 harmonics of
     /// 1/7.5 Hz, 75 samples, a margin of 0.05 from singularities, four starts.
     ///
     /// ```
@@ -109,31 +109,31 @@ impl Settings {
     }
 }
 
-/// Why a search could not begin or go on.
+/// Why a search could not be started or failed.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ExciteError {
-    /// An argument that does not fit the model.
+    /// An argument does not fit the model, or the model is inconsistent.
     ClosureError(ClosureError),
-    /// A Fourier series that cannot be.
+    /// A Fourier series is invalid.
     Signal(SignalError),
-    /// A range whose ends are in the wrong order or not finite.
+    /// The ends of a range are in the wrong order or not finite.
     Range {
-        /// Of what.
+        /// The name of the limited quantity.
         what: String,
-        /// The ends.
+        /// The lowest and the highest value.
         range: [f64; 2],
     },
-    /// An independent coordinate without a range of positions.
+    /// An independent coordinate has no position limits.
     Unbounded {
-        /// Its name.
+        /// The name of the coordinate.
         coordinate: String,
     },
-    /// A setting that cannot be.
+    /// A setting is invalid, with the reason.
     Setting(&'static str),
     /// The robot has no base parameters.
     NoBase,
-    /// The solver of quadratic programmes refused its input.
+    /// The solver of quadratic programmes rejected its input, with the reason.
     Solver(String),
 }
 

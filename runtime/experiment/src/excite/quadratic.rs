@@ -1,17 +1,17 @@
-//! The quadratic programme of one step, handed to clarabel.
+//! The quadratic programme of one step, solved by clarabel.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as SwingLimit,
+    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as Cone,
 };
 
 use super::ExciteError;
 
-/// Minimises `g.d + d^T B d / 2 + penalty t` where each `values_k + rows_k . d <= t`, `t >= 0`
-/// and every entry of d is at most `reach` in size.
+/// Minimises `g.d + d^T B d / 2 + penalty t` over d and t, subject to `values_k + rows_k . d <= t`,
+/// `t >= 0` and `|d_i| <= reach`.
 pub(super) struct Quadratic<'a> {
     pub(super) gradient: &'a [f64],
-    /// Symmetric, n x n.
+    /// The matrix B, symmetric, n x n.
     pub(super) hessian: &'a [f64],
     pub(super) rows: &'a [Vec<f64>],
     pub(super) values: &'a [f64],
@@ -19,14 +19,14 @@ pub(super) struct Quadratic<'a> {
     pub(super) penalty: f64,
 }
 
-/// The step and the multipliers of `rows`.
+/// The step d and the Lagrange multipliers of `rows`.
 pub(super) struct Step {
     pub(super) d: Vec<f64>,
     pub(super) multipliers: Vec<f64>,
 }
 
 impl Quadratic<'_> {
-    /// Nothing where the solver gives up.
+    /// Solves the programme; `None` where the solver does not converge.
     pub(super) fn solve(&self) -> Result<Option<Step>, ExciteError> {
         let n = self.gradient.len();
         let m = self.rows.len() + 1 + 2 * n;
@@ -67,14 +67,14 @@ impl Quadratic<'_> {
         let settings = DefaultSettings {
             verbose: false,
             max_iter: 100,
-            // one thread and no clock: the same numbers every time
+            // one thread and no time limit, so that the result is reproducible
             max_threads: 1,
             time_limit: f64::INFINITY,
             presolve_enable: false,
             chordal_decomposition_enable: false,
             ..DefaultSettings::default()
         };
-        let cones = [SwingLimit::NonnegativeConeT(m)];
+        let cones = [Cone::NonnegativeConeT(m)];
         let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings)
             .map_err(|error| ExciteError::Solver(format!("{error}")))?;
         solver.solve();

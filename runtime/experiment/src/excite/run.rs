@@ -1,10 +1,11 @@
-//! The whole search: several starts side by side, and the best of what keeps the limits.
+//! The whole search: several starts in parallel, and the best of the trajectories within the
+//! limits.
 
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-use super::check::{self, DENSE, Worst};
+use super::check::{self, POINTS_PER_PERIOD, Worst};
 use super::criterion::Figures;
 use super::evaluate::{Number, Problem};
 use super::limits::limits;
@@ -15,34 +16,34 @@ use crate::trajectory::Trajectory;
 use regen_identify::signals::Fourier;
 use regen_runtime::{BaseModel, Info, LoopClosure, SizeError};
 
-/// How close a trajectory comes to a limit.
+/// The distance of a trajectory from a limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Margin {
     /// The limit.
     pub limit: Limit,
-    /// What is left, as a part of half the limit's range; never negative.
+    /// The least distance from the limit, relative to half the limit's range; never negative.
     pub left: f64,
-    /// When it is closest, s.
+    /// The time at which the trajectory is closest to the limit, s.
     pub time: f64,
 }
 
-/// A trajectory that keeps every limit.
+/// An exciting trajectory within all limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excitation {
     /// The series of the independent coordinates, in their order.
     pub series: Fourier,
-    /// Of its observation matrix.
+    /// The values of all criteria for its observation matrix.
     pub figures: Figures,
-    /// The margin of each limit.
+    /// The margin from each limit.
     pub margins: Vec<Margin>,
-    /// The start that led to it.
+    /// The number of the random start that led to it, from 0.
     pub start: usize,
 }
 
 impl Excitation {
-    /// The trajectory as its file has it, with the figures of its observation matrix.
+    /// The trajectory in the form of its file, with the figures of its observation matrix.
     ///
-    /// - `info`: of the model that it was sought for.
+    /// - `info`: of the model that the search was run for.
     pub fn trajectory(&self, info: &Info<'_>) -> Trajectory {
         let figures = self.figures;
         let figures = BTreeMap::from([
@@ -55,44 +56,44 @@ impl Excitation {
     }
 }
 
-/// What became of a search.
+/// The result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// The best trajectory; of what had been found when the search was asked to stop.
+    /// The best trajectory, among those found so far if the search was stopped.
     Found(Box<Excitation>),
-    /// No start came to keep every limit.
+    /// No start led to a trajectory within all limits.
     Infeasible {
-        /// The limit that the last start passed most.
+        /// The limit that the last start exceeds most.
         limit: Limit,
-        /// By how much, as a part of half its range.
+        /// The excess, relative to half the limit's range.
         excess: f64,
-        /// When, s.
+        /// The time of the excess, s.
         time: f64,
     },
-    /// The robot could not be closed along any start.
+    /// The loops could not be closed along any start.
     NotClosed,
-    /// The search was asked to stop before it found a trajectory.
+    /// The search was stopped before it found a trajectory.
     Stopped,
 }
 
-/// How far a search is.
+/// The progress of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Steps done, at most.
+    /// The number of finished steps; a stage that ends early counts with all its steps.
     pub done: usize,
-    /// Steps in all, if every stage needs all of its own.
+    /// The maximum number of steps of the whole search.
     pub of: usize,
-    /// The best criterion so far ([`Criterion::of`](super::Criterion::of)), of a trajectory that
-    /// keeps every limit.
+    /// The best value of the criterion so far ([`Criterion::of`](super::Criterion::of)) among
+    /// trajectories within all limits.
     pub best: Option<f64>,
 }
 
-/// What goes on beside a search: how it is watched, and how it is stopped.
+/// The connection of a running search to its caller: progress reports and a stop flag.
 #[derive(Clone, Copy)]
 pub struct Monitor<'a> {
-    /// Set by whoever wants the search to end with the best so far.
+    /// The caller sets this flag to end the search with the best trajectory so far.
     pub stop: &'a AtomicBool,
-    /// Called after each step, by any thread.
+    /// The search calls this after each step, from any of its threads.
     pub report: &'a (dyn Fn(Progress) + Sync),
 }
 
@@ -102,21 +103,25 @@ impl core::fmt::Debug for Monitor<'_> {
     }
 }
 
-/// What one start came to.
+/// The result of one start.
 enum StartOutcome {
+    /// The best trajectory within all limits.
     Found(Box<Excitation>),
+    /// No trajectory is within all limits; the largest excess of the last one.
     Passed(Worst),
+    /// The loops could not be closed along the trajectory.
     NotClosed,
+    /// The search was stopped first.
     Stopped,
 }
 
-/// Seeks an exciting trajectory.
+/// Searches for an exciting trajectory.
 ///
-/// - `model`: the robot; `derivatives`: the same in [`Tangent`](super::Tangent) numbers:
-///   generated robots are both.
+/// - `model`: the robot over `f64`; `derivatives`: the same robot over
+///   [`Tangent`](super::Tangent) numbers. Generated robots implement both.
 ///
 /// # Errors
-/// When settings do not fit the model, or a limit is no range.
+/// When settings do not fit the model, or the ends of a limit are in the wrong order.
 pub fn excite<M, D>(
     model: &M,
     derivatives: &D,
@@ -128,7 +133,7 @@ where
     D: BaseModel<Number> + Sync,
 {
     let problem = problem(model, derivatives, settings)?;
-    let highest = DENSE * settings.harmonics;
+    let highest = POINTS_PER_PERIOD * settings.harmonics;
     let dense: Vec<Row> = (0..highest)
         .map(|k| problem.space.row(k, highest))
         .collect();
@@ -136,7 +141,7 @@ where
         0 => std::thread::available_parallelism().map_or(1, core::num::NonZero::get),
         threads => threads,
     };
-    let crew = SharedSearch {
+    let shared = SharedSearch {
         problem,
         dense,
         settings,
@@ -150,11 +155,11 @@ where
         for _ in 0..threads.min(settings.starts) {
             scope.spawn(|| {
                 loop {
-                    let start = crew.next.fetch_add(1, Ordering::Relaxed);
+                    let start = shared.next.fetch_add(1, Ordering::Relaxed);
                     if start >= settings.starts {
                         break;
                     }
-                    let result = crew.start(start);
+                    let result = shared.start(start);
                     if let Ok(mut ended) = ended.lock() {
                         ended.push((start, result));
                     }
@@ -162,17 +167,17 @@ where
             });
         }
     });
-    // by number: the result does not know which thread was first
+    // sorted by start, so that the result does not depend on which thread finished first
     let mut ended = ended.into_inner().unwrap_or_default();
     ended.sort_by_key(|(start, _)| *start);
     let mut outcome = Outcome::NotClosed;
     for (_, result) in ended {
-        outcome = crew.better(outcome, result?);
+        outcome = shared.better(outcome, result?);
     }
     Ok(outcome)
 }
 
-/// The search's fixed parts.
+/// Checks the settings and builds the fixed data of the search.
 pub(super) fn problem<'m, M, D>(
     model: &'m M,
     derivatives: &'m D,
@@ -250,7 +255,7 @@ where
         &speed,
         settings.at_rest,
     );
-    // at least fourteen points in each period of the highest harmonic
+    // the grid has at least fourteen points in each period of the highest harmonic
     let stride = (14 * settings.harmonics).div_ceil(settings.samples).max(1);
     let steps = settings.samples * stride;
     let weight = |k: usize| settings.deviations.get(k).map_or(1.0, |d| 1.0 / d);
@@ -269,7 +274,7 @@ where
     })
 }
 
-/// What threads share.
+/// The data that the threads of a search share.
 struct SharedSearch<'s, 'm, M, D> {
     problem: Problem<'m, M, D>,
     dense: Vec<Row>,
@@ -285,7 +290,7 @@ where
     M: BaseModel<f64> + Sync,
     D: BaseModel<Number> + Sync,
 {
-    /// The poses about which motions are made smaller: the middle of the ranges, and home.
+    /// The poses about which motions are reduced: the middle of the ranges, and home.
     fn poses(&self) -> [Vec<f64>; 2] {
         let info = &self.problem.info;
         let home = |c: &usize| info.home.get(*c).copied().unwrap_or(0.0);
@@ -299,8 +304,9 @@ where
         ]
     }
 
+    /// Runs all stages of one random start.
     fn start(&self, start: usize) -> Result<StartOutcome, ExciteError> {
-        // The first start gives its trajectory even then.
+        // the first start returns its trajectory even if the search is stopped
         if start > 0 && self.watch.stop.load(Ordering::Relaxed) {
             return Ok(StartOutcome::Stopped);
         }
@@ -308,7 +314,7 @@ where
         let steps = self.settings.steps;
         let [middle, home] = self.poses();
         let mut closure = LoopClosure::new(self.problem.model)?;
-        // a pose that keeps the limits, if one does
+        // the pose about which the start is reduced: one within the limits, if there is one
         let mut pose = &middle;
         for candidate in [&middle, &home] {
             let still = self.problem.space.still(candidate);
@@ -342,18 +348,18 @@ where
                 middle.clone(),
                 home.clone(),
             ];
-            let kept = check::keep(
+            let motion = check::shrink_to_limits(
                 &self.problem,
                 &mut closure,
                 &self.dense,
                 &poses,
                 search.at(),
             )?;
-            match kept {
+            match motion {
                 Err(worst) => passed = worst,
-                Ok(kept) => {
-                    let made = self.made(&mut closure, &kept, start)?;
-                    best = match (best, made) {
+                Ok(motion) => {
+                    let excitation = self.excitation(&mut closure, &motion, start)?;
+                    best = match (best, excitation) {
                         (Some(old), Some(new)) => Some(self.smaller(old, new)),
                         (old, new) => old.or(new),
                     };
@@ -374,33 +380,35 @@ where
         })
     }
 
-    fn made(
+    /// The excitation with its series, figures and margins; `None` where the loops do not close.
+    fn excitation(
         &self,
         closure: &mut LoopClosure<'_, M>,
-        kept: &check::MotionWithinLimits,
+        motion: &check::MotionWithinLimits,
         start: usize,
     ) -> Result<Option<Box<Excitation>>, ExciteError> {
-        let Some(observed) = self.problem.observed(closure, &kept.y)? else {
+        let Some(observed) = self.problem.observed(closure, &motion.y)? else {
             return Ok(None);
         };
-        let margins = kept.bounds.iter().map(|bound| Margin {
+        let margins = motion.bounds.iter().map(|bound| Margin {
             limit: self.problem.limits[bound.limit].clone(),
             left: -bound.value,
             time: self.time(*bound),
         });
         Ok(Some(Box::new(Excitation {
-            series: self.problem.space.series(&kept.y)?,
+            series: self.problem.space.series(&motion.y)?,
             figures: Figures::new(&observed.w, &observed.weighted, self.problem.columns),
             margins: margins.collect(),
             start,
         })))
     }
 
+    /// The time of a point of the dense grid, s.
     fn time(&self, worst: Worst) -> f64 {
         worst.point as f64 / self.dense.len() as f64 / self.settings.frequency
     }
 
-    /// The better of two, the first where they are alike.
+    /// The better of two excitations; the first if they are equally good.
     #[allow(
         clippy::unnecessary_box_returns,
         reason = "one of two boxes is handed on"
@@ -410,6 +418,7 @@ where
         if of(&b) < of(&a) { b } else { a }
     }
 
+    /// The result of the search after one more start.
     fn better(&self, so_far: Outcome, ended: StartOutcome) -> Outcome {
         match (so_far, ended) {
             (Outcome::Found(a), StartOutcome::Found(b)) => Outcome::Found(self.smaller(a, b)),
@@ -425,12 +434,14 @@ where
         }
     }
 
+    /// Records the criterion of a trajectory within all limits for the progress reports.
     fn note(&self, value: f64) {
         if let Ok(mut best) = self.best.lock() {
             *best = Some(best.map_or(value, |old: f64| old.min(value)));
         }
     }
 
+    /// Adds finished steps and reports the progress.
     fn count(&self, steps: usize) {
         let done = self.done.fetch_add(steps, Ordering::Relaxed) + steps;
         let of = self.settings.starts * Search::<M, D>::stages() * self.settings.steps;

@@ -1,4 +1,4 @@
-//! The search's functions for whoever wants another method, or to check them.
+//! The optimisation problem of the search, for use with other optimisers and for tests.
 
 use super::evaluate::{Number, Problem};
 use super::run::problem;
@@ -6,7 +6,8 @@ use super::{ExciteError, Limit, Settings};
 use regen_identify::signals::Fourier;
 use regen_runtime::{BaseModel, LoopClosure};
 
-/// Objective and limits as functions of scaled coefficients.
+/// The optimisation problem of a search: objective and limits as functions of scaled Fourier
+/// coefficients.
 pub struct ScaledProblem<'m, M, D> {
     problem: Problem<'m, M, D>,
     closure: LoopClosure<'m, M>,
@@ -21,15 +22,15 @@ impl<M, D> core::fmt::Debug for ScaledProblem<'_, M, D> {
     }
 }
 
-/// What the search sees at one point.
+/// Objective, limits and their derivatives at one point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScaledEvaluation {
-    /// What is minimised.
+    /// The objective, which the search minimises.
     pub objective: f64,
-    /// Its derivatives by the variables.
+    /// The derivatives of the objective by the variables.
     pub gradient: Vec<f64>,
-    /// The limits' values at each point of the grid, grid point by grid point in the order of
-    /// [`ScaledProblem::limits`]: at most zero where a limit is kept, in units of half its range.
+    /// The values of all limits, grid point by grid point in the order of
+    /// [`ScaledProblem::limits`]: at most zero within the limit, in units of half its range.
     pub values: Vec<f64>,
     /// The derivatives of each of `values` by the variables.
     pub slopes: Vec<Vec<f64>>,
@@ -40,10 +41,10 @@ where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
 {
-    /// Of a search by these settings.
+    /// The problem of a search with these settings.
     ///
     /// # Errors
-    /// When settings do not fit the model, or a limit is no range.
+    /// When settings do not fit the model, or the ends of a limit are in the wrong order.
     pub fn new(model: &'m M, derivatives: &'m D, settings: &Settings) -> Result<Self, ExciteError> {
         Ok(Self {
             problem: problem(model, derivatives, settings)?,
@@ -51,28 +52,28 @@ where
         })
     }
 
-    /// The limits.
+    /// The limits, in the order in which each grid point has them in [`ScaledEvaluation::values`].
     pub fn limits(&self) -> &[Limit] {
         &self.problem.limits
     }
 
-    /// The variables that stand still at a pose of the independent coordinates.
+    /// The variables of standing still at a pose of the independent coordinates (dof, rad or m).
     pub fn still(&self, pose: &[f64]) -> Vec<f64> {
         self.problem.space.still(pose)
     }
 
-    /// The series of these variables.
+    /// The Fourier series of the independent coordinates for these variables.
     ///
     /// # Errors
-    /// Never for as many variables as [`still`](Self::still) gives.
+    /// None for as many variables as [`still`](Self::still) returns.
     pub fn series(&self, variables: &[f64]) -> Result<Fourier, ExciteError> {
         self.problem.space.series(variables)
     }
 
-    /// All functions at a point; nothing where the loops do not stay closed.
+    /// Evaluates objective and limits at a point; `None` where the loops do not stay closed.
     ///
-    /// - `sharpness`: the power by which singular values are smoothed where the criterion is not
-    ///   smooth.
+    /// - `sharpness`: the power p of the means that replace the largest and smallest singular
+    ///   values, where the criterion is not smooth.
     ///
     /// # Errors
     /// When a variable is not finite.

@@ -1,9 +1,9 @@
 //! One start of the search: sequential quadratic programming with exact gradients.
 //!
 //! Each step minimises a quadratic model of the objective, its Hessian by damped BFGS updates
-//! (Powell, 1978), over linearised limits within a box; an elastic variable keeps that solvable
-//! where limits are not kept yet (Fletcher, 1987, section 14.4). A step counts where the exact
-//! penalty function falls.
+//! (Powell, 1978), over linearised limits within a box; an elastic variable keeps the programme
+//! solvable where limits are still exceeded (Fletcher, 1987, section 14.4). A step is accepted if
+//! the exact penalty function falls.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -14,16 +14,17 @@ use super::quadratic::{Quadratic, Step};
 use super::space::dot;
 use regen_runtime::{BaseModel, LoopClosure};
 
-/// The powers by which singular values are smoothed, one after the other: each stage ends near
-/// the start of the next.
+/// The sharpness, the power of the means that replace singular values, of each stage: each stage
+/// ends near the start of the next.
 const STAGES: [f64; 5] = [2.0, 5.0, 12.0, 30.0, 80.0];
-/// Limits closer than this take part in a step from the beginning; others join where the step
-/// would break them.
-const NEAR: f64 = 0.05;
-/// A limit may be passed by this much on the grid; the repair that follows takes it back.
-const KEPT: f64 = 1e-7;
+/// Limits closer than this, relative to half their range, are in the quadratic programme of a step
+/// from the beginning; others are added where the step would exceed them.
+const ACTIVE_MARGIN: f64 = 0.05;
+/// The excess over a limit, relative to half its range, that the search tolerates on its grid; the
+/// final check then reduces the motion.
+const EXCESS_TOLERANCE: f64 = 1e-7;
 
-/// A start in progress.
+/// The state of one start: variables, Hessian, size of the box and penalty.
 pub(super) struct Search<'p, 'm, M, D> {
     problem: &'p Problem<'m, M, D>,
     closure: LoopClosure<'m, M>,
@@ -36,11 +37,11 @@ pub(super) struct Search<'p, 'm, M, D> {
 /// How a stage ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// No step improves it, or the steps were used up.
+    /// No step improves the objective, or the maximum number of steps was taken.
     Done,
-    /// The robot cannot be closed along the start.
+    /// The loops do not close along the start of the stage.
     NotClosed,
-    /// Asked to stop.
+    /// The caller stopped the search.
     Stopped,
 }
 
@@ -49,8 +50,9 @@ where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
 {
-    /// Random coefficients by seed and number of the start, made smaller about a pose until
-    /// limits are kept, or most of them.
+    /// Draws random coefficients from the seed and the number of the start, and reduces the motion
+    /// about a pose until it is within all limits; if that fails, starts standing still at the
+    /// pose.
     pub(super) fn new(
         problem: &'p Problem<'m, M, D>,
         pose: &[f64],
@@ -96,17 +98,18 @@ where
         })
     }
 
-    /// The stages' number.
+    /// The number of stages.
     pub(super) fn stages() -> usize {
         STAGES.len()
     }
 
-    /// Where the search is.
+    /// The present variables.
     pub(super) fn at(&self) -> &[f64] {
         &self.y
     }
 
-    /// Takes up to `steps` steps of a stage; `goes_on` is asked before each.
+    /// Takes up to `steps` steps of a stage; calls `goes_on` before each and stops where it returns
+    /// false.
     pub(super) fn stage(
         &mut self,
         stage: usize,
@@ -129,7 +132,7 @@ where
             let Some((step, active, gain)) = self.step(&now)? else {
                 break;
             };
-            if gain < enough * 1e-2 && excess(&now) < KEPT {
+            if gain < enough * 1e-2 && excess(&now) < EXCESS_TOLERANCE {
                 break;
             }
             let trial: Vec<f64> = self.y.iter().zip(&step.d).map(|(y, d)| y + d).collect();
@@ -139,7 +142,7 @@ where
             };
             let fell = self.merit(&now) - self.merit(&next);
             let longest = step.d.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
-            self.learn(&now, &next, &step, &active);
+            self.update_hessian(&now, &next, &step, &active);
             if fell < 0.25 * gain {
                 self.reach = 0.5 * longest;
             } else if fell > 0.75 * gain && longest > 0.9 * self.reach {
@@ -152,7 +155,7 @@ where
                 small = if fell < enough { small + 1 } else { 0 };
                 self.y = trial;
                 now = next;
-                if small >= 5 && excess(&now) < KEPT {
+                if small >= 5 && excess(&now) < EXCESS_TOLERANCE {
                     break;
                 }
             }
@@ -164,14 +167,18 @@ where
         self.problem.evaluate(&mut self.closure, y, sharpness)
     }
 
+    /// The exact penalty function.
     fn merit(&self, at: &Evaluation) -> f64 {
         at.objective + self.penalty * excess(at)
     }
 
-    /// A step, the limits that took part in it, and how much the model of the merit falls.
+    /// The step of the quadratic programme, the limits in it, and the predicted decrease of the
+    /// merit.
     fn step(&mut self, now: &Evaluation) -> Result<Option<(Step, Vec<usize>, f64)>, ExciteError> {
         let count = now.values.len();
-        let mut active: Vec<usize> = (0..count).filter(|k| now.values[*k] > -NEAR).collect();
+        let mut active: Vec<usize> = (0..count)
+            .filter(|k| now.values[*k] > -ACTIVE_MARGIN)
+            .collect();
         let mut taken = vec![false; count];
         for k in &active {
             taken[*k] = true;
@@ -218,23 +225,30 @@ where
         }
         if let Some((_, _, gain)) = &found
             && *gain < 1e-9
-            && excess(now) > KEPT
+            && excess(now) > EXCESS_TOLERANCE
             && self.penalty < 1e4
         {
-            // the limits do not weigh enough to be kept
+            // the penalty is too small to enforce the limits
             self.penalty *= 10.0;
             return self.step(now);
         }
         Ok(found)
     }
 
+    /// d^T B d with the Hessian B.
     fn curvature(&self, d: &[f64]) -> f64 {
         let rows = self.hessian.chunks_exact(d.len().max(1));
         rows.zip(d).map(|(row, x)| x * dot(row, d)).sum()
     }
 
     /// The damped BFGS update of the Lagrangian's Hessian.
-    fn learn(&mut self, now: &Evaluation, next: &Evaluation, step: &Step, active: &[usize]) {
+    fn update_hessian(
+        &mut self,
+        now: &Evaluation,
+        next: &Evaluation,
+        step: &Step,
+        active: &[usize],
+    ) {
         let mut change: Vec<f64> = next
             .gradient
             .iter()
@@ -279,7 +293,7 @@ where
     }
 }
 
-/// How far the worst limit is passed.
+/// The largest excess over a limit, 0 within all limits.
 fn excess(at: &Evaluation) -> f64 {
     at.values.iter().fold(0.0, |m: f64, v| m.max(*v))
 }

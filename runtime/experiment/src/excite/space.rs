@@ -5,30 +5,32 @@ use std::f64::consts::TAU;
 use super::ExciteError;
 use regen_identify::signals::Fourier;
 
-/// How variables become series: for each coordinate its offset, then what is left of the
-/// cosines and the sines of all harmonics, each divided by what a coordinate can do at that
-/// frequency.
+/// The map from variables to Fourier series. The variables of each coordinate are its offset, then
+/// the coefficients of the cosines and the sines of all harmonics, each divided by the amplitude
+/// that the coordinate can reach at that frequency. Motions that start and end at rest have one
+/// cosine and one sine variable less.
 #[derive(Clone, Debug)]
 pub(super) struct Space {
     frequency: f64,
     harmonics: usize,
-    /// For each coordinate the factors of offset, cosines and sines.
+    /// For each coordinate, the scales of offset, cosines and sines.
     scales: Vec<Vec<f64>>,
-    /// Where motion starts and ends at rest: the directions in which cosines and sines may not
-    /// go, scaled, as Householder vectors.
+    /// For motions that start and end at rest: for each coordinate the excluded directions of the
+    /// scaled cosines and sines, as Householder vectors.
     rest: Option<Vec<[Vec<f64>; 2]>>,
 }
 
-/// The series' values and rates at one time as linear functions of the variables.
+/// The values and rates of the series at one time, as linear functions of the variables.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// For each coordinate `q`, `qd`, `qdd`: factors of that coordinate's variables.
+    /// For each coordinate and each of `q`, `qd`, `qdd`: the factors of that coordinate's
+    /// variables.
     pub(super) factors: Vec<[Vec<f64>; 3]>,
 }
 
 impl Space {
-    /// - `reach`: how far each coordinate may go to either side; `speed`: how fast it may be, if
-    ///   that is limited.
+    /// - `frequency`: of the first harmonic, Hz; `reach`: half the range of each coordinate, rad or
+    ///   m; `speed`: the velocity limit of each coordinate, if any, rad/s or m/s.
     pub(super) fn new(
         frequency: f64,
         harmonics: usize,
@@ -71,7 +73,7 @@ impl Space {
         }
     }
 
-    /// The number of a coordinate's variables.
+    /// The number of variables of each coordinate.
     pub(super) fn each(&self) -> usize {
         1 + 2 * self.harmonics - if self.rest.is_some() { 2 } else { 0 }
     }
@@ -81,7 +83,7 @@ impl Space {
         self.scales.len() * self.each()
     }
 
-    /// Offset, cosines and sines of a coordinate from its variables.
+    /// Offset, cosines and sines of a coordinate, from its variables.
     fn unscaled(&self, coordinate: usize, y: &[f64]) -> Vec<f64> {
         let scale = &self.scales[coordinate];
         let full = match &self.rest {
@@ -102,7 +104,7 @@ impl Space {
         full.iter().zip(scale).map(|(y, s)| y * s).collect()
     }
 
-    /// The derivative by variables from that by offset, cosines and sines.
+    /// The derivative by a coordinate's variables, from that by offset, cosines and sines.
     fn pulled(&self, coordinate: usize, slope: &[f64]) -> Vec<f64> {
         let scale = &self.scales[coordinate];
         let full: Vec<f64> = slope.iter().zip(scale).map(|(g, s)| g * s).collect();
@@ -123,7 +125,7 @@ impl Space {
     pub(super) fn row(&self, step: usize, steps: usize) -> Row {
         let (mut cosines, mut sines) = (Vec::new(), Vec::new());
         for k in 1..=self.harmonics {
-            // the angle modulo a turn in whole numbers: the period closes to the last bit
+            // the angle is reduced by whole turns in integers, so that the period closes exactly
             let angle = TAU * ((k * step) % steps) as f64 / steps as f64;
             let (sin, cos) = libm::sincos(angle);
             cosines.push(cos);
@@ -152,7 +154,7 @@ impl Space {
         Row { factors }
     }
 
-    /// The series of these variables.
+    /// The Fourier series of these variables.
     pub(super) fn series(&self, y: &[f64]) -> Result<Fourier, ExciteError> {
         let parts: Vec<_> = y
             .chunks_exact(self.each())
@@ -166,7 +168,7 @@ impl Space {
         Ok(Fourier::of_positions(self.frequency, &parts)?)
     }
 
-    /// The variables that stand still at a pose of the independent coordinates.
+    /// The variables of standing still at a pose of the independent coordinates.
     pub(super) fn still(&self, pose: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; self.size()];
         let each = self.each();
@@ -176,14 +178,14 @@ impl Space {
         y
     }
 
-    /// Variables between standing still at a pose (0) and `y` (1).
+    /// Interpolates between standing still at a pose (`part` 0) and `y` (`part` 1).
     pub(super) fn between(&self, pose: &[f64], y: &[f64], part: f64) -> Vec<f64> {
         let still = self.still(pose);
         let pairs = still.iter().zip(y);
         pairs.map(|(a, b)| a + part * (b - a)).collect()
     }
 
-    /// The offsets of a motion.
+    /// The offsets of a motion, rad or m: its mean pose.
     pub(super) fn offsets(&self, y: &[f64]) -> Vec<f64> {
         let chunks = y.chunks_exact(self.each()).zip(&self.scales);
         chunks.map(|(chunk, scale)| chunk[0] * scale[0]).collect()
@@ -191,7 +193,7 @@ impl Space {
 }
 
 impl Row {
-    /// q, qd and qdd of each coordinate.
+    /// q, qd and qdd of each coordinate for the variables `y`.
     pub(super) fn at(&self, y: &[f64]) -> [Vec<f64>; 3] {
         let each = self.factors.first().map_or(1, |f| f[0].len());
         [0, 1, 2].map(|i: usize| {
@@ -201,8 +203,8 @@ impl Row {
         })
     }
 
-    /// Adds to the derivative by variables what comes from `slope`, the derivative by q of each
-    /// coordinate, then qd, then qdd.
+    /// Adds to `out`, the derivative by the variables, the contribution of `slope`, the derivative
+    /// by q of each coordinate, then qd, then qdd (3 dof).
     pub(super) fn pull(&self, slope: &[f64], out: &mut [f64]) {
         let dof = self.factors.len();
         let each = self.factors.first().map_or(1, |f| f[0].len());
@@ -223,7 +225,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The unit vector v of the reflection that turns `a` into the first axis.
+/// The unit vector v of the Householder reflection that maps `a` to the first axis.
 fn householder(mut a: Vec<f64>) -> Vec<f64> {
     let length = dot(&a, &a).sqrt();
     let first = a[0];
@@ -232,6 +234,7 @@ fn householder(mut a: Vec<f64>) -> Vec<f64> {
     a.iter().map(|x| x / norm).collect()
 }
 
+/// Applies the Householder reflection of the unit vector `v`.
 fn reflect(v: &[f64], x: &mut [f64]) {
     let twice = 2.0 * dot(v, x);
     for (x, v) in x.iter_mut().zip(v) {

@@ -1,28 +1,29 @@
-//! Kinetic and potential energy, from the mass matrix and from where the bodies are.
+//! Kinetic and potential energy, from the mass matrix and the poses of the bodies.
 
 use regen_runtime::{Info, Model, Parameter, SizeError, Symbol};
 
-/// The energy of a simulated robot and what changed it, J.
+/// The energy of a simulated robot, and the work that changed it, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Of the motion: qd_i^T M qd_i / 2.
+    /// The kinetic energy qd_i^T M qd_i / 2, J.
     pub kinetic: f64,
-    /// Of the height: minus the sum of m g.p over the bodies' centres of mass.
+    /// The potential energy, J: minus the sum of m g.p over the bodies' centres of mass.
     pub potential: f64,
-    /// What the actuators have done since the start.
+    /// The work of the actuators since the start, J.
     pub work: f64,
-    /// What friction has taken since the start.
+    /// The energy lost to friction since the start, J.
     pub loss: f64,
 }
 
 impl Energy {
-    /// What does not balance since the start: 0 but for the integration's error.
+    /// The error of the energy balance since the start, J: 0 except for the error of the
+    /// integration.
     pub fn imbalance(self, start: Energy) -> f64 {
         (self.kinetic + self.potential) - (start.kinetic + start.potential) - self.work + self.loss
     }
 }
 
-/// The kinetic energy at a closed state: `phi` without friction.
+/// The kinetic energy at a closed state, J. `phi`: the parameters, friction set to zero.
 pub(super) fn kinetic<M: Model<f64> + ?Sized>(
     model: &M,
     phi: &[f64],
@@ -39,8 +40,8 @@ pub(super) fn kinetic<M: Model<f64> + ?Sized>(
     Ok(0.5 * twice)
 }
 
-/// Mass and first moment of each body: where `m(b)`, `mx(b)`, `my(b)`, `mz(b)` stand among the
-/// parameters.
+/// Mass, kg, and first moments, kg m, of each body: the parameters `m(b)`, `mx(b)`, `my(b)`,
+/// `mz(b)`; 0 for a parameter that the model does not have.
 pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
     let of = |symbol: Symbol, body: &str| {
         let wanted = Parameter::new(symbol, body);
@@ -54,7 +55,7 @@ pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
         .collect()
 }
 
-/// The potential energy at q.
+/// The potential energy at q, J.
 pub(super) fn potential<M: Model<f64> + ?Sized>(
     model: &M,
     gravity: [f64; 3],

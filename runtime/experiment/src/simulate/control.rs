@@ -1,49 +1,50 @@
-//! Controllers of actuated joints, PID position control among them, and the drives that carry
-//! out what they command.
+//! Controllers of actuated joints, such as PID position control, and the drives that carry out
+//! their commands.
 
-/// A PID controller's gains at one joint: effort per position, per integral, per velocity.
+/// The gains of a PID controller of one joint: effort per position error, per its integral and per
+/// its derivative.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pid {
-    /// Proportional, N/m or N m/rad.
+    /// The proportional gain, N/m or N m/rad.
     pub kp: f64,
-    /// Integral, per s.
+    /// The integral gain, N/(m s) or N m/(rad s).
     pub ki: f64,
-    /// Derivative, times s.
+    /// The derivative gain, N s/m or N m s/rad.
     pub kd: f64,
 }
 
-/// A drive: how it follows what the controller commands.
+/// A drive: the lag and the limits with which it applies the commanded effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drive {
-    /// The time constant of its first-order lag, s; 0 follows at once.
+    /// The time constant of the first-order lag, s; 0: without lag.
     pub lag: f64,
     /// The least and greatest effort, N or N m.
     pub limit: Option<[f64; 2]>,
 }
 
-/// What a controller is given at each sample.
+/// The input of a controller at each sample.
 #[derive(Clone, Copy, Debug)]
 pub struct ControllerInput<'a> {
     /// The time, s.
     pub t: f64,
     /// The time between samples, s.
     pub period: f64,
-    /// The reference: all coordinates, closed (n).
+    /// All coordinates of the reference, a closed state (n, rad or m).
     pub q: &'a [f64],
     /// The reference's independent positions, rad or m (dof).
     pub q_i: &'a [f64],
-    /// The reference's independent velocities (dof).
+    /// The reference's independent velocities, rad/s or m/s (dof).
     pub qd_i: &'a [f64],
-    /// The reference's independent accelerations (dof).
+    /// The reference's independent accelerations, rad/s^2 or m/s^2 (dof).
     pub qdd_i: &'a [f64],
-    /// The positions of the actuated joints as measured, in the order of `Info::actuated`.
+    /// The measured positions of the actuated joints, rad or m, in the order of `Info::actuated`.
     pub measured: &'a [f64],
 }
 
-/// What decides on the efforts of the actuated joints, once a period.
+/// A controller: computes the efforts of the actuated joints once a period.
 pub trait Controller {
     /// Fills the efforts of the actuated joints, N or N m, in the order of `Info::actuated`. The
-    /// drives carry them out, within their limits.
+    /// drives apply them, within their limits.
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]);
 }
 
@@ -53,18 +54,18 @@ impl<F: FnMut(&ControllerInput<'_>, &mut [f64])> Controller for F {
     }
 }
 
-/// A PID controller for each actuated joint, with constant efforts under them.
+/// A PID controller for each actuated joint, whose command is added to a constant effort.
 #[derive(Clone, Debug)]
-pub(super) struct Bank<'a> {
+pub(super) struct PidBank<'a> {
     pub(super) pid: &'a [Pid],
     pub(super) offset: &'a [f64],
     pub(super) drives: &'a [Drive],
-    /// The coordinates of the actuated joints.
+    /// The indices of the actuated joints among the coordinates.
     pub(super) joints: &'a [usize],
-    memories: Vec<Memory>,
+    memories: Vec<PidState>,
 }
 
-impl<'a> Bank<'a> {
+impl<'a> PidBank<'a> {
     pub(super) fn new(
         pid: &'a [Pid],
         offset: &'a [f64],
@@ -76,38 +77,39 @@ impl<'a> Bank<'a> {
             offset,
             drives,
             joints,
-            memories: vec![Memory::default(); joints.len()],
+            memories: vec![PidState::default(); joints.len()],
         }
     }
 }
 
-impl Controller for Bank<'_> {
+impl Controller for PidBank<'_> {
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
         let loops = self.joints.iter().zip(self.pid).zip(&mut self.memories);
         for (k, ((joint, pid), memory)) in loops.enumerate() {
             let error = now.q[*joint] - now.measured[k];
             let offset = self.offset.get(k).copied().unwrap_or(0.0);
             let drive = self.drives.get(k).copied().unwrap_or_default();
-            // what is left for the controller
+            // the limits of the effort that the PID controller adds to the offset
             let limit = drive.limit.map(|l| l.map(|bound| bound - offset));
             efforts[k] = offset + pid.command(memory, error, now.period, limit);
         }
     }
 }
 
-/// A controller's memory between samples.
+/// The state of a PID controller between samples: the integral of the error and the last error.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Memory {
+pub(super) struct PidState {
     integral: f64,
     last: Option<f64>,
 }
 
 impl Pid {
-    /// The effort for this sample's position error. The derivative is the difference of
-    /// errors; the integral stands still while the drive is saturated in its direction.
+    /// The effort for this sample's position error, N or N m. The derivative of the error is its
+    /// difference over the period; the integral is not updated while the drive is saturated in the
+    /// direction of the error.
     pub(super) fn command(
         self,
-        memory: &mut Memory,
+        memory: &mut PidState,
         error: f64,
         period: f64,
         limit: Option<[f64; 2]>,
@@ -115,14 +117,14 @@ impl Pid {
         let rate = memory.last.map_or(0.0, |last| (error - last) / period);
         memory.last = Some(error);
         let grown = memory.integral + error * period;
-        let wish = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
+        let effort_with = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
         let Some([lo, hi]) = limit else {
             memory.integral = grown;
-            return wish(grown);
+            return effort_with(grown);
         };
-        let effort = wish(grown);
+        let effort = effort_with(grown);
         if (effort > hi && error > 0.0) || (effort < lo && error < 0.0) {
-            return wish(memory.integral).max(lo).min(hi);
+            return effort_with(memory.integral).max(lo).min(hi);
         }
         memory.integral = grown;
         effort.max(lo).min(hi)
@@ -141,7 +143,7 @@ mod tests {
             kd: 0.0,
         };
         let limit = Some([-1.0, 1.0]);
-        let mut memory = Memory::default();
+        let mut memory = PidState::default();
         for _ in 0..1000 {
             let effort = pid.command(&mut memory, 1.0, 0.01, limit);
             assert!((effort - 1.0).abs() < 1e-15);

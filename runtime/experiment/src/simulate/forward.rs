@@ -2,16 +2,16 @@
 
 use regen_runtime::{Condition, Model, SizeError};
 
-/// Pivots are rounding below this part of the diagonal, for each row: entries of M carry some
-/// roundings of their own.
-const ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// A Cholesky pivot below this times n, relative to its diagonal entry of M, counts as rounding
+/// error; the factor 8 allows for the rounding errors of the entries of M.
+const PIVOT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// The accelerations that efforts cause, by the mass matrix and the inverse dynamics of one
-/// model: M qdd_i = tau_i - X^T tau_e - (bias + gravity).
+/// Forward dynamics: the accelerations caused by given efforts, from the mass matrix and the
+/// inverse dynamics of one model, M qdd_i = tau_i - X^T tau_e - (bias + gravity).
 #[derive(Debug)]
 pub struct Forward<'m, M: ?Sized> {
     model: &'m M,
-    /// Parameters without friction columns.
+    /// The parameters, those of friction set to zero.
     phi: Vec<f64>,
     dof: usize,
     accelerations: Vec<f64>,
@@ -20,19 +20,19 @@ pub struct Forward<'m, M: ?Sized> {
     forces: Vec<f64>,
 }
 
-/// What a solve for accelerations came to. A numerical outcome.
+/// The result of a solve for accelerations: a numerical outcome, not an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ForwardOutcome {
-    /// The accelerations are in place; the condition is that of A_e.
+    /// The accelerations are in `out`; the condition is that of A_e.
     Solved(Condition<f64>),
-    /// The mass matrix is not positive definite, or not beyond what roundoff may have made of it:
-    /// the parameters are not those of bodies, or a coordinate moves next to none.
+    /// The mass matrix is not positive definite, or its smallest pivot may be nothing but rounding
+    /// error: the parameters are not physically possible, or a coordinate moves almost no mass.
     NotPositiveDefinite,
 }
 
 impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
-    /// For a model with these parameters (p, in `Info::parameters` order). Friction columns are
-    /// left out: friction is among the efforts.
+    /// Prepares forward dynamics for a model with these parameters (p, in `Info::parameters`
+    /// order). Friction parameters are ignored: friction must be included in the efforts.
     ///
     /// # Errors
     /// When the length of `phi` does not fit.
@@ -61,13 +61,13 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
         })
     }
 
-    /// The parameters without friction.
+    /// The parameters (p), those of friction set to zero.
     pub fn phi(&self) -> &[f64] {
         &self.phi
     }
 
-    /// qdd_i (dof) at a closed state q, qd (n) under the reduced efforts tau_i - X^T tau_e
-    /// (dof), friction taken off.
+    /// Computes qdd_i (dof, rad/s^2 or m/s^2) at a closed state q, qd (n) under the reduced efforts
+    /// tau_i - X^T tau_e (dof, N m or N), from which friction has been subtracted.
     ///
     /// # Errors
     /// When a length does not fit.
@@ -114,12 +114,13 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
 
 /// Solves M x = b in place by the Cholesky factor; false where M is not positive definite.
 ///
-/// A pivot below [`ROUNDING`] times n of its diagonal entry may be nothing but the rounding of M
-/// (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds for M
-/// scaled to a unit diagonal): then no digit of x is certain. Units play no part in this.
+/// A pivot below [`PIVOT_ROUNDING`] times n of its diagonal entry may be nothing but rounding
+/// errors of M (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds
+/// for M scaled to a unit diagonal): then no digit of x is certain. The test does not depend on
+/// units.
 fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
     let n = b.len();
-    let floor = ROUNDING * n as f64;
+    let floor = PIVOT_ROUNDING * n as f64;
     for j in 0..n {
         let whole = m[j * n + j].abs();
         for k in 0..j {
@@ -128,7 +129,6 @@ fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
             }
         }
         let pivot = m[j * n + j];
-        // NaN too
         if pivot.is_nan() || pivot <= floor * whole {
             return false;
         }
@@ -172,8 +172,8 @@ mod tests {
         assert!(!solve_symmetric(&mut [f64::NAN], &mut [1.0]));
     }
 
-    /// Whatever the units of its coordinates, a system is solved as well, and one that is singular
-    /// but for rounding is refused.
+    /// In any units of the coordinates, a regular system is solved accurately, and a system that is
+    /// singular except for rounding errors is refused.
     #[test]
     fn units_do_not_decide_what_is_singular() {
         for scale in [1e-12, 1e-6, 1.0, 1e6] {

@@ -1,4 +1,4 @@
-//! The friction of a model's joints from its nominal values, its parameters and fits.
+//! The friction laws of a model's joints, from nominal values, parameters and fits.
 
 use regen_identify::friction::JointFit;
 use regen_runtime::friction::VALUES;
@@ -6,12 +6,13 @@ use regen_runtime::{Friction, Info, Joint, JointFriction};
 
 use super::Noise;
 
-/// A value of a friction law that a model states no nominal value of.
+/// The error of a friction law of which the model states no nominal value for one coefficient.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MissingNominal {
     /// The coordinate's name.
     pub coordinate: String,
-    /// The symbol of the value, as in [`Friction::symbols`](regen_runtime::Friction::symbols).
+    /// The symbol of the coefficient, as in
+    /// [`Friction::symbols`](regen_runtime::Friction::symbols).
     pub symbol: &'static str,
 }
 
@@ -24,7 +25,7 @@ impl std::fmt::Display for MissingNominal {
 
 impl std::error::Error for MissingNominal {}
 
-/// The friction of each coordinate from a model's nominal values, in the order of `q`.
+/// The friction law of each coordinate with the model's nominal values, in the order of `q`.
 ///
 /// # Errors
 /// The first coordinate whose law has a symbol without a nominal value.

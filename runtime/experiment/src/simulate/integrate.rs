@@ -6,9 +6,9 @@
 /// Why an integration stopped before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stop<E> {
-    /// No step is short enough.
+    /// The step that the error estimate requires is too short.
     StepTooSmall,
-    /// The derivative has none.
+    /// The derivative could not be computed at the start, or with any step.
     Refused(E),
 }
 
@@ -17,18 +17,21 @@ pub(super) enum Stop<E> {
 pub(super) struct Integrator {
     /// Time, s.
     pub(super) t: f64,
-    /// State.
+    /// The state vector.
     pub(super) y: Vec<f64>,
-    /// The step that the last error suggests.
+    /// The next step that the last error estimate suggests, s.
     step: f64,
+    /// The relative tolerance of each step.
     relative: f64,
-    /// Absolute tolerance by entry.
+    /// The absolute tolerance of each entry of `y`.
     absolute: Vec<f64>,
-    /// Steps taken, refused ones included.
+    /// The number of steps, refused ones included.
     pub(super) steps: usize,
 }
 
+/// The times of the stages, relative to the step.
 const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
+/// The coefficients of the stages; the last row are the weights of the fifth order.
 #[rustfmt::skip]
 const A: [[f64; 6]; 7] = [
     [0.0; 6],
@@ -39,7 +42,7 @@ const A: [[f64; 6]; 7] = [
     [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
     [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
-/// Weights of the fifth order less those of the fourth.
+/// The weights of the fifth order minus those of the fourth, for the error estimate.
 const ERROR: [f64; 7] = [
     71.0 / 57600.0,
     0.0,
@@ -51,8 +54,8 @@ const ERROR: [f64; 7] = [
 ];
 
 impl Integrator {
-    /// From a state at time 0, to a relative tolerance; `scales` are the sizes at which each
-    /// entry's error counts as much as its relative error.
+    /// Starts from the state `y` at time 0. `relative`: the relative tolerance; `scales`: the size
+    /// of each entry of `y` below which its tolerance is absolute, `scales` times `relative`.
     pub(super) fn new(y: Vec<f64>, relative: f64, scales: &[f64]) -> Self {
         Self {
             t: 0.0,
@@ -64,8 +67,8 @@ impl Integrator {
         }
     }
 
-    /// Goes on to `end` exactly. The derivative may refuse a trial state; then the step is
-    /// halved, until it is too short.
+    /// Integrates up to exactly the time `end`. If the derivative `rhs` refuses a trial state, the
+    /// step is reduced to a quarter, until it is too short.
     pub(super) fn advance<E>(
         &mut self,
         end: f64,
@@ -98,7 +101,7 @@ impl Integrator {
             } else {
                 self.error(h, &k, &trial)
             };
-            // NaN counts as too large
+            // false for NaN
             let accepted = error <= 1.0;
             if accepted {
                 self.t = if last { end } else { self.t + h };
@@ -110,7 +113,7 @@ impl Integrator {
             } else {
                 0.25
             };
-            // a step cut at the end says nothing against longer ones
+            // a step that was shortened only to end at `end` does not shorten the next
             if !(accepted && last) || factor < 1.0 {
                 self.step = h * factor;
             }
@@ -121,6 +124,7 @@ impl Integrator {
         Ok(())
     }
 
+    /// The largest error estimate of any entry, relative to its tolerance.
     fn error(&self, h: f64, k: &[Vec<f64>], trial: &[f64]) -> f64 {
         let mut worst: f64 = 0.0;
         for i in 0..self.y.len() {
@@ -149,7 +153,7 @@ mod tests {
                 Ok::<(), ()>(())
             })
             .unwrap();
-        // the error of all steps together
+        // the accumulated error of all steps
         assert!((integrator.y[0] - 1.0).abs() < 1e-9);
         assert!(integrator.y[1].abs() < 1e-9);
     }

@@ -1,20 +1,20 @@
-//! What a run leaves: its end, and all samples.
+//! The result of a run: how it ended, and all its samples.
 
 use super::audit::Energy;
 use regen_runtime::Outcome;
 
-/// How a run ended. A numerical outcome.
+/// How a run ended: a numerical outcome, not an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Termination {
-    /// After its whole duration.
+    /// The run lasted its whole duration.
     Complete,
     /// The loops could not be kept closed: a singularity, or the end of the branch.
     Open(Outcome),
-    /// The mass matrix is not positive definite: the parameters are not those of bodies.
+    /// The mass matrix is not positive definite: the parameters are not physically possible.
     NotPositiveDefinite,
-    /// No step of the integration is short enough.
+    /// The integration would need steps that are too short.
     StepTooSmall,
-    /// Positions or velocities grew beyond all bounds.
+    /// Positions, velocities or commands are not finite.
     Diverged,
 }
 
@@ -32,40 +32,40 @@ impl std::fmt::Display for Termination {
     }
 }
 
-/// What happened, sample by sample: one row each, row-major.
+/// The log of a run: one row per sample, row-major.
 ///
-/// Motion and efforts of a row belong to the same instant, which is when the controller measures.
-/// There its command changes, and the effort of a drive without lag jumps with it: the row has
-/// the mean of the efforts just before and just after, with the accelerations of that mean. It is
-/// what the second difference of the positions tells, which under a held command is the mean of
-/// the two accelerations. A log that paired a position with the effort commanded from it would be
-/// ahead by half a period, and friction identified from it would be biased.
+/// Motion and efforts of a row belong to the same instant, at which the controller measures. At
+/// that instant its command changes, and the effort of a drive without lag jumps with it: the row
+/// has the mean of the efforts just before and just after, with the accelerations of that mean. The
+/// second difference of the positions gives the same, as under a held command it is the mean of the
+/// two accelerations. A log that paired a position with the effort commanded from it would be ahead
+/// by half a period, and friction identified from it would be biased.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     /// How the run ended.
     pub ended: Termination,
-    /// Times, s.
+    /// The times of the rows, s.
     pub t: Vec<f64>,
-    /// All coordinates (n a row).
+    /// All coordinates (n per row), rad or m.
     pub q: Vec<f64>,
-    /// All velocities (n a row).
+    /// All velocities (n per row), rad/s or m/s.
     pub qd: Vec<f64>,
-    /// All accelerations (n a row): those of `effort`.
+    /// All accelerations (n per row), rad/s^2 or m/s^2, caused by `effort`.
     pub qdd: Vec<f64>,
-    /// The efforts that the drives apply (one per actuated joint a row), N or N m: where they jump,
-    /// the mean of both sides.
+    /// The efforts that the drives apply (one per actuated joint and row), N or N m; where they
+    /// jump, the mean of both sides.
     pub effort: Vec<f64>,
-    /// The positions of actuated joints as measured.
+    /// The measured positions (one per actuated joint and row), rad or m.
     pub measured_position: Vec<f64>,
-    /// The efforts of actuated joints as measured.
+    /// The measured efforts (one per actuated joint and row), N or N m.
     pub measured_effort: Vec<f64>,
-    /// Energies.
+    /// The energies of each row, J.
     pub energy: Vec<Energy>,
     /// The largest constraint residual |f| of any sample, m or without unit.
     pub residual: f64,
-    /// The largest imbalance of energy of any sample, J.
+    /// The largest error of the energy balance of any sample, J.
     pub imbalance: f64,
-    /// Steps of the integration, refused ones included.
+    /// The number of steps of the integration, refused ones included.
     pub steps: usize,
 }
 

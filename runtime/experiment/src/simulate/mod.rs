@@ -1,13 +1,13 @@
-//! A simulated robot: what a log of the real one would hold, from known parameters.
+//! A simulated robot with known parameters, which gives logs like those of a real one.
 //!
-//! Only the independent coordinates are integrated. At every evaluation the others are solved
-//! from the loop closure, on home's branch, so that the constraints hold to the accuracy of
-//! that solve however long the run is: there is no drift to be stabilised.
+//! Only the independent coordinates are integrated. At every evaluation the dependent ones are
+//! solved from the loop closure, on home's branch, so that the constraints hold to the accuracy of
+//! that solve in runs of any duration: there is no drift to be stabilised.
 //!
-//! The state is q_i, qd_i, the efforts that the drives have built up, and two integrals that
-//! audit the run: the work of the actuators and the loss to friction. Kinetic and potential
-//! energy are found apart from them, from the mass matrix and from where the bodies are; what
-//! does not balance is reported.
+//! The state is q_i, qd_i, the efforts of the drives with lag, and two integrals that audit the
+//! run: the work of the actuators and the loss to friction. Kinetic and potential energy are
+//! computed independently of these, from the mass matrix and the poses of the bodies; the log
+//! contains the error of the energy balance.
 
 mod audit;
 mod control;

@@ -1,11 +1,11 @@
-//! Repeatable noise, and parameters changed within what bodies can be.
+//! Repeatable noise, and random changes of parameters that keep them physically possible.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use regen_runtime::{Info, Parameter};
 
-/// Normally distributed numbers by seed, the same on every machine.
+/// A generator of normally distributed numbers from a seed, the same on every machine.
 ///
 /// ```
 /// use regen_experiment::simulate::Noise;
@@ -20,7 +20,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// From a seed.
+    /// Starts the generator from a seed.
     pub fn new(seed: u64) -> Self {
         Self {
             generator: ChaCha8Rng::seed_from_u64(seed),
@@ -28,13 +28,13 @@ impl Noise {
         }
     }
 
-    /// Uniform in (0, 1).
+    /// The next number, uniformly distributed in (0, 1).
     pub fn uniform(&mut self) -> f64 {
         let bits = self.generator.next_u64() >> 11;
         (bits as f64 + 0.5) / (1_u64 << 53) as f64
     }
 
-    /// Of mean 0 and variance 1 (Box and Muller, 1958).
+    /// The next number, normally distributed with mean 0 and variance 1 (Box and Muller, 1958).
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -46,8 +46,9 @@ impl Noise {
     }
 }
 
-/// Parameters about given ones (p), each body's ten scaled by one factor in
-/// `1 - by ... 1 + by`, every other parameter by a factor of its own: what was physical stays so.
+/// Random parameters about given ones (p): the ten parameters of each body are scaled by one common
+/// factor in `1 - by ... 1 + by`, every other parameter by its own factor, so that physically
+/// possible parameters remain possible.
 ///
 /// ```
 /// use regen_experiment::simulate;

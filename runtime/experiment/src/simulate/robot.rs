@@ -1,4 +1,4 @@
-//! The robot between samples: forward dynamics, drives and friction, and what sensors tell.
+//! The robot between samples: forward dynamics, drives, friction, and the sensors' readings.
 
 use super::audit::{Energy, kinetic, moments, potential};
 use super::control::Drive;
@@ -8,7 +8,7 @@ use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
 use regen_runtime::{LoopClosure, Model, Outcome, SizeError, Status};
 
-/// The robot between samples.
+/// The continuous-time robot that is integrated between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
     model: &'m M,
     settings: &'m Settings,
@@ -20,14 +20,14 @@ pub(super) struct Robot<'m, M: ?Sized> {
     independent: Vec<usize>,
     actuated: Vec<usize>,
     pub(super) command: Vec<f64>,
-    // what `rates` leaves
+    // results of the last call of `rates`
     q: Vec<f64>,
     qd: Vec<f64>,
     qdd_i: Vec<f64>,
     effort: Vec<f64>,
     pub(super) dy: Vec<f64>,
     residual: f64,
-    // scratch
+    // buffers
     reduced: Vec<f64>,
     column: Vec<f64>,
     unit: Vec<f64>,
@@ -47,7 +47,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             ("tolerance", settings.tolerance),
         ];
         for (name, value) in positive {
-            // NaN too
+            // false for NaN
             if !(value > 0.0 && value.is_finite()) {
                 return Err(SimulationError::Setting(name));
             }
@@ -95,7 +95,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         })
     }
 
-    /// q_i, qd_i, efforts of lagging drives, work, loss.
+    /// The length of the state vector y: q_i, qd_i, the efforts of drives with lag, work, loss.
     pub(super) fn size(&self) -> usize {
         2 * self.dof + self.actuated.len() + 2
     }
@@ -104,7 +104,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         self.settings.drives.get(k).copied().unwrap_or_default()
     }
 
-    /// The state's rate in `dy`, and the whole motion beside it.
+    /// Computes the derivative of the state `y` into `dy`, and all coordinates, velocities,
+    /// accelerations and efforts into their buffers.
     pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
         let (q_i, rest) = y.split_at(self.dof);
         let (qd_i, rest) = rest.split_at(self.dof);
@@ -174,7 +175,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         Ok(Ok(()))
     }
 
-    /// The positions of the actuated joints as the encoders give them.
+    /// The encoder readings of the actuated joints, rad or m.
     pub(super) fn measured(
         &mut self,
         y: &[f64],
@@ -190,10 +191,10 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
 
     /// Adds a sample at which the command changes from `held` to `self.command`.
     ///
-    /// A drive without lag jumps there. Its effort at that instant is the mean of the two
-    /// limits, and the acceleration is that of this effort: positions one period before and
-    /// after lie on parabolas with the two accelerations, so that their second difference is the
-    /// mean of both.
+    /// The effort of a drive without lag jumps there. The recorded effort is the mean of the two
+    /// one-sided limits, and the recorded acceleration is that of this mean: the positions one
+    /// period before and after lie on parabolas with the two accelerations, so that their second
+    /// difference is the mean of both.
     pub(super) fn record(
         &mut self,
         t: f64,
@@ -224,8 +225,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         log.effort.extend(&self.effort);
         log.measured_position.extend(measured);
         let sensors = self.settings.sensors;
-        let seen = self.effort.iter().map(|e| sensors.effort(*e, noise));
-        log.measured_effort.extend(seen);
+        let measured_effort = self.effort.iter().map(|e| sensors.effort(*e, noise));
+        log.measured_effort.extend(measured_effort);
         log.residual = log.residual.max(self.residual);
         let phi = self.forward.phi();
         log.energy.push(Energy {

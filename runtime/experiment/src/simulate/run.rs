@@ -1,6 +1,6 @@
-//! A run: controller, drives, friction and sensors around the forward dynamics.
+//! A run: integrates the forward dynamics with controller, drives, friction and sensors.
 
-use super::control::{Bank, Controller, ControllerInput};
+use super::control::{Controller, ControllerInput, PidBank};
 use super::integrate::{Integrator, Stop};
 use super::log::{Log, Termination};
 use super::noise::Noise;
@@ -8,16 +8,17 @@ use super::robot::Robot;
 use super::settings::{Reference, Settings, SimulationError};
 use regen_runtime::{LoopClosure, Model};
 
-/// Runs the robot with parameters `phi` (p) along a reference, from the reference's start.
+/// Simulates the robot with parameters `phi` (p) along a reference, from the start of the
+/// reference.
 ///
-/// Controllers see the measured positions and the reference's, sample the period and hold
-/// their command between samples; drives lag behind it. Motion and efforts of the log belong to
-/// the same instants: see [`Log`]. The effort of friction comes from the
-/// settings' laws alone: friction columns of `phi` count nothing.
+/// Once a period the controllers get the measured positions and those of the reference; they hold
+/// their command between samples, and drives lag behind it. Motion and efforts of the log belong to
+/// the same instants: see [`Log`]. The effort of friction is computed from the settings' laws
+/// alone; the friction parameters in `phi` are ignored.
 ///
 /// # Errors
-/// When a length does not fit, a setting is not positive, or the reference starts at no finite
-/// state. What happens numerically is in [`Log::ended`].
+/// When a length does not fit, a setting is not positive, or the reference does not start at a
+/// finite state. Numerical failures are not errors: see [`Log::ended`].
 ///
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
@@ -43,7 +44,7 @@ pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     simulate_watched(model, phi, reference, settings, &mut |_| {})
 }
 
-/// As [`simulate`]; `watch` is called with the time of each sample, s, before it is taken.
+/// As [`simulate`]; calls `watch` with the time of each sample, s, before the sample is taken.
 ///
 /// # Errors
 /// As [`simulate`].
@@ -55,7 +56,7 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     watch: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
     let joints = model.info().actuated.to_vec();
-    let mut bank = Bank::new(&settings.pid, &settings.offset, &settings.drives, &joints);
+    let mut bank = PidBank::new(&settings.pid, &settings.offset, &settings.drives, &joints);
     let controller: Option<&mut dyn Controller> = if settings.pid.is_empty() {
         None
     } else {
@@ -64,8 +65,8 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     run(model, phi, reference, settings, controller, watch)
 }
 
-/// As [`simulate`], under a controller of your own instead of `settings.pid`. What it commands is
-/// held within the drives' limits; a command that is not finite ends the run as
+/// As [`simulate`], with the caller's controller instead of `settings.pid`. Its commands are
+/// limited to the drives' limits; a command that is not finite ends the run as
 /// [`Termination::Diverged`].
 ///
 /// # Errors
@@ -76,7 +77,7 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
 /// use regen_runtime::Model;
 /// use regen_experiment::simulate::{Termination, ControllerInput, Settings, simulate_controlled};
 ///
-/// // The pendulum's own weight, at the angle that is measured, holds it where it is.
+/// // Gravity compensation at the measured angle holds the pendulum where it is.
 /// let (pendulum, phi) = (models::Pendulum, [0.02, 0.1]);
 /// let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
 /// let mut hold = |now: &ControllerInput<'_>, efforts: &mut [f64]| {
@@ -121,7 +122,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     y.extend(&qd_i);
     y.extend(&robot.command);
     y.resize(robot.size(), 0.0);
-    // the scales of positions, velocities, efforts, energies where they are small
+    // below 1 rad or m (per s) and 100 N, N m or J, errors are judged by absolute tolerances
     let mut scales = vec![1.0; y.len()];
     scales[2 * dof..].fill(1e2);
     let mut wanted = LoopClosure::new(model)?;
@@ -163,7 +164,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
                 if let Some([lo, hi]) = drive.limit
                     && !command.is_nan()
                 {
-                    // `max` and `min` would make a limit of NaN
+                    // a NaN is not clamped: `max` and `min` would turn it into a limit
                     *command = command.max(lo).min(hi);
                 }
             }
@@ -173,7 +174,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             }
         }
         if sample == 0 {
-            // no command was held before the first
+            // no command was held before the first sample
             held.copy_from_slice(&robot.command);
         }
         if let Err(stop) = robot.record(t, &integrator.y, &measured, &held, &mut noise, &mut log)? {
@@ -214,7 +215,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     Ok(log)
 }
 
-/// How many periods the run has.
+/// The number of periods of the run.
 fn samples(settings: &Settings) -> Result<usize, SimulationError> {
     let count = (settings.duration / settings.period).round();
     if count > 1e8 {

@@ -1,4 +1,4 @@
-//! What a run is told: the motion to follow, the sensors, and how long and how exactly.
+//! The settings of a run: the motion to follow, the sensors, the duration and the tolerance.
 
 use core::fmt;
 
@@ -19,21 +19,21 @@ impl<F: Fn(f64, &mut [f64], &mut [f64], &mut [f64])> Reference for F {
     }
 }
 
-/// What the sensors make of the truth: positions of the actuated joints and their efforts.
+/// The resolution and the noise of the sensors of the actuated joints' positions and efforts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sensors {
-    /// The step of the position encoders, rad or m; 0 is none.
+    /// The resolution of the position encoders, rad or m; 0: not quantised.
     pub position_step: f64,
-    /// Standard deviation of noise on positions, rad or m.
+    /// The standard deviation of the noise of positions, rad or m.
     pub position_noise: f64,
-    /// The step of the measured efforts, N or N m; 0 is none.
+    /// The resolution of the measured efforts, N or N m; 0: not quantised.
     pub effort_step: f64,
-    /// Standard deviation of noise on efforts, N or N m.
+    /// The standard deviation of the noise of efforts, N or N m.
     pub effort_noise: f64,
 }
 
 impl Sensors {
-    /// What an encoder makes of a position, rad or m.
+    /// The encoder reading of a true position, rad or m.
     pub fn position(&self, truth: f64, noise: &mut Noise) -> f64 {
         quantised(
             truth + self.position_noise * noise.normal(),
@@ -41,42 +41,43 @@ impl Sensors {
         )
     }
 
-    /// What is measured of an effort, N or N m.
+    /// The measured value of a true effort, N or N m.
     pub fn effort(&self, truth: f64, noise: &mut Noise) -> f64 {
         quantised(truth + self.effort_noise * noise.normal(), self.effort_step)
     }
 }
 
-/// How a run goes.
+/// The settings of a run.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// How long, s.
+    /// The duration of the run, s.
     pub duration: f64,
-    /// The controller's and the log's period, s; the chapter's robot was controlled and
+    /// The sampling period of the controller and the log, s; the chapter's robot was controlled and
     /// measured at 100 Hz.
     pub period: f64,
-    /// One controller per actuated joint, in the order of `Info::actuated`; empty for a robot
-    /// that is left to itself.
+    /// One controller per actuated joint, in the order of `Info::actuated`; empty for a run without
+    /// control.
     pub pid: Vec<Pid>,
-    /// One drive per actuated joint, or none.
+    /// One drive per actuated joint, or empty.
     pub drives: Vec<Drive>,
-    /// Constant efforts under the controllers', one per actuated joint, or none: N or N m. The
-    /// drives start with them; without control they act alone.
+    /// Constant efforts, N or N m, to which the controllers' commands are added, one per actuated
+    /// joint, or empty. The drives start with them; without control they act alone.
     pub offset: Vec<f64>,
-    /// One law per coordinate, or none.
+    /// One friction law per coordinate, or empty.
     pub friction: Vec<JointFriction>,
-    /// The velocity, rad/s or m/s, within which friction changes its direction.
+    /// The velocity, rad/s or m/s, over which the smoothed friction changes its direction.
     pub friction_width: f64,
-    /// What is measured.
+    /// The sensors of positions and efforts.
     pub sensors: Sensors,
-    /// For the sensors' noise.
+    /// The seed of the sensors' noise.
     pub seed: u64,
-    /// The integration's relative tolerance of each step.
+    /// The relative tolerance of each step of the integration.
     pub tolerance: f64,
 }
 
 impl Default for Settings {
-    /// 1 s at 100 Hz without control, drives, friction or noise, to 1e-9 a step.
+    /// 1 s at 100 Hz without control, drives, friction or noise, with a relative tolerance of 1e-9
+    /// per step.
     fn default() -> Self {
         Self {
             duration: 1.0,
@@ -93,13 +94,13 @@ impl Default for Settings {
     }
 }
 
-/// A run that cannot be started.
+/// Why a run cannot be started.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SimulationError {
     /// A list's length does not fit the model.
     Size(SizeError),
-    /// The closure refuses the call.
+    /// The loop closure reports an error.
     ClosureError(ClosureError),
     /// A setting is not a positive finite number.
     Setting(&'static str),
@@ -140,6 +141,7 @@ impl core::error::Error for SimulationError {
     }
 }
 
+/// The nearest multiple of `step`; `x` itself for a step of 0.
 fn quantised(x: f64, step: f64) -> f64 {
     if step > 0.0 {
         (x / step).round() * step

@@ -1,38 +1,39 @@
-//! Controllers for a robot that nobody has tuned: gains from its inertia, efforts that hold it.
+//! Automatic tuning of the controllers of a simulated robot: gains from its inertia, and constant
+//! efforts that balance gravity.
 
 use nalgebra::{DMatrix, DVector};
 use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError};
 
 use super::Pid;
 
-/// Gains of the controller of one joint, or of all.
+/// Given gains of the controller of one joint, or of all joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
-    /// The actuated joint; `None` for all.
+    /// The name of the actuated joint; `None` for all.
     pub name: Option<String>,
-    /// kp, ki and kd, SI.
+    /// kp, ki and kd, in the units of [`Pid`].
     pub values: [f64; 3],
 }
 
-/// Why a robot has no controllers.
+/// Why controllers cannot be tuned.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum TuningError {
     /// The start cannot be reached from home.
     Unreachable(Outcome),
-    /// No efforts hold the start, for this reason.
+    /// No efforts balance gravity at the start, with the reason.
     NoEfforts(&'static str),
-    /// The mass matrix at the start is not positive definite: the parameters are not those of
-    /// bodies.
+    /// The mass matrix at the start is not positive definite: the parameters are not physically
+    /// possible.
     NotPositiveDefinite,
-    /// Gains of a joint that is not actuated.
+    /// Gains are given for a joint that is not actuated.
     NotActuated {
-        /// The name that was given.
+        /// The given name.
         name: String,
-        /// The joints that are.
+        /// The names of the actuated joints.
         actuated: Vec<String>,
     },
-    /// A model that cannot be closed, or values that do not fit it.
+    /// The loops of the model cannot be closed, or an argument does not fit the model.
     Model(ClosureError),
 }
 
@@ -78,20 +79,25 @@ impl From<SizeError> for TuningError {
     }
 }
 
-/// One controller per actuated joint and the constant effort under each.
+/// One controller per actuated joint, and the constant effort to which its command is added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Control {
-    /// In the order of the actuated joints.
+    /// The controllers, in the order of `Info::actuated`.
     pub pid: Vec<Pid>,
-    /// The efforts that hold the start, N or N m.
+    /// The efforts that balance gravity at the start, N or N m, in the same order.
     pub offset: Vec<f64>,
 }
 
-/// Controllers for a start at these independent coordinates, of this bandwidth in Hz but for those
-/// whose gains are given.
+/// Tunes the controllers of all actuated joints at the state `start`.
+///
+/// - `bandwidth`: of the controllers without given gains, Hz.
+/// - `given`: gains that replace the tuned ones.
+/// - `phi`: p, in `Info::parameters` order.
+/// - `start`: the independent coordinates, dof, rad or m.
 ///
 /// # Errors
-/// What keeps the start from being held, and names that are no actuated joints'.
+/// When no efforts balance gravity at the start, the mass matrix is not positive definite, or gains
+/// are given for a joint that is not actuated.
 pub fn control<M: Model<f64> + ?Sized>(
     bandwidth: f64,
     given: &[Gains],
@@ -107,7 +113,7 @@ pub fn control<M: Model<f64> + ?Sized>(
     }
     let q = &found.q;
 
-    // gravity, carried by the actuated joints with the least squares of efforts
+    // the efforts of the actuated joints that balance gravity, of least norm
     let mut gravity = vec![0.0; dof];
     let _condition = model.gravity(q, phi, &mut gravity)?;
     let mut shares = DMatrix::zeros(dof, actuated);
@@ -165,11 +171,12 @@ pub fn control<M: Model<f64> + ?Sized>(
     })
 }
 
-/// The inertia that each actuated joint feels while the others are free, made smaller together
-/// until controllers that are tuned for it are at most that fast all at once.
+/// The effective inertia of each actuated joint while the other ones are free. All are reduced by a
+/// common factor so that, with all controllers active at once, no mode is faster than the bandwidth
+/// for which they are tuned. `None` where an inertia is not positive.
 fn inertias(mass: &DMatrix<f64>, shares: &DMatrix<f64>) -> Option<Vec<f64>> {
     let inverse = mass.clone().cholesky()?.inverse();
-    // rates of the actuated joints under unit efforts of each other
+    // the accelerations of the actuated joints under unit efforts of each of them
     let mobility = shares.transpose() * inverse * shares;
     let own: Vec<f64> = mobility.diagonal().iter().map(|m| 1.0 / m).collect();
     let roots = DVector::from_iterator(own.len(), own.iter().map(|m| m.sqrt()));

@@ -1,4 +1,4 @@
-//! The products: what BLAS has.
+//! The matrix products of BLAS.
 
 use core::ffi::{c_char, c_int};
 use core::slice::{from_raw_parts, from_raw_parts_mut};
@@ -6,8 +6,8 @@ use core::slice::{from_raw_parts, from_raw_parts_mut};
 use super::{extent, leading, read, size};
 use crate::multiply::{self, Triangle, load_symmetric, operand, transposed};
 
-/// The length of a vector of n entries with an increment.
-fn reach(n: usize, increment: isize) -> usize {
+/// The storage length of a vector of n entries with an increment.
+fn vector_length(n: usize, increment: isize) -> usize {
     if n == 0 {
         0
     } else {
@@ -15,12 +15,13 @@ fn reach(n: usize, increment: isize) -> usize {
     }
 }
 
-/// An increment that is not zero.
+/// Converts an increment; `None` if it is zero.
 fn increment(value: c_int) -> Option<isize> {
     isize::try_from(value).ok().filter(|&i| i != 0)
 }
 
-/// Stops the program, as the reference implementation does: products report nothing.
+/// Unwraps the value of an argument; an argument that is not allowed stops the program, as in the
+/// reference implementation, since products have no `info`.
 macro_rules! product_argument {
     ($value:expr, $routine:literal, $place:literal) => {
         match $value {
@@ -116,20 +117,20 @@ macro_rules! products {
                 return;
             }
             let (rows, columns) = if t { (n, m) } else { (m, n) };
-            // SAFETY: the matrix has n columns lda apart; the vectors reach as far as their
-            // increments take them from the first stored entry; `y` overlaps nothing.
+            // SAFETY: the matrix has n columns lda apart; the vectors have as many stored entries
+            // as their lengths and increments need; `y` overlaps neither `a` nor `x`.
             let (a, x, y) = unsafe {
                 (
                     from_raw_parts(a, extent(m, n, lda)),
-                    from_raw_parts(x, reach(columns, incx)),
-                    from_raw_parts_mut(y, reach(rows, incy)),
+                    from_raw_parts(x, vector_length(columns, incx)),
+                    from_raw_parts_mut(y, vector_length(rows, incy)),
                 )
             };
             let a = operand(a, t, rows, columns, lda);
             multiply::gemv(alpha, &a, (x, incx), beta, (y, incy));
         }
 
-        /// `y := alpha A x + beta y` for a symmetric matrix of which one triangle is read.
+        /// `y := alpha A x + beta y` for a symmetric matrix, of which one triangle is read.
         ///
         /// # Safety
         /// As BLAS's `symv`: pointers to storage of the sizes that the other arguments state.
@@ -159,15 +160,15 @@ macro_rules! products {
             let (a, x, y) = unsafe {
                 (
                     from_raw_parts(a, extent(n, n, lda)),
-                    from_raw_parts(x, reach(n, incx)),
-                    from_raw_parts_mut(y, reach(n, incy)),
+                    from_raw_parts(x, vector_length(n, incx)),
+                    from_raw_parts_mut(y, vector_length(n, incy)),
                 )
             };
             let a = load_symmetric(a, triangle, n, lda);
             multiply::gemv(alpha, &a, (x, incx), beta, (y, incy));
         }
 
-        /// One triangle of `C := alpha A A^T + beta C`, or with A^T A.
+        /// `C := alpha A A^T + beta C`, or with A^T A if `trans` is `T`; for one triangle of C.
         ///
         /// # Safety
         /// As BLAS's `syrk`: pointers to storage of the sizes that the other arguments state.
@@ -210,7 +211,8 @@ macro_rules! products {
             multiply::update_triangle(alpha, &(&a * a.transpose()), beta, triangle, c, ldc);
         }
 
-        /// One triangle of `C := alpha (A B^T + B A^T) + beta C`, or with A^T B + B^T A.
+        /// `C := alpha (A B^T + B A^T) + beta C`, or with A^T B + B^T A if `trans` is `T`; for one
+        /// triangle of C.
         ///
         /// # Safety
         /// As BLAS's `syr2k`: pointers to storage of the sizes that the other arguments state.

@@ -1,4 +1,4 @@
-//! The decompositions and solves: what LAPACK has.
+//! The decompositions and solves of LAPACK.
 
 use core::ffi::{c_char, c_int};
 use core::slice::{from_raw_parts, from_raw_parts_mut};
@@ -51,7 +51,7 @@ macro_rules! decompositions {
             let lda = argument!(leading(lda, n), 6, info);
             let ldz = argument!(leading(ldz, if vectors { n } else { 1 }), 15, info);
             if lwork == -1 || liwork == -1 {
-                // SAFETY: a query for sizes; both workspaces have at least one entry then.
+                // SAFETY: in a query for workspace sizes both workspaces have at least one entry.
                 unsafe {
                     *work = 1.0;
                     *iwork = 1;
@@ -76,8 +76,8 @@ macro_rules! decompositions {
             if n == 0 {
                 return;
             }
-            // SAFETY: `a` has n columns lda apart and `w` has n entries. As many columns of `z`
-            // are there as eigenvalues may be found; nothing overlaps.
+            // SAFETY: `a` has n columns lda apart and `w` has n entries. `z` has as many columns
+            // as eigenvalues may be found; nothing overlaps.
             let (a, w) = unsafe {
                 (
                     from_raw_parts(a.cast_const(), extent(n, n, lda)),
@@ -89,7 +89,7 @@ macro_rules! decompositions {
                 _ => n,
             };
             let z = vectors.then(|| {
-                // SAFETY: as above; without the job `V` it is not touched.
+                // SAFETY: as above; without the job `V`, `z` is not accessed.
                 let z = unsafe { from_raw_parts_mut(z, extent(n, columns, ldz)) };
                 (z, ldz)
             });
@@ -175,7 +175,7 @@ macro_rules! decompositions {
                 )
             };
             let mut x = load(b, n, columns, ldb);
-            // LAPACK divides by a zero of the diagonal, and so says by its infinities
+            // LAPACK divides by the zero on the diagonal and returns infinities; here NaN
             if !decompose::potrs(triangle, n, a, lda, &mut x) {
                 x.fill(<$T>::NAN);
             }
@@ -203,8 +203,8 @@ macro_rules! decompositions {
             _iwork: *mut c_int,
             info: *mut c_int,
         ) {
-            // SAFETY: the arguments are those of `gesvd` but for the job and the places, which
-            // `info` then takes back by one.
+            // SAFETY: the arguments are those of `gesvd` with one job less, so that the positions
+            // in a negative `info` are one less too.
             unsafe {
                 $gesvd(
                     jobz, jobz, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info,
@@ -215,7 +215,7 @@ macro_rules! decompositions {
             }
         }
 
-        /// The singular value decomposition, with a job for each side.
+        /// The singular value decomposition, with separate jobs for the left and right vectors.
         ///
         /// # Safety
         /// As LAPACK's `gesvd`: pointers to storage of the sizes that the other arguments state.
@@ -249,7 +249,7 @@ macro_rules! decompositions {
             let least = rows.min(columns);
             let ldvt = argument!(leading(ldvt, if right { least } else { 1 }), 11, info);
             if lwork == -1 {
-                // SAFETY: a query for a size; the workspace has at least one entry then.
+                // SAFETY: in a query for the workspace size the workspace has at least one entry.
                 unsafe { *work = 1.0 };
                 return;
             }
@@ -270,12 +270,12 @@ macro_rules! decompositions {
             };
             s.copy_from_slice(&svd.values);
             if left {
-                // SAFETY: the left vectors are asked for: `u` has a column for each value.
+                // SAFETY: the job wants left vectors, so `u` has a column for each singular value.
                 let u = unsafe { from_raw_parts_mut(u, extent(rows, least, ldu)) };
                 store(&svd.u, u, ldu);
             }
             if right {
-                // SAFETY: the right vectors are asked for: `vt` has n columns ldvt apart.
+                // SAFETY: the job wants right vectors, so `vt` has n columns ldvt apart.
                 let vt = unsafe { from_raw_parts_mut(vt, extent(least, columns, ldvt)) };
                 store(&svd.v_t, vt, ldvt);
             }
@@ -308,8 +308,8 @@ macro_rules! decompositions {
                 return;
             }
             // SAFETY: `a` has n columns lda apart, `ipiv` n entries, `b` nrhs columns ldb apart;
-            // they do not overlap. Without columns the slice of `b` would be empty, and its
-            // pointer need not be one: it is not made then.
+            // they do not overlap. Without columns the pointer of `b` need not be valid, so no
+            // slice is made of it.
             let (a, pivots) = unsafe {
                 (
                     from_raw_parts_mut(a, extent(n, n, lda)),
@@ -329,7 +329,7 @@ macro_rules! decompositions {
     };
 }
 
-/// Whether vectors are wanted: `N` or `V`.
+/// Reads the argument `jobz` of `syevr`: whether eigenvectors are wanted (`V`) or not (`N`).
 fn job(character: c_char) -> Option<bool> {
     match character.to_ne_bytes()[0].to_ascii_uppercase() {
         b'N' => Some(false),
@@ -338,7 +338,8 @@ fn job(character: c_char) -> Option<bool> {
     }
 }
 
-/// Whether singular vectors of a side are wanted: `N`, `S`, or `A` where the thin ones are all.
+/// Reads a job of `gesvd`: whether singular vectors of one side are wanted (`S`, or `A` where the
+/// thin decomposition has all of them) or not (`N`).
 fn side(character: c_char, thin_is_all: bool) -> Option<bool> {
     match character.to_ne_bytes()[0].to_ascii_uppercase() {
         b'N' => Some(false),
