@@ -19,7 +19,8 @@ const LOG_SHAPE_REACH: f64 = 3.0;
 pub struct FrictionIntervals {
     /// The intervals of the r base parameters.
     pub base: Vec<Spread>,
-    /// The intervals of all p parameters; `None` for those that the observations do not determine.
+    /// The intervals of all p parameters; `None` for those whose values are a choice, because
+    /// neither observations nor constraints determine them.
     pub physical: Vec<Option<Spread>>,
     /// The intervals of each joint's values in the order of
     /// [`Friction::symbols`](regen_runtime::Friction::symbols); `None` for a shape parameter that
