@@ -1,4 +1,4 @@
-//! The dynamics at one closed state, against derivations that share nothing: Newton-Euler per
+//! Compares the dynamics at one closed state with independent derivations: Newton-Euler per
 //! parameter, Eq. 1, Lagrange, energy.
 
 use nalgebra::DVector;
@@ -9,8 +9,8 @@ use super::compare::{Figures, ratio, row_error, size, vector_error};
 use super::{Answer, Engine};
 use crate::reference::{Mechanism, Parameter, PhysicalBody, Random, State};
 
-/// Sums over many terms that cancel: quadratic forms and powers.
-const BALANCE: f64 = 1e-9;
+/// The tolerance of sums over many terms that cancel: quadratic forms and powers.
+const BALANCE_TOLERANCE: f64 = 1e-9;
 
 pub(super) fn check(
     engine: &dyn Engine,
@@ -32,7 +32,7 @@ pub(super) fn check(
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
     figures.record("regressor", error, ROW);
 
-    // Eq. 1 knows no rotors; they are a diagonal inertia.
+    // Eq. 1 has no rotors; they are a diagonal inertia.
     let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
     for (p, value) in reference.parameters.iter().zip(&inertial) {
         if let Parameter::Rotor(k) = p {
@@ -72,7 +72,7 @@ fn parameters(
     reference.parameters.iter().map(value).collect()
 }
 
-/// The efforts' power is the change of energy and what friction takes.
+/// The power of the efforts equals the change of energy plus the dissipation by friction.
 fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures: &mut Figures) {
     let State { q, qd, qdd } = state;
     let stored = reference.energy_rate(q, qd, qdd, phi);
@@ -95,10 +95,11 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
     let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + FORCE;
     let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
-    figures.record("power balance", error, BALANCE);
+    figures.record("power balance", error, BALANCE_TOLERANCE);
 }
 
-/// Mass matrix, gravity and bias forces, and that they add up to the inverse dynamics.
+/// Compares the mass matrix, gravity and bias forces, and checks that they add up to the inverse
+/// dynamics.
 fn matrices(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -153,7 +154,8 @@ fn matrices(
     Ok(())
 }
 
-/// Y(q, qd, qd, qdd) = W, and dM/dt - 2 C is skew with the C that Y contains.
+/// Checks that Y(q, qd, qd, qdd) = W, and that dM/dt - 2 C is skew-symmetric for the C that Y
+/// contains.
 fn adaptive_regressor(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -181,7 +183,7 @@ fn adaptive_regressor(
     };
     let (gravity, weight) = at(&none, &none)?;
     let theirs = engine.call(FunctionKind::Gravity, &[q, phi])?;
-    // Without friction, references at rest leave gravity, whatever the motion is.
+    // Without friction, Y with zero reference rates is gravity, for any motion.
     let error = vector_error(&gravity, &theirs, weight.max(size(&theirs)));
     figures.record("Y at rest", error, ROW);
 
@@ -192,7 +194,7 @@ fn adaptive_regressor(
     let quadratic = vector.dot(&(&rate * &vector));
     let coriolis: f64 = (0..dof).map(|i| s[i] * (forces[i] - gravity[i])).sum();
     let error = ratio((quadratic - 2.0 * coriolis).abs(), weight * size(&s));
-    figures.record("dM/dt - 2C skew", error, BALANCE);
+    figures.record("dM/dt - 2C skew", error, BALANCE_TOLERANCE);
 
     let (forces, weight) = at(&none, &s)?;
     let ours: Vec<f64> = forces.iter().zip(&gravity).map(|(f, g)| f - g).collect();
