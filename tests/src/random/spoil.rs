@@ -19,7 +19,8 @@ struct Mistake {
     says: &'static str,
 }
 
-/// Tries every mistake that is possible in the spec, and some random changes.
+/// Tries every mistake that is possible in the spec, and some random changes. Returns the number of
+/// variants.
 ///
 /// # Errors
 /// The variant that was accepted, caused a panic, or whose error points elsewhere.
