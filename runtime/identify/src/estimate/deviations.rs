@@ -225,7 +225,7 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        if factor.few() {
+        if factor.has_too_few_rows() {
             scale.fill(f64::INFINITY);
             degrees_of_freedom.fill(1.0);
         }

@@ -53,7 +53,20 @@ struct Sums {
     recent: VecDeque<f64>,
 }
 
-/// Collects residuals in order of time.
+/// Collects the residuals of all efforts in order of time, and computes their statistics.
+///
+/// ```
+/// use regen_identify::estimate::Residuals;
+///
+/// let mut residuals = Residuals::new(&["q1".to_owned()], &[2.0], 1);
+/// for (measured, predicted) in [(1.0, 1.5), (3.0, 2.5)] {
+///     residuals.push(&[measured], &[predicted])?;
+/// }
+/// // (0.5 + 0.5) / (1 + 1) and sqrt((0.25 + 0.25) / 2)
+/// assert_eq!(residuals.relative_absolute(), 50.0);
+/// assert_eq!(residuals.efforts()[0].rms, 0.5);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Residuals {
     names: Vec<String>,

@@ -218,6 +218,25 @@ impl fmt::Display for FileError {
 impl core::error::Error for FileError {}
 
 /// Collects rows sample by sample and reduces them in blocks that fit a cache.
+///
+/// ```
+/// use regen_identify::estimate::{Accumulator, Estimate, Origin, Weighting};
+///
+/// let origin = Origin {
+///     robot: "slide".to_owned(),
+///     model: String::new(),
+///     kind: "forces".to_owned(),
+///     efforts: vec!["q1".to_owned()],
+///     labels: vec!["m".to_owned()],
+/// };
+/// let mut rows = Accumulator::new(&origin);
+/// for (acceleration, force) in [(1.0, 2.1), (2.0, 3.9), (3.0, 6.0)] {
+///     rows.push(0, &[acceleration], 1, force, 1.0)?;
+/// }
+/// let estimate = Estimate::new(&rows.finish()?, Weighting::default())?;
+/// assert!((estimate.values[0] - 27.9 / 14.0).abs() < 1e-12);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     set: FactorSet,

@@ -91,7 +91,8 @@ impl Estimate {
         let mut whole = set.combined(&weights)?;
         let mut values = whole.solve()?;
         let mut sigmas = residual_sigmas(set, &values)?;
-        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.few() {
+        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.has_too_few_rows()
+        {
             for _ in 0..MAX_REWEIGHTING_PASSES {
                 let next = weights_from(&sigmas, set);
                 let change = next
@@ -151,7 +152,7 @@ impl Estimate {
         let n = values.len();
         let degrees_of_freedom = factor.rows() - n;
         // with so few rows the residuals give no information on the noise
-        let variance = if factor.few() {
+        let variance = if factor.has_too_few_rows() {
             f64::INFINITY
         } else {
             factor.squared_residual(&values)? / degrees_of_freedom as f64

@@ -129,7 +129,7 @@ pub(super) struct Gap {
     pub(super) complementarity: f64,
     /// The largest change of the objective over the set by the gradient that the duals do not
     /// balance.
-    pub(super) left: f64,
+    pub(super) unbalanced: f64,
     /// The value of the objective, at least its floor.
     pub(super) value: f64,
 }
@@ -137,7 +137,7 @@ pub(super) struct Gap {
 impl Gap {
     /// The bound as a fraction of the objective.
     pub(super) fn part(&self) -> f64 {
-        let part = (self.complementarity + self.left) / self.value;
+        let part = (self.complementarity + self.unbalanced) / self.value;
         if part.is_finite() {
             part.max(0.0)
         } else {
@@ -170,14 +170,14 @@ pub(super) fn gap(
     let (left, complementarity) = remainder(objective, cones, x, duals);
     let residuals = objective.residuals(x);
     let squares: f64 = residuals.iter().map(|r| r * r).sum();
-    let left = left
+    let unbalanced = left
         .iter()
         .zip(x.iter().zip(reach))
         .map(|(sum, (v, most))| sum.bound() * (v.abs() + most))
         .sum();
     Gap {
         complementarity,
-        left,
+        unbalanced,
         value: (squares + objective.constant).max(objective.floor),
     }
 }

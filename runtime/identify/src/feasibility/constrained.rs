@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
-use super::faces::{InteriorStart, inside};
+use super::faces::{InteriorStart, find_interior_point};
 use super::interior::{InteriorOutcome, minimise, start};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
@@ -174,7 +174,7 @@ pub fn identify(
         options,
         noise: options.noise.unwrap_or((least / spare as f64).sqrt()),
     };
-    let InteriorStart { problem, x: within } = inside(&setting)?;
+    let InteriorStart { problem, x: within } = find_interior_point(&setting)?;
     let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
     let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
     let all = &problem.cones;
@@ -191,7 +191,7 @@ pub fn identify(
     let (x, gap) = if options.rough {
         (ended.best.x.clone(), ended.gap.part())
     } else {
-        closest(&problem, options, &ended)
+        closest_to_reference(&problem, options, &ended)
     };
     let (phi, check, moved) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
     let cost = objective(&problem, &moved) - objective(&problem, &x);
@@ -253,7 +253,11 @@ fn limited(problem: &Problem, layout: &ParameterLayout, ended: &InteriorOutcome)
 /// Minimises the objective again with the additional term `w ||phi - reference||^2`. If that term
 /// is at most `MAX_REFERENCE_COST` of the objective at the first solution, the objective cannot
 /// rise by more: at the new minimum the sum of both is not larger than at the first solution.
-fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Vec<f64>, f64) {
+fn closest_to_reference(
+    problem: &Problem,
+    options: &Options,
+    ended: &InteriorOutcome,
+) -> (Vec<f64>, f64) {
     let first = (ended.best.x.clone(), ended.gap.part());
     let plain = &problem.objective;
     let far = |x: &[f64]| {
@@ -292,7 +296,7 @@ fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Ve
         let x = again.best.x;
         let rise = objective(problem, &x) - objective(problem, &first.0);
         if rise <= allowed && far(&x) < distance {
-            let whole = ended.gap.complementarity + ended.gap.left + rise.max(0.0);
+            let whole = ended.gap.complementarity + ended.gap.unbalanced + rise.max(0.0);
             return (x, whole / ended.gap.value);
         }
     }
@@ -357,7 +361,7 @@ fn least_squares_kept(
     layout: &ParameterLayout,
     options: &Options,
 ) -> Result<Option<Physical>, FeasibilityError> {
-    let wishes = !options.priors.is_empty()
+    let has_constraints = !options.priors.is_empty()
         || options.entropic > 0.0
         || !options.known.is_empty()
         || !options.bounds.is_empty()
@@ -366,7 +370,7 @@ fn least_squares_kept(
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if wishes {
+    if has_constraints {
         return Ok(None);
     }
     let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)

@@ -10,8 +10,8 @@ use super::verdict::combine;
 use super::{FeasibilityError, pseudo_inertia};
 use regen_runtime::Sign;
 
-/// A body may be this many times as heavy as the largest known mass of the robot: the unit of mass
-/// of its scale, its reference, its known values, limits and priors, and its base parameters. The
+/// The limit of a body's mass, as a multiple of the largest known value of the robot in units of
+/// the scale: 1, its reference, its known values, limits and priors, and its base parameters. The
 /// limit keeps the set bounded; without it the best fit can lie at infinite masses.
 const MAX_MASS_RATIO: f64 = 1e3;
 /// Base parameters count at most as this mass of the robot, in units of the scale: larger ones

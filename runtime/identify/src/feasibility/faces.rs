@@ -33,7 +33,9 @@ pub(super) struct InteriorStart {
 /// Finds a point strictly inside the cones. If equations leave a cone without interior, such as a
 /// body that is known to have no mass, the cone is replaced by its face, which has one (Borwein and
 /// Wolkowicz, 1981).
-pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, FeasibilityError> {
+pub(super) fn find_interior_point(
+    setting: &Setting<'_>,
+) -> Result<InteriorStart, FeasibilityError> {
     let units = setting.units();
     let mut equalities = setting.equalities(&units)?;
     let bodies = setting.layout.bodies().len();
@@ -41,7 +43,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
     for _ in 0..MAX_ROUNDS {
         let problem = setting.problem(&equalities, &faces)?;
         let n = problem.solved.variables.len();
-        let (cones, reach) = problem.inside();
+        let (cones, reach) = problem.interior_search();
         // minimise (t - 1)^2, with a small weight on the size of the parameters
         let mut rows = vec![vec![0.0; n + 2]];
         (rows[0][n], rows[0][n + 1]) = (1.0, 1.0);
@@ -77,7 +79,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
             let more = minimise(&exact, &cones, &reach, ended.inside, 1e-3, &well);
             let more = more.ok_or_else(lost)?;
             let value = (1.0 - more.best.x[n]).powi(2);
-            if value - more.gap.complementarity - more.gap.left > 1.0 + MIN_INSIDE {
+            if value - more.gap.complementarity - more.gap.unbalanced > 1.0 + MIN_INSIDE {
                 return Err(FeasibilityError::Contradiction(
                     "bounds, known values and sums, together with what is physical,".to_owned(),
                 ));
@@ -90,7 +92,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
             at.x.truncate(n);
             return Ok(InteriorStart { problem, x: at.x });
         }
-        if !narrowed(&problem, setting, &at, &mut faces, &mut equalities) {
+        if !restrict_to_faces(&problem, setting, &at, &mut faces, &mut equalities) {
             break;
         }
     }
@@ -101,7 +103,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
 
 /// Restricts the cones to faces by the duals of the search for an inside point; returns whether any
 /// cone was restricted.
-fn narrowed(
+fn restrict_to_faces(
     problem: &Problem,
     setting: &Setting<'_>,
     at: &Point,
@@ -131,7 +133,7 @@ fn narrowed(
                 for k in &gone {
                     // J v = 0
                     for row in 0..4 {
-                        equalities.push(vanishing(own.columns, &turned, row, *k));
+                        equalities.push(null_vector_equation(own.columns, &turned, row, *k));
                     }
                 }
                 let mut basis = ZERO;
@@ -164,7 +166,12 @@ fn narrowed(
 }
 
 /// A row of `J v = 0` for a column v of a matrix, in the body's ten parameters.
-fn vanishing(columns: [usize; 10], vectors: &Square, row: usize, column: usize) -> Equality {
+fn null_vector_equation(
+    columns: [usize; 10],
+    vectors: &Square,
+    row: usize,
+    column: usize,
+) -> Equality {
     let mut terms = Vec::new();
     for ((r, c), entry) in TRIANGLE.into_iter().zip(ENTRIES) {
         let mut factor = 0.0;

@@ -352,7 +352,7 @@ pub(super) fn minimise(
         let mut found = gap(objective, cones, reach, &at.x, &at.duals);
         // near the end the rounding of the duals dominates the gap
         if found.complementarity < REPAIR_PART * found.value
-            && found.left > 0.1 * found.complementarity
+            && found.unbalanced > 0.1 * found.complementarity
         {
             for _ in 0..MAX_REPAIRS {
                 let Some(duals) = repaired(objective, cones, &at) else {

@@ -229,6 +229,19 @@ impl ParameterLayout {
     ///
     /// # Errors
     /// When the length does not fit, or the scale is not positive.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::{ParameterLayout, SYMBOLS, Scale};
+    ///
+    /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    /// let layout = ParameterLayout::new(&labels)?;
+    /// let ball = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 2.0];
+    /// assert!(layout.check(&ball, Scale::default())?.is_physical());
+    /// // Izz > Ixx + Iyy contradicts the triangle inequality
+    /// let impossible = [0.1, 0.0, 0.0, 0.1, 0.0, 0.3, 0.0, 0.0, 0.0, 2.0];
+    /// assert!(!layout.check(&impossible, Scale::default())?.is_physical());
+    /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+    /// ```
     pub fn check(&self, phi: &[f64], scale: Scale) -> Result<Check, FeasibilityError> {
         size("phi", self.len(), phi.len())?;
         if !scale.is_valid() {

@@ -279,7 +279,7 @@ impl Problem {
 
     /// The cones and ranges of the search for an inside point: one more variable t is subtracted
     /// from the diagonal of every cone, so that t > 0 means inside.
-    pub(super) fn inside(&self) -> (Vec<Cone>, Vec<f64>) {
+    pub(super) fn interior_search(&self) -> (Vec<Cone>, Vec<f64>) {
         let n = self.solved.variables.len();
         let cones = self.cones.iter().map(|cone| {
             let mut cone = cone.clone();

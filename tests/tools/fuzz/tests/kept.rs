@@ -31,7 +31,7 @@ fn files(directory: &str, kinds: &[&str]) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// A generator of pseudo-random numbers (SplitMix64).
+/// A generator of pseudo-random numbers (splitmix64).
 struct Random(u64);
 
 impl Random {
