@@ -8,7 +8,7 @@ use super::{Answer, Engine, Names, dynamics};
 use crate::reference::{Mechanism, Random, State};
 
 /// The tolerance that the spec's format requires: per row, relative to the row's largest entry.
-pub(super) const ROW: f64 = 1e-10;
+pub(super) const ROW_TOLERANCE: f64 = 1e-10;
 
 /// The tolerance of poses and closure rows, which are some dozen products of numbers about 1,
 /// without any solve.
@@ -142,7 +142,7 @@ fn open(
         &engine.matrix(FunctionKind::Jacobian, &[&q])?,
         &theirs,
     );
-    figures.record("jacobian", error, ROW);
+    figures.record("jacobian", error, ROW_TOLERANCE);
     let b = reference.bias(&q, &qd);
     // Products of velocities of 2 are 4: a bias of 0 is compared with that.
     let error = vector_error(
@@ -150,7 +150,7 @@ fn open(
         &b,
         size(&b).max(1e-2),
     );
-    figures.record("bias", error, ROW);
+    figures.record("bias", error, ROW_TOLERANCE);
     Ok(())
 }
 
@@ -191,9 +191,13 @@ fn closed(
         qd,
         size(qd),
     );
-    figures.record("velocities", error, ROW);
+    figures.record("velocities", error, ROW_TOLERANCE);
     let ours = engine.call(FunctionKind::Accelerations, &[q, qd, &pick(qdd)])?;
-    figures.record("accelerations", vector_error(&ours, qdd, size(qdd)), ROW);
+    figures.record(
+        "accelerations",
+        vector_error(&ours, qdd, size(qdd)),
+        ROW_TOLERANCE,
+    );
 
     let tau = random.vector(reference.actuated.len(), 10.0);
     let mut all = vec![0.0; q.len()];
@@ -206,18 +210,18 @@ fn closed(
         &theirs,
         size(&theirs).max(1.0),
     );
-    figures.record("efforts", error, ROW);
+    figures.record("efforts", error, ROW_TOLERANCE);
     Ok(())
 }
 
 /// Forces are 1 to 100 N for bodies of some kilograms that fall or move at a metre a second. Forces
 /// that vanish, without gravity or perpendicular to the motion, are compared with this force, N.
-pub(super) const FORCE: f64 = 0.1;
+pub(super) const MIN_FORCE: f64 = 0.1;
 
 /// W phi, and the size to which its rounding errors are relative.
 pub(super) fn apply(w: &DMatrix<f64>, phi: &[f64]) -> (Vec<f64>, f64) {
     let mut out = vec![0.0; w.nrows()];
-    let mut scale = FORCE;
+    let mut scale = MIN_FORCE;
     for (i, entry) in out.iter_mut().enumerate() {
         let terms = phi.iter().enumerate().map(|(j, p)| w[(i, j)] * p);
         scale = scale.max(terms.clone().map(f64::abs).sum());

@@ -4,7 +4,7 @@
 use nalgebra::DVector;
 use regen_codegen::signature::FunctionKind;
 
-use super::check::{FORCE, ROW, apply};
+use super::check::{MIN_FORCE, ROW_TOLERANCE, apply};
 use super::compare::{Figures, ratio, row_error, size, vector_error};
 use super::{Answer, Engine};
 use crate::reference::{Mechanism, Parameter, PhysicalBody, Random, State};
@@ -30,7 +30,7 @@ pub(super) fn check(
 
     let w = engine.matrix(FunctionKind::Regressor, &[q, qd, qdd])?;
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
-    figures.record("regressor", error, ROW);
+    figures.record("regressor", error, ROW_TOLERANCE);
 
     // Eq. 1 has no rotors; they are a diagonal inertia.
     let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
@@ -41,15 +41,15 @@ pub(super) fn check(
     }
     let (ours, scale) = apply(&w, &inertial);
     let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
-    figures.record("equation 1", error, ROW);
+    figures.record("equation 1", error, ROW_TOLERANCE);
     let tau = reference.lagrange(q, qd, qdd, &inertial);
     let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
-    figures.record("lagrange", error, ROW);
+    figures.record("lagrange", error, ROW_TOLERANCE);
 
     let (with_friction, scale) = apply(&w, &all);
     let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, &all])?;
     let error = vector_error(&ours, &with_friction, scale);
-    figures.record("inverse dynamics", error, ROW);
+    figures.record("inverse dynamics", error, ROW_TOLERANCE);
     power(reference, state, &all, &ours, figures);
 
     matrices(engine, reference, state, &all, scale, figures)?;
@@ -93,7 +93,7 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     }
     let terms = reference.independent.iter().zip(tau);
     let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
-    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + FORCE;
+    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + MIN_FORCE;
     let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
     figures.record("power balance", error, BALANCE_TOLERANCE);
 }
@@ -114,7 +114,7 @@ fn matrices(
     let dof = reference.dof();
     let mass = engine.matrix(FunctionKind::MassMatrix, &[q, phi])?;
     let (theirs, _) = reference.mass_matrix(q, qd, phi)?;
-    figures.record("mass matrix", row_error(&mass, &theirs), ROW);
+    figures.record("mass matrix", row_error(&mass, &theirs), ROW_TOLERANCE);
     let symmetry = row_error(&mass, &mass.transpose());
     figures.record("mass matrix symmetry", symmetry, 1e-12);
     let definite = mass.clone().cholesky().is_some();
@@ -124,19 +124,27 @@ fn matrices(
     let gravity = engine.call(FunctionKind::Gravity, &[q, phi])?;
     let theirs = reference.regressor(q, &rest, &rest)?;
     let (theirs, weight) = apply(&theirs, phi);
-    figures.record("gravity", vector_error(&gravity, &theirs, weight), ROW);
+    figures.record(
+        "gravity",
+        vector_error(&gravity, &theirs, weight),
+        ROW_TOLERANCE,
+    );
 
     let still = engine.call(FunctionKind::BiasForces, &[q, qd, phi])?;
     let bias: Vec<f64> = still.iter().zip(&gravity).map(|(c, g)| c + g).collect();
     let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
     let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
-    figures.record("bias forces", vector_error(&bias, &theirs, weight), ROW);
+    figures.record(
+        "bias forces",
+        vector_error(&bias, &theirs, weight),
+        ROW_TOLERANCE,
+    );
 
     let qdd_i = DVector::from_iterator(dof, reference.independent.iter().map(|k| qdd[*k]));
     let sum = &mass * qdd_i + DVector::from_vec(bias);
     let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, phi])?;
     let error = vector_error(sum.as_slice(), &ours, scale);
-    figures.record("M qdd + bias", error, ROW);
+    figures.record("M qdd + bias", error, ROW_TOLERANCE);
 
     for j in 0..dof {
         let mut unit = vec![0.0; dof];
@@ -149,7 +157,7 @@ fn matrices(
             mass.column(j).as_slice(),
             mass.amax() + size(&moved),
         );
-        figures.record("mass matrix columns", error, ROW);
+        figures.record("mass matrix columns", error, ROW_TOLERANCE);
     }
     Ok(())
 }
@@ -172,7 +180,7 @@ fn adaptive_regressor(
         &[q, qd, &pick(qd), &pick(qdd)],
     )?;
     let error = row_error(&y, &reference.regressor(q, qd, qdd)?);
-    figures.record("Y on the motion", error, ROW);
+    figures.record("Y on the motion", error, ROW_TOLERANCE);
 
     let none = vec![0.0; dof];
     let at = |v: &[f64], a: &[f64]| {
@@ -185,7 +193,7 @@ fn adaptive_regressor(
     let theirs = engine.call(FunctionKind::Gravity, &[q, phi])?;
     // Without friction, Y with zero reference rates is gravity, for any motion.
     let error = vector_error(&gravity, &theirs, weight.max(size(&theirs)));
-    figures.record("Y at rest", error, ROW);
+    figures.record("Y at rest", error, ROW_TOLERANCE);
 
     let (mass, rate) = reference.mass_matrix(q, qd, phi)?;
     let s = random.vector(dof, 1.0);
@@ -202,7 +210,7 @@ fn adaptive_regressor(
     figures.record(
         "Y mass",
         vector_error(&ours, theirs.as_slice(), weight),
-        ROW,
+        ROW_TOLERANCE,
     );
     Ok(())
 }
