@@ -1,12 +1,12 @@
-//! What a platform on three to twelve UPS legs costs: from its text to the text of its module,
-//! and one evaluation of its regressor by the interpreter.
+//! The cost of a platform on three to twelve UPS legs: the time from the text of its spec to the
+//! text of its module, and of one evaluation of its regressor by the interpreter.
 //!
 //! ```sh
 //! cargo bench -p regen-tests --bench growth
 //! ```
 //!
-//! The operations of the programs are printed with the times; `tests/growth.rs` holds them to
-//! linear growth. It never fails the run: time is no test.
+//! The numbers of operations of the programs are printed with the times; `tests/growth.rs` asserts
+//! that they grow linearly. The benchmark never fails: times are no test.
 
 use std::hint::black_box;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! One evaluation of the regressor, all columns, beside the sines and cosines of six angles in
-//! the same run.
+//! The time of one evaluation of the regressor, all columns, compared with the sines and cosines of
+//! six angles in the same run.
 //!
 //! ```sh
 //! RUSTFLAGS="-C target-cpu=native" cargo bench -p regen-tests --bench regressor
@@ -7,12 +7,12 @@
 //! cargo bench -p regen-tests --bench regressor -- nothing
 //! ```
 //!
-//! After criterion's figures come the ratios, each from the fastest of interleaved rounds, so
-//! that a busy machine disturbs both sides alike. They never fail the run: time is no test.
+//! After criterion's figures come the ratios, each from the fastest of interleaved rounds, so that
+//! load on the machine affects both times equally. The benchmark never fails: times are no test.
 //!
-//! The marks are twice what hand-made straight-line Rust took on a machine of this kind with
-//! native flags: 120 ns for the PUMA 560 and 250 ns for the 3-RPS. There the six angles took 41
-//! to 60 ns; 60 makes the strictest ratios, 2 x 2.0 and 2 x 4.2.
+//! The target ratios are twice the times of hand-written straight-line Rust on a machine of this
+//! kind with native flags: 120 ns for the PUMA 560 and 250 ns for the 3-RPS. There the six angles
+//! took 41 to 60 ns; 60 ns gives the strictest ratios, 2 x 2.0 and 2 x 4.2.
 //!
 //! Measured on two virtual cores of an AMD EPYC with AVX-512, Rust 1.95:
 //!
@@ -73,7 +73,7 @@ evaluation!(puma560);
 evaluation!(rps3);
 evaluation!(fivebar);
 
-/// What is measured, and the greatest ratio aimed at.
+/// The name and function of each measurement, and the target ratio.
 const ALL: [(&str, Run, Option<f64>); 4] = [
     ("sines and cosines of six angles", floor, None),
     ("puma560, 60 columns", puma560, Some(4.0)),
@@ -111,7 +111,7 @@ fn ratios() {
 criterion_group!(benches, figures);
 
 fn main() {
-    // `cargo test --benches` only wants to know that it runs
+    // `cargo test --benches` only checks that it runs
     if std::env::args().any(|argument| argument == "--test") {
         return ALL.iter().for_each(|(_, run, _)| run());
     }

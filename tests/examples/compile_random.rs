@@ -61,7 +61,8 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
     std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Judges each model at two states; the interpreter must have the compiled model's numbers.
+/// The generated program: it compares each model with the second derivation at two states, and with
+/// the interpreter's numbers.
 const PROGRAM: &str = r#"//! Compiled random mechanisms, compared.
 use regen_runtime::Model;
 use regen_tests::compiled::Compiled;

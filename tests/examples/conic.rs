@@ -1,14 +1,14 @@
-//! Random problems of the physical fit with our answers, for `tests/tools/conic/compare.py` to
-//! solve again by a conic solver that shares no code with ours.
+//! Writes random problems of the physical fit with our answers. `tests/tools/conic/compare.py`
+//! solves them again by a conic solver that shares no code with ours.
 //!
 //! ```sh
 //! cargo run --release -p regen-tests --example conic -- 0 1000 > problems.jsonl
 //! python tests/tools/conic/compare.py problems.jsonl
 //! ```
 //!
-//! Robots are random trees and loops; bodies weigh from 10 g to 20 kg side by side; the motion is
-//! poor: few samples, small angles, coordinates that rest. Some masses are bounded away from the
-//! truth, some values and sums are known. A line for each problem.
+//! Robots are random trees and loops, with bodies from 10 g to 20 kg in the same robot. The motion
+//! is poor: few samples, small angles, coordinates at rest. Some masses have bounds that exclude
+//! the true value, some values and sums are known. Each problem is one line.
 
 use std::io::Write as _;
 
@@ -44,7 +44,7 @@ fn main() {
     }
 }
 
-/// A problem with our answer; `None` where a mechanism has no regular states.
+/// A problem with our answer; `None` for a mechanism without regular states.
 fn problem(seed: u64) -> Option<Value> {
     let text = if seed.is_multiple_of(2) {
         random_spec::tree(seed)
@@ -59,7 +59,7 @@ fn problem(seed: u64) -> Option<Value> {
     let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9).wrapping_add(17));
     let truth = truth(&layout, &mut random);
     let (factor, rows) = data(&model, &combinations, &truth, &mut random)?;
-    let options = wishes(&layout, &truth, &mut random);
+    let options = random_constraints(&layout, &truth, &mut random);
     let found = identify(&factor, &combinations, &layout, &options);
     let judged = factor.solve().ok().and_then(|beta| {
         let judged = verdict(&layout, &combinations, &beta, Scale::default());
@@ -116,13 +116,13 @@ fn answer(found: &Result<Physical, FeasibilityError>) -> Value {
     }
 }
 
-/// One of the first n numbers.
+/// A random integer from 0 to n - 1.
 fn below(random: &mut Random, n: usize) -> usize {
     let x = random.uniform(0.0, n as f64);
     (1..n).filter(|k| x >= *k as f64).count()
 }
 
-/// Physical values, light bodies beside heavy ones.
+/// Physical values of all parameters, with light and heavy bodies.
 fn truth(layout: &ParameterLayout, random: &mut Random) -> Vec<f64> {
     let mut phi = vec![0.0; layout.len()];
     for body in layout.bodies() {
@@ -192,7 +192,7 @@ fn data(
     let mut factor = QrFactor::new(combinations.labels().to_vec());
     for (w, tau) in &mut all {
         for t in tau.iter_mut() {
-            // near normal
+            // approximately normal
             let sum: f64 = (0..12).map(|_| random.uniform(-0.5, 0.5)).sum();
             *t += noise * sum;
         }
@@ -201,8 +201,8 @@ fn data(
     Some((factor, all.len()))
 }
 
-/// Bounds that may exclude the truth, known values and sums.
-fn wishes(layout: &ParameterLayout, truth: &[f64], random: &mut Random) -> Options {
+/// Random bounds that may exclude the true values, known values and sums.
+fn random_constraints(layout: &ParameterLayout, truth: &[f64], random: &mut Random) -> Options {
     let mut options = Options::default();
     let mut used = Vec::new();
     for body in layout.bodies() {

@@ -1,16 +1,16 @@
-//! How often intervals hold the truth: simulated logs of an arm with two joints, whose residuals
-//! are correlated in time.
+//! Counts how often confidence intervals contain the true values, in simulated logs of an arm with
+//! two joints whose residuals are correlated in time.
 //!
-//! Each log has the efforts of the same motion (finite Fourier series, 0.1 Hz and four harmonics,
-//! sampled at 100 Hz) with noise of an autoregression, `e(t) = 0.9 e(t - 1) + eps(t)`. For each
-//! estimator and parameter the share of logs is counted in which the 95 % interval holds the
-//! true value. Usage:
+//! All logs have the same motion (finite Fourier series, 0.1 Hz and four harmonics, sampled at 100
+//! Hz) and efforts with noise of an autoregression, `e(t) = 0.9 e(t - 1) + eps(t)`. For each
+//! estimator and parameter the program prints the share of logs in which the 95 % interval contains
+//! the true value. Usage:
 //!
 //! ```text
 //! cargo run --release -p regen-tests --example coverage -- LOGS SECONDS ESTIMATOR..
 //! ```
 //!
-//! Estimators: `least-squares huber reduce feasible atan power stribeck`; all without any.
+//! Estimators: `least-squares huber reduce feasible atan power stribeck`; without any, all are run.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
 use regen_codegen::diag::Source as Text;
@@ -27,12 +27,14 @@ const STEP: f64 = 0.01;
 const FREQUENCY: f64 = 0.1;
 const HARMONICS: usize = 5;
 const RHO: f64 = 0.9;
-/// The innovations' deviations of the two efforts, N m; the noise has 2.3 times as much.
+/// The standard deviations of the innovations of the two efforts, N m; those of the noise are 2.3
+/// times as large.
 const NOISE: [f64; 2] = [0.12, 0.06];
 const LEVEL: f64 = 0.95;
 const DRAWS: usize = 100;
 
-/// Coulomb friction of the second joint is at its bound: it has none.
+/// The spec of the arm. The second joint has no Coulomb friction, so that this parameter is at its
+/// bound.
 fn spec(friction: &str) -> String {
     let nominal = match friction {
         "linear" => ["nominal: {Fv: 1.2, Fc: 2.5}", "nominal: {Fv: 0.8, Fc: 0}"],
@@ -51,7 +53,7 @@ fn spec(friction: &str) -> String {
     .replace(", }", "}")
 }
 
-/// Numbers of SplitMix64, normal by Box and Muller.
+/// Pseudo-random numbers (SplitMix64); normally distributed ones by Box and Muller.
 struct Random(u64);
 
 impl Random {
@@ -68,7 +70,7 @@ impl Random {
     }
 }
 
-/// A log whose reading may fail as a fit does.
+/// A log whose error type is that of a fit.
 #[derive(Clone)]
 struct Log(Recorded);
 
@@ -140,7 +142,7 @@ impl Ideal {
     fn log(&self, seed: u64) -> Log {
         let mut random = Random(seed.wrapping_mul(0x1234_5678_9abc_def1));
         let mut noise = [0.0; 2];
-        // far enough before the log that the start does not count
+        // so many samples before the log that the initial value has decayed
         for _ in 0..200 {
             noise
                 .iter_mut()
@@ -165,7 +167,7 @@ impl Ideal {
     }
 }
 
-/// How often the intervals of one parameter held its true value.
+/// The number of logs in which the interval of one parameter contained its true value.
 #[derive(Clone, Default)]
 struct Count {
     label: String,
@@ -175,7 +177,8 @@ struct Count {
     above: usize,
     outside: usize,
     absent: usize,
-    /// Sums of estimates' errors squared, and of sigmas squared.
+    /// The sum of the squared errors of the estimates; `sigmas` is that of their squared standard
+    /// deviations.
     errors: f64,
     sigmas: f64,
 }

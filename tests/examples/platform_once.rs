@@ -1,5 +1,5 @@
-//! Generates the module of a platform on UPS legs, without base parameters, so many times: for
-//! counting instructions, which unlike time do not depend on what else the machine does.
+//! Generates the module of a platform on UPS legs, without base parameters, a given number of
+//! times: for counting instructions, which unlike time do not depend on the load of the machine.
 //!
 //! ```sh
 //! cargo build --release -p regen-tests --example platform_once

@@ -1,12 +1,12 @@
-//! The base parameters of many random mechanisms, judged one by one: as many as the certified
+//! Checks the base parameters of many random mechanisms one by one: their number is the certified
 //! rank, and `W(all) = W(base) * combinations` in every row of the second derivation.
 //!
 //! ```sh
 //! cargo run --release -p regen-tests --example random_bases -- 0 1000
 //! ```
 //!
-//! Seeds are taken from the first one on, until as many mechanisms have been judged.
-//! `tests/records/base.md` keeps what it printed.
+//! Seeds count up from the first argument until the given number of mechanisms has been checked.
+//! `tests/records/base.md` contains the output of a run.
 
 use std::process::ExitCode;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! Judges random mechanisms by the thousand, and counts what they were:
+//! Checks thousands of random mechanisms, and counts their features:
 //!
 //! ```sh
 //! cargo run --release -p regen-tests --example ten_thousand -- --from 0 --count 10000
@@ -23,7 +23,7 @@ impl Tally {
         *self.counts.entry(what).or_default() += 1;
     }
 
-    /// What a spec has, once per spec, joint or cut.
+    /// Counts the features of a spec, once per spec, joint or cut.
     fn features(&mut self, sample: &Sample) {
         let (draft, mechanism) = (&sample.draft, &sample.mechanism);
         self.count(format!("topology {}", draft.topology));
@@ -115,7 +115,7 @@ fn main() {
         number("--count", 100),
         usize::try_from(number("--states", 1)).unwrap_or(1),
     );
-    // Bad variants take twenty derivations a seed.
+    // Checking the bad variants takes twenty derivations per seed.
     let spoil = number("--spoil-every", 10).max(1);
     if arguments.iter().any(|a| a == "--print") {
         match random::sample(from).sample {

@@ -1,5 +1,5 @@
-//! Base parameters by numbers: the regressor of the second derivation against the combinations
-//! that the engine derived.
+//! Numerical checks of base parameters: the regressor of the second derivation, compared with the
+//! combinations that the engine derived.
 
 use nalgebra::DMatrix;
 use regen_codegen::base::{Analysis, Base, Term, analyse, derive};
@@ -12,10 +12,10 @@ use regen_codegen::{model, pipeline};
 
 use crate::reference::{Mechanism, State, evaluate};
 
-/// Singular values below this part of the largest are rounding.
-const ROUNDING: f64 = 1e-9;
+/// Singular values below this fraction of the largest count as rounding.
+const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Base parameters of a spec from trees alone.
+/// A spec with its derived base parameters.
 #[derive(Debug)]
 pub struct Derivation {
     /// The spec.
@@ -25,21 +25,21 @@ pub struct Derivation {
     columns: usize,
 }
 
-/// How well combinations reproduce the regressor, and how independent the kept columns are.
+/// How well the combinations reproduce the regressor, and how independent the base columns are.
 #[derive(Clone, Copy, Debug)]
 pub struct Agreement {
     /// Largest error of a row of W(all) - W(base) combinations, relative to the row's largest entry.
     pub error: f64,
-    /// Smallest over largest singular value of the kept columns, each scaled to 1.
+    /// Smallest over largest singular value of the base columns, each scaled to length 1.
     pub independence: f64,
     /// The rank of all columns, from their singular values.
     pub rank: usize,
-    /// The gap behind that rank, as a quotient.
+    /// The ratio of the singular values on both sides of that rank.
     pub gap: f64,
 }
 
 impl Derivation {
-    /// Derives the base parameters of a spec's text.
+    /// Derives the base parameters of a spec's text from its tree alone.
     ///
     /// # Errors
     /// The report of the spec's mistakes.
@@ -68,7 +68,7 @@ impl Derivation {
     /// The value of a coefficient as derived.
     ///
     /// # Errors
-    /// None: the signature is that of [`Derivation::agreement`].
+    /// Never; it returns a `Result` to fit [`Derivation::agreement`].
     pub fn value(term: &Term) -> Result<f64, String> {
         Ok(term.value.to_f64())
     }
@@ -77,7 +77,7 @@ impl Derivation {
     /// derivation's reader of expressions.
     ///
     /// # Errors
-    /// When the text is no expression in the other's names.
+    /// When the text is not an expression in the names of the other spec.
     pub fn value_at(term: &Term, other: &Spec) -> Result<f64, String> {
         evaluate(&term.coefficient.to_string(), &|name| {
             let found = other.geometry.iter().find(|(n, _)| n.value == name);
@@ -85,12 +85,12 @@ impl Derivation {
         })
     }
 
-    /// Columns kept, dropped ones among them.
+    /// The columns of the base parameters, including dropped ones.
     pub fn kept(&self) -> Vec<usize> {
         self.base.parameters.iter().map(|p| p.column).collect()
     }
 
-    /// From all parameters to the kept ones: the combinations as rows.
+    /// The combinations as rows, from all parameters to the base parameters.
     fn combinations(
         &self,
         value: &dyn Fn(&Term) -> Result<f64, String>,
@@ -104,8 +104,8 @@ impl Derivation {
         Ok(c)
     }
 
-    /// The regressor with what `base.zero` and `base.equal` know put in: the columns of known
-    /// parameters are added to those that they are written with.
+    /// The regressor after substituting the equations of `base.zero` and `base.equal`: the columns
+    /// of known parameters are added to those that they are expressed in.
     fn known(
         &self,
         w: &DMatrix<f64>,
@@ -124,7 +124,7 @@ impl Derivation {
         Ok(out)
     }
 
-    /// Compares at states of a mechanism.
+    /// Compares combinations and regressor at states of a mechanism.
     ///
     /// # Errors
     /// At a singular state, or when a coefficient has no value.
@@ -145,7 +145,7 @@ impl Derivation {
             for (row, other) in w.row_iter().zip(again.row_iter()) {
                 let size = row.amax();
                 let off = (row - other).amax();
-                // a row of nothing but rounding
+                // skip rows that are only rounding
                 if size > 1e-12 || off > 1e-12 {
                     error = error.max(off / size);
                 }
@@ -165,7 +165,7 @@ impl Derivation {
             _ => f64::from(u8::from(kept.is_empty())),
         };
         let values = singular(scaled(all));
-        let bound = ROUNDING * values.first().copied().unwrap_or(0.0);
+        let bound = RANK_TOLERANCE * values.first().copied().unwrap_or(0.0);
         let rank = values.iter().filter(|v| **v > bound).count();
         let gap = match (rank.checked_sub(1), values.get(rank)) {
             (Some(last), Some(next)) => values[last] / next.max(1e-18),
@@ -180,35 +180,35 @@ impl Derivation {
     }
 }
 
-/// What was found of a mechanism.
+/// The result of checking the base of a mechanism.
 #[derive(Clone, Debug)]
 pub enum Verdict {
-    /// Its base is complete and reproduces the regressor.
+    /// The base is complete and reproduces the regressor.
     Holds(Judged),
-    /// The analysis says itself that it cannot be certain, and why: a loop that closes, or is
-    /// special, to the digits of its numbers only.
+    /// The analysis itself reports that it cannot be certain, and why: for example a loop that
+    /// closes, or is special, only to the digits of its numbers.
     Uncertified(String),
-    /// Its base is wrong, or falls short of the certificate.
+    /// The base is wrong, or smaller than the certified rank.
     Fails(String),
 }
 
-/// What was found of a mechanism whose base holds.
+/// Figures of a mechanism whose base is right.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
     /// The number of base parameters.
     pub rank: usize,
     /// Largest error of a row of W(all) - W(base) combinations, relative to the row's largest entry.
     pub error: f64,
-    /// How many null directions trees did not show.
+    /// The number of null directions that the analysis of trees did not find.
     pub completed: usize,
-    /// How many factors of these are numbers only.
+    /// The number of factors of these directions that are plain numbers.
     pub numbers: usize,
 }
 
-/// Largest error of a row that a base is allowed.
-const ROW: f64 = 1e-9;
+/// The largest relative error of a row that is accepted.
+const MAX_ROW_ERROR: f64 = 1e-9;
 
-/// The analysis of a spec's text: trees, completion and certificate, nothing else.
+/// Analyses a spec's text: trees, completion and certificate, nothing else.
 ///
 /// # Errors
 /// The report of the spec's mistakes, or a home that does not close.
@@ -226,11 +226,11 @@ pub fn analysed(text: &str) -> Result<Analysis, String> {
     Ok(analyse(&spec, &model, &home))
 }
 
-/// Judges the base of a spec: complete, as many as the certified rank, and the regressor of the
-/// second derivation reproduced in every row at states of its own.
+/// Checks the base of a spec: it is complete, has the certified rank, and reproduces every row of
+/// the second derivation's regressor at random states.
 ///
 /// # Errors
-/// Where the spec cannot be analysed, or its second derivation finds no states.
+/// When the spec cannot be analysed, or its second derivation finds no states.
 pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     let analysis = analysed(text)?;
     let certificate = match analysis.certificate {
@@ -256,7 +256,7 @@ pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     };
     let states = mechanism.random_states(seed, states_for(&mechanism))?;
     let agreement = derivation.agreement(&mechanism, &states, &Derivation::value)?;
-    if agreement.error.is_nan() || agreement.error > ROW {
+    if agreement.error.is_nan() || agreement.error > MAX_ROW_ERROR {
         return Ok(Verdict::Fails(format!("{agreement:?}: {found}")));
     }
     Ok(Verdict::Holds(Judged {
@@ -267,7 +267,7 @@ pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     }))
 }
 
-/// Columns scaled to 1, those of rounding to 0.
+/// Scales columns to length 1, and columns of rounding to 0.
 fn scaled(mut w: DMatrix<f64>) -> DMatrix<f64> {
     for mut column in w.column_iter_mut() {
         let norm = column.norm();
@@ -280,7 +280,7 @@ fn scaled(mut w: DMatrix<f64>) -> DMatrix<f64> {
     w
 }
 
-/// How many states give half again as many rows as there are columns.
+/// The number of states that give one and a half times as many rows as there are columns.
 pub fn states_for(mechanism: &Mechanism) -> usize {
     (3 * mechanism.parameters.len() / 2).div_ceil(mechanism.dof().max(1)) + 4
 }

@@ -1,4 +1,4 @@
-//! The engine under test, interpreted: programs as they leave the derivation.
+//! The engine under test: the derived programs, evaluated by the interpreter.
 
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
@@ -39,7 +39,7 @@ impl Derived {
     /// Derives the robot of a file.
     ///
     /// # Errors
-    /// Where the file cannot be read, or the report of the spec's mistakes.
+    /// When the file cannot be read, or the report of the spec's mistakes.
     pub fn from_file(path: &std::path::Path) -> Answer<Derived> {
         let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
         Derived::new(&path.display().to_string(), &text)

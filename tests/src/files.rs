@@ -1,4 +1,4 @@
-//! Where the spec files stand.
+//! The folders of the spec files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,22 +14,24 @@ pub fn robots() -> PathBuf {
     package().join("../robots")
 }
 
-/// What tests read: mechanisms, files of others, and numbers that other programs computed.
+/// The folder of the input files of tests: mechanisms, files from other programs, and numbers that
+/// other programs computed.
 pub fn fixtures() -> PathBuf {
     package().join("fixtures")
 }
 
-/// The mechanisms for the harder checks.
+/// The folder of the mechanisms for the harder checks.
 pub fn mechanisms() -> PathBuf {
     fixtures().join("mechanisms")
 }
 
-/// The published vectors and their specs.
+/// The folder of the published vectors and their specs.
 pub fn oracle() -> PathBuf {
     fixtures().join("oracle")
 }
 
-/// One folder per mechanism; the files in a folder open it at different joints.
+/// The folder of mechanisms with several specs: one folder per mechanism, whose files cut it at
+/// different joints.
 pub fn pairs() -> PathBuf {
     fixtures().join("pairs")
 }
@@ -37,7 +39,7 @@ pub fn pairs() -> PathBuf {
 /// The files of a folder with an extension, by name.
 ///
 /// # Errors
-/// When the folder cannot be read or holds none.
+/// When the folder cannot be read or contains none.
 pub fn list(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut files: Vec<PathBuf> = entries
@@ -55,7 +57,7 @@ pub fn list(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, String> {
 /// The folders within a folder, by name.
 ///
 /// # Errors
-/// When the folder cannot be read or holds none.
+/// When the folder cannot be read or contains none.
 pub fn folders(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut found: Vec<PathBuf> = entries
@@ -73,7 +75,7 @@ pub fn folders(folder: &Path) -> Result<Vec<PathBuf>, String> {
 /// Reads a mechanism from a spec file.
 ///
 /// # Errors
-/// When the file cannot be read or is no spec; the message names the file.
+/// When the file cannot be read or is not a spec; the message names the file.
 pub fn mechanism(path: &Path) -> Result<Mechanism, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     Mechanism::from_yaml(&text).map_err(|e| format!("{}: {e}", path.display()))

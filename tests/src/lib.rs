@@ -1,9 +1,9 @@
-//! What the engine is judged by: a second derivation of every quantity, written from the
-//! robotics alone, and the comparison of an engine with it.
+//! The independent checks of the engine: a second derivation of every quantity, written from
+//! robotics textbooks alone, and the comparison of an engine with it.
 //!
-//! `reference` uses nothing of the other crates. Its computations are dense, numeric and naive
-//! on purpose: 4x4 matrices, dual numbers, least squares. `derived` and `compiled` put what is
-//! judged behind the interface of `engine`.
+//! `reference` uses none of the other crates. Its computations are dense, numeric and naive on
+//! purpose: 4x4 matrices, dual numbers, least squares. `derived` and `compiled` put the code under
+//! test behind the interface of `engine`.
 
 #![allow(
     clippy::doc_markdown,
@@ -20,8 +20,8 @@ pub mod random;
 pub mod random_spec;
 pub use regen_reference as reference;
 
-/// Whether samples are as large as `.ci/full` takes them, which sets `REGEN_FULL`; the gate takes
-/// the first part of each.
+/// Whether tests use the full sample sizes, as `.ci/full` does by setting `REGEN_FULL`; the gate
+/// uses the first part of each sample.
 pub fn full() -> bool {
     std::env::var_os("REGEN_FULL").is_some()
 }

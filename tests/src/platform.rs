@@ -1,16 +1,18 @@
-//! Platforms on any number of UPS legs, to see how cost grows with the mechanism.
+//! Specs of platforms on any number of UPS legs, to measure how cost grows with the mechanism.
 
 use std::fmt::Write as _;
 
-/// Anchors on the ground and on the platform are on circles, in pairs that are turned against
-/// each other: 0.5 and 0.28 m about the centre, the platform 0.6 m above the ground.
+/// Radii of the circles of the anchors on the ground and on the platform, m. The anchors are
+/// rotated alternately by plus and minus `TURNED`, rad, which makes pairs; the platform is
+/// `HEIGHT`, m, above the ground.
 const RADIUS: [f64; 2] = [0.5, 0.28];
 const TURNED: f64 = 0.3;
 const HEIGHT: f64 = 0.6;
 
 /// The spec of a level platform on `legs` legs, each of a universal, an actuated prismatic and a
 /// spherical joint, cut at the spherical joints of all but the first leg. Six coordinates are
-/// independent: as many lengths as there are, then coordinates of the first leg.
+/// independent: the lengths of the legs, then, for fewer than six legs, coordinates of the first
+/// leg.
 ///
 /// ```
 /// use regen_tests::platform;

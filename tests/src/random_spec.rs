@@ -1,11 +1,11 @@
-//! Specs of mechanisms that nobody thought of: random trees, and random single loops that
-//! close at home. The same text for the same seed.
+//! Specs of simple random mechanisms: trees, and single loops that close at home. The same seed
+//! gives the same text.
 
 use std::fmt::Write as _;
 
 use crate::reference::{CutKind, Mechanism, Random};
 
-/// A joint that a random spec may have, with its number of coordinates.
+/// The joint types of random specs, with their numbers of coordinates.
 const JOINTS: [(&str, usize); 6] = [
     ("revolute", 1),
     ("prismatic", 1),
@@ -33,15 +33,15 @@ const CUTS: [(&str, CutKind); 6] = [
     ("fixed", CutKind::Fixed),
 ];
 
-/// The pitch of helical joints and cuts.
+/// The YAML of the pitch of helical joints and cuts.
 const PITCH: &str = ", pitch: 0.7";
 
 /// Which joint types are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Hinges {
-    /// Every joint type but helical ones.
+    /// All joint types except helical ones.
     Plain,
-    /// Helical joints take the place of revolute ones, and one cut is helical.
+    /// Helical joints instead of revolute ones, and one cut is helical.
     Screws,
 }
 
@@ -50,7 +50,7 @@ pub fn tree(seed: u64) -> String {
     tree_of(seed, Hinges::Plain)
 }
 
-/// A tree as [`tree`] gives it, whose revolute joints are helical.
+/// A tree like [`tree`]'s, with helical instead of revolute joints.
 pub fn screw_tree(seed: u64) -> String {
     tree_of(seed, Hinges::Screws)
 }
@@ -71,13 +71,13 @@ fn tree_of(seed: u64, hinges: Hinges) -> String {
 /// A single loop of one or two limbs and a cut, of mobility 1 or 2, regular at home.
 ///
 /// # Errors
-/// When no regular loop is found, which no seed has shown.
+/// When no regular loop is found, which no tried seed has caused.
 pub fn closed_loop(seed: u64) -> Result<String, String> {
     loop_of(seed, Hinges::Plain)
 }
 
-/// A loop as [`closed_loop`] gives it, with helical joints for revolute ones, cut at a helical
-/// joint for every second seed.
+/// A loop like [`closed_loop`]'s, with helical instead of revolute joints, cut at a helical joint
+/// for every second seed.
 ///
 /// # Errors
 /// When no regular loop is found.
@@ -117,7 +117,7 @@ fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> 
         let mut open = share;
         while open > 0 {
             let joint = JOINTS[writer.below(JOINTS.len())];
-            // A fixed joint now and then; none takes more coordinates than are left.
+            // sometimes a fixed joint; no joint takes more coordinates than remain
             if joint.1 <= open {
                 writer.joint(joint, false);
                 open -= joint.1;
@@ -134,7 +134,7 @@ fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> 
     }
     home.push_str("}\n");
     writer.text.push_str(&home);
-    // The open chain at home says where the cut's second frame must be.
+    // The pose of the open chain at home gives the cut's second frame.
     let chain = Mechanism::from_yaml(&format!("{}independent: []\n", writer.text))?;
     let place = |label: &str| {
         let body = chain.bodies.iter().position(|b| b.label == label);
@@ -178,7 +178,7 @@ struct Writer {
     hinges: Hinges,
     text: String,
     bodies: Vec<String>,
-    /// Names, and whether they slide.
+    /// The names of the coordinates, and whether they are translations.
     coordinates: Vec<(String, bool)>,
     joints: usize,
     limbs: usize,
@@ -273,7 +273,7 @@ impl Writer {
     }
 }
 
-/// The second frame seen from the first; rotation row by row, then the origin.
+/// The second frame relative to the first: rotation row by row, then the origin.
 fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
     let mut out = [0.0; 12];
     for i in 0..3 {

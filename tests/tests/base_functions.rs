@@ -1,5 +1,5 @@
-//! What is computed from base parameters equals what is computed from all
-//! parameters: interpreted for every spec, compiled for the checked-in robots.
+//! The functions of base parameters give the same results as those of all parameters: interpreted
+//! for every spec, compiled for the checked-in robots.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_codegen::interpret::run;
@@ -10,8 +10,8 @@ use regen_tests::derived::Derived;
 use regen_tests::files;
 use regen_tests::reference::Random;
 
-/// Relative to the largest entry: some hundred products of what a solve gives.
-const CLOSE: f64 = 1e-10;
+/// The tolerance relative to the largest entry, for some hundred products of results of a solve.
+const TOLERANCE: f64 = 1e-10;
 
 fn call(robot: &Robot, kind: FunctionKind, inputs: &[&[f64]]) -> Vec<f64> {
     run(&robot.function(kind).unwrap().program, inputs).0
@@ -21,7 +21,7 @@ fn assert_close(ours: &[f64], theirs: &[f64], what: &str) {
     assert_eq!(ours.len(), theirs.len(), "{what}");
     let size = theirs.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
     for (a, b) in ours.iter().zip(theirs) {
-        assert!((a - b).abs() <= CLOSE * size, "{what}: {a} against {b}");
+        assert!((a - b).abs() <= TOLERANCE * size, "{what}: {a} against {b}");
     }
 }
 
@@ -71,7 +71,7 @@ fn base_functions_agree_with_the_full_ones() {
                     let what = format!("{name}: {}", base.name());
                     assert_close(&with(&beta, base), &with(&phi, full), &what);
                 }
-                // the reverse way: any values of the eliminated ones
+                // the reverse direction, with arbitrary values of the eliminated parameters
                 let free = random.vector(analysis.base.null.len(), 1.0);
                 let other = call(&robot, F::FromBase, &[&beta, &free]);
                 assert_close(

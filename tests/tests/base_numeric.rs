@@ -1,5 +1,5 @@
-//! The analytic base beside the numeric path: singular values of the scaled observation matrix
-//! (Gautier, 1991), from the regressor of the second derivation.
+//! The analytic base parameters, compared with the numeric method: singular values of the scaled
+//! observation matrix (Gautier, 1991), from the regressor of the second derivation.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -8,7 +8,8 @@ use regen_tests::base::{Derivation, Verdict, judge as judge_analysis, states_for
 use regen_tests::reference::Mechanism;
 use regen_tests::{files, random_spec};
 
-/// Mechanisms that have fewer base parameters than trees show, with both numbers.
+/// Mechanisms that have fewer base parameters than the analysis of trees finds: the file, the
+/// number by trees and the true number.
 const SPECIAL: [(&str, usize, usize); 14] = [
     ("delta.yaml", 43, 34),
     ("linear_delta.yaml", 37, 28),
@@ -21,7 +22,8 @@ const SPECIAL: [(&str, usize, usize); 14] = [
     ("schoenflies.yaml", 81, 63),
     ("pin.yaml", 22, 21),
     ("rocker.yaml", 22, 21),
-    // the shift of a screw follows its angle, which trees do not know of loops
+    // the translation of a screw is proportional to its angle, which the analysis of trees cannot
+    // use in loops
     ("screw_jack.yaml", 12, 11),
     ("rail.yaml", 9, 8),
     ("thread.yaml", 9, 8),
@@ -96,14 +98,14 @@ fn completed_bases_reproduce_the_regressor_with_independent_columns() {
     assert!(seen >= SPECIAL.len());
 }
 
-/// A file, how many base parameters it has, and what to replace in its geometry, thrice.
+/// A file, its number of base parameters, and three sets of replacements in its geometry.
 type Variations = (
     &'static str,
     usize,
     [&'static [(&'static str, &'static str)]; 3],
 );
 
-/// Relations among values are kept where the result rests on them.
+/// Replacements keep the relations among values that the base parameters depend on.
 const OTHER_GEOMETRIES: [Variations; 7] = [
     (
         "oracle/3rps.yaml",
@@ -203,8 +205,8 @@ fn one_derivation_holds_at_other_geometries() {
                     Derivation::value_at(term, &spec)
                 })
                 .unwrap();
-            // the null space of the derivation is that of the singular values: as large, and
-            // inside
+            // the derived null space equals that of the singular values: it has the same dimension
+            // and is contained in it
             assert!(found.error < 1e-10, "{file} {replacements:?}: {found:?}");
             assert_eq!(found.rank, count, "{file} {replacements:?}: {found:?}");
             assert!(found.gap > 1e3, "{file} {replacements:?}: {found:?}");
@@ -213,7 +215,8 @@ fn one_derivation_holds_at_other_geometries() {
     }
 }
 
-/// What was recognised as a function of the names, at other values of them.
+/// Factors that were recognised as functions of the geometry's names are right at other values of
+/// these.
 #[test]
 fn completed_factors_hold_at_other_geometries() {
     let cases: [(&str, usize, [&str; 2]); 5] = [
@@ -285,7 +288,7 @@ fn the_texts_of_coefficients_have_their_values() {
     }
 }
 
-/// Random specs: what the derivation says is dependent is so.
+/// Checks on random specs that the derived combinations are right.
 fn judge(specs: impl Iterator<Item = String>, complete: bool) {
     for (seed, text) in (0..).zip(specs) {
         let mechanism = Mechanism::from_yaml(&text).unwrap();
@@ -329,7 +332,8 @@ fn combinations_hold_on_random_screws() {
     );
 }
 
-/// Larger ones are judged in an optimised build: `tests/records/base.md`.
+/// The largest number of parameters for this test; larger specs are checked in an optimised build:
+/// `tests/records/base.md`.
 const SMALL: usize = 40;
 
 fn holds(seed: u64) -> Result<(), String> {
@@ -354,7 +358,7 @@ fn bases_of_random_loops_are_complete_and_reproduce_the_regressor() {
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 
-/// What went wrong once: slides that a tree passes backward, with one-sided friction.
+/// Seeds that failed once: prismatic joints that a tree passes in reverse, with one-sided friction.
 #[test]
 fn random_loops_that_failed_hold() {
     for seed in [87, 94] {
@@ -362,8 +366,8 @@ fn random_loops_that_failed_hold() {
     }
 }
 
-/// A cut's frame that is typed with sixteen digits meets a joint's axis to so many digits only:
-/// the others' rates are rounding of these, and no base can be certain.
+/// The cut's frame is written with sixteen digits, so it meets a joint's axis only to these digits:
+/// the rates of the other joints are rounding errors, and no base can be certain.
 #[test]
 fn a_loop_that_is_special_to_its_digits_only_is_not_certified() {
     let text = random_spec::closed_loop(228).unwrap();

@@ -1,4 +1,4 @@
-//! Base regressors of many samples in lanes: the same as one after the other.
+//! Base regressors of many samples in SIMD lanes are the same as those computed one by one.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![allow(
     clippy::inline_always,
@@ -17,13 +17,14 @@ const N: usize = 9;
 const DOF: usize = 3;
 const P: usize = rps3::BASE.len();
 
-/// No multiple of any number of lanes.
+/// The number of samples: not a multiple of any number of lanes.
 const COUNT: usize = 37;
 
 type Series = [Vec<f64>; N];
 type Regressor = [[f64; DOF]; P];
 
-/// Coordinates around home, velocities, accelerations; the functions take states as given.
+/// Coordinates around home, velocities, accelerations. They are not closed; the functions take
+/// states as given.
 fn states() -> [Series; 3] {
     let mut random = Random::new(5);
     let mut series = |size: f64, home: &[f64; N]| -> Series {
@@ -48,7 +49,7 @@ fn borrowed(all: &Series) -> [&[f64]; N] {
     all.each_ref().map(Vec::as_slice)
 }
 
-/// One after the other, with the conditions.
+/// The regressors and conditions of all samples, computed one by one.
 fn alone([q, qd, qdd]: &[Series; 3]) -> Vec<(Regressor, f64)> {
     let at = |all: &Series, sample: usize| all.each_ref().map(|series| series[sample]);
     let one = |s: usize| {
@@ -59,7 +60,7 @@ fn alone([q, qd, qdd]: &[Series; 3]) -> Vec<(Regressor, f64)> {
     (0..COUNT).map(one).collect()
 }
 
-/// Keeps everything.
+/// Collects index, regressor and condition of every sample.
 #[derive(Default)]
 struct All(Vec<(usize, Regressor, f64)>);
 
@@ -77,7 +78,8 @@ fn assert_like(found: &[(usize, Regressor, f64)], expected: &[(Regressor, f64)])
     assert_eq!(found.len(), expected.len());
     for (s, ((number, w, pivot), (expected, condition))) in found.iter().zip(expected).enumerate() {
         assert_eq!(*number, s);
-        // fused or not, sines within an ulp: some rounding errors of the solve apart
+        // they differ by rounding in the solve: with or without fused multiply-add, sines within an
+        // ulp
         assert!((pivot - condition).abs() < 1e-12 * (1.0 + condition));
         let size = expected
             .iter()
@@ -123,7 +125,7 @@ fn normal_equations_are_the_sums_of_products_of_columns() {
     let mut found = Normal::new(tau.each_ref().map(Vec::as_slice), weights);
     base_regressors::<Rps3, _, N, DOF, P>(&samples(&states), &mut found);
     let all = alone(&states);
-    // entries that all but vanish are right to the rounding of the largest ones
+    // entries that nearly vanish are accurate to the rounding of the largest ones
     let entries = all.iter().flat_map(|(w, _)| w.iter().flatten());
     let largest = entries.fold(1.0_f64, |m, x| m.max(x.abs()));
     for a in 0..P {

@@ -1,4 +1,4 @@
-//! What the chapter claims of its 3-RPS, on few seeds of noise; the example `chapter` takes
+//! The chapter's claims about its 3-RPS, with few seeds of noise; the example `chapter` uses
 //! twenty.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -61,8 +61,9 @@ fn few_parameters_of_model_1_and_twelve_of_models_3_and_4_are_well_identified() 
             averages[k] += row.average / seeds as f64;
         }
     }
-    // Fewer parameters fit worse and are nearer to the truth: on the mean over seeds, since
-    // eps_RA adds sizes where the fit adds squares, and can fall a little.
+    // With fewer parameters the fit is worse and the parameters are nearer to the true ones. This
+    // is asserted for the mean over seeds, because eps_RA is a sum of absolute values while the fit
+    // minimises squares, and can fall a little.
     for before in [0, 1] {
         assert!(errors[2] > errors[before], "{errors:?}");
         assert!(averages[2] < averages[before], "{averages:?}");
@@ -72,7 +73,7 @@ fn few_parameters_of_model_1_and_twelve_of_models_3_and_4_are_well_identified() 
 #[test]
 fn the_reduction_finds_a_set_as_good_as_model_4_without_being_told() {
     let all = states();
-    // the other trajectory is this one's second half, from the first
+    // identification uses the first half of the trajectory, the second half is the other one
     let (first, second) = all.split_at(all.len() / 2);
     let found = Automatic::new(first, second, 1);
     let [own, told] = found.errors;

@@ -1,4 +1,5 @@
-//! The same derivation compiled: `robot_model!` of every mechanism, and the checked-in robots.
+//! The compiled models agree with the second derivation: `robot_model!` of every mechanism, and the
+//! checked-in robots.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_runtime::Model;
@@ -6,9 +7,10 @@ use regen_tests::compiled::Compiled;
 use regen_tests::engine::{check_engine, check_oracle};
 use regen_tests::files;
 
-// Kept from among the random ones; the rest are compiled by `examples/compile_random.rs`.
+// Only selected random mechanisms are compiled here; `examples/compile_random.rs` compiles the
+// rest.
 
-/// A model with its spec's file.
+/// A model with the file of its spec.
 type Compared = (String, &'static dyn Model<f64>);
 
 /// The mechanisms of `fixtures/`.
@@ -55,7 +57,7 @@ fn shipped_robots_meet_the_published_vectors() {
         let name = file
             .trim_start_matches("../../robots/")
             .trim_end_matches(".yaml");
-        // Not every robot has vectors of its own.
+        // Not every robot has published vectors.
         if files::oracle().join(format!("{name}.json")).exists() {
             check_oracle(&Compiled(model), name).unwrap();
             met += 1;

@@ -1,5 +1,5 @@
-//! What the engine derives, against the second derivation: every function at
-//! random closed states, on robots and on mechanisms chosen to be awkward.
+//! The engine's functions, interpreted, agree with the second derivation at random closed states,
+//! on robots and on mechanisms chosen to be difficult.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What the engine derives for mechanisms that nobody chose, against the second derivation.
+//! The engine's functions for random mechanisms, compared with the second derivation.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_tests::derived::Derived;
@@ -6,7 +6,7 @@ use regen_tests::engine::{ORACLES, check_engine, check_oracle};
 use regen_tests::reference::Mechanism;
 use regen_tests::{files, random_spec};
 
-/// Judges random specs; a failure shows the spec.
+/// Checks random specs; a failure prints the spec.
 fn judge(specs: impl Iterator<Item = String>) {
     for (seed, spec) in (0..).zip(specs) {
         let mechanism = Mechanism::from_yaml(&spec).unwrap();

@@ -1,4 +1,5 @@
-//! Exciting trajectories: exact derivatives, limits that hold everywhere, repeatable results.
+//! Exciting trajectories: exact derivatives, limits that are respected at all times, reproducible
+//! results.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::sync::atomic::AtomicBool;
@@ -10,7 +11,7 @@ use regen_experiment::excite::{
 use regen_generated::rps3::Rps3;
 use regen_runtime::{Limits, LoopClosure, Model};
 
-/// Few harmonics and samples, the limits of the chapter's robot.
+/// Settings with few harmonics and samples, and the limits of the chapter's robot.
 fn settings() -> Settings {
     let info = Model::<f64>::info(&Rps3);
     let mut settings = Settings {
@@ -76,8 +77,8 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
             *y += 0.1 * (1.7 * k as f64).sin();
         }
         let direction: Vec<f64> = (0..y.len()).map(|k| (0.9 * k as f64 + 0.3).sin()).collect();
-        // differences of the fourth order: rounding of the closure, multiplied by the condition
-        // number and divided by h, stays below what is left of h^4
+        // fourth-order differences: the rounding of the closure, times the condition number,
+        // divided by h, is smaller than the truncation error of order h^4
         let h = 1e-4;
         let mut at = |part: f64| {
             let moved = y.iter().zip(&direction).map(|(y, d)| y + part * d);
@@ -164,7 +165,7 @@ fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
             }
         }
     }
-    // the limits matter: one of them is nearly reached
+    // the limits are relevant: one of them is nearly reached
     assert!(nearest < 0.05, "{nearest}");
     let stated = found.margins.iter().map(|m| m.left).fold(1.0, f64::min);
     assert!(stated >= 0.0 && stated <= nearest);
@@ -184,7 +185,7 @@ fn the_result_is_the_same_on_any_number_of_threads_and_better_than_its_start() {
         ..settings()
     };
     assert_ne!(searched.series, found(seek(&other, false)).series);
-    // asked to stop at once, it gives the first start
+    // if stopped at once, the search returns the first start
     let start = found(seek(&one, true));
     let (before, after) = (start.figures, searched.figures);
     assert!(
@@ -198,7 +199,7 @@ fn a_limit_that_no_motion_keeps_is_named() {
     let mut settings = settings();
     settings.starts = 1;
     let q7 = Model::<f64>::info(&Rps3).index_of("q7").unwrap();
-    // the platform alone weighs more
+    // the weight of the platform alone is larger
     settings.limits[q7].effort = Some([-5.0, 5.0]);
     match seek(&settings, false) {
         Outcome::Infeasible { limit, excess, .. } => {

@@ -1,5 +1,6 @@
-//! The chapter's robot with noise: least squares is of no robot, the constrained fit is, and
-//! nonlinear friction at active and passive joints is found together with it.
+//! The chapter's robot with noise: the least-squares parameters are not physical, those of the
+//! constrained fit are, and nonlinear friction at active and passive joints is found together with
+//! them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::time::Instant;
@@ -13,7 +14,8 @@ use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
 use regen_identify::identifiability::{Checks, Feasibility, WELL, reduce};
 use regen_runtime::{BaseModel, Friction, LoopClosure, State};
 
-/// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.
+/// Pseudo-random numbers (SplitMix64), the same on every machine; normally distributed ones by Box
+/// and Muller.
 struct Random(u64);
 
 impl Random {
@@ -47,7 +49,7 @@ fn nominal() -> Vec<f64> {
     model().info().nominal_parameters().unwrap()
 }
 
-/// States along sums of sines about the middle of the legs' strokes.
+/// States along sums of sines around the middle of the legs' strokes.
 fn states(samples: usize, phase: f64) -> Vec<State> {
     let model = model();
     let mut closure = LoopClosure::new(model).unwrap();
@@ -118,7 +120,7 @@ fn with_noise_least_squares_is_of_no_robot_and_the_constrained_fit_costs_little(
         "{}",
         found.rise()
     );
-    // what is left out of a robot's file can be read back as one
+    // the YAML text has one line for each body and a head
     let text = bodies_yaml(&layout, &found.phi).unwrap();
     assert_eq!(text.lines().count(), 8);
 }
@@ -156,7 +158,7 @@ fn the_reduction_ends_with_parameters_that_are_all_well_identified() {
     assert!((0..last.kept.len()).all(|k| last.estimate.sigma_percent(k) < WELL));
     assert!(last.kept.len() < first.kept.len());
     assert!(last.condition < first.condition);
-    // fewer parameters are nearer to the exact ones, and predict another trajectory
+    // the reduced parameters are nearer to the exact ones, and predict another trajectory
     assert!(last.average_relative.unwrap() < first.average_relative.unwrap());
     assert!(last.other_residual.unwrap() < 1.5 * first.other_residual.unwrap());
 }
@@ -170,7 +172,7 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
         name: name.to_owned(),
         friction: Friction::Stribeck,
     });
-    // the active leg's model has linear friction with columns of its own: leave them out
+    // the model has linear friction at the active leg with its own columns: leave them out
     let kept: Vec<usize> = (0..beta.len())
         .filter(|k| !["Fv(q2)", "Fc(q2)"].contains(&combinations.labels()[*k].as_str()))
         .collect();

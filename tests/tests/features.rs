@@ -1,6 +1,6 @@
-//! Every feature of the spec's format, one row each, with a spec that has it and one that does
-//! not. The second derivation tells the two apart, and the engine agrees with it on both: it
-//! could not if it ignored the feature.
+//! Every feature of the spec's format, one per row, with a spec that has it and one that does not.
+//! The second derivation gives different results for the two, and the engine agrees with it on
+//! both, which it could not if it ignored the feature.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write as _;
@@ -11,7 +11,7 @@ use regen_tests::derived::Derived;
 use regen_tests::engine::{Engine, Naive, check_engine};
 use regen_tests::reference::Mechanism;
 
-/// A feature, the piece of the spec without it, the same with it.
+/// A feature, the piece of the spec without it, and the same piece with it.
 type Row = (&'static str, &'static str, &'static str);
 
 const TREE: &str = "\
@@ -156,8 +156,8 @@ const TREE_FEATURES: [Row; 47] = [
     ("expression: exponent", "a: 0.3", "a: 2e-1"),
 ];
 
-/// A chain of eight hinges, straight at home, whose end is cut to a frame on the ground; its
-/// first well-conditioned choice of as many independent coordinates.
+/// A chain of eight revolute joints, straight at home, whose end is cut to a frame on the ground,
+/// with the first well-conditioned choice of `freedoms` independent coordinates.
 fn chain(cut: &str, freedoms: usize) -> String {
     let mut text = "name: chain\nlimbs:\n  - name: limb1\n    joints:\n".to_owned();
     for (at, axis) in ["z", "y", "x", "z", "y", "x", "y", "z"].iter().enumerate() {
@@ -187,7 +187,7 @@ fn chain(cut: &str, freedoms: usize) -> String {
 
 const CLOSED: &str = "between: [{body: 8}, {body: world, xyz: [1.6, 0.1, 0.1]}]";
 
-/// The kinds of cuts, with the freedoms that each leaves.
+/// The kinds of cuts, with the mobility of the chain with each.
 const CUTS: [(&str, usize); 6] = [
     ("spherical", 5),
     ("universal", 4),
@@ -197,7 +197,7 @@ const CUTS: [(&str, usize); 6] = [
     ("fixed", 2),
 ];
 
-/// Cuts that differ in one thing from a spherical one at the end.
+/// Cuts that differ in one feature from a spherical cut at the end.
 const CUT_FEATURES: [(&str, &str); 5] = [
     (
         "between: xyz of frame A",
@@ -221,7 +221,7 @@ const CUT_FEATURES: [(&str, &str); 5] = [
     ),
 ];
 
-/// All that the second derivation says at a fixed state, home and names among it.
+/// All quantities of the second derivation at a fixed state, including home and names.
 fn fingerprint(mechanism: &Mechanism) -> (String, Vec<f64>) {
     let n = mechanism.n();
     let number = |k: usize, step: f64| 0.3 + step * k as f64;
@@ -235,7 +235,8 @@ fn fingerprint(mechanism: &Mechanism) -> (String, Vec<f64>) {
     (format!("{names:?}"), values)
 }
 
-/// The engine agrees with the second derivation on both specs, and that one tells them apart.
+/// Checks that the engine agrees with the second derivation on both specs, and that the second
+/// derivation differs between them.
 fn check(feature: &str, without: &str, with: &str) {
     let mut fingerprints = Vec::new();
     for text in [without, with] {
@@ -281,7 +282,7 @@ fn every_kind_of_cut_counts() {
         .iter()
         .map(|(kind, freedoms)| (*kind, chain(&format!("joint: {kind}, {CLOSED}"), *freedoms)))
         .collect();
-    // Each is told from the one before, the first from no cut at all.
+    // Each must differ from the one before, the first from the open chain.
     let mut before = open.to_owned();
     for (kind, spec) in specs {
         check(kind, &before, &spec);
@@ -301,7 +302,7 @@ fn every_feature_of_cuts_and_of_home_counts() {
         let without = chain(&format!("joint: {kind}, {CLOSED}"), freedoms(kind));
         check(feature, &without, &chain(cut, freedoms(kind)));
     }
-    // Home: the independent coordinates keep it, the others follow.
+    // Home: the independent coordinates stay as written, the others follow.
     let plain = chain(&format!("joint: revolute, {CLOSED}"), 3);
     let (_, list) = plain.split_once("independent: [").unwrap();
     let names: Vec<&str> = list.trim_end().trim_end_matches(']').split(", ").collect();
@@ -315,7 +316,7 @@ fn parsed(text: &str) -> Spec {
     spec::parse(&Source::new("feature.yaml", text)).unwrap()
 }
 
-/// What has no column is in the validated spec: limits, nominal values, nonlinear friction.
+/// Values without a column are in the validated spec: limits, nominal values, nonlinear friction.
 #[test]
 fn every_value_for_simulation_is_read() {
     let with = |from: &str, to: &str| parsed(&TREE.replacen(from, to, 1));
@@ -348,7 +349,7 @@ fn every_value_for_simulation_is_read() {
     let body = "bodies: {2: {mass: 3, com: [0.1, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}}\nlimbs:";
     let bodies = with("limbs:", body).bodies;
     assert!((bodies[0].1.mass.value.to_f64() - 3.0).abs() < 1e-15);
-    // Nonlinear friction: kept with the joint, no column.
+    // Nonlinear friction is stored with the joint and has no column.
     for (word, values) in [
         ("stribeck", "Fc: 1, Fs: 2, vs: 0.1, delta: 2, Fv: 1"),
         ("atan", "Fc: 1, Fv1: 1, Fv2: 2, Fv3: 3"),
@@ -370,7 +371,7 @@ fn every_value_for_simulation_is_read() {
     }
 }
 
-/// Choices about the base parameters change these and nothing else.
+/// Choices about the base parameters change only these.
 #[test]
 fn every_choice_about_base_parameters_counts() {
     let labels = |choice: &str| -> Vec<String> {

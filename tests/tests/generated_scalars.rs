@@ -1,4 +1,4 @@
-//! A generated robot through every scalar type: the 3-RPS in double and single precision,
+//! A generated robot evaluated with every scalar type: the 3-RPS in double and single precision,
 //! dual numbers and SIMD lanes.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -26,8 +26,8 @@ const P: usize = 70;
 /// Coordinates, velocities, accelerations.
 type State = [[f64; N]; 3];
 
-/// What the model says of a state: the regressor column by column, all velocities from the
-/// independent ones, the inverse dynamics; and the conditions of the three.
+/// The results of a model at a state: the regressor column by column, all velocities from the
+/// independent ones, the inverse dynamics, and the conditions of the three.
 struct Answer<T> {
     regressor: [[T; DOF]; P],
     velocities: [T; N],
@@ -62,7 +62,7 @@ fn ask<T: Scalar>([q, qd, qdd]: &[[T; N]; 3]) -> Answer<T> {
 }
 
 impl<T: Copy> Answer<T> {
-    /// Its quantities by unit: the regressor's rows, velocities, efforts.
+    /// The results in rows of one unit each: the regressor's rows, velocities, efforts.
     fn rows(&self) -> Vec<Vec<T>> {
         let row = |r: usize| self.regressor.iter().map(|column| column[r]).collect();
         let mut rows: Vec<Vec<T>> = (0..DOF).map(row).collect();
@@ -93,7 +93,7 @@ fn difference(found: &Answer<f64>, expected: &Answer<f64>) -> f64 {
     worst
 }
 
-/// Closed states about home, moving.
+/// Closed states around home, with velocities and accelerations.
 fn states(count: usize) -> Vec<State> {
     let mut random = Random::new(1);
     let mut closure = LoopClosure::new(&Rps3).unwrap();
@@ -110,8 +110,8 @@ fn states(count: usize) -> Vec<State> {
     states
 }
 
-/// A state at which leg 2 lies down, so that a pivot of the fixed order vanishes. It is not
-/// closed; the functions take states as given.
+/// A state with leg 2 horizontal, where a pivot of the fixed order vanishes. It is not closed; the
+/// functions take states as given.
 fn lying() -> State {
     let [mut q, qd, qdd] = states(1)[0];
     let q6 = rps3::COORDINATES
@@ -122,8 +122,8 @@ fn lying() -> State {
     [q, qd, qdd]
 }
 
-/// The fixed order of pivots alone, from the interpreted program that the module was written
-/// from: the smallest pivot relative to its usual size, and the velocities.
+/// Evaluates with the fixed order of pivots only, by the interpreted program from which the module
+/// was written: returns the smallest pivot relative to its usual size, and the velocities.
 fn fixed_order([q, qd, _]: &State) -> (f64, [f64; N]) {
     let path = files::robots().join("3rps.yaml");
     let text = std::fs::read_to_string(path).unwrap();
@@ -153,7 +153,7 @@ fn fixed_order([q, qd, _]: &State) -> (f64, [f64; N]) {
     (margin.fold(f64::INFINITY, f64::min), velocities)
 }
 
-/// A qd, which needs no solve.
+/// The size of A qd, the violation of the velocity closure, which needs no solve.
 fn violation(q: &[f64; N], velocities: &[f64; N]) -> f64 {
     let rows = rps3::jacobian(q);
     let products = rows
@@ -184,7 +184,7 @@ fn where_the_fixed_pivots_fail_the_state_is_solved_anew() {
 fn single_precision_keeps_five_digits() {
     for state in states(20) {
         let narrow = state.map(|values| values.map(|x| x as f32));
-        // the same arguments, so that only the arithmetic differs
+        // the same rounded arguments, so that only the arithmetic differs
         let wide = narrow.map(|values| values.map(f64::from));
         let found = ask(&narrow).map(f64::from);
         let error = difference(&found, &ask(&wide));
@@ -193,8 +193,9 @@ fn single_precision_keeps_five_digits() {
     }
 }
 
-/// The bound follows from the program's operations at each state; compiled code, whatever it
-/// fuses, stays within it, and it is no more than some thousand times what is measured.
+/// The error bound is computed from the program's operations at each state. Compiled code stays
+/// within it, with or without fused operations, and the bound is at most some thousand times the
+/// measured error.
 #[test]
 fn single_precision_stays_within_its_computed_bound() {
     let path = files::robots().join("3rps.yaml");
@@ -233,7 +234,7 @@ fn dual_numbers_carry_the_derivatives_of_the_inverse_dynamics() {
             seeded[0][c].0.eps = 1.0;
             let answer = ask(&seeded);
             assert!(difference(&answer.map(|x| x.0.re), &plain) < 1e-13);
-            // differences of fourth order: an error of h^4 and of rounding over h
+            // fourth-order differences: a truncation error of order h^4, and rounding over h
             let h = 1e-3;
             let at = |steps: f64| {
                 let mut moved = state;
@@ -252,7 +253,7 @@ fn dual_numbers_carry_the_derivatives_of_the_inverse_dynamics() {
     }
 }
 
-/// All lanes' answers for as many states as there are lanes.
+/// Evaluates as many states as there are lanes, all at once.
 struct Together<'a>(&'a [State]);
 
 impl WithSimd for Together<'_> {
@@ -284,7 +285,7 @@ fn check_lanes(run: impl Fn(&[State]) -> Vec<Answer<f64>>) {
             assert!((x - y).abs() < 1e-12);
         }
     }
-    // every place in turn holds the state that the fixed pivots cannot solve
+    // each lane in turn gets the state that the fixed pivots cannot solve
     for place in 0..together.len() {
         let mut mixed = usual.clone();
         mixed[place] = lying();
@@ -295,7 +296,7 @@ fn check_lanes(run: impl Fn(&[State]) -> Vec<Answer<f64>>) {
                 assert!(difference(found, &alone) < 1e-11);
                 assert!(violation(&mixed[at][0], &found.velocities) < 1e-13);
             } else {
-                // the others do not notice
+                // the other lanes are unchanged
                 assert_eq!(found.rows(), together[at].rows());
                 assert_eq!(found.conditions, together[at].conditions);
             }

@@ -1,5 +1,5 @@
-//! The top level of the repository holds what was agreed and nothing else, and fixtures are where
-//! `tests/README.md` lists them.
+//! The top level of the repository contains only the agreed files, and fixtures are in the folders
+//! that `tests/README.md` lists.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use std::process::Command;
 
 use regen_tests::files;
 
-/// Beside hidden files, which belong to tools.
+/// The agreed names, without hidden files, which belong to tools.
 const TOP: [&str; 14] = [
     "CHANGELOG.md",
     "CITATION.cff",
@@ -26,7 +26,7 @@ const TOP: [&str; 14] = [
     "tests",
 ];
 
-/// What git tracks in a folder; in a copy without git all that is there.
+/// The names that git tracks in a folder; without git, all names there.
 fn names(folder: &Path) -> BTreeSet<String> {
     let listed = Command::new("git")
         .args(["ls-files", "-z"])

@@ -1,4 +1,4 @@
-//! States of the shipped robots with loops from their measured coordinates.
+//! States of the shipped robots with loops, completed from their measured coordinates.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_identify::identify::{Completed, Completion};
@@ -9,7 +9,8 @@ use regen_runtime::{LoopClosure, Model, State};
 
 const ROBOTS: [&dyn Model<f64>; 5] = [&Delta, &Fivebar, &Palletiser, &Rps3, &Stewart];
 
-/// States along a small motion around home, all independent coordinates out of step.
+/// States along a small motion around home, in which all independent coordinates have different
+/// phases.
 fn states(model: &dyn Model<f64>) -> Vec<State> {
     let info = model.info();
     let mut closure = LoopClosure::new(model).unwrap();
@@ -35,13 +36,13 @@ fn states(model: &dyn Model<f64>) -> Vec<State> {
         .collect()
 }
 
-/// Encoders at all joints: whatever their deviations, exact values are fused to the state.
+/// With encoders at all joints, exact values give the exact state for any standard deviations.
 #[test]
 fn exact_values_of_all_coordinates_are_the_state() {
     for model in ROBOTS {
         let info = model.info();
         let n = info.coordinates.len();
-        // in another order than the model's
+        // not in the order of the model
         let measured: Vec<usize> = (0..n).rev().collect();
         let deviations: Vec<f64> = measured.iter().map(|m| 0.01 + 0.03 * *m as f64).collect();
         let mut completion = Completion::new(model, &measured, &deviations).unwrap();
@@ -57,7 +58,8 @@ fn exact_values_of_all_coordinates_are_the_state() {
                 (&found.qdd, &exact.qdd),
             ] {
                 for (a, b) in a.iter().zip(b) {
-                    // rounding and the end of the steps, over the ratios of joints' rates
+                    // rounding and the end of the Newton steps, times the ratios of the joints'
+                    // rates
                     assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{}", info.name);
                 }
             }
@@ -65,13 +67,14 @@ fn exact_values_of_all_coordinates_are_the_state() {
     }
 }
 
-/// Fewer coordinates than degrees of freedom, or such that do not move with all of them.
+/// Measurements of fewer coordinates than degrees of freedom, or of coordinates that do not move
+/// with all of them.
 #[test]
 fn too_little_is_refused_and_what_does_not_tell_is_unmeasured() {
     let info = Model::<f64>::info(&Stewart);
     let few = &info.independent[1..];
     assert!(Completion::new(&Stewart as &dyn Model<f64>, few, &vec![0.1; few.len()]).is_err());
-    // the arm's serial half moves without the rest
+    // one half of the arm moves without the other
     let model: &dyn Model<f64> = &Fivebar;
     let info = model.info();
     assert_eq!(info.dof(), 2);

@@ -1,6 +1,6 @@
-//! Mechanisms that nobody chose, some hundred of them: every comparison with the second
-//! derivation, rows against differences, the closure on a path and back, bad variants.
-//! `tests/records/random.md` tells of ten thousand.
+//! Some hundred random mechanisms: every comparison with the second derivation, closure rows
+//! against finite differences, the closure along a path and back, invalid variants.
+//! `tests/records/random.md` records a run of ten thousand.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,7 +10,7 @@ use regen_tests::engine::check_pair;
 use regen_tests::random::{self, Sample, TOPOLOGIES, cut_word};
 use regen_tests::{files, full, reference::Mechanism};
 
-/// How many seeds: the first of those that `.ci/full` takes, or as many as `RANDOM_SPECS` says.
+/// The number of seeds: `RANDOM_SPECS`, or by default the first part of the seeds of `.ci/full`.
 fn seeds() -> u64 {
     let asked = std::env::var("RANDOM_SPECS").ok();
     let usual = if full() { 240 } else { 60 };
@@ -21,7 +21,8 @@ fn sample(seed: u64) -> Sample {
     random::sample(seed).sample.unwrap()
 }
 
-/// Judges every fourth seed, so that the four run side by side; a failure is shown shrunk.
+/// Checks every fourth seed, so that the four tests run in parallel; a failing spec is shrunk and
+/// printed.
 fn judge(first: u64) {
     for seed in (first..seeds()).step_by(4) {
         let sample = sample(seed);
@@ -59,13 +60,13 @@ fn bad_variants_of_random_mechanisms_give_errors_at_the_mistake() {
     }
 }
 
-/// Judges the specs of a folder of `random/`.
+/// Checks the specs of a folder of `fixtures/random/`.
 fn judge_folder(folder: &str) {
     let folder = files::fixtures().join("random").join(folder);
     for path in files::list(&folder, "yaml").unwrap() {
         let text = std::fs::read_to_string(&path).unwrap();
         let mechanism = Mechanism::from_yaml(&text).unwrap();
-        // A number at the end of the name is a seed whose states and paths failed.
+        // A number at the end of the file's name is a seed for which states or paths failed.
         let stem = path.file_stem().unwrap().to_str().unwrap();
         let drawn = stem.rsplit('_').next().unwrap().parse::<u64>().ok();
         for seed in (0..2).chain(drawn) {
@@ -135,20 +136,20 @@ fn every_kind_of_part_is_drawn() {
     assert!(missing.is_empty(), "{missing:?}");
 }
 
-/// Specs that failed once, with a comment that says how.
+/// Specs that failed once, with a comment on the failure.
 #[test]
 fn what_failed_once_is_kept_and_holds() {
     judge_folder("kept");
 }
 
-/// Specs that somebody thought of: nested loops, passive spin, gears in a loop on an arm.
+/// Specs made by hand: nested loops, passive spin, gears in a loop on an arm.
 #[test]
 fn nasty_mechanisms_agree_with_the_second_derivation() {
     judge_folder("nasty");
 }
 
-/// A cut's joint in the tree and a rigid cut behind it are the same mechanism: for every kind of
-/// cut, on the world and on two moving bodies.
+/// A mechanism with a cut's joint in the tree and a rigid cut behind it is the same mechanism: for
+/// every kind of cut, on the world and on two moving bodies.
 #[test]
 fn a_loop_opened_elsewhere_has_the_same_regressor() {
     let mut pairs: BTreeMap<String, usize> = BTreeMap::new();

@@ -67,7 +67,7 @@ fn derivations_agree_on_random_loops_through_every_kind_of_cut() {
 fn derivations_agree_on_random_screws() {
     for seed in 0..8 {
         let spec = random_spec::screw_loop(seed).unwrap();
-        // every second one is cut at a screw
+        // every second spec is cut at a screw
         assert!(seed % 2 == 1 || spec.contains("joint: helical"), "{spec}");
         let mechanism = Mechanism::from_yaml(&spec).unwrap();
         let naive = Naive::new(&mechanism).unwrap();

@@ -1,4 +1,4 @@
-//! A and b by dual numbers are what differences of f say.
+//! A and b by dual numbers agree with finite differences of f.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use nalgebra::DVector;
@@ -7,7 +7,7 @@ use regen_tests::reference::{Mechanism, Random};
 
 const STEP: f64 = 1e-4;
 
-/// The fourth-order central difference of f along a direction, first and second derivative.
+/// The first and second derivative of f along a direction, by fourth-order central differences.
 fn differences(m: &Mechanism, q: &[f64], direction: &[f64]) -> (DVector<f64>, DVector<f64>) {
     let at = |s: f64| {
         let moved: Vec<f64> = q
@@ -43,7 +43,7 @@ fn jacobian_and_bias_agree_with_differences_of_the_residual() {
             let (first, second) = differences(&m, &q, &qd);
             let along = m.jacobian(&q) * DVector::from_column_slice(&qd);
             let bias = DVector::from_vec(m.bias(&q, &qd));
-            // Differences: rounding 1e-16 over the step, and over its square.
+            // Differences have a rounding error of 1e-16 over the step, and over its square.
             assert!(
                 (&along - first).amax() < 1e-10 * (1.0 + along.amax()),
                 "{}",

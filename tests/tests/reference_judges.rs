@@ -1,4 +1,4 @@
-//! The judgement can fail: an engine with one wrong answer is refused, and the reason names it.
+//! The checks can fail: an engine with one wrong result is refused, and the error names it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_codegen::signature::{FunctionKind, Shape};
@@ -6,7 +6,7 @@ use regen_tests::engine::{Answer, Engine, Naive, Names, check_engine};
 use regen_tests::files;
 use regen_tests::reference::Mechanism;
 
-/// The mistakes that are tried, each with the comparison that must notice it.
+/// The wrong results that are tried, each with the comparison that must detect it.
 const MISTAKES: [(&str, &str); 16] = [
     ("constraints", "constraints"),
     ("jacobian", "jacobian"),
@@ -26,7 +26,7 @@ const MISTAKES: [(&str, &str); 16] = [
     ("cones", "cones"),
 ];
 
-/// An engine that is right but for one method, off by a part in a million.
+/// An engine that is right except for one method, whose result has a relative error of 1e-6.
 struct Wrong<'a> {
     right: Naive<'a>,
     mistake: &'static str,
@@ -55,12 +55,13 @@ impl Engine for Wrong<'_> {
         if kind == FunctionKind::Poses {
             values[9] += part;
         } else if kind == FunctionKind::NewtonStep {
-            // A slightly wrong step still converges; one that is a third short does not in ten.
+            // A slightly wrong step still converges; one that is a third too short does not
+            // converge in ten steps.
             for x in &mut values {
                 *x *= 0.7;
             }
         } else if kind == FunctionKind::AdaptiveRegressor && !resting(inputs[3]) {
-            // Off where the references rest, so that the split and not the sum is wrong.
+            // Wrong at zero reference rates, so that the split is wrong and not the sum.
         } else if let Shape::Vector(_) = kind.signature().shape {
             for value in &mut values {
                 *value += part * value.abs().max(1e-3);

@@ -31,7 +31,7 @@ fn the_halves_of_a_welded_coupler_have_equal_columns() {
         let w = mechanism
             .regressor(&state.q, &state.qd, &state.qdd)
             .unwrap();
-        // The halves' frames differ, but an inertia equal about all axes does not see that.
+        // The frames of the halves differ, but an inertia equal about all axes is the same in both.
         let isotropic = |body: &str| {
             ["Ixx", "Iyy", "Izz"]
                 .map(|s| w[(0, column(&format!("{s}({body})")))])

@@ -1,11 +1,12 @@
-//! The numbers of base parameters that are known for these mechanisms.
+//! The numbers of base parameters of these mechanisms are the known ones.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use nalgebra::DMatrix;
 use regen_tests::files;
 use regen_tests::reference::{Mechanism, Parameter};
 
-/// The rank of the inertial columns over random closed states, and the gap behind it.
+/// The rank of the inertial columns over random closed states, and the ratio of the singular values
+/// on both sides of it.
 fn rank(m: &Mechanism) -> (usize, f64) {
     let columns: Vec<usize> = (0..m.parameters.len())
         .filter(|j| matches!(m.parameters[*j], Parameter::Inertial(..)))
@@ -29,7 +30,7 @@ fn rank(m: &Mechanism) -> (usize, f64) {
     }
     let mut values: Vec<f64> = w.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
-    // The widest gap among values that could be rounding or not.
+    // The widest gap among the values near rounding.
     let bound = 1e-9 * values[0];
     let kept = values.iter().filter(|v| **v > bound).count();
     let gap = values

@@ -1,5 +1,5 @@
-//! The nominal values of the shipped robots are those of their sources, bodies could exist, and
-//! forces are as another program or the source finds them.
+//! The nominal values of the shipped robots are those of their sources, their bodies are physical,
+//! and their forces agree with another program or the source.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeMap;
@@ -74,7 +74,7 @@ fn every_body_has_a_nominal_inertia_that_can_exist() {
             let p = body.nominal.unwrap_or_else(none);
             bodies += 1;
             let half = (p[0] + p[3] + p[5]) / 2.0;
-            // The pseudo-inertia of a body that can exist is positive definite.
+            // The pseudo-inertia of a physical body is positive definite.
             #[rustfmt::skip]
             let pseudo = Matrix4::new(
                 half - p[0], -p[1], -p[2], p[6],
@@ -93,7 +93,7 @@ fn every_body_has_a_nominal_inertia_that_can_exist() {
     assert!(bodies >= 100, "only {bodies} nominal bodies");
 }
 
-/// The forces of the actuators at a state, from the nominal values.
+/// The forces of the actuators at a state, from the nominal values, N or N m.
 fn forces(m: &Mechanism, q: &[f64], qd: &[f64], qdd: &[f64]) -> DVector<f64> {
     let phi = m.nominal_parameters().expect("nominal values");
     m.regressor(q, qd, qdd).unwrap() * DVector::from_vec(phi)
@@ -112,7 +112,7 @@ fn arms_agree_with_pinocchio_in_the_frames_of_their_sources() {
         for state in states {
             let ours = forces(&m, &state["q"], &state["qd"], &state["qdd"]);
             let theirs = DVector::from_column_slice(&state["tau"]);
-            // Rounding of both: the file has the source's digits.
+            // The tolerance covers the rounding of both: the file has the digits of the source.
             let error = (&ours - &theirs).amax();
             assert!(error <= 1e-11 * theirs.amax(), "{name}: {ours} {theirs}");
         }
@@ -143,8 +143,8 @@ fn the_puma_weighs_what_its_paper_measured() {
             0.0,
         ];
         for (joint, (ours, theirs)) in ours.iter().zip(theirs).enumerate() {
-            // They print three digits: half a unit of the last of g1 and g2, and what the
-            // masses and lengths printed beside them differ by.
+            // The paper prints three digits: half a unit of the last digit of g1 and g2, plus the
+            // difference from the masses and lengths that it prints too.
             assert!(
                 (ours - theirs).abs() < 0.06,
                 "joint {joint}: {ours} {theirs}"

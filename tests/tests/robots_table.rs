@@ -1,4 +1,4 @@
-//! The table of the shipped robots in `robots/README.md` is true.
+//! The table of the shipped robots in `robots/README.md` has the right numbers.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{BaseFrom, derive_with};
 use regen_tests::files;
 
-/// File, degrees of freedom, bodies and base parameters of every row.
+/// The file, and the numbers of degrees of freedom, bodies and base parameters, of every row.
 fn table() -> BTreeMap<String, [usize; 3]> {
     let text = std::fs::read_to_string(files::robots().join("README.md")).unwrap();
     let rows = text.lines().filter(|line| line.starts_with("| ["));
@@ -32,7 +32,7 @@ fn every_robot_has_its_row_with_its_numbers() {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let text = std::fs::read_to_string(&path).unwrap();
         let mechanism = files::mechanism(&path).unwrap();
-        // What is stored is judged by a test of its own.
+        // Stored base parameters have a test of their own.
         let stored = std::fs::read_to_string(path.with_extension("base")).ok();
         let from = stored
             .as_deref()

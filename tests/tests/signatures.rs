@@ -1,4 +1,4 @@
-//! The table of functions of the generator and that of the runtime are one, and robots keep to it.
+//! The generator and the runtime have the same table of functions, and robots conform to it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_codegen::diag::Source;
@@ -9,7 +9,7 @@ use regen_runtime::{BaseFunction, Function};
 use regen_tests::derived::Derived;
 use regen_tests::files;
 
-/// What both tables state about a function: case, name, names of arguments, shape, whether it
+/// The entry of a function in both tables: case, name, names of arguments, shape, whether it
 /// reports a condition.
 type Row = (String, &'static str, Vec<&'static str>, String, bool);
 
@@ -68,8 +68,8 @@ fn the_generator_and_the_runtime_have_the_same_arguments() {
     assert_eq!(ours, theirs);
 }
 
-/// What is derived has the arguments and the output that the table states, and exists where the
-/// table says so.
+/// Derived programs have the arguments and the output that the table states, and exist if the table
+/// says so.
 #[test]
 fn every_program_has_the_sizes_of_its_signature() {
     let mut seen = 0;
@@ -103,7 +103,7 @@ fn every_program_has_the_sizes_of_its_signature() {
                 assert_eq!(program.output.shape, shape, "{what}");
                 let entries: usize = shape.iter().product();
                 assert_eq!(program.outputs.len(), entries, "{what}");
-                // who reports a condition solves, and who solves reports
+                // exactly the programs that solve equations report a condition
                 assert!(signature.has_condition || !program.solves(), "{what}");
                 seen += 1;
             }
@@ -112,7 +112,7 @@ fn every_program_has_the_sizes_of_its_signature() {
     assert!(seen > 500, "{seen}");
 }
 
-/// The runtime counts what the generator counts.
+/// The sizes of the runtime equal those of the generator.
 #[test]
 fn both_sides_count_alike() {
     let robot = Derived::from_file(&files::robots().join("3rps_friction.yaml"));

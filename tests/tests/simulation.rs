@@ -1,4 +1,4 @@
-//! The simulated robot: energy, constraints, control, friction, and what it reports.
+//! The simulated robot: energy, constraints, control, friction, and reported terminations.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_experiment::simulate::{
@@ -11,7 +11,8 @@ fn nominal(info: &Info<'_>) -> Vec<f64> {
     info.nominal_parameters().expect("nominal values")
 }
 
-/// About home, each independent coordinate swings by `size` at frequencies of its own.
+/// A motion around home in which each independent coordinate swings by `size` at its own
+/// frequencies.
 fn swing(info: &Info<'_>, size: f64) -> impl Fn(f64, &mut [f64], &mut [f64], &mut [f64]) + use<> {
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     move |t, q, qd, qdd| {
@@ -49,7 +50,7 @@ fn a_minute_of_a_controlled_platform_keeps_loops_closed_and_energy_balanced() {
         log.residual, log.imbalance, log.steps
     );
     assert!(log.imbalance < 1e-6, "imbalance {:e} J", log.imbalance);
-    // it moved, and followed
+    // it moved, and followed the reference
     let legs: Vec<f64> = log.q.chunks(9).map(|q| q[1]).collect();
     let (lo, hi) = legs
         .iter()
@@ -74,7 +75,7 @@ fn the_logged_motion_satisfies_inverse_dynamics() {
     let mut compared = 0;
     for (k, q) in log.q.chunks(9).enumerate() {
         let (qd, qdd) = (&log.qd[9 * k..9 * k + 9], &log.qdd[9 * k..9 * k + 9]);
-        // The model's sign and the simulation's smooth one agree once a joint moves.
+        // The model's sign function and the simulation's smooth one agree only for moving joints.
         if info.actuated.iter().any(|j| qd[*j].abs() < 2e-3) {
             continue;
         }
@@ -164,7 +165,7 @@ fn a_platform_that_falls_out_of_its_workspace_is_reported_and_not_invented() {
     let model = fivebar::Fivebar;
     let info = Model::<f64>::info(&model);
     let phi = nominal(&info);
-    // pushed hard, nothing holds it
+    // pushed hard, it leaves its workspace
     let push = |_: f64, q: &mut [f64], qd: &mut [f64], _: &mut [f64]| {
         for (k, c) in info.independent.iter().enumerate() {
             q[k] = info.home[*c];

@@ -1,5 +1,5 @@
-//! The simulated robot beside another engine: Pinocchio's constraint dynamics on mechanisms that
-//! were built there from their measures (`tests/tools/vectors/simulation.py`).
+//! The simulated robot compared with another engine: Pinocchio's constraint dynamics on mechanisms
+//! that were built there from their dimensions (`tests/tools/vectors/simulation.py`).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_experiment::simulate::{Forward, ForwardOutcome, Settings, Termination, simulate};
@@ -7,13 +7,14 @@ use regen_generated::{fivebar, rps3};
 use regen_runtime::{LoopClosure, Model};
 use serde_json::Value;
 
-/// Relative, of accelerations. The vectors' constraints hold to 1e-14 m, and the solves on
-/// either side multiply rounding by the condition of mass matrix and A_e, below 1e3 here:
-/// 1e-12 is what is left. Measured: 4e-15.
-const ACCELERATION: f64 = 1e-12;
-/// Of positions, rad or m, and velocities after the run. The vectors' own end moves by 3e-13 when
-/// the step is halved; a step of the run here may err by 1e-12. Measured: 3e-12.
-const RUN: f64 = 1e-10;
+/// The relative tolerance of accelerations. The vectors' constraints hold to 1e-14 m, and the
+/// solves on either side multiply rounding by the condition of mass matrix and A_e, below 1e3 here:
+/// the product is about 1e-12. Measured: 4e-15.
+const ACCELERATION_TOLERANCE: f64 = 1e-12;
+/// The tolerance of positions, rad or m, and velocities at the end of the run. The end in the
+/// vectors changes by 3e-13 when the step is halved; a step of the run here may have an error of
+/// 1e-12. Measured: 3e-12.
+const RUN_TOLERANCE: f64 = 1e-10;
 
 fn numbers(value: &Value) -> Vec<f64> {
     let values = value.as_array().unwrap().iter();
@@ -31,7 +32,7 @@ fn vectors(robot: &str) -> Value {
     robots.iter().find(|r| r["robot"] == robot).unwrap().clone()
 }
 
-/// The largest difference as a part of the larger of 1 and the largest entry.
+/// The largest difference, relative to the largest entry or 1 if that is larger.
 fn apart(ours: &[f64], theirs: &[f64]) -> f64 {
     assert_eq!(ours.len(), theirs.len());
     let size = theirs.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
@@ -69,7 +70,7 @@ fn agrees(model: &dyn Model) {
         worst = worst.max(apart(&ours, &theirs));
     }
     println!("{}: accelerations {worst:e} apart", info.name);
-    assert!(worst < ACCELERATION, "{worst:e}");
+    assert!(worst < ACCELERATION_TOLERANCE, "{worst:e}");
 
     let run = &vectors["run"];
     let [q, qd, effort, end_q, end_qd] =
@@ -77,7 +78,7 @@ fn agrees(model: &dyn Model) {
     let independent =
         |all: &[f64]| -> Vec<f64> { info.independent.iter().map(|c| all[*c]).collect() };
     let (start_q, start_qd) = (independent(&q), independent(&qd));
-    // the vectors are of home's branch
+    // the vectors are on the branch of home
     let closed = LoopClosure::new(model).unwrap().solve(&start_q).unwrap();
     assert!(apart(&closed.q, &q) < 1e-12);
     let start = |_: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
@@ -94,11 +95,14 @@ fn agrees(model: &dyn Model) {
     let log = simulate(model, &phi, &start, &settings).unwrap();
     assert_eq!(log.ended, Termination::Complete);
     let (last_q, last_qd) = (&log.q[log.q.len() - n..], &log.qd[log.qd.len() - n..]);
-    // it went somewhere
+    // the mechanism moved
     assert!(apart(last_q, &q) > 1e-2);
     let (in_q, in_qd) = (apart(last_q, &end_q), apart(last_qd, &end_qd));
     println!("{}: end of the run {in_q:e} and {in_qd:e} apart", info.name);
-    assert!(in_q < RUN && in_qd < RUN, "{in_q:e} {in_qd:e}");
+    assert!(
+        in_q < RUN_TOLERANCE && in_qd < RUN_TOLERANCE,
+        "{in_q:e} {in_qd:e}"
+    );
 }
 
 #[test]

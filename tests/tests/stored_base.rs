@@ -1,4 +1,4 @@
-//! Base parameters kept beside a spec, for macros, are what would be derived today.
+//! The base parameters stored beside a spec, for macros, equal those derived today.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;

@@ -1,4 +1,4 @@
-//! Signals and estimates against numpy and scipy, and against what must hold of them.
+//! Tests of signals and estimates against numpy and scipy, and of their properties.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "estimation/correlated.rs"]

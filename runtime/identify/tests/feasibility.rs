@@ -1,4 +1,4 @@
-//! Physical feasibility: verdicts with proofs, identification under the constraints.
+//! Tests of physical feasibility: verdicts with proofs, and identification under the constraints.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "feasibility/completions.rs"]

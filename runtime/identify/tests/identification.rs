@@ -1,5 +1,5 @@
-//! From samples to parameters: the balance of energy, robust weights, states from what is
-//! measured, on mechanisms whose equations are known in closed form.
+//! Tests of the way from samples to parameters, on mechanisms whose equations are known in closed
+//! form: balance of energy, robust weights, and states completed from measurements.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "identification/coverage.rs"]

@@ -1,5 +1,5 @@
-//! The stand-in of the actual robot: simulated under control, with friction at its joints,
-//! encoders and noise; what is measured is averaged, filtered and thinned as in section 6.1.
+//! A simulated stand-in for the actual robot: under control, with friction at its joints, encoders
+//! and noise. Its measurements are averaged, filtered and decimated as in section 6.1.
 
 use regen_experiment::simulate::{Pid, Sensors, Settings, Termination, perturbed, simulate};
 use regen_generated::rps3_friction::Rps3Friction;
@@ -9,22 +9,22 @@ use regen_runtime::{Model, State};
 use super::friction::stribeck;
 use super::robot::{HARMONICS, POINTS, places, states};
 
-/// Runs that are averaged; one more goes before, for the start.
+/// The number of runs that are averaged; one more precedes them, in which the start-up decays.
 const RUNS: usize = 4;
 
-/// What identification gets of a trajectory.
+/// The measurements of one trajectory that identification uses.
 pub(crate) struct Measured {
-    /// The states at the points, from the refitted series.
+    /// The states at the sample points, from the refitted series.
     pub(crate) states: Vec<State>,
-    /// The forces there, three each.
+    /// The forces of the legs at these points, N, three for each.
     pub(crate) forces: Vec<f64>,
     /// The largest distance of a leg from its reference, m.
     pub(crate) tracking: f64,
 }
 
-/// Simulates and measures.
+/// Simulates a trajectory and processes the measurements.
 ///
-/// - `seed`: of the sensors' noise; the robot differs from CAD by up to 5 % in each body.
+/// - `seed`: seed of the sensors' noise; the parameters of each body differ from CAD by up to 5 %.
 pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let info = Model::<f64>::info(&Rps3Friction);
     let nominal = info.nominal_parameters().expect("nominal values");
@@ -87,7 +87,8 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
         fit.push(t, &legs).expect("finite");
     }
     let series = fit.finish().expect("a whole period");
-    // second order, well above the eleventh harmonic; the period is repeated on both sides
+    // second order, with a cutoff well above the eleventh harmonic; the period is repeated on both
+    // sides
     let filter = Butterworth::new(2, 8.0, settings.period).expect("a filter");
     let smooth = [0, 1, 2].map(|i| {
         let once: Vec<f64> = (0..rows)

@@ -1,4 +1,4 @@
-//! Figures 2 to 4 as CSV and SVG.
+//! Writes Figures 2 to 4 as CSV and SVG.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -9,7 +9,7 @@ use super::robot::{
     Equations, JOINTS, cad, friction_forces, model, perturbed, places, relative_absolute,
 };
 
-/// The rotor and screw inertia of Table 5, kg.
+/// The inertia of rotor and screw from Table 5, kg.
 pub(crate) const J: f64 = 483.1;
 
 /// Stribeck friction (Eq. 32) of the simulated robot. Fv and Fc of the legs are Table 5's; the
@@ -24,7 +24,7 @@ pub(crate) fn stribeck() -> [JointFriction; 6] {
     [leg, leg, leg, pivot, pivot, pivot]
 }
 
-/// The forces without errors of the simulated robot along states.
+/// The exact forces of the simulated robot along states, N.
 pub(crate) fn original(states: &[State]) -> Vec<f64> {
     let bodies = Equations::new(&["J"], 3);
     let mut values = cad();
@@ -34,7 +34,7 @@ pub(crate) fn original(states: &[State]) -> Vec<f64> {
     rigid.iter().zip(&friction).map(|(r, f)| r + f).collect()
 }
 
-/// Three sets of parameters from one set of data: rows of Tables 3 and 4.
+/// Three fits of the same data, as in the rows of Tables 3 and 4.
 pub(crate) struct Fits {
     linear: Equations,
     pub(crate) plain: Vec<f64>,
@@ -45,8 +45,9 @@ pub(crate) struct Fits {
 }
 
 impl Fits {
-    /// - `friction`: with asymmetric Coulomb and viscous friction at all of [`JOINTS`], by least
-    ///   squares and among physical parameters, and with Stribeck friction among physical ones.
+    /// - The first two fits have asymmetric Coulomb and viscous friction at all of [`JOINTS`], by
+    ///   least squares and among physical parameters; the third has Stribeck friction, among
+    ///   physical parameters.
     pub(crate) fn new(states: &[State], forces: &[f64]) -> Self {
         let linear = Equations::new(&["Fv", "Fc+", "Fc-", "J"], 6);
         let factor = linear.factor(states, forces);
@@ -84,7 +85,7 @@ impl Fits {
         }
     }
 
-    /// The forces along states by all three.
+    /// The forces along states that each of the three fits predicts, N.
     pub(crate) fn forces(&self, states: &[State]) -> [Vec<f64>; 3] {
         let rigid = self.bodies.forces(states, &self.rigid);
         let friction = friction_forces(states, &self.laws);
@@ -95,14 +96,15 @@ impl Fits {
         ]
     }
 
-    /// eps_RA of all three against forces, percent.
+    /// eps_RA of each of the three fits against forces, percent.
     pub(crate) fn errors(&self, states: &[State], forces: &[f64]) -> [f64; 3] {
         self.forces(states)
             .map(|predicted| relative_absolute(forces, &predicted))
     }
 }
 
-/// Table 3 for one seed of noise: eps_RA against perturbed and original forces of all three.
+/// Table 3 for one seed of noise: eps_RA of the three fits against the noisy and the exact forces,
+/// percent.
 pub(crate) fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
     let exact = original(states);
     let sigma = noise_size(&exact);
@@ -112,7 +114,8 @@ pub(crate) fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
     [[a[0], b[0]], [a[1], b[1]], [a[2], b[2]]]
 }
 
-/// The deviation of the errors: a tenth of the mean size of the forces about their means.
+/// The standard deviation of the errors, N: a tenth of the mean absolute deviation of the forces
+/// from their means.
 pub(crate) fn noise_size(exact: &[f64]) -> f64 {
     let samples = (exact.len() / 3).max(1) as f64;
     let mean = |i: usize| exact.iter().skip(i).step_by(3).sum::<f64>() / samples;

@@ -1,5 +1,5 @@
-//! The chapter's figures and tables again, on the simulated 3-RPS, each beside the chapter's
-//! numbers:
+//! Reproduces the chapter's figures and tables on the simulated 3-RPS, and prints each beside the
+//! chapter's numbers:
 //!
 //! ```sh
 //! cargo run --release --example chapter -- --seeds 20 --out chapter
@@ -122,7 +122,7 @@ fn trajectories(found: &[Excitation], out: &std::path::Path) {
     figures::write(out, "figure2", &name, &times, &panels);
 }
 
-/// Poses of the whole stroke: how singular they are, by the largest angle of a cone.
+/// Prints how close poses of the whole stroke are to a singularity, by their largest cone angle.
 fn cones() {
     title("Section 3: the cone limit keeps the robot away from singularities");
     for (from, least, count) in pivots(18) {
@@ -133,7 +133,8 @@ fn cones() {
     }
 }
 
-/// Least pivot of `A_e` over poses whose largest cone angle is in steps of 15 degrees.
+/// The smallest pivot of `A_e` over all poses, grouped by their largest cone angle in steps of 15
+/// degrees.
 fn pivots(steps: usize) -> Vec<(f64, f64, usize)> {
     let model = robot::model();
     let mut closure = LoopClosure::new(model).expect("a model");
@@ -424,7 +425,7 @@ fn tables_7_and_8(runs: &[Measured], out: &std::path::Path) {
     );
 }
 
-/// Model 4, identified from one trajectory, predicts another.
+/// Figure 4: Model 4, identified from one trajectory, predicts the forces of another.
 fn figure4(equations: &robot::Equations, row: &Row, other: &Measured, out: &std::path::Path) {
     let labels = equations.labels();
     let value = |label: &String| {

@@ -1,4 +1,4 @@
-//! Tables 2 and 5 to 8: Models 1 to 4, and the reduction that finds one by itself.
+//! Tables 2 and 5 to 8: the chapter's Models 1 to 4, and the automatic reduction.
 
 use regen_experiment::simulate::Noise;
 use regen_identify::estimate::Estimate;
@@ -8,15 +8,16 @@ use regen_runtime::State;
 
 use super::robot::{Column, Equations, LEGS, cad, relative_absolute};
 
-/// Table 2: rows of Table 1 that Models 2 and 3 do without, counted from 1.
+/// Table 2: the rows of Table 1 that Models 2 and 3 leave out, counted from 1.
 const WITHOUT_2: [usize; 10] = [1, 4, 7, 8, 10, 13, 14, 18, 20, 24];
 const WITHOUT_3: [usize; 16] = [1, 4, 7, 8, 10, 13, 14, 15, 16, 18, 19, 20, 21, 22, 24, 25];
-/// Rows marked with a dagger in Table 1.
+/// The rows marked with a dagger in Table 1, counted from 1.
 const DAGGERS: [usize; 3] = [12, 17, 23];
-/// Columns that symmetry adds: rows of leg 1 with those of legs 2 and 3.
+/// Columns that are added because the legs are equal: each row of leg 1 with those of legs 2 and 3,
+/// counted from 1.
 const SYMMETRIC: [[usize; 3]; 3] = [[2, 15, 21], [3, 16, 22], [5, 19, 25]];
 
-/// The number in Table 1 of the row with this kept parameter; 0 if there is none.
+/// The number in Table 1 of the row with this label; 0 if there is none.
 pub(crate) fn number(label: &str) -> usize {
     const ROWS: [&str; 25] = [
         "mx(1)", "my(1)", "Izz(1)", "mx(2)", "mz(2)", "Ixx(3)", "Ixy(3)", "Ixz(3)", "Iyy(3)",
@@ -28,7 +29,7 @@ pub(crate) fn number(label: &str) -> usize {
         .map_or(0, |k| k + 1)
 }
 
-/// A model: groups of columns that are added, one parameter each.
+/// A model: groups of columns that are added, with one parameter for each group.
 #[derive(Clone, Debug)]
 pub(crate) struct Reduced {
     pub(crate) groups: Vec<Vec<usize>>,
@@ -76,13 +77,14 @@ pub(crate) struct Row {
     pub(crate) relative_absolute: f64,
     /// eps_AV as a fraction (Eq. 34), over parameters that are not zero.
     pub(crate) average: f64,
-    /// Parameters, and those of them with sigma below 15 % and a sign that a robot can have.
+    /// The number of parameters; `well` is the number of those with sigma below 15 % and a possible
+    /// sign.
     pub(crate) parameters: usize,
     pub(crate) well: usize,
     pub(crate) estimate: Estimate,
 }
 
-/// Fits a model.
+/// Fits a model and evaluates it.
 pub(crate) fn row(
     equations: &Equations,
     model: &Reduced,
@@ -128,14 +130,15 @@ pub(crate) fn row(
     }
 }
 
-/// Whether a parameter alone can have this value: friction, rotors and sums of moments of
+/// Whether a parameter alone can have this value: friction, rotor inertia and sums of moments of
 /// inertia about one axis are not negative (the chapter's mark * in Table 5).
 pub(crate) fn possible(label: &str, value: f64) -> bool {
     let positive = ["Fv", "Fc", "J(", "Izz(1)", "Izz(4)", "Izz(6)"];
     value > 0.0 || !positive.iter().any(|start| label.starts_with(start))
 }
 
-/// Symmetric linear friction at the legs, J: 34 parameters, or with Coulomb friction by sign 37.
+/// The equations with linear friction and J at the legs: 34 parameters with symmetric Coulomb
+/// friction, 37 with Coulomb friction by sign.
 pub(crate) fn equations(by_sign: bool) -> Equations {
     if by_sign {
         Equations::new(&["Fv", "Fc+", "Fc-", "J"], 3)
@@ -144,7 +147,8 @@ pub(crate) fn equations(by_sign: bool) -> Equations {
     }
 }
 
-/// The exact parameters of the simulated robot of section 6.2: CAD, and Table 5's friction.
+/// The exact parameters of the simulated robot of section 6.2: the bodies of CAD and the friction
+/// of Table 5.
 pub(crate) fn exact(equations: &Equations) -> Vec<f64> {
     let mut values = cad();
     for column in &equations.columns[25..] {
@@ -157,8 +161,8 @@ pub(crate) fn exact(equations: &Equations) -> Vec<f64> {
     values
 }
 
-/// Noise on the independent coordinates and their derivatives: every measured state is closed
-/// again.
+/// Adds noise to the independent coordinates and their derivatives; the dependent ones follow from
+/// the closure equations.
 pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
     use regen_runtime::LoopClosure;
     let model = super::robot::model();
@@ -167,7 +171,7 @@ pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
     let mut near = |state: &State| {
         let mut seen =
             |values: &[f64], sigma: f64| places.map(|k| values[k] + sigma * noise.normal());
-        // 20 um of position, 0.5 mm/s and 10 mm/s^2: what filtered encoders give
+        // 20 um of position, 0.5 mm/s and 10 mm/s^2: the noise of filtered encoders
         let q = seen(&state.q, 2e-5);
         let qd = seen(&state.qd, 5e-4);
         let qdd = seen(&state.qdd, 1e-2);
@@ -176,9 +180,9 @@ pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
     states.iter().map(&mut near).collect()
 }
 
-/// Noise on forces, N.
+/// The standard deviation of the noise on forces, N.
 pub(crate) const FORCE_NOISE: f64 = 30.0;
-/// The noise with which eps_RA is about the chapter's.
+/// The noise on forces with which eps_RA is about the chapter's, N.
 pub(crate) const MORE_NOISE: f64 = 65.0;
 
 /// Table 6: Model 1 with Coulomb friction by sign, 37 parameters, and Models 1 to 4 with
@@ -189,7 +193,7 @@ pub(crate) struct Table6 {
 }
 
 impl Table6 {
-    /// Of these data; the exact parameters are CAD's and Table 5's.
+    /// Fits the models to these data; the exact parameters are those of CAD and Table 5.
     pub(crate) fn of(states: &[State], forces: &[f64]) -> Self {
         let (split, plain) = (equations(true), equations(false));
         let of = |equations: &Equations, model: &Reduced| {
@@ -201,13 +205,13 @@ impl Table6 {
         }
     }
 
-    /// For one seed of noise; `sigma`: of the forces, N.
+    /// Fits the models to data with noise of one seed; `sigma`: of the forces, N.
     pub(crate) fn new(states: &[State], sigma: f64, seed: u64) -> Self {
         let (seen, forces) = noisy_data(states, sigma, seed);
         Self::of(&seen, &forces)
     }
 
-    /// The five rows with their names.
+    /// The five rows of the table with their names.
     pub(crate) fn rows(&self) -> [(&'static str, &Row); 5] {
         let [first, second, third, fourth] = &self.symmetric;
         [
@@ -220,7 +224,7 @@ impl Table6 {
     }
 }
 
-/// States and forces of the robot of section 6.2 as they are measured, with noise on both.
+/// The states and forces of the robot of section 6.2, with noise on both.
 pub(crate) fn noisy_data(states: &[State], sigma: f64, seed: u64) -> (Vec<State>, Vec<f64>) {
     let plain = equations(false);
     let mut noise = Noise::new(seed);
@@ -229,18 +233,18 @@ pub(crate) fn noisy_data(states: &[State], sigma: f64, seed: u64) -> (Vec<State>
     (noisy(states, &mut noise), forces)
 }
 
-/// What the reduction without being told came to, beside Model 4.
+/// The result of the automatic reduction, compared with Model 4.
 pub(crate) struct Automatic {
-    /// Labels of the parameters that it kept.
+    /// The labels of the parameters in the reduced model.
     pub(crate) kept: Vec<String>,
-    /// eps_RA on another trajectory, percent: its own and Model 4's.
+    /// eps_RA of the reduced model and of Model 4 on another trajectory, percent.
     pub(crate) errors: [f64; 2],
-    /// eps_AV of what it kept, as a fraction.
+    /// eps_AV of the reduced model, as a fraction.
     pub(crate) average: f64,
 }
 
 impl Automatic {
-    /// From the 34 parameters of Model 1 by statistics and feasibility alone.
+    /// Reduces the 34 parameters of Model 1 by statistics and feasibility alone.
     pub(crate) fn new(states: &[State], others: &[State], seed: u64) -> Self {
         let plain = equations(false);
         let exact = exact(&plain);
@@ -274,7 +278,7 @@ impl Automatic {
     }
 }
 
-/// Whether a full set of parameters is one of bodies.
+/// Whether a full set of base parameters is physically feasible.
 pub(crate) fn feasible(equations: &Equations, values: &[f64]) -> bool {
     let (combinations, layout) = equations.combinations();
     verdict(&layout, &combinations, values, Scale::default()).is_ok_and(|v| v.is_feasible())

@@ -1,4 +1,4 @@
-//! What agrees with the chapter, and why the rest differs.
+//! Notes printed below the tables: the results that agree with the chapter, and why others differ.
 
 pub(crate) const FIGURE_2: &str = "\
 Limits: the chapter names strokes, velocities and cones without their values; 0.6 +- 0.15 m,

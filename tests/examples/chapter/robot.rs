@@ -1,4 +1,4 @@
-//! The chapter's 3-RPS: its trajectories, its equations, and what predicts its forces.
+//! The chapter's 3-RPS: its trajectories, its equations and the predictions of its forces.
 
 use std::sync::atomic::AtomicBool;
 
@@ -13,23 +13,24 @@ use regen_runtime::{BaseModel, JointFriction, Limits, LoopClosure, State};
 
 /// The period, s (section 6.1).
 pub(crate) const PERIOD: f64 = 7.5;
-/// Harmonics (section 3).
+/// The number of harmonics (section 3).
 pub(crate) const HARMONICS: usize = 11;
-/// Configurations that identification takes, one each 0.1 s (section 6.1).
+/// The number of configurations used by identification, one each 0.1 s (section 6.1).
 pub(crate) const POINTS: usize = 75;
-/// Legs, in the order of the independent coordinates.
+/// The legs' coordinates, in the order of the independent coordinates.
 pub(crate) const LEGS: [&str; 3] = ["q2", "q7", "q9"];
-/// Joints that the friction models know: the legs and the pivots at the ground. The chapter has
-/// friction at all joints; that of a ball has no coordinate of its own and is left out.
+/// The joints with friction in our models: the legs and the pivots at the ground. The chapter has
+/// friction at all joints; a spherical joint has no coordinate of its own here, so its friction is
+/// left out.
 pub(crate) const JOINTS: [&str; 6] = ["q2", "q7", "q9", "q1", "q6", "q8"];
 
 pub(crate) fn model() -> &'static dyn BaseModel<f64> {
     &Rps3
 }
 
-/// A trajectory as section 3 has it: stroke, velocity and cone limited, 11 harmonics. The
-/// chapter states which limits it kept, not their values: 0.6 +- 0.15 m, 0.6 m/s and 45 degrees
-/// are ours.
+/// An exciting trajectory as in section 3: limits of stroke, velocity and cone angle, 11 harmonics.
+/// The chapter names the limits but not their values: 0.6 +- 0.15 m, 0.6 m/s and 45 degrees are our
+/// choice.
 pub(crate) fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excitation {
     let info = model().info();
     let mut settings = Settings {
@@ -75,7 +76,7 @@ pub(crate) fn states(series: &Fourier, count: usize) -> Vec<State> {
     (0..count).map(state).collect()
 }
 
-/// What a column of the equations stands for.
+/// The parameter that a column of the equations multiplies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Column {
     /// A rigid-body base parameter of Table 1, counted from 0.
@@ -91,8 +92,8 @@ pub(crate) struct Equations {
 }
 
 impl Equations {
-    /// All of Table 1 with these friction and drive parameters at the first `joints` of
-    /// [`JOINTS`] (J at the legs only).
+    /// All base parameters of Table 1, with these friction and drive parameters at the first
+    /// `joints` of [`JOINTS`] (J at the legs only).
     pub(crate) fn new(symbols: &[&'static str], joints: usize) -> Self {
         let bodies = (0..25).map(Column::Body);
         let friction = symbols.iter().flat_map(|symbol| {
@@ -113,7 +114,7 @@ impl Equations {
         self.columns.iter().map(label).collect()
     }
 
-    /// How the columns combine the parameters, and those parameters.
+    /// The matrix by which the columns combine the parameters, and the layout of these parameters.
     pub(crate) fn combinations(&self) -> (BaseMap, ParameterLayout) {
         let info = model().info();
         let bodies = BaseMap::from_base(&model().base_info(), info.parameters.len());
@@ -125,7 +126,7 @@ impl Equations {
         (bodies.expect("a base").extended(&more), layout)
     }
 
-    /// 3 rows by the columns, column by column.
+    /// The regressor at a state: 3 rows, column by column.
     pub(crate) fn rows(&self, state: &State) -> Vec<f64> {
         let mut bodies = vec![0.0; 75];
         let _condition = model()
@@ -153,7 +154,7 @@ impl Equations {
         out
     }
 
-    /// The factor of states with their forces, three each.
+    /// The QR factor of the equations at these states, with three forces for each, N.
     pub(crate) fn factor(&self, states: &[State], forces: &[f64]) -> QrFactor {
         let mut factor = QrFactor::new(self.labels());
         for (state, tau) in states.iter().zip(forces.chunks(3)) {
@@ -162,7 +163,7 @@ impl Equations {
         factor
     }
 
-    /// The forces of parameters, three for each state.
+    /// The forces predicted by parameters, N, three for each state.
     pub(crate) fn forces(&self, states: &[State], values: &[f64]) -> Vec<f64> {
         let mut out = Vec::with_capacity(3 * states.len());
         for state in states {
@@ -180,12 +181,12 @@ impl Equations {
     }
 }
 
-/// The places of [`JOINTS`].
+/// The indices of the coordinates of [`JOINTS`].
 pub(crate) fn places() -> [usize; 6] {
     JOINTS.map(|name| model().info().index_of(name).expect("a joint"))
 }
 
-/// The forces of friction laws at [`JOINTS`], three for each state.
+/// The forces of friction laws at [`JOINTS`] on the legs, N, three for each state.
 pub(crate) fn friction_forces(states: &[State], laws: &[JointFriction; 6]) -> Vec<f64> {
     let places = places();
     let mut out = Vec::with_capacity(3 * states.len());
@@ -199,7 +200,7 @@ pub(crate) fn friction_forces(states: &[State], laws: &[JointFriction; 6]) -> Ve
     out
 }
 
-/// Rigid bodies of CAD (25 of Table 1).
+/// The 25 rigid-body base parameters of Table 1 from CAD, SI.
 pub(crate) fn cad() -> Vec<f64> {
     let phi = model().info().nominal_parameters().expect("nominal values");
     let mut beta = vec![0.0; 25];
@@ -207,7 +208,7 @@ pub(crate) fn cad() -> Vec<f64> {
     beta
 }
 
-/// eps_RA in percent (Eq. 33), three forces a sample, each about its own mean.
+/// eps_RA in percent (Eq. 33), with three forces for each sample, each around its own mean.
 pub(crate) fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
     let samples = (actual.len() / 3).max(1) as f64;
     let mean = |i: usize| actual.iter().skip(i).step_by(3).sum::<f64>() / samples;
@@ -222,12 +223,12 @@ pub(crate) fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
     100.0 * error / spread
 }
 
-/// Normal noise of this deviation added.
+/// Adds normal noise of standard deviation `sigma`.
 pub(crate) fn perturbed(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
     values.iter().map(|v| v + sigma * noise.normal()).collect()
 }
 
-/// Mean, least and greatest of figures of several seeds.
+/// Writes mean, minimum and maximum over several seeds as text.
 pub(crate) fn summary(values: &[f64]) -> String {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The mechanisms of `tests/fixtures`, as the macro makes them.
+//! The mechanisms of `tests/fixtures`, compiled by the macro.
 
 use regen_runtime::{Model, robot_model};
 
@@ -33,7 +33,7 @@ robot_model!("../../fixtures/random/kept/cut_that_holds_by_itself.yaml");
 robot_model!("../../fixtures/random/nasty/rail_on_an_arm.yaml");
 robot_model!("../../fixtures/random/nasty/spinning_rod.yaml");
 
-/// All of them, by the paths of their files in `tests/fixtures`.
+/// All mechanisms with the paths of their files in `tests/fixtures`.
 pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ("mechanisms/delta.yaml", &delta::Delta),
     (

@@ -1,7 +1,7 @@
-//! Every robot of `robots/` as compiled Rust: of those that are not checked in whole, what the macro
-//! makes of them, beside the sources of `regen-generated`.
+//! Every robot of `robots/` as compiled Rust: by the macro, or from `regen-generated` if the
+//! robot's whole source is checked in.
 //!
-//! Tests of all kinds take the robots from here, so that each is compiled once.
+//! All tests use the robots of this crate, so that each robot is compiled only once.
 #![no_std]
 
 #[cfg(feature = "all")]
@@ -27,12 +27,12 @@ robot_model!("../../../robots/stewart.yaml");
 robot_model!("../../../robots/tree_branch.yaml");
 robot_model!("../../../robots/ur5e.yaml");
 
-/// A robot that handles `f64`.
+/// A robot for `f64`.
 #[cfg(feature = "all")]
 pub type Robot = &'static (dyn BaseModel<f64> + Sync);
 
-/// All of them, by the names of their files in `robots/`; their functions are compiled here, so that
-/// no test does it again.
+/// All robots with the names of their files in `robots/`. Their functions are compiled here, so
+/// that no test compiles them again.
 #[cfg(feature = "all")]
 pub static ALL: &[(&str, Robot)] = &[
     ("3prs", &prs3::Prs3),

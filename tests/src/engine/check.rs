@@ -1,4 +1,4 @@
-//! One engine against the reference: names, kinematics, closure, then the dynamics.
+//! Compares one engine with the reference: names, kinematics, closure, then the dynamics.
 
 use nalgebra::DMatrix;
 use regen_codegen::signature::FunctionKind;
@@ -7,16 +7,18 @@ use super::compare::{Figures, row_error_above, size, vector_error};
 use super::{Answer, Engine, Names, dynamics};
 use crate::reference::{Mechanism, Random, State};
 
-/// Agreement asked by the spec's format: per row, relative to the row's largest entry.
-pub(super) const ROW: f64 = 1e-10;
+/// The tolerance that the spec's format requires: per row, relative to the row's largest entry.
+pub(super) const ROW_TOLERANCE: f64 = 1e-10;
 
-/// Poses and closure rows: some dozen products of numbers about 1, nothing is solved.
-const DIRECT: f64 = 1e-12;
+/// The tolerance of poses and closure rows, which are some dozen products of numbers about 1,
+/// without any solve.
+const DIRECT_TOLERANCE: f64 = 1e-12;
 
 /// Runs every comparison at random closed states of the reference.
 ///
 /// # Errors
-/// Lists every comparison that failed, or says what the engine or the reference could not do.
+/// A list of every comparison that failed, or the reason why the engine or the reference could not
+/// compute.
 pub fn check_engine(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -27,7 +29,7 @@ pub fn check_engine(
         .map_err(|e| format!("{}: {e}", reference.name))?;
     let mut figures = Figures::default();
     let home = reference.home()?;
-    // Both close home to rounding; A_e's conditioning multiplies it.
+    // Both close home to rounding, amplified by the conditioning of A_e.
     figures.record("home", vector_error(&engine.home(), &home, 1.0), 1e-9);
     let mut random = Random::new(seed);
     for _ in 0..states {
@@ -81,7 +83,7 @@ fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
             ours.cuts, theirs.cuts
         ));
     }
-    // both read the same text to the nearest double, expressions to some roundings
+    // both read numbers to the nearest double, and expressions up to a few roundings
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs().max(1e-9);
     let cones = ours.cones.iter().zip(&theirs.cones);
     if ours.cones.len() != theirs.cones.len()
@@ -107,7 +109,7 @@ fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
     Ok(())
 }
 
-/// What is defined at any q: poses, f, A, b.
+/// Compares the quantities that are defined at any q: poses, f, A, b.
 fn open(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -121,37 +123,39 @@ fn open(
     let flat = |poses: Vec<[f64; 12]>| poses.concat();
     let poses = flat(reference.poses(&q));
     let error = vector_error(&flat(engine.poses(&q)?), &poses, 1.0 + size(&poses));
-    figures.record("poses", error, DIRECT);
+    figures.record("poses", error, DIRECT_TOLERANCE);
     let cones = reference.cone_cosines(&q);
     let error = vector_error(&engine.call(FunctionKind::Cones, &[&q])?, &cones, 1.0);
-    figures.record("cones", error, DIRECT);
+    figures.record("cones", error, DIRECT_TOLERANCE);
     let f = reference.constraints(&q);
     let error = vector_error(
         &engine.call(FunctionKind::Constraints, &[&q])?,
         &f,
         1.0 + size(&f),
     );
-    figures.record("constraints", error, DIRECT);
+    figures.record("constraints", error, DIRECT_TOLERANCE);
     let theirs = reference.jacobian(&q);
-    // Rows are made of metres and cosines; where all of them cancel, they are rounding.
+    // Rows consist of lengths in metres and of cosines; where all of them cancel, they are
+    // rounding.
     let error = row_error_above(
         theirs.amax().max(100.0) * 1e-4,
         &engine.matrix(FunctionKind::Jacobian, &[&q])?,
         &theirs,
     );
-    figures.record("jacobian", error, ROW);
+    figures.record("jacobian", error, ROW_TOLERANCE);
     let b = reference.bias(&q, &qd);
-    // Velocities of 2 make products of 4: a bias of 0 is compared with that.
+    // Products of velocities of 2 are 4: a bias of 0 is compared with that.
     let error = vector_error(
         &engine.call(FunctionKind::Bias, &[&q, &qd])?,
         &b,
         size(&b).max(1e-2),
     );
-    figures.record("bias", error, ROW);
+    figures.record("bias", error, ROW_TOLERANCE);
     Ok(())
 }
 
-/// What is defined at closed states: Newton's step, velocities, accelerations, efforts.
+/// Compares the quantities that are defined at closed states: Newton's step, velocities,
+/// accelerations, efforts.
 fn closed(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -162,8 +166,8 @@ fn closed(
     let State { q, qd, qdd } = state;
     let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
 
-    // Newton's step solves as many rows as there are dependent coordinates: of redundant ones,
-    // these may meet elsewhere too, as near as their dead centre is.
+    // Newton's step solves as many rows as there are dependent coordinates. If rows are redundant,
+    // the selected rows may also be fulfilled at another state, as near as their dead centre.
     let redundant = reference.rows() > reference.dependent.len();
     let away = if redundant { 1e-5 } else { 1e-2 };
     let mut trial = q.clone();
@@ -179,7 +183,7 @@ fn closed(
             trial[*k] += d;
         }
     }
-    // Ten steps end at rounding times the conditioning.
+    // Ten steps reach rounding, amplified by the conditioning.
     figures.record("newton_step", vector_error(&trial, q, 1.0), 1e-10);
 
     let error = vector_error(
@@ -187,9 +191,13 @@ fn closed(
         qd,
         size(qd),
     );
-    figures.record("velocities", error, ROW);
+    figures.record("velocities", error, ROW_TOLERANCE);
     let ours = engine.call(FunctionKind::Accelerations, &[q, qd, &pick(qdd)])?;
-    figures.record("accelerations", vector_error(&ours, qdd, size(qdd)), ROW);
+    figures.record(
+        "accelerations",
+        vector_error(&ours, qdd, size(qdd)),
+        ROW_TOLERANCE,
+    );
 
     let tau = random.vector(reference.actuated.len(), 10.0);
     let mut all = vec![0.0; q.len()];
@@ -202,18 +210,18 @@ fn closed(
         &theirs,
         size(&theirs).max(1.0),
     );
-    figures.record("efforts", error, ROW);
+    figures.record("efforts", error, ROW_TOLERANCE);
     Ok(())
 }
 
-/// Bodies of some kilograms that fall, or move at a metre a second, take forces of 1 to 100 N. Forces that vanish,
-/// without gravity or across the motion, are compared with this part of it.
-pub(super) const FORCE: f64 = 0.1;
+/// Forces are 1 to 100 N for bodies of some kilograms that fall or move at a metre a second. Forces
+/// that vanish, without gravity or perpendicular to the motion, are compared with this force, N.
+pub(super) const MIN_FORCE: f64 = 0.1;
 
-/// W phi with the scale that its rounding errors have.
+/// W phi, and the size to which its rounding errors are relative.
 pub(super) fn apply(w: &DMatrix<f64>, phi: &[f64]) -> (Vec<f64>, f64) {
     let mut out = vec![0.0; w.nrows()];
-    let mut scale = FORCE;
+    let mut scale = MIN_FORCE;
     for (i, entry) in out.iter_mut().enumerate() {
         let terms = phi.iter().enumerate().map(|(j, p)| w[(i, j)] * p);
         scale = scale.max(terms.clone().map(f64::abs).sum());

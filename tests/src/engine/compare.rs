@@ -1,23 +1,24 @@
-//! Differences, and the record of the largest of each kind.
+//! Relative differences, and a record of the largest of each kind of comparison.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use nalgebra::DMatrix;
 
-/// Rows below this part of the largest are rounding: a planar loop's rows out of its plane.
-const FLOOR: f64 = 1e-4;
+/// Rows whose entries are below this fraction of the matrix's largest count as rounding, such as a
+/// planar loop's rows out of its plane.
+const MIN_ROW_PART: f64 = 1e-4;
 
-/// The largest difference within a row relative to that row's largest entry; infinite if the
-/// shapes differ or something is no number.
+/// The largest difference within a row, relative to that row's largest entry; infinite if the
+/// shapes differ or an entry is not finite.
 pub fn row_error(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
     if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
         return f64::INFINITY;
     }
-    row_error_above(FLOOR * theirs.amax(), ours, theirs)
+    row_error_above(MIN_ROW_PART * theirs.amax(), ours, theirs)
 }
 
-/// As [`row_error`], with the size at which a row counts as rounding.
+/// Like [`row_error`], with the size below which a row counts as rounding.
 pub(super) fn row_error_above(floor: f64, ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
     if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
         return f64::INFINITY;
@@ -52,12 +53,12 @@ pub(super) fn ratio(difference: f64, scale: f64) -> f64 {
     }
 }
 
-/// One kind of comparison.
+/// The largest difference of one kind of comparison, and its tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
-    /// The largest relative difference seen.
+    /// The largest relative difference.
     pub worst: f64,
-    /// What is allowed.
+    /// The largest relative difference that is allowed.
     pub tolerance: f64,
 }
 
@@ -66,7 +67,7 @@ pub struct Figure {
 pub struct Figures(BTreeMap<&'static str, Figure>);
 
 impl Figures {
-    /// The largest difference of a comparison, infinite if it was not made.
+    /// The largest difference of a comparison, infinite if the comparison was not made.
     pub fn worst(&self, name: &str) -> f64 {
         self.0.get(name).map_or(f64::INFINITY, |f| f.worst)
     }
@@ -81,7 +82,7 @@ impl Figures {
             worst: 0.0,
             tolerance,
         });
-        // `max` would drop what is no number.
+        // `max` would ignore a NaN.
         figure.worst = if error.is_nan() {
             f64::INFINITY
         } else {

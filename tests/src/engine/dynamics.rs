@@ -1,16 +1,16 @@
-//! The dynamics at one closed state, against derivations that share nothing: Newton-Euler per
+//! Compares the dynamics at one closed state with independent derivations: Newton-Euler per
 //! parameter, Eq. 1, Lagrange, energy.
 
 use nalgebra::DVector;
 use regen_codegen::signature::FunctionKind;
 
-use super::check::{FORCE, ROW, apply};
+use super::check::{MIN_FORCE, ROW_TOLERANCE, apply};
 use super::compare::{Figures, ratio, row_error, size, vector_error};
 use super::{Answer, Engine};
 use crate::reference::{Mechanism, Parameter, PhysicalBody, Random, State};
 
-/// Sums over many terms that cancel: quadratic forms and powers.
-const BALANCE: f64 = 1e-9;
+/// The tolerance of sums over many terms that cancel: quadratic forms and powers.
+const BALANCE_TOLERANCE: f64 = 1e-9;
 
 pub(super) fn check(
     engine: &dyn Engine,
@@ -30,9 +30,9 @@ pub(super) fn check(
 
     let w = engine.matrix(FunctionKind::Regressor, &[q, qd, qdd])?;
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
-    figures.record("regressor", error, ROW);
+    figures.record("regressor", error, ROW_TOLERANCE);
 
-    // Eq. 1 knows no rotors; they are a diagonal inertia.
+    // Eq. 1 has no rotors; they are a diagonal inertia.
     let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
     for (p, value) in reference.parameters.iter().zip(&inertial) {
         if let Parameter::Rotor(k) = p {
@@ -41,15 +41,15 @@ pub(super) fn check(
     }
     let (ours, scale) = apply(&w, &inertial);
     let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
-    figures.record("equation 1", error, ROW);
+    figures.record("equation 1", error, ROW_TOLERANCE);
     let tau = reference.lagrange(q, qd, qdd, &inertial);
     let error = vector_error(&ours, &reference.reduce(q, &tau)?, scale);
-    figures.record("lagrange", error, ROW);
+    figures.record("lagrange", error, ROW_TOLERANCE);
 
     let (with_friction, scale) = apply(&w, &all);
     let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, &all])?;
     let error = vector_error(&ours, &with_friction, scale);
-    figures.record("inverse dynamics", error, ROW);
+    figures.record("inverse dynamics", error, ROW_TOLERANCE);
     power(reference, state, &all, &ours, figures);
 
     matrices(engine, reference, state, &all, scale, figures)?;
@@ -72,7 +72,7 @@ fn parameters(
     reference.parameters.iter().map(value).collect()
 }
 
-/// The efforts' power is the change of energy and what friction takes.
+/// The power of the efforts equals the change of energy plus the dissipation by friction.
 fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures: &mut Figures) {
     let State { q, qd, qdd } = state;
     let stored = reference.energy_rate(q, qd, qdd, phi);
@@ -93,12 +93,13 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     }
     let terms = reference.independent.iter().zip(tau);
     let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
-    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + FORCE;
+    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + MIN_FORCE;
     let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
-    figures.record("power balance", error, BALANCE);
+    figures.record("power balance", error, BALANCE_TOLERANCE);
 }
 
-/// Mass matrix, gravity and bias forces, and that they add up to the inverse dynamics.
+/// Compares the mass matrix, gravity and bias forces, and checks that they add up to the inverse
+/// dynamics.
 fn matrices(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -113,7 +114,7 @@ fn matrices(
     let dof = reference.dof();
     let mass = engine.matrix(FunctionKind::MassMatrix, &[q, phi])?;
     let (theirs, _) = reference.mass_matrix(q, qd, phi)?;
-    figures.record("mass matrix", row_error(&mass, &theirs), ROW);
+    figures.record("mass matrix", row_error(&mass, &theirs), ROW_TOLERANCE);
     let symmetry = row_error(&mass, &mass.transpose());
     figures.record("mass matrix symmetry", symmetry, 1e-12);
     let definite = mass.clone().cholesky().is_some();
@@ -123,19 +124,27 @@ fn matrices(
     let gravity = engine.call(FunctionKind::Gravity, &[q, phi])?;
     let theirs = reference.regressor(q, &rest, &rest)?;
     let (theirs, weight) = apply(&theirs, phi);
-    figures.record("gravity", vector_error(&gravity, &theirs, weight), ROW);
+    figures.record(
+        "gravity",
+        vector_error(&gravity, &theirs, weight),
+        ROW_TOLERANCE,
+    );
 
     let still = engine.call(FunctionKind::BiasForces, &[q, qd, phi])?;
     let bias: Vec<f64> = still.iter().zip(&gravity).map(|(c, g)| c + g).collect();
     let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
     let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
-    figures.record("bias forces", vector_error(&bias, &theirs, weight), ROW);
+    figures.record(
+        "bias forces",
+        vector_error(&bias, &theirs, weight),
+        ROW_TOLERANCE,
+    );
 
     let qdd_i = DVector::from_iterator(dof, reference.independent.iter().map(|k| qdd[*k]));
     let sum = &mass * qdd_i + DVector::from_vec(bias);
     let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, phi])?;
     let error = vector_error(sum.as_slice(), &ours, scale);
-    figures.record("M qdd + bias", error, ROW);
+    figures.record("M qdd + bias", error, ROW_TOLERANCE);
 
     for j in 0..dof {
         let mut unit = vec![0.0; dof];
@@ -148,12 +157,13 @@ fn matrices(
             mass.column(j).as_slice(),
             mass.amax() + size(&moved),
         );
-        figures.record("mass matrix columns", error, ROW);
+        figures.record("mass matrix columns", error, ROW_TOLERANCE);
     }
     Ok(())
 }
 
-/// Y(q, qd, qd, qdd) = W, and dM/dt - 2 C is skew with the C that Y contains.
+/// Checks that Y(q, qd, qd, qdd) = W, and that dM/dt - 2 C is skew-symmetric for the C that Y
+/// contains.
 fn adaptive_regressor(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -170,7 +180,7 @@ fn adaptive_regressor(
         &[q, qd, &pick(qd), &pick(qdd)],
     )?;
     let error = row_error(&y, &reference.regressor(q, qd, qdd)?);
-    figures.record("Y on the motion", error, ROW);
+    figures.record("Y on the motion", error, ROW_TOLERANCE);
 
     let none = vec![0.0; dof];
     let at = |v: &[f64], a: &[f64]| {
@@ -181,9 +191,9 @@ fn adaptive_regressor(
     };
     let (gravity, weight) = at(&none, &none)?;
     let theirs = engine.call(FunctionKind::Gravity, &[q, phi])?;
-    // Without friction, references at rest leave gravity, whatever the motion is.
+    // Without friction, Y with zero reference rates is gravity, for any motion.
     let error = vector_error(&gravity, &theirs, weight.max(size(&theirs)));
-    figures.record("Y at rest", error, ROW);
+    figures.record("Y at rest", error, ROW_TOLERANCE);
 
     let (mass, rate) = reference.mass_matrix(q, qd, phi)?;
     let s = random.vector(dof, 1.0);
@@ -192,7 +202,7 @@ fn adaptive_regressor(
     let quadratic = vector.dot(&(&rate * &vector));
     let coriolis: f64 = (0..dof).map(|i| s[i] * (forces[i] - gravity[i])).sum();
     let error = ratio((quadratic - 2.0 * coriolis).abs(), weight * size(&s));
-    figures.record("dM/dt - 2C skew", error, BALANCE);
+    figures.record("dM/dt - 2C skew", error, BALANCE_TOLERANCE);
 
     let (forces, weight) = at(&none, &s)?;
     let ours: Vec<f64> = forces.iter().zip(&gravity).map(|(f, g)| f - g).collect();
@@ -200,7 +210,7 @@ fn adaptive_regressor(
     figures.record(
         "Y mass",
         vector_error(&ours, theirs.as_slice(), weight),
-        ROW,
+        ROW_TOLERANCE,
     );
     Ok(())
 }

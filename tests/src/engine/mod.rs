@@ -1,4 +1,4 @@
-//! What an engine must be able to do to be judged, and the judgement.
+//! The interface of an engine under test, and the functions that check it.
 //!
 //! ```
 //! use regen_tests::engine::{Naive, check_engine};
@@ -26,7 +26,7 @@ pub use naive::Naive;
 pub use oracle::{ORACLES, check_oracle};
 pub use pairs::{Side, check_pair};
 
-/// What a method answers; the error says which status or misuse the engine reported.
+/// The result of a method; the error is the status or misuse that the engine reported.
 pub type Answer<T> = Result<T, String>;
 
 /// The names that an engine gives to its parts.
@@ -34,41 +34,41 @@ pub type Answer<T> = Result<T, String>;
 pub struct Names {
     /// All coordinates, in the order of `q`.
     pub coordinates: Vec<String>,
-    /// The independent ones, in the order of the regressor's rows.
+    /// The independent coordinates, in the order of the regressor's rows.
     pub independent: Vec<String>,
-    /// The actuated ones, in the order that `efforts` takes.
+    /// The actuated coordinates, in the order that `efforts` takes.
     pub actuated: Vec<String>,
     /// The labels of the regressor's columns.
     pub parameters: Vec<String>,
     /// The labels of the bodies, in the order of `poses`.
     pub bodies: Vec<String>,
-    /// The cuts with their numbers of rows.
+    /// The cut joints with their numbers of closure rows.
     pub cuts: Vec<(String, usize)>,
-    /// The cones with their greatest angles.
+    /// The cones with their largest angles, rad.
     pub cones: Vec<(String, f64)>,
-    /// Nominal parameters.
+    /// The nominal parameters, SI; `None` where the spec has none.
     pub nominal: Vec<Option<f64>>,
 }
 
-/// An engine over plain vectors, which computes functions by their kind. `q`, `qd`, `qdd` are over
-/// all coordinates; a suffix `_i` means over the independent ones; `phi` holds the parameters.
+/// An engine over plain vectors, which computes functions by their kind. `q`, `qd`, `qdd` contain
+/// all coordinates; with the suffix `_i` only the independent ones; `phi` contains the parameters.
 pub trait Engine {
     /// The names of its parts.
     fn names(&self) -> Names;
-    /// The closed state that everything starts from.
+    /// The home configuration, which is closed.
     fn home(&self) -> Vec<f64>;
-    /// A function's output, stored as its signature says; nothing where a function is of the model
-    /// but not of this robot.
+    /// A function's output, stored as its signature specifies; empty for a function of the model
+    /// that this robot does not have.
     ///
     /// # Errors
-    /// Where the engine reports that the state is singular, that sizes are wrong, or that it has
-    /// no such function.
+    /// When the engine reports that the state is singular, that sizes are wrong, or that it has no
+    /// such function.
     fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>>;
 
     /// A function's output as a matrix; a vector becomes a column.
     ///
     /// # Errors
-    /// What the engine reports.
+    /// When the engine reports an error.
     fn matrix(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<DMatrix<f64>> {
         let values = self.call(kind, inputs)?;
         let names = self.names();
@@ -96,7 +96,7 @@ pub trait Engine {
     /// The bodies' frames: rotation row by row, then the origin.
     ///
     /// # Errors
-    /// What the engine reports.
+    /// When the engine reports an error.
     fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
         let values = self.call(FunctionKind::Poses, &[q])?;
         let (poses, _) = values.as_chunks::<12>();
@@ -105,14 +105,14 @@ pub trait Engine {
 }
 
 impl Names {
-    /// How many there are of what a size counts.
+    /// The number of names that a size counts.
     fn length(&self, size: Size) -> usize {
         match size {
             Size::Coordinates => self.coordinates.len(),
             Size::Independent => self.independent.len(),
             Size::Dependent => self.coordinates.len() - self.independent.len(),
             Size::Actuated => self.actuated.len(),
-            // these have names in no engine
+            // no engine has names for these
             Size::Rows | Size::Base | Size::Free => 0,
             Size::Parameters => self.parameters.len(),
             Size::Bodies => self.bodies.len(),

@@ -1,4 +1,4 @@
-//! The reference behind the interface of an engine: the judge tried on itself.
+//! The reference behind the interface of an engine, to test the checks themselves.
 
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::signature::FunctionKind;
@@ -14,10 +14,10 @@ pub struct Naive<'a> {
 }
 
 impl Naive<'_> {
-    /// Closes home.
+    /// Computes the closed home configuration.
     ///
     /// # Errors
-    /// When it does not close.
+    /// When home does not close.
     pub fn new(mechanism: &Mechanism) -> Answer<Naive<'_>> {
         Ok(Naive {
             mechanism,
@@ -124,7 +124,8 @@ impl Naive<'_> {
         Ok((&out + out.transpose()) / 2.0)
     }
 
-    /// The Christoffel form: the symmetric bilinear form of the quadratic velocity efforts.
+    /// The adaptive regressor in the Christoffel form: the symmetric bilinear form of the efforts
+    /// that are quadratic in the velocities.
     fn adaptive_regressor(
         &self,
         q: &[f64],

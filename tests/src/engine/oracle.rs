@@ -1,4 +1,5 @@
-//! Published vectors: regressor and Jacobian at given states, computed by another program.
+//! Comparison with published vectors: regressor and Jacobian at given states, computed by another
+//! program.
 
 use nalgebra::DMatrix;
 use regen_codegen::signature::FunctionKind;
@@ -8,14 +9,14 @@ use super::compare::{Figures, row_error};
 use super::{Answer, Engine};
 use crate::files;
 
-/// What this project holds itself to at given states; the vectors are good to rounding.
-const ORACLE: f64 = 1e-11;
+/// The tolerance of this project at given states; the vectors are accurate to rounding.
+const VECTOR_TOLERANCE: f64 = 1e-11;
 
 /// The names of the robots that have vectors.
 pub const ORACLES: [&str; 4] = ["3rps", "fivebar", "puma560", "tree_branch"];
 
-/// Compares an engine with the vectors of one of [`ORACLES`]. The states are used as given: the
-/// accelerations hold the closure to 1e-8 only.
+/// Compares an engine with the vectors of one of [`ORACLES`]. The states are used as given,
+/// although their accelerations fulfil the closure equations only to 1e-8.
 ///
 /// # Errors
 /// When a file is missing, a name differs or a comparison fails.
@@ -48,7 +49,7 @@ pub fn check_oracle(engine: &dyn Engine, name: &str) -> Result<Figures, String> 
             &engine.matrix(FunctionKind::Regressor, &[&q, &qd, &qdd])?,
             &matrix(&state["regressor"])?,
         );
-        figures.record("regressor", error, ORACLE);
+        figures.record("regressor", error, VECTOR_TOLERANCE);
         if names.cuts.is_empty() {
             continue;
         }
@@ -56,7 +57,7 @@ pub fn check_oracle(engine: &dyn Engine, name: &str) -> Result<Figures, String> 
             &engine.matrix(FunctionKind::Jacobian, &[&q])?,
             &matrix(&state["jacobian"])?,
         );
-        figures.record("jacobian", error, ORACLE);
+        figures.record("jacobian", error, VECTOR_TOLERANCE);
     }
     figures.verdict(name)
 }

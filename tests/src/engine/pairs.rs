@@ -1,22 +1,24 @@
-//! One mechanism cut at two places: the same bodies, the same independent coordinates.
+//! Comparison of two specs of one mechanism, cut at different joints: the same bodies, the same
+//! independent coordinates.
 
 use regen_codegen::signature::FunctionKind;
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
-use super::check::ROW;
+use super::check::ROW_TOLERANCE;
 use super::compare::{Figures, row_error, vector_error};
 use super::{Answer, Engine};
 
-/// An engine for one spec of a mechanism.
+/// An engine for one spec of a mechanism, and the reference.
 pub type Side<'a> = (&'a dyn Engine, &'a crate::reference::Mechanism);
 
-/// Compares two specs of one mechanism at random states: bodies with the same label are at the
-/// same place, columns with the same label are equal, and the independent rows have one meaning.
+/// Compares two specs of one mechanism at random states: bodies with the same label have the same
+/// pose, columns with the same label are equal, and the rows belong to the same independent
+/// coordinates.
 ///
 /// # Errors
-/// When they disagree, have different independent coordinates or no column in common.
+/// When the specs disagree, have different independent coordinates or no column in common.
 pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures, String> {
     let who = format!("{} and {}", a.1.name, b.1.name);
     let (names_a, names_b) = (a.0.names(), b.0.names());
@@ -53,7 +55,7 @@ pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures,
             b.0.call(FunctionKind::Accelerations, &[&q, &qd, &pick(&state.qdd)])?;
         let poses = (a.0.poses(&state.q)?, b.0.poses(&q)?);
         for (i, j) in &bodies {
-            // Positions are solved, to rounding times the conditioning.
+            // Positions are solutions of the closure, accurate to rounding times the conditioning.
             let error = vector_error(&poses.0[*i], &poses.1[*j], 1.0);
             figures.record("poses", error, 1e-10);
         }
@@ -67,7 +69,7 @@ pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures,
             &columns,
             false,
         )?;
-        figures.record("regressor", row_error(&ours, &theirs), ROW);
+        figures.record("regressor", row_error(&ours, &theirs), ROW_TOLERANCE);
     }
     figures.verdict(&who)
 }

@@ -1,5 +1,5 @@
-//! From a drawn tree to a spec that closes: the second frame of each cut, the couplings'
-//! constants, the mobility and a choice of independent coordinates, all by numbers.
+//! Completes a drawn tree to a spec that closes: the second frame of each cut, the couplings'
+//! constants, the mobility and a choice of independent coordinates, all computed numerically.
 
 use std::fmt::Write as _;
 
@@ -8,53 +8,54 @@ use nalgebra::{DMatrix, DVector};
 use super::draft::{Actuation, Draft, Placement, cut_word, home_text, side_text};
 use crate::reference::{CutKind, Mechanism, Random, evaluate};
 
-/// Singular values of A at home below this part of the largest are zero ...
-const ZERO: f64 = 1e-10;
-/// ... and above this one they are not. Between them home is too close to a singularity.
-const REGULAR: f64 = 1e-3;
-/// Entries of A this small are rounding.
-const ROUNDING: f64 = 1e-12;
-/// The least ratio of singular values of A_e at home.
-const INDEPENDENT: f64 = 0.02;
-/// As many degrees of freedom are enough.
-const MOST_FREEDOMS: usize = 6;
+/// Singular values of A at home below this fraction of the largest are zero ...
+const ZERO_PART: f64 = 1e-10;
+/// ... and above this fraction they are not. If one is between the two, home is too close to a
+/// singularity.
+const REGULAR_PART: f64 = 1e-3;
+/// If all singular values of A are below this, its entries are rounding.
+const ENTRY_ROUNDING: f64 = 1e-12;
+/// The smallest accepted ratio of the smallest to the largest singular value of A_e at home.
+const MIN_CONDITIONING: f64 = 0.02;
+/// Specs with more degrees of freedom are rejected.
+const MAX_FREEDOMS: usize = 6;
 
-/// Why a draft is no spec.
+/// Why a draft cannot be completed to a spec.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reject {
-    /// Nothing moves.
+    /// The mechanism cannot move.
     Immobile,
-    /// More freedoms than are of interest.
+    /// The mechanism has more degrees of freedom than the tests need.
     TooMobile,
-    /// Home is at or near a singularity: the rank of A is unclear there or another one nearby.
+    /// Home is at or near a singularity: the rank of A is unclear there, or different nearby.
     SingularHome,
-    /// No well-conditioned choice of independent coordinates was met.
+    /// No well-conditioned choice of independent coordinates was found.
     NoChoice,
-    /// Too little is movable around home.
+    /// The mechanism can hardly move away from home.
     NoRoom,
     /// Some motion moves no mass.
     Massless,
-    /// A shrunk draft refers to what was left out, or is no spec for another reason.
+    /// A shrunk draft refers to a part that was removed, or is not a spec for another reason.
     Unfit,
 }
 
-/// A spec with what is known about it.
+/// A spec with its parts and its second derivation.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// The parts.
+    /// The parts of the spec.
     pub draft: Draft,
-    /// The spec.
+    /// The text of the spec.
     pub text: String,
-    /// The second derivation of it.
+    /// The second derivation of the spec.
     pub mechanism: Mechanism,
-    /// The names of the independent coordinates, also where they are not written.
+    /// The names of the independent coordinates, even if the spec does not list them.
     pub independent: Vec<String>,
 }
 
 /// Completes a draft.
 ///
 /// # Errors
-/// Why there is no good spec with these parts.
+/// The reason why these parts make no good spec.
 pub fn complete(draft: &Draft) -> Result<Sample, Reject> {
     let body = closed_text(draft)?;
     let guess = format!("{body}{}independent: []\n", home_text(&draft.home_pairs()));
@@ -94,7 +95,7 @@ pub fn complete(draft: &Draft) -> Result<Sample, Reject> {
     let state = mechanism
         .random_state(&closed, &mut random)
         .map_err(|_| Reject::NoRoom)?;
-    heavy(&mechanism, &state.q)?;
+    check_every_motion_moves_mass(&mechanism, &state.q)?;
     Ok(Sample {
         draft,
         text,
@@ -103,7 +104,7 @@ pub fn complete(draft: &Draft) -> Result<Sample, Reject> {
     })
 }
 
-/// The text with cuts and couplings, without home and independent coordinates.
+/// The text of the spec with cuts and couplings, without home and independent coordinates.
 pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
     let mut text = draft.tree_text();
     let home = home_text(&draft.home_pairs());
@@ -181,12 +182,12 @@ fn lookup(draft: &Draft) -> impl Fn(&str) -> Option<f64> + '_ {
     }
 }
 
-/// The number of freedoms at home, where the rank is clear.
+/// The number of degrees of freedom at home; an error where the rank is unclear.
 fn mobility(mechanism: &Mechanism, q: &[f64]) -> Result<usize, Reject> {
     let rank = clear_rank(mechanism, q).ok_or(Reject::SingularHome)?;
     match mechanism.n() - rank {
         0 => Err(Reject::Immobile),
-        m if m > MOST_FREEDOMS => Err(Reject::TooMobile),
+        m if m > MAX_FREEDOMS => Err(Reject::TooMobile),
         m => Ok(m),
     }
 }
@@ -197,16 +198,22 @@ fn clear_rank(mechanism: &Mechanism, q: &[f64]) -> Option<usize> {
     }
     let values = mechanism.jacobian(q).singular_values();
     let largest = values.max();
-    let unclear = |v: &&f64| **v > ZERO * largest && **v < REGULAR * largest;
-    // Rows of nothing but rounding hold nothing.
-    if largest < ROUNDING {
+    let unclear = |v: &&f64| **v > ZERO_PART * largest && **v < REGULAR_PART * largest;
+    // Rows that are only rounding constrain nothing.
+    if largest < ENTRY_ROUNDING {
         return Some(0);
     }
     let clear = !values.iter().any(|v| unclear(&v));
-    clear.then(|| values.iter().filter(|v| **v > REGULAR * largest).count())
+    clear.then(|| {
+        values
+            .iter()
+            .filter(|v| **v > REGULAR_PART * largest)
+            .count()
+    })
 }
 
-/// Small steps along random motions close again, at the same rank: home is no singularity.
+/// Checks that small steps along random motions close again with the same rank: home is not
+/// singular.
 fn neighbourhood(
     mechanism: &Mechanism,
     home: &[f64],
@@ -219,10 +226,10 @@ fn neighbourhood(
     let mut random = Random::new(seed ^ 0xbeef);
     for _ in 0..3 {
         let a = mechanism.jacobian(home);
-        // What of a random motion the rows allow.
+        // The part of a random motion that the rows allow.
         let wish = DVector::from_vec(random.vector(mechanism.n(), 1.0));
         let svd = a.clone().svd(true, true);
-        let bound = ZERO * svd.singular_values.max();
+        let bound = ZERO_PART * svd.singular_values.max();
         let kept = svd
             .solve(&(&a * &wish), bound)
             .map_err(|_| Reject::SingularHome)?;
@@ -236,7 +243,7 @@ fn neighbourhood(
         for _ in 0..12 {
             let f = DVector::from_vec(mechanism.constraints(&q));
             let svd = mechanism.jacobian(&q).svd(true, true);
-            let bound = REGULAR * svd.singular_values.max();
+            let bound = REGULAR_PART * svd.singular_values.max();
             let back = svd.solve(&f, bound).map_err(|_| Reject::SingularHome)?;
             for (x, d) in q.iter_mut().zip(back.iter()) {
                 *x -= d;
@@ -250,8 +257,8 @@ fn neighbourhood(
     Ok(())
 }
 
-/// A choice of independent coordinates, drawn: columns of A are taken into A_e in a random order
-/// as long as they add rank.
+/// Draws a choice of independent coordinates: columns of A are taken into A_e in a random order as
+/// long as they increase its rank.
 fn choose(
     draft: &Draft,
     open: &Mechanism,
@@ -271,7 +278,7 @@ fn choose(
         })
         .collect();
     for _ in 0..30 {
-        // Coupled keys first: they are never independent.
+        // Coupled coordinates first: they are never independent.
         let mut order: Vec<usize> = (0..n).filter(|k| !keyed.contains(k)).collect();
         for i in (1..order.len()).rev() {
             #[allow(clippy::cast_sign_loss, reason = "not negative")]
@@ -284,12 +291,12 @@ fn choose(
                 break;
             }
             dependent.push(*k);
-            if spread(&a.select_columns(&dependent)) < INDEPENDENT {
+            if conditioning(&a.select_columns(&dependent)) < MIN_CONDITIONING {
                 dependent.pop();
             }
         }
         if dependent.len() == rank && keyed.iter().all(|k| dependent.contains(k)) {
-            // In a drawn order: it is the order of the regressor's rows.
+            // In a random order, which is the order of the regressor's rows.
             let rest = order.iter().filter(|k| !dependent.contains(k));
             let mut names: Vec<usize> = rest.copied().collect();
             if draft.actuation == Actuation::Independent {
@@ -301,8 +308,8 @@ fn choose(
     Err(Reject::NoChoice)
 }
 
-/// Smallest over largest singular value.
-fn spread(matrix: &DMatrix<f64>) -> f64 {
+/// The smallest over the largest singular value.
+fn conditioning(matrix: &DMatrix<f64>) -> f64 {
     if matrix.nrows() < matrix.ncols() {
         return 0.0;
     }
@@ -310,8 +317,8 @@ fn spread(matrix: &DMatrix<f64>) -> f64 {
     values.min() / values.max()
 }
 
-/// Every motion moves some mass.
-fn heavy(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
+/// Checks that every motion moves some mass.
+fn check_every_motion_moves_mass(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
     let mut random = Random::new(1);
     let bodies: Vec<f64> = mechanism
         .bodies
@@ -325,7 +332,7 @@ fn heavy(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
         .mass_matrix(q, &still, &phi)
         .map_err(|_| Reject::SingularHome)?;
     let values = mass.symmetric_eigenvalues();
-    // Bodies of at least half a kilogram with arms of centimetres are far above this.
+    // Bodies of at least half a kilogram with arms of centimetres are far above this bound.
     if values.min() > 1e-6 * values.max().max(1.0) {
         Ok(())
     } else {
@@ -394,7 +401,7 @@ fn product(a: &[f64; 12], b: &[f64; 12]) -> [f64; 12] {
     out
 }
 
-/// The second frame seen from the first; rotation row by row, then the origin.
+/// The second frame relative to the first: rotation row by row, then the origin.
 fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
     let mut back = [0.0; 12];
     for i in 0..3 {
@@ -406,11 +413,11 @@ fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
     product(&back, to)
 }
 
-/// The placement of a frame, as exact as doubles are written.
+/// The placement of a frame, with all digits of its doubles.
 fn placement_text(m: &[f64; 12]) -> Placement {
     let level = m[7].hypot(m[8]);
     let pitch = (-m[6]).atan2(level);
-    // Pitched by a quarter turn, roll and yaw are one.
+    // At a pitch of a quarter turn, only the sum or difference of roll and yaw is defined.
     let rpy = if level < 1e-7 {
         [0.0, pitch, (-m[1]).atan2(m[4])]
     } else {
@@ -422,7 +429,7 @@ fn placement_text(m: &[f64; 12]) -> Placement {
     }
 }
 
-/// A number with all its digits; rounding of zero is zero.
+/// A number with all its digits; a zero with rounding errors is written as zero.
 fn number_text(value: f64) -> String {
     if value.abs() < 1e-14 {
         "0".into()
@@ -431,7 +438,7 @@ fn number_text(value: f64) -> String {
     }
 }
 
-/// Quarter turns are exact.
+/// An angle, with quarter turns written exactly.
 fn angle_text(value: f64) -> String {
     let quarters = (value / std::f64::consts::FRAC_PI_2).round();
     if (value - quarters * std::f64::consts::FRAC_PI_2).abs() > 1e-13 {

@@ -1,4 +1,4 @@
-//! A spec as parts that can be drawn, left out and written: what shrinking works on.
+//! A spec as parts that can be drawn, left out and written: shrinking works on them.
 
 use std::fmt::{self, Write as _};
 
@@ -36,38 +36,38 @@ impl fmt::Display for Placement {
     }
 }
 
-/// Where a joint stands on what comes before it.
+/// The placement of a joint on the preceding body.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Frame {
-    /// In place.
+    /// The same frame.
     Same,
-    /// alpha, a, d, theta.
+    /// Denavit-Hartenberg parameters: alpha, a, d, theta.
     Dh([String; 4]),
-    /// Any placement.
+    /// An arbitrary placement.
     Origin(Placement),
 }
 
-/// A joint type that a limb may have, with what its coordinates slide.
+/// A joint type of a limb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// One turn.
+    /// One rotation.
     Revolute,
-    /// One slide.
+    /// One translation.
     Prismatic,
-    /// A turn and a slide in proportion.
+    /// A rotation and a proportional translation: a screw.
     Helical,
-    /// A turn and a slide.
+    /// A rotation and a translation.
     Cylindrical,
-    /// Two turns.
+    /// Two rotations.
     Universal,
-    /// Three turns.
+    /// Three rotations.
     Spherical,
     /// No coordinate.
     Fixed,
 }
 
 impl Kind {
-    /// All of them.
+    /// All joint types.
     pub const ALL: [Kind; 7] = [
         Kind::Revolute,
         Kind::Prismatic,
@@ -78,7 +78,7 @@ impl Kind {
         Kind::Fixed,
     ];
 
-    /// As the spec writes it.
+    /// The name in the spec.
     pub fn word(self) -> &'static str {
         match self {
             Kind::Revolute => "revolute",
@@ -107,7 +107,7 @@ impl Kind {
     }
 }
 
-/// A cut's joint as the spec writes it.
+/// The name of a cut's joint type in the spec.
 pub fn cut_word(kind: CutKind) -> &'static str {
     match kind {
         CutKind::Spherical => "spherical",
@@ -127,15 +127,15 @@ pub struct Joint {
     pub name: String,
     /// Its type.
     pub kind: Kind,
-    /// Where it stands.
+    /// Its placement on the preceding body.
     pub frame: Frame,
-    /// Its axis, with joints of one coordinate; "z" is not written.
+    /// The axis of a joint of one coordinate; "z" is not written.
     pub axis: &'static str,
-    /// Its pitch, with helical joints.
+    /// The pitch of a helical joint.
     pub pitch: &'static str,
-    /// The body carried.
+    /// The label of the body that it carries.
     pub body: Option<String>,
-    /// Whether it has a motor.
+    /// Whether it is actuated.
     pub actuated: bool,
     /// Its kind of friction.
     pub friction: &'static str,
@@ -143,7 +143,7 @@ pub struct Joint {
     pub rotor: bool,
     /// More keys of the same line: limits, nominal values.
     pub more: String,
-    /// The text of home, coordinate by coordinate.
+    /// The home value of each coordinate, as text.
     pub home: Vec<String>,
 }
 
@@ -199,9 +199,9 @@ impl Joint {
 /// A serial branch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limb {
-    /// The body it starts from; `None` is the world.
+    /// The body that the limb starts from; `None` is the world.
     pub from: Option<String>,
-    /// Its placement there.
+    /// The placement of its first frame on that body.
     pub base: Placement,
     /// Its joints.
     pub joints: Vec<Joint>,
@@ -216,7 +216,7 @@ pub struct Side {
     pub placement: Placement,
 }
 
-/// A cut; the placement of its second side is computed so that it closes at home.
+/// A cut joint. The placement of its second side is computed so that the loop closes at home.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
     /// The joint.
@@ -227,30 +227,32 @@ pub struct Cut {
     pub a: Side,
     /// The body of frame B.
     pub b: Option<String>,
-    /// How far the cut's joint is moved at home: turns about x, y, z and a slide along z, of
-    /// which the joint's own freedoms are used.
+    /// The displacement of the cut's joint at home: rotations about x, y, z and a translation along
+    /// z, of which the joint's own freedoms are used.
     pub slack: [f64; 4],
-    /// Frame A is written second.
+    /// Whether frame A is written second.
     pub swapped: bool,
-    /// More keys: a cone.
+    /// Further keys: a cone.
     pub more: &'static str,
 }
 
-/// A coupling; its constant is computed so that it holds at home.
+/// A coupling. Its constant is computed so that it holds at home.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coupling {
-    /// The coordinate that is tied.
+    /// The coordinate that the coupling determines.
     pub key: String,
-    /// Multiples of others.
+    /// The other coordinates and their factors, as text.
     pub terms: Vec<(String, String)>,
 }
 
-/// Which coordinates have motors, beside the joints' own flags.
+/// Which coordinates are actuated, besides those of joints marked as actuated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Actuation {
-    /// The joints with independent coordinates; `independent` is left out where that fits.
+    /// The joints with independent coordinates; the spec omits `independent` where that is the
+    /// default.
     Independent,
-    /// As the joints say: passive freedoms, or more motors than freedoms.
+    /// Only the joints marked as actuated: there may be passive freedoms, or more actuators than
+    /// freedoms.
     AsDrawn,
 }
 
@@ -259,11 +261,11 @@ pub enum Actuation {
 pub struct Draft {
     /// The module's name.
     pub name: String,
-    /// How its loops hang together.
+    /// The topology of its loops, see `TOPOLOGIES`.
     pub topology: &'static str,
-    /// The group of motions of its loops.
+    /// The displacement group of its loops.
     pub group: &'static str,
-    /// Gravity; `None` leaves it out.
+    /// Gravity, m/s^2; `None` omits the key.
     pub gravity: Option<[String; 3]>,
     /// Named constants.
     pub geometry: Vec<(String, String)>,
@@ -273,11 +275,11 @@ pub struct Draft {
     pub cuts: Vec<Cut>,
     /// The couplings.
     pub couplings: Vec<Coupling>,
-    /// The motors.
+    /// The actuated coordinates.
     pub actuation: Actuation,
-    /// Where the choice of independent coordinates starts.
+    /// The seed of the choice of independent coordinates.
     pub choice: u64,
-    /// How far home's dependent coordinates are from closed.
+    /// The distance of home's dependent coordinates from closed ones.
     pub off_home: f64,
 }
 
@@ -292,7 +294,7 @@ impl Draft {
         self.joints().filter_map(|j| j.body.as_ref())
     }
 
-    /// The spec down to its limbs.
+    /// The text of the spec up to its limbs.
     pub(super) fn tree_text(&self) -> String {
         let mut out = format!("name: {}\n", self.name);
         if let Some(gravity) = &self.gravity {
@@ -324,7 +326,7 @@ impl Draft {
         out
     }
 
-    /// Home as drawn, over all coordinates.
+    /// Home as drawn, for all coordinates.
     pub(super) fn home_pairs(&self) -> Vec<(String, String)> {
         let pairs = self
             .joints()
@@ -333,7 +335,7 @@ impl Draft {
     }
 }
 
-/// `home: {...}`, zeros left out.
+/// The line `home: {...}`, without zeros.
 pub(super) fn home_text(pairs: &[(String, String)]) -> String {
     let given = pairs.iter().filter(|(_, v)| v != "0");
     let given: Vec<String> = given.map(|(k, v)| format!("{k}: {v}")).collect();
@@ -344,7 +346,7 @@ pub(super) fn home_text(pairs: &[(String, String)]) -> String {
     }
 }
 
-/// One side of a cut as written.
+/// One side of a cut as text.
 pub(super) fn side_text(body: Option<&String>, placement: &Placement) -> String {
     let body = body.map_or("world", String::as_str);
     let placement = placement.to_string();

@@ -1,21 +1,22 @@
-//! Drawing the parts: numbers with special values on purpose, joints of a group of motions.
+//! Draws the parts of a spec: numbers with deliberately special values, joints of a displacement
+//! group.
 
 use super::draft::{Actuation, Draft, Frame, Joint, Kind, Limb, Placement};
 use crate::reference::Random;
 
-/// A group of motions that the bodies of a loop stay in. In the small ones rows of the cuts are
-/// redundant, exactly or to rounding.
+/// The displacement group that the bodies of a loop stay in. In the smaller groups, rows of the
+/// cuts are redundant, exactly or up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Group {
     /// All motions.
     Space,
-    /// In the plane of x and y.
+    /// Motions in the plane of x and y.
     Plane,
-    /// About the origin.
+    /// Rotations about the origin.
     Sphere,
-    /// Without turning.
+    /// Translations.
     Translation,
-    /// With turns about z only.
+    /// Translations and rotations about z.
     Schoenflies,
 }
 
@@ -30,7 +31,7 @@ impl Group {
         }
     }
 
-    /// The dimension.
+    /// The dimension of the group.
     pub(super) fn freedoms(self) -> usize {
         match self {
             Group::Space => 6,
@@ -40,7 +41,7 @@ impl Group {
     }
 }
 
-/// A body that limbs may start from, or cuts be on.
+/// A body from which limbs may start, or on which cuts may be.
 #[derive(Clone, Debug)]
 pub(super) struct Carried {
     pub(super) label: String,
@@ -53,12 +54,12 @@ pub(super) struct Drawing {
     pub(super) draft: Draft,
     pub(super) bodies: Vec<Carried>,
     joints: usize,
-    /// How often numbers are special.
+    /// The probability that a number is special.
     special: f64,
     massless: f64,
 }
 
-/// Lengths of which two are equal and others related.
+/// Lengths, some of them equal or related.
 const LENGTHS: [&str; 10] = [
     "0",
     "0",
@@ -163,7 +164,7 @@ impl Drawing {
         format!("{:.3}", self.random.uniform(-1.5, 1.5))
     }
 
-    /// A placement within a group.
+    /// A placement that is a displacement of the group.
     pub(super) fn placement(&mut self, group: Group) -> Placement {
         let mut out = Placement::none();
         if group != Group::Sphere {
@@ -193,7 +194,7 @@ impl Drawing {
         }
     }
 
-    /// A limb without joints yet; says which it is.
+    /// Adds a limb without joints; returns its index.
     pub(super) fn limb(&mut self, from: Option<&str>, base: Placement) -> usize {
         self.draft.limbs.push(Limb {
             from: from.map(String::from),
@@ -203,7 +204,7 @@ impl Drawing {
         self.draft.limbs.len() - 1
     }
 
-    /// Joints of a group with as many coordinates; the last carries a body.
+    /// Adds joints of a group with `coordinates` coordinates in all; the last carries a body.
     pub(super) fn chain(&mut self, limb: usize, group: Group, coordinates: usize) {
         let mut left = coordinates;
         while left > 0 {
@@ -241,7 +242,7 @@ impl Drawing {
         }
     }
 
-    /// A joint of a group; says the label of its body.
+    /// Adds a joint of a group; returns the label of its body.
     pub(super) fn joint(
         &mut self,
         limb: usize,
@@ -318,7 +319,7 @@ impl Drawing {
         on_limb.map(|b| b.label.clone())
     }
 
-    /// Any body, or now and then the world.
+    /// A random body, or sometimes the world (`None`).
     pub(super) fn anywhere(&mut self) -> Option<String> {
         if self.bodies.is_empty() || self.chance(0.3) {
             return None;

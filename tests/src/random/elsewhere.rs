@@ -1,5 +1,5 @@
-//! The same mechanism opened at another place: a cut's joint is put into the tree, and the loop is
-//! opened where it is rigid.
+//! The same mechanism cut at another place: a cut's joint is moved into the tree, and the loop is
+//! cut rigidly instead.
 
 use std::fmt::Write as _;
 
@@ -8,11 +8,11 @@ use super::draft::{Frame, Joint, Kind, Limb, Placement, home_text};
 use super::{Reject, Sample};
 use crate::reference::{CutKind, Mechanism};
 
-/// The spec with the joint of a cut in the tree, massless up to a body `extra` that is cut
-/// rigidly where the joint's second frame was. The independent coordinates stay.
+/// Moves the joint of a cut into the tree. It carries a massless body `extra`, which is cut rigidly
+/// at the joint's second frame. The independent coordinates stay the same.
 ///
 /// # Errors
-/// When the text is no spec.
+/// When the text is not a spec.
 pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanism), Reject> {
     let mut draft = sample.draft.clone();
     let opened = &mut draft.cuts[cut];

@@ -1,5 +1,5 @@
-//! One random spec judged: the engine against the second derivation, its rows against
-//! differences, and the closure on a path and back.
+//! Checks of one random spec: the engine against the second derivation, its closure rows against
+//! finite differences, and the closure along a path and back.
 
 use regen_codegen::emit::{Options, module};
 use regen_codegen::signature::FunctionKind;
@@ -11,18 +11,18 @@ use crate::derived::Derived;
 use crate::engine::{Engine, Figures, check_engine};
 use crate::reference::{Mechanism, Random};
 
-/// Derives a spec and compares all that is derived, at as many random closed states.
+/// Derives a spec and compares all derived quantities at `states` random closed states.
 ///
 /// # Errors
-/// What failed, in one line.
+/// The check that failed, in one line.
 pub fn judge(sample: &Sample, seed: u64, states: usize) -> Result<Figures, String> {
     judge_text(&sample.text, &sample.mechanism, seed, states)
 }
 
-/// As [`judge`], for a spec's text and the second derivation of it.
+/// Like [`judge`], for the text of a spec and its second derivation.
 ///
 /// # Errors
-/// What failed, in one line.
+/// The check that failed, in one line.
 pub fn judge_text(
     text: &str,
     mechanism: &Mechanism,
@@ -37,16 +37,16 @@ pub fn judge_text(
     Ok(figures)
 }
 
-/// A and b against differences of f and A off the closure.
+/// Compares A and b with finite differences of f and A at states that are not closed.
 ///
 /// # Errors
-/// The row that differs.
+/// The row that differs, in one line.
 pub fn differences(engine: &dyn Engine, mechanism: &Mechanism, seed: u64) -> Result<(), String> {
     if mechanism.rows() == 0 {
         return Ok(());
     }
-    // Central differences: the third derivatives of sums of products of sines, times h^2, and
-    // rounding over h, are both below 1e-7 here.
+    // Central differences: both the truncation error (third derivatives of sums of products of
+    // sines, times h^2) and rounding over h are below 1e-7 here.
     let h = 1e-5;
     let mut random = Random::new(seed ^ 0xd1ff);
     let off = random.vector(mechanism.n(), 0.2);
@@ -87,10 +87,11 @@ pub fn differences(engine: &dyn Engine, mechanism: &Mechanism, seed: u64) -> Res
     Ok(())
 }
 
-/// The closure goes to a state in one solve as in small steps, and comes back to where it was.
+/// Checks that the closure reaches a state in one solve and in small steps alike, and returns to
+/// the start.
 ///
 /// # Errors
-/// What is not as before.
+/// The difference that was found.
 pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<(), String> {
     if mechanism.dependent.is_empty() {
         return Ok(());
@@ -104,7 +105,7 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
     let mut random = Random::new(seed ^ 0x000c_105e);
     let pick = |q: &[f64]| -> Vec<f64> { mechanism.independent.iter().map(|k| q[*k]).collect() };
     let from = pick(&home.q);
-    // A state that can be reached without coming near a singularity.
+    // Find a state that can be reached without coming near a singularity.
     let mut state = mechanism.random_state(&home.q, &mut random)?;
     for _ in 0..10 {
         if reached_slowly(mechanism, &home.q, &pick(&state.q)) {
@@ -117,7 +118,7 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
         let pairs = a.iter().zip(b);
         pairs.fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()))
     };
-    // Rounding, times how badly A_e is conditioned where the walk goes.
+    // Rounding, amplified by the conditioning of A_e along the path.
     let tolerance = 1e-11 / mechanism.conditioning(&state.q).min(1.0);
     let jump = closure.solve(&to).map_err(|e| e.to_string())?;
     if jump.outcome != Outcome::Closed || apart(&jump.q, &state.q) > tolerance {
@@ -158,7 +159,7 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
     Ok(())
 }
 
-/// Whether A_e stays well-conditioned on steps so short that none can leap to another branch.
+/// Whether A_e stays well-conditioned along steps so short that none can change the branch.
 fn reached_slowly(mechanism: &Mechanism, home: &[f64], to: &[f64]) -> bool {
     let from: Vec<f64> = mechanism.independent.iter().map(|k| home[*k]).collect();
     let bound = 0.1 * mechanism.conditioning(home);
@@ -179,7 +180,7 @@ fn reached_slowly(mechanism: &Mechanism, home: &[f64], to: &[f64]) -> bool {
     true
 }
 
-/// The source can be written and holds no number that is none.
+/// Checks that the source can be written and contains no NaN or infinity.
 fn written(derived: &Derived) -> Result<(), String> {
     let source = module(&derived.robot, &Options::default());
     match ["NaN", "inf)", "inf,"]

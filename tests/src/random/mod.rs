@@ -1,8 +1,9 @@
-//! Specs of mechanisms that nobody thought of: the same for the same seed.
+//! Specs of random mechanisms; the same seed gives the same spec.
 //!
-//! A tree is drawn with a home configuration; each cut's second frame is then written so that it
-//! closes there. Mobility and a choice of independent coordinates come from ranks of the second
-//! derivation. What is singular, immobile or without mass is drawn again, and counted.
+//! A tree is drawn with a home configuration; the second frame of each cut is computed so that the
+//! loop closes there. Mobility and a choice of independent coordinates follow from ranks of the
+//! second derivation. Draws that are singular, immobile or without mass are rejected and counted,
+//! and the seed draws again.
 //!
 //! ```
 //! use regen_tests::random;
@@ -32,19 +33,19 @@ pub use shrink::shrink;
 pub use spoil::spoil;
 pub use topology::TOPOLOGIES;
 
-/// What a seed gave.
+/// The result of drawing with one seed.
 #[derive(Clone, Debug)]
 pub struct Drawn {
-    /// The first of its draws that is a spec.
+    /// The first draw that makes a valid spec.
     pub sample: Option<Sample>,
-    /// How many draws before it were none, and why.
+    /// The number of rejected draws before it, by reason.
     pub rejects: BTreeMap<Reject, usize>,
 }
 
-/// So many draws are made for a seed.
+/// The largest number of draws for a seed.
 const ATTEMPTS: u64 = 60;
 
-/// The spec of a seed.
+/// Draws the spec of a seed.
 pub fn sample(seed: u64) -> Drawn {
     let mut rejects = BTreeMap::new();
     for attempt in 0..ATTEMPTS {

@@ -1,9 +1,10 @@
-//! The smallest spec that still fails: parts are left out, and the rest is completed again.
+//! Shrinks a failing spec: parts are left out, and the rest is completed again.
 
 use super::draft::{Draft, Frame, Placement};
 use super::{Sample, complete};
 
-/// Leaves out parts of a draft as long as what is left fails; the loops are closed anew each time.
+/// Leaves out parts of a draft as long as the rest still fails; the loops are closed anew each
+/// time.
 ///
 /// ```
 /// use regen_tests::random;
@@ -14,7 +15,7 @@ use super::{Sample, complete};
 /// ```
 pub fn shrink(sample: Sample, fails: &dyn Fn(&Sample) -> bool) -> Sample {
     let mut smallest = sample;
-    // Each round leaves out something: as many rounds as parts are enough.
+    // Each round leaves out one part, so as many rounds as parts are enough.
     'rounds: for _ in 0..200 {
         for draft in smaller(&smallest.draft) {
             if let Ok(candidate) = complete(&draft)
@@ -29,8 +30,8 @@ pub fn shrink(sample: Sample, fails: &dyn Fn(&Sample) -> bool) -> Sample {
     smallest
 }
 
-/// The draft with one part less, large parts first. What refers to a part that is gone is no
-/// spec, and not tried further.
+/// All drafts with one part less, large parts first. A draft that refers to a removed part is not a
+/// spec, and is skipped by the caller.
 fn smaller(draft: &Draft) -> Vec<Draft> {
     let mut out = Vec::new();
     let mut with = |change: &dyn Fn(&mut Draft)| {
@@ -41,7 +42,7 @@ fn smaller(draft: &Draft) -> Vec<Draft> {
         }
     };
     for limb in 0..draft.limbs.len() {
-        // With all cuts and limbs on its bodies.
+        // Without the limb, and without all cuts and limbs on its bodies.
         with(&|d| {
             let gone = d.limbs.remove(limb);
             let on = |body: Option<&String>| {

@@ -1,4 +1,5 @@
-//! Bad variants of a spec, and what must hold of their errors: they stand where the mistake is.
+//! Invalid variants of a spec, and checks of their errors: each must point at the line of the
+//! mistake.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -9,7 +10,8 @@ use super::Sample;
 use super::draw::below;
 use crate::reference::Random;
 
-/// A mistake: its name, the text, the lines of which the error may name one, and words that it must say.
+/// An invalid variant: the name of the mistake, the text, the lines that the error may point at,
+/// and words that it must contain.
 struct Mistake {
     name: &'static str,
     text: String,
@@ -17,11 +19,11 @@ struct Mistake {
     says: &'static str,
 }
 
-/// Makes every mistake that the spec has a place for, and some random changes.
-/// Says how many variants were tried.
+/// Tries every mistake that is possible in the spec, and some random changes. Returns the number of
+/// variants.
 ///
 /// # Errors
-/// The variant that was accepted, panicked, or whose error stands elsewhere.
+/// The variant that was accepted, caused a panic, or whose error points elsewhere.
 pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
     let mut random = Random::new(seed ^ 0x0bad);
     let mistakes = mistakes(&sample.text, &mut random);
@@ -47,14 +49,14 @@ pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
     }
     let changes = 6;
     for _ in 0..changes {
-        let text = changed(&sample.text, &mut random);
+        let text = mutated(&sample.text, &mut random);
         refused(&text).map_err(|e| format!("{e} of:\n{text}"))?;
     }
     independent(sample)?;
     Ok(mistakes.len() + changes + 1)
 }
 
-/// The errors of a text, if it has any; each with a place in it.
+/// The errors of a text, if it has any, after checking that each has a place in it.
 fn refused(text: &str) -> Result<Option<Report>, String> {
     let source = Source::new("spoilt.yaml", text);
     let derived = catch_unwind(AssertUnwindSafe(|| derive_with(&source, BaseFrom::Skip)));
@@ -77,7 +79,8 @@ fn refused(text: &str) -> Result<Option<Report>, String> {
     Ok(Some(report))
 }
 
-/// A wrong number of independent coordinates is refused with the mobility and a choice that is accepted.
+/// Checks that a wrong number of independent coordinates is refused, and that the error gives the
+/// mobility and a choice that is then accepted.
 fn independent(sample: &Sample) -> Result<(), String> {
     let dof = sample.independent.len();
     let body: Vec<&str> = sample
@@ -86,7 +89,7 @@ fn independent(sample: &Sample) -> Result<(), String> {
         .filter(|line| !line.starts_with("independent:"))
         .collect();
     let body = body.concat();
-    // One too few, or one too many where there is but one.
+    // One too few, or, if there is only one, one too many.
     let mechanism = &sample.mechanism;
     let coupled = |k: &usize| mechanism.couplings.iter().any(|c| c.key == *k);
     let dependent = mechanism.dependent.iter().find(|k| !coupled(k));
@@ -95,7 +98,7 @@ fn independent(sample: &Sample) -> Result<(), String> {
             sample.independent[0].clone(),
             mechanism.coordinates[*k].clone(),
         ],
-        // Every other coordinate is tied to this one: nothing else can be listed.
+        // All other coordinates are coupled to this one: no other can be listed.
         (1, None) => return Ok(()),
         _ => sample.independent[1..].to_vec(),
     };
@@ -121,7 +124,7 @@ fn independent(sample: &Sample) -> Result<(), String> {
     let accepted = format!("{body}independent: [{proposed}]\n");
     match refused(&accepted)? {
         None => Ok(()),
-        // From a home that is not closed, other coordinates may not close it.
+        // With a home that is not closed, other independent coordinates may be unable to close it.
         Some(report)
             if sample.draft.off_home > 0.0 && report.to_string().contains("do not close") =>
         {
@@ -133,12 +136,12 @@ fn independent(sample: &Sample) -> Result<(), String> {
     }
 }
 
-/// The mistakes of which the text has a place.
+/// The mistakes that are possible in the text.
 fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
     let mut out = Vec::new();
     let lines: Vec<&str> = text.lines().collect();
     let mut swap = |name: &'static str, from: &str, to: &str, says: &'static str| {
-        // A line that has it, drawn.
+        // A random line that contains it.
         let places: Vec<usize> = (0..lines.len())
             .filter(|l| lines[*l].contains(from))
             .collect();
@@ -215,7 +218,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
         "couplings: {j0: j0, ",
         "",
     );
-    // Where a limb has a `from` already, the new one is a second; the error is on either line.
+    // If a limb already has a `from`, the new one is a duplicate; the error may be on either line.
     for mistake in &mut out {
         if mistake.name == "a limb from nowhere" {
             let at = mistake.lines[0];
@@ -225,7 +228,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
     out
 }
 
-/// Values that are special somewhere.
+/// Values that are special in some place of a spec.
 const NUMBERS: [&str; 12] = [
     "0", "1", "-1", "2", "1e-9", "1e9", "1e-300", "1e300", "1/3", "pi/2", "sqrt(2)", "-0.3",
 ];
@@ -238,8 +241,8 @@ const KINDS: [&str; 6] = [
     "fixed",
 ];
 
-/// The text with another number or kind, or a line less: perhaps a spec, perhaps not.
-fn changed(text: &str, random: &mut Random) -> String {
+/// The text with another number or joint type, or with a line less; it may still be a spec.
+fn mutated(text: &str, random: &mut Random) -> String {
     let mut out = text.to_owned();
     for _ in 0..=below(random, 2) {
         out = match below(random, 4) {

@@ -1,5 +1,5 @@
-//! How loops hang together: trees, single and several loops, nested ones, loops that share bodies,
-//! loops on moving bodies, branches closed on their own ancestors, overconstrained ones.
+//! Random topologies: trees, single and several loops, nested ones, loops that share bodies, loops
+//! on moving bodies, branches closed on their own ancestors, overconstrained ones.
 
 use super::draft::{Coupling, Cut, Draft, Frame, Kind, Placement, Side};
 use super::draw::{Drawing, Group, below};
@@ -28,14 +28,15 @@ pub const TOPOLOGIES: [&str; 8] = [
     "overconstrained",
 ];
 
-/// Draws a mechanism; most can be completed.
+/// Draws a mechanism; most of the drafts can be completed.
 pub(super) fn draft(seed: u64, attempt: u64) -> Draft {
     let mut random = Random::new(seed.wrapping_mul(0x0100_0193).wrapping_add(attempt));
-    // Another attempt of a seed keeps its kind, so that rejects do not shift the mixture.
+    // Further attempts of a seed keep its topology and group, so that rejects do not change the
+    // mixture.
     let mut first = Random::new(seed.wrapping_mul(0x0100_0193));
     let topology = TOPOLOGIES[below(&mut first, TOPOLOGIES.len())];
     let group = GROUPS[below(&mut first, GROUPS.len())];
-    // The generator starts the same for neighbouring numbers.
+    // The first number of the generator is nearly the same for neighbouring seeds: skip it.
     let _ = random.uniform(0.0, 1.0);
     let mut d = Drawing::new(random, format!("r{seed}"));
     d.draft.topology = topology;
@@ -69,11 +70,11 @@ pub(super) fn draft(seed: u64, attempt: u64) -> Draft {
     d.draft
 }
 
-/// The pitches of screws, right-handed and left-handed.
+/// The pitches of helical joints, right-handed and left-handed.
 const PITCHES: [&str; 5] = ["0.5", "-1.3", "2*a", "pi/2", "-4*c + 0.1"];
 
-/// Makes hinges of every third draft with screws in its group into screws. They are drawn apart,
-/// so that the other drafts stay what they are.
+/// Replaces revolute joints by helical ones in every third draft whose group contains screws. It
+/// draws from a separate generator, so that the other drafts do not change.
 fn screws(draft: &mut Draft, seed: u64) {
     let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9) ^ 0x5c4e);
     let _ = random.uniform(0.0, 1.0);
@@ -87,7 +88,7 @@ fn screws(draft: &mut Draft, seed: u64) {
             joint.pitch = PITCHES[below(&mut random, PITCHES.len())];
         }
     }
-    // rails too where their direction is free: both leave as much freedom as a screw
+    // prismatic cuts too if all directions are allowed: they leave as much freedom as a screw
     let rails = draft.group == "space";
     for cut in &mut draft.cuts {
         if cut.kind == CutKind::Revolute || (rails && cut.kind == CutKind::Prismatic) {
@@ -107,7 +108,8 @@ fn tree(d: &mut Drawing) {
     }
 }
 
-/// The kinds of cuts that make sense in a group, with the freedoms they leave in it.
+/// Draws a kind of cut that makes sense in a group; returns it with the freedom it leaves in the
+/// group.
 fn cut_kind(d: &mut Drawing, group: Group) -> (CutKind, usize) {
     use CutKind::{Cylindrical, Fixed, Prismatic, Revolute, Spherical, Universal};
     let kinds: &[(CutKind, usize)] = match group {
@@ -147,11 +149,12 @@ fn cut_kind(d: &mut Drawing, group: Group) -> (CutKind, usize) {
     kinds[d.below(kinds.len())]
 }
 
-/// The frame of a cut in a group: its z is normal to the plane of a hinge, in it for a slide.
+/// The frame of a cut in a group: in the plane, its z is normal for a revolute joint and in the
+/// plane for a prismatic joint.
 fn cut_frame(d: &mut Drawing, group: Group, kind: CutKind) -> Placement {
     let mut placement = d.placement(group);
     match (group, kind) {
-        // A slide within the plane: z is laid into it.
+        // A prismatic joint in the plane: z is rotated into it.
         (Group::Plane, CutKind::Prismatic) => {
             placement.rpy = ["pi/2".into(), "0".into(), d.angle()];
         }
@@ -165,7 +168,7 @@ fn cut_frame(d: &mut Drawing, group: Group, kind: CutKind) -> Placement {
 
 fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: Option<String>) {
     let placement = cut_frame(d, group, kind);
-    // Within a group the cut's joint must not leave it at home either.
+    // In a smaller group, the displacement of the cut's joint at home must belong to it too.
     let turn = |d: &mut Drawing| match d.below(3) {
         0 => 0.0,
         _ => d.random.uniform(-1.2, 1.2),
@@ -186,7 +189,7 @@ fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: O
     ];
     let cone = matches!(kind, CutKind::Spherical | CutKind::Universal) && d.chance(0.2);
     let swapped = d.chance(0.5);
-    // Swapped, a universal cut is one about the other axis: only A, then B is what closes.
+    // A universal cut is not swapped: its two axes are different, and it closes only from A to B.
     let swapped = swapped && kind != CutKind::Universal;
     d.draft.cuts.push(Cut {
         kind,
@@ -199,7 +202,8 @@ fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: O
     });
 }
 
-/// A body at rest on `from` whose frame is the group's: world where the group is all of space.
+/// A body fixed on `from` whose frame is that of the group; in the group of all motions, `from`
+/// itself.
 fn ground(d: &mut Drawing, from: Option<&str>, group: Group) -> Option<String> {
     if group == Group::Space || (from.is_none() && d.chance(0.3)) {
         return from.map(String::from);
@@ -213,7 +217,8 @@ fn base(d: &mut Drawing, group: Group) -> Placement {
     d.placement(group)
 }
 
-/// One loop between two limbs, or of one limb and what it starts from. Says the limbs.
+/// Adds one loop between two limbs, or between one limb and the body it starts from. Returns the
+/// limbs.
 fn single(d: &mut Drawing, from: Option<&str>, group: Group) -> Vec<usize> {
     let from = ground(d, from, group);
     let (kind, left) = cut_kind(d, group);
@@ -249,7 +254,7 @@ fn several(d: &mut Drawing, group: Group) {
     }
 }
 
-/// A second loop through the first: a new limb from a body of it to another of it.
+/// A loop, and further limbs from one of its bodies to another.
 fn nested(d: &mut Drawing, group: Group) {
     single(d, None, group);
     for _ in 0..=d.below(2) {
@@ -263,7 +268,7 @@ fn nested(d: &mut Drawing, group: Group) {
     }
 }
 
-/// A limb from one body whose tip is cut to another. It takes at most one freedom away.
+/// Adds a limb from one body whose tip is cut to another. It removes at most one degree of freedom.
 fn close_onto(d: &mut Drawing, from: Option<&str>, onto: Option<String>, group: Group) {
     let (kind, left) = cut_kind(d, group);
     let share = d.below(2);
@@ -295,7 +300,7 @@ fn shared(d: &mut Drawing, group: Group) {
     }
 }
 
-/// A branch from a body that is closed on that body or on one below it in its own limb.
+/// A branch from a body that is closed on that body, or on a body before it in its own limb.
 fn ancestor(d: &mut Drawing, group: Group) {
     let base = d.placement(Group::Space);
     let limb = d.limb(None, base);
@@ -309,7 +314,7 @@ fn ancestor(d: &mut Drawing, group: Group) {
         _ => Some(on_limb[d.below(on_limb.len())].clone()),
     };
     let (kind, left) = cut_kind(d, group);
-    // Onto itself, the branch must move by itself.
+    // If the branch is closed on its own start, it must be able to move by itself.
     let coordinates = (group.freedoms() - left + d.below(2)).max(1) + usize::from(d.chance(0.7));
     let placement = d.placement(group);
     let branch = d.limb(Some(&start), placement);
@@ -318,7 +323,7 @@ fn ancestor(d: &mut Drawing, group: Group) {
     add_cut(d, group, kind, tip, end);
 }
 
-/// A loop carried by an arm, and perhaps an arm on the loop.
+/// A loop carried by an arm, sometimes with an arm on the loop.
 fn moving(d: &mut Drawing, group: Group) {
     let base = d.placement(Group::Space);
     let trunk = d.limb(None, base);
@@ -335,7 +340,7 @@ fn moving(d: &mut Drawing, group: Group) {
     }
 }
 
-/// Cranks of equal length under one platform: a parallelogram with more cranks than it needs.
+/// Cranks of equal length under one platform: a parallelogram with redundant cranks.
 fn overconstrained(d: &mut Drawing) {
     let arm = d.chance(0.4).then(|| {
         let base = d.placement(Group::Space);
@@ -375,7 +380,7 @@ fn overconstrained(d: &mut Drawing) {
     }
 }
 
-/// A hinge about z at a home angle.
+/// Adds a revolute joint about z with a home angle.
 fn hinge(d: &mut Drawing, limb: usize, frame: Frame, home: &str) -> Option<String> {
     let body = d.joint(limb, Group::Plane, Kind::Revolute, true);
     if let Some(joint) = d.draft.limbs[limb].joints.last_mut() {
@@ -385,7 +390,7 @@ fn hinge(d: &mut Drawing, limb: usize, frame: Frame, home: &str) -> Option<Strin
     body
 }
 
-/// Ties coordinates to others: no key twice, none in its own form.
+/// Couples coordinates to others: no coordinate twice, none in its own form.
 fn couple(d: &mut Drawing) {
     let names: Vec<String> = d
         .draft
@@ -396,7 +401,7 @@ fn couple(d: &mut Drawing) {
         return;
     }
     for _ in 0..=d.below(2) {
-        // Forms name earlier coordinates only: no cycles.
+        // Forms contain only earlier coordinates, so there are no cycles.
         let key = 1 + d.below(names.len() - 1);
         let mut terms = Vec::new();
         for _ in 0..=d.below(2) {

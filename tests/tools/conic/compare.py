@@ -4,15 +4,17 @@
     cargo run --release -p regen-tests --example conic -- 0 1000 > problems.jsonl
     python compare.py problems.jsonl
 
-or, of random combinations instead of derived robots, by the ignored test `problems_for_another_solver`
-of `regen-runtime`: RECORD.md has the command.
+The ignored test `problems_for_another_solver` writes problems of random combinations instead of derived
+robots: RECORD.md has the command.
 
-min ||R B phi - z||^2 with every pseudo-inertia and single parameter non-negative, under bounds,
-known values and sums (and our limits of bodies' sizes where we say that they matter), as one programme over a quadratic objective and semidefinite cones, handed to
-Clarabel's Python package in variables of its own (ours is another method, in other variables). Of
-every answer it is also found, with eigenvalues by numpy, whether it fulfils what was asked for.
+The problem is min ||R B phi - z||^2 with every pseudo-inertia positive semidefinite and every single
+parameter non-negative, under bounds, known values and sums (and our limits of the bodies' sizes where
+we report them as active). Clarabel's Python package solves it as one programme with a quadratic
+objective over semidefinite cones, in other variables than ours and by another method. The constraints
+of every answer are also checked with eigenvalues by numpy.
 
-Ours must be within 1e-5 of theirs or below, its gap must hold, and no verdict may be wrong.
+Our objective must be at most 1e-5 above theirs, our gap must be a true bound, and no verdict may be
+wrong.
 """
 
 import json
@@ -66,7 +68,7 @@ class Problem:
         return float(np.sum((self.r @ (self.b @ phi) - self.z) ** 2)) + self.given["rss"]
 
     def misses(self, phi):
-        """How far parameters are from what was asked for, each in a unit of its own."""
+        """The largest violation of a constraint by the parameters, each in its own unit."""
         worst = 0.0
         for columns in self.given["bodies"]:
             j = pseudo(phi[columns])
@@ -116,7 +118,7 @@ class Problem:
             push(-row, -low / unit[k])
             if high is not None:
                 push(row, high / unit[k])
-        # a limit that we say is active is part of the problem; one that is not must not matter
+        # a size limit that we report as active is part of the problem; an inactive one must not matter
         ours = self.given["ours"]
         sizes = ours["sizes"] if ours.get("limited") else []
         for columns, (mass, length) in zip(self.given["bodies"], sizes):
@@ -148,7 +150,7 @@ class Problem:
             if norm > 0:
                 unit[k] = whole / norm
                 a[:, k] *= unit[k]
-        # residuals are variables, around the least squares without constraints
+        # residuals are variables, relative to the least-squares solution without constraints
         middle = np.linalg.lstsq(a, self.z, rcond=1e-12)[0]
         size = max(np.linalg.norm(a, axis=0).max(), 1e-12)
         a = a / size
@@ -170,7 +172,7 @@ class Problem:
         return str(solution.status), x
 
     def margin(self, beta):
-        """The largest smallest eigenvalue of robots with these base parameters, at most 1."""
+        """The margin: the largest possible smallest eigenvalue with these base parameters, at most 1."""
         p = len(self.labels)
         n = p + 1
         length = 0.3
@@ -249,15 +251,15 @@ def main():
                     notes.append((given["seed"], "gap", ours["gap"]))
                 if solved:
                     counts["compared"] += 1
-                    # residuals below 1e-4 of the efforts count as none, as in our gap
+                    # residuals below 1e-4 of the efforts count as zero, as in our gap
                     whole = problem.z @ problem.z + given["rss"]
                     off = (mine - problem.squares(theirs)) / max(mine, 1e-8 * whole)
                     worst = max(worst, off)
-                    # theirs is outside by its tolerance: what that gains is not known
+                    # theirs violates constraints by its tolerance, which lowers its objective by an unknown amount
                     if off > 1e-5:
                         counts["worse"] += 1
                         notes.append((given["seed"], "worse", off, problem.misses(theirs)))
-                    # a limit may cost 1e-6 before we say that it matters
+                    # a size limit may cost 1e-6 before we report it as active
                     if off > ours["gap"] + 1e-6 and problem.misses(theirs) < 1e-10:
                         counts["above_gap"] += 1
                         notes.append((given["seed"], "above its gap", off, ours["gap"]))
@@ -268,7 +270,7 @@ def main():
                 negative = status == "PrimalInfeasible" or margin < -1e-6
                 says = judged["says"]
                 known = status in ("Solved", "AlmostSolved", "PrimalInfeasible")
-                # a proof that there is none comes without a margin
+                # after a proof of infeasibility there is no margin
                 positive = status != "PrimalInfeasible" and margin > 1e-6
                 wrong = says == "feasible" and negative or says == "infeasible" and positive
                 if known and wrong:

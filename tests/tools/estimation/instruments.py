@@ -1,11 +1,12 @@
-"""How often instrumental variables find the truth where noise of positions biases least squares.
+"""How often instrumental variables find the true parameters where noisy positions bias least squares.
 
     python tests/tools/estimation/instruments.py [--seeds 200] [--regen target/release/regen]
 
-Simulates an arm with two joints and the closed five-bar with noise of positions, identifies each
-log by `regen identify --iv`, and prints, for each case, the least of all seeds' largest deviation
-of least squares, and in how many seeds every value by instrumental variables is within 3 of its
-deviations. The truth is what least squares finds in an exact log.
+Simulates an arm with two joints and the closed five-bar with noise of positions, and identifies each
+log by `regen identify --iv`. For each case it prints the largest error of least squares in standard
+deviations, minimised over the seeds, and the number of seeds for which every value by instrumental
+variables is within 3 of its standard deviations. The true values are those of least squares in an
+exact log.
 """
 
 import argparse

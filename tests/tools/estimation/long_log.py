@@ -1,9 +1,9 @@
-"""Writes a long log of the 3-RPS as CSV: rows, then the file's name.
+"""Writes a long log of the 3-RPS as CSV; the arguments are the number of rows and the file.
 
     python tests/tools/estimation/long_log.py 10000000 long.csv
     /usr/bin/time -v regen observe robots/3rps.yaml long.csv --out long.json --local 0.01
 
-For measuring memory and time only: the forces are made up, so that parameters mean nothing.
+For measuring memory and time only: the forces are arbitrary, so the parameters are meaningless.
 Measured with these two commands on one core of a 2-core Xeon: 13.6 MB at most, 206 s of CPU.
 """
 

@@ -1,9 +1,9 @@
-"""Least squares with statistics against numpy's lstsq, single-threaded, in one run.
+"""Compares the time of least squares with statistics with that of numpy's lstsq, single-threaded.
 
     python tests/tools/estimation/ratio.py
 
-Needs numpy. Builds the runtime's benchmark, then times both, best of fifteen runs, twice in
-turns, and prints the smaller ratio.
+Needs numpy. Builds the runtime's benchmark, times both alternately, twice, each the best of fifteen
+runs, and prints the smaller ratio.
 """
 
 import os

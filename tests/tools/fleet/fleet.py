@@ -1,13 +1,13 @@
-"""Identify a robot from the logs of many: a map and a merge on Dask distributed.
+"""Identifies a robot from many logs: a map and a merge on Dask distributed.
 
     pip install distributed
     python tests/tools/fleet/fleet.py --regen target/release/regen robots/fivebar.yaml \
         logs/*.csv --reading="--fourier 0.2,5"
 
-Every log is reduced to its factors by `regen observe` in a worker process; the factors are
-small and of the same size whatever the log's length. `regen identify --from` merges them here,
-in any order with the same result. A worker that dies costs only the logs it was at: they are
-given to another. With --scheduler ADDRESS the workers are those of a running cluster, which
+A worker process reduces every log to its factors by `regen observe`; the size of the factors is
+small and does not depend on the log's length. `regen identify --from` merges them here,
+in any order with the same result. When a worker dies, only its current logs are lost, and another
+worker repeats them. With --scheduler ADDRESS the workers are those of a running cluster, which
 must see the logs at the same paths and have `regen`.
 """
 
@@ -22,7 +22,7 @@ from distributed import Client, LocalCluster, as_completed
 
 
 def observe(regen, spec, log, reading):
-    """The text of the factor file of one log. Runs in a worker."""
+    """Returns the text of the factor file of one log. Runs in a worker."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "factors.json"
         command = [regen, "observe", spec, log, "--out", str(out), *reading]
@@ -33,7 +33,7 @@ def observe(regen, spec, log, reading):
 
 
 def identify(client, regen, spec, logs, reading, on_result=None):
-    """The JSON of `regen identify` from all logs; on_result is called after each log."""
+    """Returns the JSON of `regen identify` from all logs; calls on_result after each log."""
     futures = client.map(
         lambda log: observe(regen, spec, log, reading), logs, pure=False, retries=3
     )

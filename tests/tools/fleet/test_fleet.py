@@ -1,4 +1,4 @@
-"""The fleet's result against that of one run over all logs, with a worker killed on the way.
+"""Compares the fleet's result with that of one run over all logs, while a worker is killed.
 
     python tests/tools/fleet/test_fleet.py target/debug/regen
 
@@ -94,7 +94,7 @@ def main():
 
             def kill_one(count):
                 if count == 1:
-                    # one that is at work, not one that idles
+                    # a busy worker, not an idle one
                     busy = [w for w, tasks in client.processing().items() if tasks]
                     victim = workers[busy[0] if busy else next(iter(workers))]
                     os.kill(victim, signal.SIGKILL)

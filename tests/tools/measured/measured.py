@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Runs `regen` on measured logs of real machines and holds its figures against aims.
+"""Runs `regen` on measured logs of real machines and compares its figures with targets.
 
-The logs are other people's and are not in the repository: MEASURED names the folder that holds
-them; without it, ../shared/measured beside the repository is taken where it exists. REGEN names
+The logs belong to other people and are not in the repository: MEASURED is the folder that contains
+them, by default ../shared/measured beside the repository if it exists. REGEN is
 the command, target/release/regen by default. Only the standard library is needed.
 
     python3 tests/tools/measured/measured.py [NAME...]
 
-prints one line for each figure, with its aim, and ends with 1 where one is missed. RECORD.md keeps
-what came out, with the machine and the date.
+prints one line for each figure, with its target, and exits with 1 if one is missed. RECORD.md has the
+results of runs, with the machine and the date.
 """
 
 import csv
@@ -32,7 +32,7 @@ UR_JOINTS = [
     "wrist_2_joint",
     "wrist_3_joint",
 ]
-# N m/A, of published.txt beside the logs
+# N m/A, from published.txt beside the logs
 UR_GAINS = [10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]
 UR_COLUMNS = [
     word
@@ -41,7 +41,7 @@ UR_COLUMNS = [
 ]
 UR_READING = ["--butterworth", "5,7", "--problems", "drop", *UR_COLUMNS]
 
-# specs that lack the constants of their machine's efforts
+# specs without the constant offsets of their machine's efforts
 CONSTANTS = ("psm", "psm_spring", "psm_cuts")
 
 
@@ -50,7 +50,7 @@ class Missed(Exception):
 
 
 def regen(*words, codes=(0,)):
-    """Runs the command; its output and messages."""
+    """Runs the command; returns its output and messages."""
     ran = subprocess.run([REGEN, *map(str, words)], capture_output=True, text=True, check=False)
     if ran.returncode not in codes:
         raise Missed(f"exit {ran.returncode}: {' '.join(map(str, words))}\n{ran.stderr[-800:]}")
@@ -63,7 +63,7 @@ def identify(*words, codes=(0,)):
 
 
 def outside(result):
-    """Values that lie outside their own interval."""
+    """Counts the values that lie outside their own interval."""
     rows = list(result["parameters"]) + list(result.get("physical") or [])
     count = 0
     for row in rows:
@@ -74,7 +74,7 @@ def outside(result):
 
 
 def rise(result):
-    """By how much the physical model's residuals are above least squares', percent of their rms."""
+    """The rise of the physical model's rms residual above that of least squares, percent."""
     text = result["models"][-1]["feasibility"]
     found = re.search(r"\+?([0-9.]+(?:e-?\d+)?) %", text)
     if not found:
@@ -113,7 +113,7 @@ class Cases:
         self.rests(spec, fit)
 
     def rests(self, spec, cropped):
-        """The log with its rests gives the parameters of the one without, within its intervals."""
+        """The log with phases at rest gives the parameters of the cropped log, within its intervals."""
         raw = self.folder / "ur10e" / "ur-20_02_12-50sec_12harm.csv"
         whole = self.scratch / "whole.csv"
         resampled(raw, whole)
@@ -169,7 +169,7 @@ class Cases:
     # suspicion ---------------------------------------------------------------------------------
 
     def suspicion_planted(self):
-        """Mistakes planted in the UR10e's log: each is named, with the column and the remedy."""
+        """Mistakes planted in the UR10e's log: messages name each, with the column and the remedy."""
         folder = self.folder / "ur10e"
         with open(folder / "id50_l.csv", newline="") as file:
             head, *rows = csv.reader(file)
@@ -236,13 +236,13 @@ class Cases:
         )
 
     def named(self, name, head, rows, words, wanted):
-        """A log with a mistake is refused or warned of in these words."""
+        """Checks that a log with a mistake is refused, or causes a warning, with these words."""
         with open(words[1], "w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(head)
             writer.writerows([[repr(x) for x in row] for row in rows])
         _, told = regen("identify", *words, codes=(0, 1, 2, 3))
-        # of the length of a log nothing is said here
+        # ignore the warning that a log is short
         lines = [line for line in told.splitlines() if "too few to know" not in line]
         missing = [word for word in wanted if not any(word in line for line in lines)]
         short = lines[0][:160] if lines else "nothing"
@@ -250,7 +250,7 @@ class Cases:
         self.figure(f"planted, {name}", shown, "named", not missing)
 
     def suspicion_false(self):
-        """Logs as their owners made them: nothing is suspected of those that agree with the spec."""
+        """Unchanged logs: those that agree with the spec cause no warning of a mistake."""
         guide = ROOT / "runtime/guide/fivebar"
         cut = ["--butterworth", "4,20"]
         cases = [
@@ -293,8 +293,8 @@ class Cases:
         self.med7_signs()
 
     def constants(self, name, told):
-        """The PSM's efforts have constants, which its published model has too (-0.0049 N m at the
-        fourth motor, as here) and these specs have not: nothing else is told, and all in one."""
+        """The PSM's efforts have constant offsets, which its published model has too (-0.0049 N m at the
+        fourth motor, as here) and these specs have not: one warning names all, and no other occurs."""
         found = [re.findall(r"column `(\w+)` looks shifted by a constant", s["what"]) for s in told]
         holds = len(found) == 1 and set(found[0]) <= {"tau_q4", "tau_q7"} and "tau_q7" in found[0]
         shown = f"constants in {', '.join(found[0])}" if holds else told
@@ -303,7 +303,7 @@ class Cases:
     def med7_signs(self):
         """The KUKA's log has the torques that the bodies exert on the joints, not those that hold
         them: their correlation with the nominal weights, by potential energies of the URDF alone,
-        is -0.98 and -1.00 at A2, -0.96 and -1.00 at A4. This is told once, and then no more."""
+        is -0.98 and -1.00 at A2, -0.96 and -1.00 at A4. One warning says so; with turned signs none does."""
         folder = self.folder / "med7"
         joints = [f"A{k}" for k in range(1, 8)]
         turned = [word for j in joints for word in ("--column", f"tau_{j}=tau_{j}*-1")]
@@ -314,7 +314,7 @@ class Cases:
                 signs = [s for s in told if "flipped" in s["what"]]
                 text = signs[0]["what"] + signs[0]["remedy"] if signs else ""
                 every = all(f"'tau_{j}=tau_{j}*-1'" in text for j in joints)
-                # beside them only what is constant in an effort of the sensors
+                # other warnings may only be of constant offsets of the effort sensors
                 rest = all(s in signs or "constant" in s["what"] for s in told)
                 holds = len(signs) == 1 and every and rest and "nominal bodies" in text
                 name = f"KUKA, {spec}, {log}"
@@ -340,7 +340,7 @@ class Cases:
 
 def with_titles(raw, out):
     """Writes a log of the surgical robot, 7 positions, velocities and efforts at 200 Hz, with times
-    and titles; velocities alone are not read."""
+    and titles; the velocities are not used."""
     names = [f"q{k}" for k in range(1, 8)]
     titles = ["t", *names, *(f"v{k}" for k in range(1, 8)), *(f"tau_{n}" for n in names)]
     with open(raw) as source, open(out, "w") as file:

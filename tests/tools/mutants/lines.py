@@ -1,11 +1,11 @@
-"""Lines of the libraries that tests reach, by folder.
+"""Counts the lines of the libraries that tests reach, by folder.
 
     RUSTC_WORKSPACE_WRAPPER=tests/tools/mutants/counted.sh cargo test --no-run \
         --message-format=json ... > built.json
     python3 tests/tools/mutants/lines.py RAW LIST built.json...
 
-Runs each program of tests that was built, up to ten minutes, with its counts in the folder RAW, and
-prints a table; the lines that none reaches go to the file LIST. Modules of tests are no lines.
+Runs each test program that was built, for at most ten minutes, with its counts in the folder RAW, and
+prints a table; lines that no program reaches are listed in the file LIST. Test modules do not count.
 Needs the component llvm-tools of rustup.
 """
 
@@ -80,7 +80,7 @@ with open(listed, "w") as out:
         for number, count in sorted(counted.items()):
             if number > end:
                 continue
-            # of the whole crate, and of the folder below it if there is one
+            # count for the whole crate, and for the folder below it if there is one
             for folder in {"/".join(parts[:2]), "/".join(parts[:-1][:3])}:
                 folders[folder][0] += 1
                 folders[folder][1] += count > 0

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Our base regressors beside those of CasADi and Pinocchio, in one run.
+"""Compares the times of our base regressors with those of CasADi and Pinocchio, in one run.
 
     python3 tests/tools/peers/peers.py            # installs the peers into a virtual environment first
 
-The peers come from PyPI. CasADi gets the joint-axis form of the regressor, each joint's twist
-carried outward to the links and the body's columns projected on it, only the base columns, and
-writes C, which is compiled the way its users do. Pinocchio's own full regressor is called from
-C++. Everything computes with sines and cosines included. Columns are compared at random states
+The peers are installed from PyPI. CasADi gets the joint-axis form of the regressor with only the base
+columns: each joint's twist is carried outward to the links, and the body's columns are projected on
+it. It writes C, which is compiled as its users do. Pinocchio's own full regressor is called from
+C++. All times include sines and cosines. Columns are compared at random states
 before anything is timed. Each program also times the C library's sine and cosine of as many
-angles; figures are compared as ratios to those, in rounds that take turns.
+angles; figures are compared as ratios to that time, in interleaved rounds.
 """
 import json
 import math
@@ -26,8 +26,8 @@ ROOT = HERE.parents[2]
 WORK = Path(os.environ.get("PEERS_DIR", ROOT / "target" / "peers"))
 NEEDS = ["pin==4.1.0", "cmeel-eigen==3.4.1", "casadi==3.8.2", "pyyaml==6.0.3", "matplotlib"]
 SERIAL = ["puma560", "ur5e", "rx90", "panda", "iiwa14"]
-# CasADi's base regressor over the C library's sines and cosines in design notes measured before:
-# a peer must not be slower than that by more than 15 %.
+# Earlier measurements: the time of CasADi's base regressor over that of the C library's sines and
+# cosines; a peer must not be slower than that by more than 15 %.
 KNOWN = {"puma560": 189 / 41, "panda": 265 / 50}
 ROUNDS = 3
 
@@ -75,7 +75,7 @@ def links(robot):
 
 
 def module(robot):
-    """The generated module of a robot; regen writes those of all robots first."""
+    """The generated module of a robot; the first call runs regen for all robots."""
     folder = WORK / "modules"
     if not folder.is_dir():
         command = ["cargo", "run", "--release", "--bin", "regen", "--", "generate", "--out", str(folder)]
@@ -399,7 +399,7 @@ def compile_casadi(ca, functions, flags, tag):
     (WORK / "main.c").write_text(main)
     program = WORK / f"casadi_{tag}"
     run(["gcc", *flags, "peers.c", "-c", "-o", f"peers_{tag}.o"], cwd=WORK)
-    # the yardstick is the C library's, whatever the flags of the functions
+    # the reference time is of the C library's functions, compiled without the flags under test
     run(["gcc", "-O2", "-fno-builtin", "main.c", f"peers_{tag}.o", "-o", program, "-lm"], cwd=WORK)
     return program
 
@@ -477,7 +477,7 @@ def agree_pinocchio(ours, pin):
 
 
 def figures(programs):
-    """The least time of each figure of each program; the programs take turns."""
+    """The minimum time of each figure of each program, in interleaved rounds."""
     least = [{} for _ in programs]
     for _ in range(ROUNDS):
         for program, best in zip(programs, least):
@@ -494,7 +494,7 @@ def counted(robot):
 
 
 def plot(points, line, label, along, title, file):
-    """Times over a number, beside a line."""
+    """Plots times over a number, with a line."""
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
@@ -510,7 +510,7 @@ def plot(points, line, label, along, title, file):
 def save(figure, file):
     import matplotlib
 
-    # the same points give the same bytes
+    # so that the same points give the same bytes
     with matplotlib.rc_context({"svg.hashsalt": "peers"}):
         figure.savefig(file, metadata={"Date": None})
 

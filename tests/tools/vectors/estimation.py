@@ -1,7 +1,8 @@
-"""Writes tests/fixtures/computed/estimation.json: what numpy and scipy compute where the runtime does too.
+"""Writes tests/fixtures/computed/estimation.json: results of numpy and scipy for comparison with the
+runtime.
 
 Run with numpy and scipy installed:  python tests/tools/vectors/estimation.py
-The inputs are formulas or seeded, so that the file is the same each time.
+The inputs are formulas or seeded random numbers, so every run writes the same file.
 """
 
 import json
@@ -16,7 +17,7 @@ def least_squares():
     rows, columns = 300, 7
     w = rng.normal(size=(rows, columns)) * np.logspace(-3, 3, columns)
     x = rng.normal(size=columns) / np.logspace(-3, 3, columns)
-    # residuals with memory, so that Newey and West's covariance is another
+    # autocorrelated residuals, so that Newey and West's covariance differs from the white one
     noise = signal.lfilter([1.0], [1.0, -0.6], rng.normal(size=rows))
     tau = w @ x + 0.3 * noise
     solution = np.linalg.lstsq(w, tau, rcond=None)[0]
@@ -89,7 +90,7 @@ def filters():
         "t": t.tolist(),
         "x": x.tolist(),
         "filtered": rows,
-        # the transfer function's own form, in direct arithmetic
+        # by the transfer function itself instead of second-order sections
         "filtfilt_2_8": signal.filtfilt(b, a, x).tolist(),
     }
 

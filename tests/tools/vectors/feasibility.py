@@ -4,9 +4,9 @@
     python tests/tools/vectors/feasibility.py > tests/fixtures/computed/feasibility.json
 
 min ||R B phi - z||^2 + ||(phi - cad) / 0.5||^2 with every pseudo-inertia and single parameter
-non-negative; the dense interior-point method coneqp of CVXOPT, which shares no code with the solver
-under test. The second term, beliefs in values of a wrong CAD model with a deviation of 0.1, makes phi
-unique and well determined, so that all of it can be compared to 1e-6.
+non-negative, is solved by the dense interior-point method coneqp of CVXOPT, which shares no code with
+the solver under test. The second term, priors at the values of a wrong CAD model with a standard
+deviation of 0.1, makes phi unique and well determined, so that all of it can be compared to 1e-6.
 """
 
 import json
@@ -71,7 +71,7 @@ def problem(seed, bodies, dropped, noise):
         blocks.append(g)
     single = spmatrix([-1.0] * bodies, range(bodies), range(10 * bodies, p), (bodies, p))
     g = matrix([matrix(single)] + [matrix(block) for block in blocks])
-    # around the minimum without constraints, where the objective is small
+    # relative to the minimum without constraints, where the objective is small
     middle = np.linalg.solve(quadratic, a.T @ z + cad / DEVIATION**2)
     h = -g * matrix(middle)
     dims = {"l": bodies, "q": [], "s": [4] * bodies}

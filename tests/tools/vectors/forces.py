@@ -1,12 +1,13 @@
-"""Forces of any description by Pinocchio, for `regen verify --all` to compare with.
+"""Computes the forces of any description by Pinocchio, for comparison by `regen verify --all`.
 
     python tests/tools/vectors/forces.py robots/*.yaml
 
-reads each description anew, builds its tree in Pinocchio joint by joint, closes its loops by
-Newton's method on Pinocchio's frames, and writes vectors/NAME.json beside it, or in tests/fixtures
-for a robot of this repository: some closed states, random parameters at each, and the forces of the independent coordinates, tau_i - X^T tau_e with
-tau by the recursive Newton-Euler algorithm and X from the frames' velocities. Rotors are
-Pinocchio's armature. Friction is no part of Pinocchio's inverse dynamics: its parameters are 0.
+reads each description independently of regen, builds its tree in Pinocchio joint by joint, closes its
+loops by Newton's method on Pinocchio's frames, and writes vectors/NAME.json beside it, or in
+tests/fixtures for a robot of this repository: some closed states, random parameters at each, and the
+forces of the independent coordinates, tau_i - X^T tau_e with tau by the recursive Newton-Euler
+algorithm and X from the frames' velocities. Rotors are Pinocchio's armature. Pinocchio's inverse
+dynamics has no friction: its parameters are 0.
 
 Needs: pip install numpy pyyaml pin==4.1.0
 """
@@ -42,10 +43,10 @@ def shift(x, y, z):
 
 
 class Description:
-    """A description as a Pinocchio model with pairs of frames that loops keep together."""
+    """A description as a Pinocchio model, with the pairs of frames that the cuts join."""
 
     def __init__(self, path):
-        # labels such as 1 and names such as y are text, as numbers are
+        # read all scalars as text, also labels such as 1 and names such as y
         self.spec = yaml.load(path.read_text(), Loader=yaml.BaseLoader)
         self.names = {}
         for name, text in (self.spec.get("geometry") or {}).items():
@@ -199,7 +200,7 @@ class Description:
         return np.array(columns).T.reshape(-1, n)
 
     def dependents(self, q, rhs):
-        """x of A_e x = rhs over all rows, twice refined."""
+        """Solves A_e x = rhs over all rows, with two steps of iterative refinement."""
         a = self.jacobian(q)[:, self.dependent]
         x = np.linalg.lstsq(a, rhs, rcond=1e-12)[0]
         for _ in range(2):
@@ -225,7 +226,7 @@ class Description:
             if not np.isfinite(step).all() or np.abs(step).max() > 3:
                 return None
             q[self.dependent] += step
-        # a few roundings of lengths of metres
+        # the bound is a few roundings of lengths of metres
         return best[1] if best[0] < 1e-13 else None
 
     def reach(self, start, goal):
@@ -285,7 +286,7 @@ class Description:
         return out
 
     def draw(self, random):
-        """A body of any shape for each, and friction 0."""
+        """Draws parameters: random physical bodies, and friction 0."""
         phi = np.zeros(len(self.parameters))
         for b in range(len(self.bodies)):
             spread = random.uniform(-0.3, 0.3, (3, 3))

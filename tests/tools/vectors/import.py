@@ -1,4 +1,5 @@
-"""Inverse dynamics by Pinocchio at random states of the robot files in tests/fixtures/import.
+"""Computes the inverse dynamics by Pinocchio at random states of the robot files in
+tests/fixtures/import.
 
     pip install pin==4.1.0 mujoco==4.0.0 numpy
     python tests/tools/vectors/import.py
@@ -12,10 +13,10 @@ Where joints are tied (loops by `connect`, joints that follow others), the state
 satisfy the ties and tau is reduced to independent coordinates: with the
 Jacobian A of the ties from Pinocchio's frames, N spans its null space with the
 unit matrix on the independent coordinates, and the reduced force is N' tau.
-Nothing here knows regen.
+Nothing here uses regen.
 
-Pinocchio 4.1 reads a joint's `pos` from the joint alone, and not from its class of
-defaults, as MuJoCo does. So it is handed MJCF files in which that attribute is
+Pinocchio 4.1 reads a joint's `pos` only from the joint; MuJoCo also reads it from the joint's
+class of defaults. So Pinocchio gets MJCF files in which that attribute is
 written out at each joint; nothing else is changed. It also takes the anchor of a `connect`
 in the joint's frame instead of the body's: the anchors are read from the file here,
 and placed with Pinocchio's frames of the bodies. MuJoCo itself, given the
@@ -83,7 +84,7 @@ def connects(model, path):
 
 
 def with_joint_positions(path):
-    """The file with `pos` written out at joints that have it from their class."""
+    """The file with `pos` written out at joints that inherit it from their class."""
     tree = ET.parse(path)
     positions = {}
 
@@ -105,7 +106,7 @@ def with_joint_positions(path):
 
 
 def by_mujoco(path, names, states):
-    """Forces of the open tree by MuJoCo, from the file without its meshes."""
+    """The forces of the open tree by MuJoCo, from the file without its meshes."""
     tree = ET.parse(path)
     for parent in list(tree.iter()):
         for child in list(parent):
@@ -149,7 +150,7 @@ def coordinate_names(model, path):
 
 
 def xml(path):
-    """URDF files have prefixes that are declared nowhere."""
+    """Reads a URDF file, which may have undeclared XML prefixes."""
     text = path.read_text().replace("drake:", "drake_")
     return ET.ElementTree(ET.fromstring(text))
 
@@ -168,7 +169,7 @@ def mimics(path):
 
 
 class Ties:
-    """f(q) = 0, A(q), and the acceleration that A qdd = b asks for."""
+    """The ties f(q) = 0, their Jacobian A(q), and the acceleration from A qdd = b."""
 
     def __init__(self, model, points, linear, names):
         self.model, self.data = model, model.createData()
@@ -208,7 +209,7 @@ class Ties:
 
 
 def solve(matrix, rhs):
-    """Planar loops have a row that is implied: least squares, which is exact here."""
+    """Solves by least squares, exactly: planar loops have a redundant row."""
     solution, *_ = np.linalg.lstsq(matrix, rhs, rcond=1e-9)
     assert np.abs(matrix @ solution - rhs).max(initial=0) < 1e-9
     return solution
@@ -274,7 +275,7 @@ def vectors(path, package, independent, linear, rng):
 
 
 def configuration(model, angles):
-    """Continuous joints are a cosine and a sine in Pinocchio."""
+    """The configuration in Pinocchio, where a continuous joint is a cosine and a sine."""
     return pin.integrate(model, pin.neutral(model), angles)
 
 

@@ -1,8 +1,8 @@
-"""Joint torques of published arms from the tables of their sources, by another program.
+"""Computes joint torques of published arms from the tables of their sources, by Pinocchio.
 
 Writes tests/fixtures/computed/nominal.json: for each robot a few states and the inverse dynamics
 that Pinocchio computes from the source's own frames and inertias. `python
-tests/tools/vectors/nominal.py --bodies` prints what the sources' inertias are in the frames of
+tests/tools/vectors/nominal.py --bodies` prints the sources' inertias in the frames of
 robots/*.yaml instead.
 
 Needs: pip install numpy pin==4.1.0
@@ -64,8 +64,8 @@ IIWA14 = [
     ((0, 0.081, 0), (-PI / 2, PI, 0), 1.2, (0, 0, 0.02), 0, (0.001, 0, 0, 0.001, 0, 0.001)),
 ]
 
-# Armstrong, Khatib and Burdick (1986). Of link 1 only the moment about its axis is measured, and
-# only it moves anything.
+# Armstrong, Khatib and Burdick (1986). Of link 1 only the moment about its axis is measured; its
+# other parameters do not affect the torques.
 PUMA560 = [
     ((0, 0, 0), (0, 0, 0), 0, (0, 0, 0), 0, (0, 0, 0, 0, 0, 0.35)),
     ((0, 0.2435, 0), (-PI / 2, 0, 0), 17.4, (0.068, 0.006, -0.016), 0, (0.13, 0, 0, 0.524, 0, 0.539)),
@@ -118,7 +118,7 @@ def bodies():
             turn = pin.rpy.rpyToMatrix(alpha, 0, 0)
             ours = ours * pin.SE3(turn, np.array([a, 0, 0]) + turn @ np.array([0, 0, d]))
             x = ours.inverse() * source
-            # the same axis, in the same sense: only a shift along it and a turn about it are left
+            # the axes are equal: the frames differ only by a translation along and a rotation about it
             assert abs(x.rotation[2, 2] - 1) < 1e-9 and np.abs(x.translation[:2]).max() < 1e-9, name
             i = x.act(inertia(mass, com, roll, six))
             numbers = [float(f"{v:.9g}") + 0.0 for v in

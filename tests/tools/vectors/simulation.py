@@ -1,9 +1,9 @@
-"""Accelerations and short runs of closed chains by another engine.
+"""Computes accelerations and short runs of closed chains by another engine.
 
 Writes tests/fixtures/computed/simulation.json: for two robots of robots/*.yaml, the accelerations that
 Pinocchio's constraint dynamics (Carpentier, Budhiraja and Mansard, 2021) computes from the state
 and the efforts of the actuators, and states of runs integrated with these accelerations alone.
-The mechanisms are built here from their measures, not from the YAML files: the 3-RPS as three
+The mechanisms are built here from their dimensions, not from the YAML files: the 3-RPS as three
 trees with two cut points, the five-bar linkage as two arms with one.
 
 Needs: pip install numpy pin==4.1.0
@@ -51,7 +51,7 @@ class Mechanism:
         return joint
 
     def meet(self, first, second):
-        """Two points, each (joint, placement), that stay together."""
+        """Joins two points, each (joint, placement)."""
         (a, pa), (b, pb) = first, second
         self.pairs.append(pin.RigidConstraintModel(
             pin.ContactType.CONTACT_3D, self.model, a, pa, b, pb, pin.ReferenceFrame.LOCAL))
@@ -76,7 +76,7 @@ class Mechanism:
         return np.concatenate(points)
 
     def jacobian(self, q):
-        """Of the gap."""
+        """The Jacobian of the gap."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.forwardKinematics(self.model, self.data, q)
         rows = []
@@ -92,7 +92,7 @@ class Mechanism:
         return np.vstack(rows)
 
     def closed(self, q, fixed):
-        """The closed state near q with these coordinates as they are."""
+        """The closed state near q with the coordinates `fixed` unchanged."""
         q = q.copy()
         free = [k for k in range(self.model.nv) if k not in fixed]
         for _ in range(50):
@@ -104,7 +104,7 @@ class Mechanism:
         return q
 
     def moving(self, q, fixed, rates):
-        """The velocities with these ones of the fixed coordinates."""
+        """All velocities, from the velocities `rates` of the fixed coordinates."""
         j = self.jacobian(q)
         free = [k for k in range(self.model.nv) if k not in fixed]
         v = np.zeros(self.model.nv)
@@ -116,7 +116,7 @@ class Mechanism:
         settings = pin.ProximalSettings(1e-14, 1e-14, 1e-10, 100)
         a = pin.constraintDynamics(self.model, self.data, q, v, tau, self.pairs, self.datas, settings)
         a = a.copy()
-        # the same by the equations of motion with multipliers, solved at once
+        # the same by the equations of motion with Lagrange multipliers, in one solve
         mass = pin.crba(self.model, self.data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
         bias = pin.nonLinearEffects(self.model, self.data, q, v)
@@ -127,12 +127,12 @@ class Mechanism:
         m = len(drift)
         kkt = np.block([[mass, j.T], [j, np.zeros((m, m))]])
         other = np.linalg.lstsq(kkt, np.concatenate([tau - bias, -drift]), rcond=1e-12)[0][:len(a)]
-        # central differences of the drift are good to about 1e-9
+        # central differences of the drift are accurate to about 1e-9
         assert np.abs(a - other).max() < 1e-6 * (1 + np.abs(a).max()), np.abs(a - other).max()
         return a
 
     def run(self, q, v, tau, duration, steps):
-        """A run under constant efforts: the classic method of order four over all coordinates."""
+        """A run under constant efforts: the classic Runge-Kutta method of order four, all coordinates."""
         h = duration / steps
         rate = lambda q, v: (v, self.fast(q, v, tau))
         for _ in range(steps):
@@ -151,7 +151,7 @@ class Mechanism:
 
 
 def rps3():
-    """robots/3rps.yaml; the spherical joint is three revolutes, z then y then x of its frame."""
+    """robots/3rps.yaml; a spherical joint is three revolute joints, about z, y and x of its frame."""
     m = Mechanism(G)
     a = 0.4563
     r = a / np.sqrt(3)
@@ -179,7 +179,7 @@ def SPHERICAL(inertia):
 
 
 def fivebar():
-    """robots/fivebar.yaml; out of its plane the tip's equation is empty."""
+    """robots/fivebar.yaml; the tip's equation normal to its plane is 0 = 0."""
     m = Mechanism(G)
     crank = lambda: body(0.24, (0.15, 0, 0), (1e-5, 1.8e-3, 1.8e-3))
     rod = lambda: body(0.32, (0.2, 0, 0), (1e-5, 4.27e-3, 4.27e-3))

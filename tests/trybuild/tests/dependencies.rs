@@ -1,10 +1,11 @@
-//! What a user of the macro or of the generated crate never builds.
+//! Crates that a user of the macro or of the generated crate never builds.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::Path;
 use std::process::Command;
 
-/// Crates of the solvers and the command line: minutes to build, or of no use in a controller.
+/// Crates of the solvers and the command line: they take minutes to build, or are of no use in a
+/// controller.
 const HEAVY: [&str; 13] = [
     "faer",
     "csv",
@@ -21,7 +22,7 @@ const HEAVY: [&str; 13] = [
     "num-dual",
 ];
 
-/// The crates that building a package takes, itself included, without dev-dependencies.
+/// The crates that are built for a package, itself included, without dev-dependencies.
 fn tree(package: &str, flags: &[&str]) -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let output = Command::new(env!("CARGO"))
@@ -72,7 +73,7 @@ fn the_macro_and_what_it_emits_never_build_the_heavy_crates() {
     assert_light("regen-runtime", &["--features", "macros"]);
 }
 
-/// The same question has the other answer where the crate is there.
+/// The check finds a crate that is built.
 #[test]
 fn a_crate_that_is_built_is_found() {
     assert!(holds(&tree("regen-macros", &[]), "syn"));
@@ -89,7 +90,7 @@ fn a_crate_that_is_built_is_found() {
     assert!(holds(&tree("regen-cli", &[]), "serde_json"));
 }
 
-/// No system library and none that a build script fetches or compiles.
+/// The solver needs no system library, and none that a build script downloads or compiles.
 #[test]
 fn the_conic_solver_needs_no_system_lapack() {
     let tree = tree("regen-identify", &[]);
@@ -104,7 +105,7 @@ fn the_conic_solver_needs_no_system_lapack() {
     }
 }
 
-/// Without the macro the runtime is two crates, with the standard library or without it.
+/// Without the macro, the runtime builds two crates, with or without the standard library.
 #[test]
 fn the_runtime_depends_on_libm_alone() {
     for flags in [&["--no-default-features"][..], &[]] {

@@ -20,7 +20,7 @@ struct Robot {
     model: String,
 }
 
-/// Whether every robot is built (`.ci/full`), or those alone whose source is checked in.
+/// Whether every robot is built (`.ci/full`), or only those whose source is checked in.
 fn full() -> bool {
     std::env::var_os("REGEN_FULL").is_some()
 }
@@ -66,8 +66,8 @@ fn camel_case(name: &str) -> String {
     name.split('_').map(word).collect()
 }
 
-/// A crate in the target directory: its own workspace, the versions of this one, the specs in
-/// its `robots/`.
+/// Writes a crate in the target directory: its own workspace, the dependency versions of this one,
+/// the specs in its `robots/`.
 fn outside_crate(name: &str, manifest: &str, source_file: &str, source: &str) -> PathBuf {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::create_dir_all(dir.join("src")).unwrap();
@@ -76,7 +76,7 @@ fn outside_crate(name: &str, manifest: &str, source_file: &str, source: &str) ->
         let spec = root().join("robots").join(&robot.file);
         let copy = dir.join("robots").join(&robot.file);
         fs::copy(&spec, &copy).unwrap();
-        // Base parameters that are too heavy for a macro are kept beside the spec.
+        // Base parameters that take too long for a macro are stored beside the spec.
         if spec.with_extension("base").exists() {
             fs::copy(spec.with_extension("base"), copy.with_extension("base")).unwrap();
         }
@@ -167,8 +167,8 @@ fn main() {{
     source + "}\n"
 }
 
-/// The compiler's writer of debug information crashes on long functions: cargo's default
-/// profile, and release with full debug information, are where it would.
+/// The compiler's writer of debug information can crash on long functions: this would happen in
+/// cargo's default profile, and in release with full debug information.
 #[test]
 fn every_robot_runs_in_a_crate_that_renames_the_runtime_with_debug_information() {
     let dir = outside_crate(
@@ -216,7 +216,7 @@ fn a_crate_without_the_standard_library_can_use_every_robot() {
         &source,
     );
     cargo(&dir, &["build"]);
-    // The crates that the controller links, macros and their dependencies aside.
+    // The crates that the controller links, without macros and their dependencies.
     let linked = cargo(
         &dir,
         &[

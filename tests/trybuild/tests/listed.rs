@@ -1,4 +1,4 @@
-//! The tables of `DEPENDENCIES.md` and `.deny.toml` say what cargo says.
+//! The tables of `DEPENDENCIES.md` and `.deny.toml` agree with cargo.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ fn cargo(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The packages of the workspace and all that Cargo.lock holds for them.
+/// The packages of the workspace and all packages that Cargo.lock lists for them.
 static PACKAGES: LazyLock<Vec<Value>> = LazyLock::new(|| {
     let text = cargo(&[
         "metadata",
@@ -58,7 +58,7 @@ fn table(head: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// The strings of a list in `.deny.toml`, which stand in lines of their own.
+/// The strings of a list in `.deny.toml`, each on a line of its own.
 fn listed(key: &str) -> BTreeSet<String> {
     let file = std::fs::read_to_string(root().join(".deny.toml")).unwrap();
     let start = format!("{key} = [");
@@ -86,7 +86,7 @@ fn every_direct_dependency_has_its_row_and_every_row_its_dependency() {
             let users = found
                 .entry(text(dependency, "name").to_owned())
                 .or_default();
-            // in the product, or in its tests only
+            // true in the product, false in its tests only
             *users.entry(user.to_owned()).or_default() |= dependency["kind"] != "dev";
         }
     }
@@ -143,7 +143,7 @@ fn every_licence_is_among_those_that_are_allowed() {
         assert!(meets(None), "{name}: {written}");
         needed.extend(allowed.iter().filter(|id| !meets(Some(id))));
     }
-    // Nothing is allowed for no crate.
+    // Every allowed licence is that of some crate.
     assert_eq!(needed, allowed.iter().collect());
 }
 
@@ -181,7 +181,7 @@ fn crates_in_several_versions_are_those_that_are_explained() {
     }
 }
 
-/// Names and versions of what a package builds, itself included.
+/// The names and versions of the crates that a package builds, itself included.
 fn built(package: &str, features: &str) -> BTreeSet<String> {
     let base = [
         "tree",
@@ -200,7 +200,7 @@ fn built(package: &str, features: &str) -> BTreeSet<String> {
     }
     let tree = cargo(&arguments);
     let crates = tree.lines().filter(|line| !line.is_empty());
-    // a crate that was told before is followed by a star
+    // a crate that was listed before is followed by a star
     crates
         .map(|line| {
             line.split_whitespace()

@@ -16,16 +16,17 @@ const PRELUDE: &str = "AsMut AsRef AsyncFn AsyncFnMut AsyncFnOnce Box Clone Copy
     Future Hash Into IntoFuture IntoIterator Iterator None Ok Option Ord PartialEq PartialOrd \
     Result Send Sized Some String Sync ToOwned ToString TryFrom TryInto Unpin Vec";
 
-/// A type parameter, crates, primitive types, words that are keywords only here and there, names
-/// without a letter, and names from which `Self` and a number would be made.
+/// A type parameter, crates, primitive types, contextual keywords, names without a letter, and
+/// names of which the type would be `Self` or a number.
 const OTHERS: &str = "T t core std alloc regen_runtime f64 usize str bool auto default union raw \
     safe macro_rules model_t _ __ _1 _3rps _self self_";
 
-/// A slide with friction and limits: its module imports all that a tree's may.
+/// A prismatic joint with friction and limits: its module has all imports that a tree's module can
+/// have.
 const SLIDE: &str = "limbs: [{name: a, joints: [{name: q, type: prismatic, body: 1, \
     actuated: true, friction: linear, limits: {effort: [-1, 1]}}]}]\n";
 
-/// The text of the module of a robot with this name, or `None` where the name is refused.
+/// The text of the module of a robot with this name, or `None` if the name is refused.
 fn module(name: &str, rest: &str) -> Option<String> {
     let source = Source::new("robot.yaml", spec(name, rest));
     let options = emit::Options::default();
@@ -50,8 +51,8 @@ fn taken(module: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// The name of a module whose type would have this name: `SizeError` comes from `size_error`,
-/// and `Box`, whose lower-case form is a keyword, from itself.
+/// The name of a module whose type has this name: `SizeError` comes from `size_error`, and `Box`,
+/// whose lower-case form is a keyword, from itself.
 fn robot_name(type_name: &str) -> String {
     let mut name = String::new();
     for (at, c) in type_name.char_indices() {
@@ -111,8 +112,8 @@ fn robots_named_like_what_modules_import_or_the_prelude_has_compile_as_source_an
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("names");
     fs::create_dir_all(dir.join("src")).unwrap();
     fs::create_dir_all(dir.join("robots")).unwrap();
-    // Specs are named by number: some robots differ only in the case of their letters, which
-    // not every file system tells apart.
+    // Specs have numbers as file names: the names of some robots differ only in case, which some
+    // file systems ignore.
     let (mut macros, mut sources) = (String::new(), String::new());
     for (at, (name, rest)) in robots.iter().enumerate() {
         if name == "_" {

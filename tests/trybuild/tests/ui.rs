@@ -1,5 +1,5 @@
-//! Errors of `robot_model!`, in folders by cause: each appears at the literal, and those of a
-//! spec show the spec's own line.
+//! Errors of `robot_model!`, in folders by cause: each points at the literal, and those of a spec
+//! show the spec's own line.
 
 #[test]
 fn specs_that_are_wrong_are_shown_with_their_place() {

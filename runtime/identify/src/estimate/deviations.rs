@@ -1,4 +1,5 @@
-//! The covariance of an estimate from its scores, with the degrees of freedom it is known by.
+//! The covariance of an estimate, computed from its scores, with the degrees of freedom of that
+//! covariance.
 
 use core::f64::consts::{PI, SQRT_2};
 
@@ -10,41 +11,43 @@ use super::scores::Block;
 use super::solution::inverse_gram;
 use super::{Blocks, Estimate, EstimateError, QrFactor};
 
-/// Cosines at most.
-const TERMS: usize = 32;
-/// Where parameters take up all but this part of what the cosines see, nothing is known about
-/// the noise.
-const LEAST: f64 = 1e-3;
-/// Below so many independent stretches deviations are too small.
-const STRETCHES: f64 = 20.0;
+/// The largest number of cosines.
+const MAX_COSINES: usize = 32;
+/// When the fitted parameters leave less than this fraction of the noise variance in the cosine
+/// transforms, nothing is known about the noise, and the standard deviation is infinite.
+const MIN_REMAINING_PART: f64 = 1e-3;
+/// A log that is shorter than this many independent samples gives standard deviations that are too
+/// small.
+const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
 ///
 /// The long-run variance of the scores is the mean of the squares of their first cosine transforms
-/// (Lazarus, Lewis, Stock and Watson, 2018: equal-weighted cosines), each of which is one degree
-/// of freedom of Student's distribution; scores are whitened before
-/// ([`Scores`](super::Scores)). What the fitted parameters take away from residuals is given back,
-/// and the degrees of freedom are counted, as Bell and McCaffrey (2002) do: by what both are for
-/// noise as the residuals were found to be.
+/// (Lazarus, Lewis, Stock and Watson, 2018: equal-weighted cosines), each of which is one degree of
+/// freedom of Student's distribution; the scores are whitened before ([`Scores`](super::Scores)).
+/// The fit makes residuals smaller than the noise. That loss is corrected, and the degrees of
+/// freedom are computed, as by Bell and McCaffrey (2002): from the values that both have for noise
+/// with the autocorrelation of the residuals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviations {
-    /// n x n, symmetric, column-major.
+    /// The covariance of the n parameters, n x n, symmetric, column-major.
     pub covariance: Vec<f64>,
-    /// Of Student's distribution, one for each parameter.
+    /// The degrees of freedom of Student's distribution, one for each parameter.
     pub degrees_of_freedom: Vec<f64>,
-    /// The cosines.
+    /// The number of cosines.
     pub terms: usize,
-    /// The samples.
+    /// The number of samples.
     pub samples: usize,
-    /// The samples that are as good as one independent sample.
+    /// The number of samples that carry as much information as one independent sample.
     pub memory: f64,
-    /// A triangular root of a covariance of full rank, n x n, column-major.
+    /// A Cholesky factor of a covariance of full rank, n x n, column-major; see
+    /// [`root`](Self::root).
     root: Vec<f64>,
 }
 
 impl Deviations {
-    /// Those of an estimate whose residuals count as white, as where nothing is known of their
-    /// order in time.
+    /// The deviations of an estimate whose residuals are taken as white, for use when their order
+    /// in time is not known.
     pub fn white(estimate: &Estimate) -> Self {
         let n = estimate.values.len();
         let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
@@ -71,7 +74,7 @@ impl Deviations {
         variance.map_or(f64::NAN, |v| v.sqrt())
     }
 
-    /// The same with another covariance, known by as many degrees of freedom for all parameters.
+    /// The same with another covariance, with the same degrees of freedom for all parameters.
     #[must_use]
     pub fn with_covariance(&self, covariance: Vec<f64>, degrees_of_freedom: usize) -> Self {
         Self {
@@ -81,10 +84,10 @@ impl Deviations {
         }
     }
 
-    /// The same where each parameter may be off by a change besides that is the same for all samples,
-    /// such as that of derivatives from samples: it counts as one deviation.
+    /// The same with an additional systematic error that is the same for all samples, such as that
+    /// of derivatives computed from samples: it counts as one standard deviation.
     ///
-    /// - `change`: one for each parameter, in its unit.
+    /// - `change`: the error of each parameter, in its unit.
     #[must_use]
     pub fn with_change(&self, change: &[f64]) -> Self {
         let n = self.degrees_of_freedom.len();
@@ -111,35 +114,36 @@ impl Deviations {
         }
     }
 
-    /// Whether the log is too short for its noise: then the deviations are likely to be smaller
-    /// than they should be.
+    /// Whether the log is too short for the correlation time of its noise (less than 20 independent
+    /// samples): the standard deviations are then likely to be too small.
     pub fn short(&self) -> bool {
-        (self.samples as f64) < STRETCHES * self.memory
+        (self.samples as f64) < MIN_INDEPENDENT_SAMPLES * self.memory
     }
 
-    /// A triangular root L of the covariance, n x n, column-major, for drawing all parameters
+    /// A Cholesky factor L of the covariance, n x n, column-major, for drawing all parameters
     /// together: `L L^T` has full rank.
     ///
-    /// Fewer cosines than parameters make a covariance that is singular. This one leans towards
-    /// that of noise as the residuals were found to be, as far as the cosines differ from it by
-    /// chance (Ledoit and Wolf, 2004).
+    /// With fewer cosines than parameters the covariance is singular. `L L^T` is therefore a
+    /// weighted mean of it and of the covariance that noise with the autocorrelation of the
+    /// residuals has; the weight is the part of their difference that is due to chance (Ledoit and
+    /// Wolf, 2004).
     pub fn root(&self) -> &[f64] {
         &self.root
     }
 
-    /// The degrees of freedom of the covariance as a whole.
+    /// The degrees of freedom of the covariance as a whole: the number of cosines.
     pub fn joint_degrees_of_freedom(&self) -> f64 {
         self.terms as f64
     }
 }
 
 impl Blocks {
-    /// The deviations of an estimate.
+    /// The covariance and degrees of freedom of an estimate.
     ///
-    /// - `factor`: weighted, over the parameters of these scores, or over some of them: `kept`
-    ///   then lists their places;
-    /// - `values`: the parameters of the factor; those that are not kept are zero;
-    /// - `inside`: the part of the residuals within Huber's bound, 1 for least squares.
+    /// - `factor`: weighted, over the parameters of these scores or some of them;
+    /// - `kept`: the indices of the factor's parameters among those of the scores;
+    /// - `values`: the parameters of the factor, SI; those not in `kept` are zero;
+    /// - `inside`: the fraction of the residuals within Huber's bound, 1 for least squares.
     ///
     /// # Errors
     /// When sizes do not fit or the factor is singular.
@@ -147,7 +151,7 @@ impl Blocks {
     /// ```
     /// use regen_identify::estimate::{Autoregression, QrFactor, Scores};
     ///
-    /// // the mean of 400 values that come in equal pairs: 200 are independent
+    /// // the mean of 400 values in equal pairs: 200 of them are independent
     /// let value = |t: usize| (12.9898 * (t / 2 * t / 2) as f64).sin();
     /// let mut factor = QrFactor::new(vec!["mean".to_owned()]);
     /// factor.push_block(&[1.0; 400], &(0..400).map(value).collect::<Vec<_>>())?;
@@ -190,7 +194,7 @@ impl Blocks {
         let usual = 0.4 * libm::cbrt((samples as f64).powi(2));
         #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
         let usual = usual as usize;
-        let terms = usual.min(TERMS).min(self.len() / 2).max(1);
+        let terms = usual.min(MAX_COSINES).min(self.len() / 2).max(1);
         let cosines = Cosines::new(&self.blocks, samples, 2 * terms);
         let sum = Sums {
             blocks: &self.blocks,
@@ -199,7 +203,7 @@ impl Blocks {
             bread: &bread,
             cosines: &cosines,
         };
-        let seen = sum.seen(terms, &step);
+        let transforms = sum.transforms(terms, &step);
         let expected: Vec<Vec<f64>> = (0..=2 * terms).map(|m| sum.expected(m)).collect();
         let removed: Vec<Vec<f64>> = (1..=terms).map(|j| sum.removed(j)).collect();
 
@@ -213,7 +217,7 @@ impl Blocks {
             let omega = omega(&expected, &removed, terms, k, a);
             let trace: f64 = (0..terms).map(|j| omega[j * terms + j]).sum();
             let squares: f64 = omega.iter().map(|x| x * x).sum();
-            if trace > LEAST * terms as f64 * whole {
+            if trace > MIN_REMAINING_PART * terms as f64 * whole {
                 scale[a] = terms as f64 * whole / trace;
                 degrees_of_freedom[a] = trace * trace / squares;
             } else {
@@ -221,21 +225,21 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
-        if factor.few() {
+        if factor.has_too_few_rows() {
             scale.fill(f64::INFINITY);
             degrees_of_freedom.fill(1.0);
         }
         let mut covariance = vec![0.0; k * k];
         for a in 0..k {
             for b in 0..=a {
-                let own: f64 = seen.iter().map(|x| x[a] * x[b]).sum();
+                let own: f64 = transforms.iter().map(|x| x[a] * x[b]).sum();
                 let own = own / terms as f64 * (scale[a] * scale[b]).sqrt();
                 covariance[a * k + b] = own;
                 covariance[b * k + a] = own;
             }
         }
-        let root = root(&seen, &scale, &expected[0], k).unwrap_or_else(|| {
-            // without a correlation that is known, none is assumed
+        let root = root(&transforms, &scale, &expected[0], k).unwrap_or_else(|| {
+            // the correlation is not known: assume none
             let mut apart = vec![0.0; k * k];
             for a in 0..k {
                 apart[a * k + a] = covariance[a * k + a].sqrt();
@@ -254,7 +258,7 @@ impl Blocks {
     }
 }
 
-/// cos(pi m s) at the middle s of each block, m = 0, 1, ...
+/// cos(pi m s) at the middle s of each block, m = 0, 1, ..., with s from 0 to 1 over the log.
 struct Cosines {
     count: usize,
     values: Vec<f64>,
@@ -280,6 +284,7 @@ impl Cosines {
     }
 }
 
+/// The blocks with the cosines and B = (W^T W)^-1, over the parameters of a factor.
 struct Sums<'a> {
     blocks: &'a [Block],
     n: usize,
@@ -289,8 +294,9 @@ struct Sums<'a> {
 }
 
 impl Sums<'_> {
-    /// The parameters' cosine transforms: `sqrt(2) B sum cos_j score`, j from 1.
-    fn seen(&self, terms: usize, step: &[f64]) -> Vec<Vec<f64>> {
+    /// The cosine transforms of the parameters: `sqrt(2) B sum cos_j score`, j from 1; one list of
+    /// k entries for each cosine.
+    fn transforms(&self, terms: usize, step: &[f64]) -> Vec<Vec<f64>> {
         let k = self.kept.len();
         let mut out = vec![vec![0.0; k]; terms];
         for (b, block) in self.blocks.iter().enumerate() {
@@ -318,7 +324,7 @@ impl Sums<'_> {
         out
     }
 
-    /// `B sum cos_m P B`: entry (a, b) at a k + b.
+    /// `B sum cos_m P B` with the expected variance P of each block: entry (a, b) at a k + b.
     fn expected(&self, m: usize) -> Vec<f64> {
         let k = self.kept.len();
         let sum = self.collect(m, |block, i, j| {
@@ -330,7 +336,8 @@ impl Sums<'_> {
         product(&half, self.bread, k)
     }
 
-    /// `sqrt(2) B sum cos_j D`: what fitted parameters take away from the transform.
+    /// `sqrt(2) B sum cos_j D`, with D the slope of each block: the change of the transform with
+    /// the fitted parameters.
     fn removed(&self, j: usize) -> Vec<f64> {
         let k = self.kept.len();
         let mut sum = self.collect(j, |block, i, l| block.slope[i * self.n + l]);
@@ -340,7 +347,7 @@ impl Sums<'_> {
         product(self.bread, &sum, k)
     }
 
-    /// Sums a matrix of the blocks, row by row.
+    /// The sum over the blocks of cos_m times one of their matrices, k x k, row by row.
     fn collect(&self, m: usize, entry: impl Fn(&Block, usize, usize) -> f64) -> Vec<f64> {
         let k = self.kept.len();
         let mut sum = vec![0.0; k * k];
@@ -359,7 +366,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// The product of two matrices, both row by row.
+/// The product of two k x k matrices, both row by row.
 fn product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
     let mut out = vec![0.0; k * k];
     for (row, into) in a.chunks_exact(k.max(1)).zip(out.chunks_exact_mut(k.max(1))) {
@@ -372,8 +379,8 @@ fn product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
     out
 }
 
-/// The covariance of one parameter's transforms under the noise that residuals were found to be,
-/// terms x terms.
+/// The covariance of the transforms of parameter `a`, if the noise has the autocorrelation of the
+/// residuals; terms x terms.
 fn omega(
     expected: &[Vec<f64>],
     removed: &[Vec<f64>],
@@ -384,7 +391,7 @@ fn omega(
     let row = |matrix: &'_ [f64]| -> Vec<f64> { matrix[a * k..(a + 1) * k].to_vec() };
     let taken: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
     let own: Vec<Vec<f64>> = (1..=terms).map(|j| row(&expected[j])).collect();
-    // what is taken, through the covariance of all parameters
+    // the loss by the fit, times the covariance of all parameters
     let through: Vec<Vec<f64>> = taken
         .iter()
         .map(|t| {
@@ -407,8 +414,9 @@ fn omega(
     out
 }
 
-/// A root of a covariance of full rank, see [`Deviations::root`].
-fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Vec<f64>> {
+/// A Cholesky factor of a covariance of full rank, see [`Deviations::root`]; `None` if a variance
+/// is not positive and finite.
+fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Vec<f64>> {
     let zero = vec![0.0; k * k];
     let sizes: Vec<f64> = (0..k).map(|a| expected[a * k + a].sqrt()).collect();
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
@@ -418,9 +426,9 @@ fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<
         .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
         .collect();
     let own = cholesky(&related, k)?;
-    // the transforms as the expected covariance would have them white
-    let terms = seen.len() as f64;
-    let white: Vec<Vec<f64>> = seen
+    // the transforms, whitened by the expected covariance
+    let terms = transforms.len() as f64;
+    let white: Vec<Vec<f64>> = transforms
         .iter()
         .map(|x| {
             let mut out: Vec<f64> = (0..k).map(|a| x[a] * scale[a].sqrt() / sizes[a]).collect();
@@ -444,7 +452,7 @@ fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<
     }
     let mean = (0..k).map(|a| found[a * k + a]).sum::<f64>() / k.max(1) as f64;
     let square = |matrix: &[f64]| matrix.iter().map(|x| x * x).sum::<f64>();
-    // |S - mu I|^2, and what of it chance explains: sum |x x^T - S|^2 / terms^2
+    // |S - mu I|^2, and the part of it that is due to chance: sum |x x^T - S|^2 / terms^2
     let apart = square(&found) - k as f64 * mean * mean;
     let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
     let chance = (lengths / terms - square(&found)) / terms;
@@ -453,7 +461,7 @@ fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<
     } else {
         1.0
     };
-    // a trace of the mean keeps what is singular definite
+    // a small part of the mean makes a singular matrix positive definite
     let lean = lean.max(1e-6);
     for (at, x) in found.iter_mut().enumerate() {
         *x *= 1.0 - lean;

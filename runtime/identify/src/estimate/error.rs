@@ -1,4 +1,4 @@
-//! What keeps an estimate from being made.
+//! The errors of the estimators.
 
 use core::fmt;
 
@@ -9,54 +9,54 @@ use regen_runtime::SizeError;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EstimateError {
-    /// Slices or lists whose lengths do not fit each other.
+    /// A slice or list has the wrong length.
     Size {
-        /// What has the wrong length.
+        /// The name of the argument.
         what: &'static str,
-        /// The length it must have.
+        /// The required length.
         expected: usize,
-        /// The length it had.
+        /// The length that was given.
         got: usize,
     },
-    /// An entry that is NaN or infinite.
+    /// An entry is NaN or infinite.
     NotFinite {
-        /// What holds it.
+        /// The name of the matrix or list that contains the entry.
         what: &'static str,
-        /// Its row, from 0.
+        /// The row of the entry, from 0.
         row: usize,
     },
-    /// Factors that do not belong together.
+    /// Two factors, or sets of factors, cannot be merged because they differ.
     Mismatch {
-        /// What differs: `columns`, `efforts`, `model`.
+        /// What differs: `columns`, `robots`, `models`, `kinds of observation` or `efforts`.
         what: &'static str,
-        /// What the first has.
+        /// The value of the first factor.
         left: String,
-        /// What the other has.
+        /// The value of the other factor.
         right: String,
     },
-    /// Fewer rows than parameters.
+    /// There are fewer rows than parameters.
     TooShort {
-        /// Rows there are.
+        /// The number of rows.
         rows: usize,
-        /// Parameters asked for.
+        /// The number of parameters to estimate.
         parameters: usize,
-        /// Labels of the parameters that have a part in what is not determined.
+        /// Labels of the parameters that take part in undetermined combinations.
         labels: Vec<String>,
     },
-    /// The data leave parameters undetermined.
+    /// The data leave some parameters undetermined.
     Undetermined {
-        /// How many independent combinations the data determine.
+        /// The number of independent combinations of parameters that the data determine.
         rank: usize,
-        /// How many parameters were asked for.
+        /// The number of parameters to estimate.
         parameters: usize,
-        /// Labels of the parameters that have a part in what is not determined.
+        /// Labels of the parameters that take part in undetermined combinations.
         labels: Vec<String>,
-        /// The smallest singular value as a part of the largest, columns scaled.
+        /// The smallest singular value divided by the largest, with columns scaled to unit length.
         reciprocal_condition: f64,
     },
-    /// A decomposition that did not converge.
+    /// A matrix decomposition did not converge.
     NoConvergence,
-    /// Equations that cannot be filtered.
+    /// The equations cannot be filtered.
     Signal(SignalError),
 }
 

@@ -1,4 +1,5 @@
-//! The triangular factor of an observation: all that least squares needs of any number of rows.
+//! The triangular QR factor of an observation matrix: all that least squares needs, for any number
+//! of rows.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,16 +7,16 @@ use super::EstimateError;
 use crate::qr_update::{BLOCK, reduce, substitute};
 
 /// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
-/// `||W x - tau||^2 = ||R x - z||^2 + rss`, whatever x.
+/// `||W x - tau||^2 = ||R x - z||^2 + rss` for every x.
 ///
-/// Rows can be added in blocks, factors of different data merged in any order, columns chosen,
-/// combined or fixed afterwards: the data are not needed again.
+/// Rows can be added in blocks and factors of different logs merged in any order. Afterwards
+/// columns can be selected, combined or fixed without reading the data again.
 ///
 /// ```
 /// use regen_identify::estimate::QrFactor;
 ///
 /// let mut factor = QrFactor::new(["offset", "slope"].map(String::from).to_vec());
-/// // y = 1 + 2 x at x = 0, 1, 2, 3, column-major; then one row more, which is off
+/// // y = 1 + 2 x at x = 0, 1, 2, 3, column-major; then one more row, an outlier
 /// factor.push_block(&[1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 2.0, 3.0], &[1.0, 3.0, 5.0, 7.0])?;
 /// let x = factor.solve()?;
 /// assert!((x[0] - 1.0).abs() < 1e-14 && (x[1] - 2.0).abs() < 1e-14);
@@ -32,7 +33,7 @@ use crate::qr_update::{BLOCK, reduce, substitute};
 #[serde(try_from = "Raw")]
 pub struct QrFactor {
     labels: Vec<String>,
-    /// n x n, column-major, upper triangular with a diagonal that is not negative.
+    /// n x n, column-major, upper triangular with a non-negative diagonal.
     r: Vec<f64>,
     z: Vec<f64>,
     rss: f64,
@@ -69,7 +70,7 @@ pub(super) fn size(what: &'static str, expected: usize, got: usize) -> Result<()
 }
 
 impl QrFactor {
-    /// The factor of no rows, for parameters of these labels.
+    /// A factor without rows, for parameters with these labels.
     pub fn new(labels: Vec<String>) -> Self {
         let n = labels.len();
         Self {
@@ -81,7 +82,7 @@ impl QrFactor {
         }
     }
 
-    /// A factor from its parts: `r` n x n column-major and upper triangular, `z` n.
+    /// A factor from its parts: `r` is n x n, column-major and upper triangular, `z` has n entries.
     ///
     /// # Errors
     /// When lengths do not fit, an entry is not finite, `r` has entries below its diagonal, or
@@ -125,7 +126,7 @@ impl QrFactor {
         &self.labels
     }
 
-    /// R: n x n, column-major, upper triangular, its diagonal not negative.
+    /// R: n x n, column-major, upper triangular with a non-negative diagonal.
     pub fn r(&self) -> &[f64] {
         &self.r
     }
@@ -135,7 +136,8 @@ impl QrFactor {
         &self.z
     }
 
-    /// The sum of squared residuals that no x removes, in the squared units of the efforts.
+    /// The sum of squared residuals at the least-squares solution (no x gives less), in the squared
+    /// units of the efforts.
     pub fn rss(&self) -> f64 {
         self.rss
     }
@@ -145,9 +147,9 @@ impl QrFactor {
         self.rows
     }
 
-    /// Whether there are less than three rows for two columns: parameters can then take up the noise
-    /// of whole efforts, and what they leave of it says nothing.
-    pub(super) fn few(&self) -> bool {
+    /// Whether there are less than three rows for two columns: the parameters can then fit the
+    /// noise of whole efforts, so that the residuals give no information on it.
+    pub(super) fn has_too_few_rows(&self) -> bool {
         2 * self.rows < 3 * self.columns()
     }
 
@@ -156,12 +158,12 @@ impl QrFactor {
         self.labels.len()
     }
 
-    /// Reduces further rows.
+    /// Adds rows of W x = tau.
     ///
-    /// - `w`: rows x n, column-major; `tau`: rows, in N or N m.
+    /// - `w`: rows x n, column-major; `tau`: one entry per row, N or N m.
     ///
     /// # Errors
-    /// When lengths do not fit or an entry is not finite; the factor is then as before.
+    /// When lengths do not fit or an entry is not finite; the factor is then unchanged.
     pub fn push_block(&mut self, w: &[f64], tau: &[f64]) -> Result<(), EstimateError> {
         let (n, rows) = (self.columns(), tau.len());
         size("w", n * rows, w.len())?;
@@ -190,7 +192,7 @@ impl QrFactor {
 
     /// Adds the rows of another factor of the same columns.
     ///
-    /// The order of merges matters only to rounding.
+    /// The order of merges changes the result only by rounding.
     ///
     /// # Errors
     /// When the labels differ.
@@ -209,8 +211,8 @@ impl QrFactor {
         Ok(())
     }
 
-    /// The factor with every row multiplied by `factor`: by 1/sigma for efforts of standard
-    /// deviation sigma.
+    /// The factor with every row multiplied by the absolute value of `factor`, such as 1/sigma for
+    /// an effort whose residuals have the standard deviation sigma.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let times = |values: &[f64]| values.iter().map(|x| x * factor.abs()).collect();
@@ -223,11 +225,12 @@ impl QrFactor {
         }
     }
 
-    /// The factor of the system in fewer or other unknowns y, x = T y.
+    /// The factor of the system in fewer or other unknowns y, where x = T y.
     ///
-    /// - `labels`: k names of y; `t`: n x k, column-major.
+    /// - `labels`: the k names of y; `t`: n x k, column-major.
     ///
-    /// Tying two parameters is a column with two ones, leaving one out a T without its column.
+    /// A column of T with two ones makes two parameters equal; a parameter without a one in T is
+    /// left out (zero).
     ///
     /// # Errors
     /// When lengths do not fit or an entry of `t` is not finite.
@@ -245,10 +248,11 @@ impl QrFactor {
         Ok(out)
     }
 
-    /// The factor of some of the columns, in the order given; the others are taken as zero.
+    /// The factor of the given columns, in the given order; the parameters of the other columns are
+    /// taken as zero.
     ///
     /// # Errors
-    /// When there is no such column.
+    /// When a column does not exist.
     pub fn select(&self, columns: &[usize]) -> Result<Self, EstimateError> {
         let n = self.columns();
         let mut labels = Vec::with_capacity(columns.len());
@@ -271,10 +275,12 @@ impl QrFactor {
         Ok(out)
     }
 
-    /// The factor of the remaining columns where some have known values.
+    /// The factor of the remaining columns when some parameters have known values.
+    ///
+    /// - `known`: column and value (SI) of each known parameter.
     ///
     /// # Errors
-    /// When there is no such column or a value is not finite.
+    /// When a column does not exist or a value is not finite.
     pub fn fixed(&self, known: &[(usize, f64)]) -> Result<Self, EstimateError> {
         let n = self.columns();
         let mut out = self.clone();
@@ -296,7 +302,7 @@ impl QrFactor {
         out.select(&kept)
     }
 
-    /// The columns' lengths, which are those of W's columns.
+    /// The Euclidean lengths of the columns of R, which are those of W's columns.
     pub fn column_norms(&self) -> Vec<f64> {
         self.r
             .chunks_exact(self.columns().max(1))
@@ -319,7 +325,8 @@ impl QrFactor {
         Ok(inside + self.rss)
     }
 
-    /// The least-squares parameters, columns scaled to unit length on the way (Eq. 27).
+    /// Solves for the least-squares parameters, n entries; the rank is decided with columns scaled
+    /// to unit length (Eq. 27).
     ///
     /// # Errors
     /// When there are fewer rows than parameters, or the data leave parameters undetermined:

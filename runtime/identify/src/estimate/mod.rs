@@ -1,8 +1,8 @@
 //! Parameters from observations: triangular factors, least squares and its statistics.
 //!
-//! [`QrFactor`] is what remains of any number of rows of W x = tau, [`FactorSet`] holds one for
-//! each effort and is what files keep, [`Estimate`] is the least-squares solution with its
-//! covariance.
+//! [`QrFactor`] is the triangular factor of any number of rows of W x = tau, [`FactorSet`] contains
+//! one for each effort and is what factor files store, [`Estimate`] is the least-squares solution
+//! with its covariance.
 
 mod deviations;
 mod error;

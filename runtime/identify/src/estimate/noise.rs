@@ -1,24 +1,24 @@
-//! Autoregressions of residuals, which tell how long noise remembers.
+//! Autoregressive models of residuals, from which the correlation time of the noise follows.
 
 use serde::{Deserialize, Serialize};
 
-/// The order of an autoregression at most.
+/// The highest order of an autoregression.
 pub const ORDER: usize = 6;
-/// White noise that is added to the autocovariance before a fit, as a part of the variance: a
-/// filter leaves next to nothing at high frequencies, and the inverse of next to nothing is of no
-/// use.
-const FLOOR: f64 = 1e-3;
+/// White noise, as a fraction of the variance, that is added to the autocovariance before a fit: a
+/// low-pass filter leaves almost nothing at high frequencies, and without the addition the fit
+/// would invert almost nothing.
+const WHITE_PART: f64 = 1e-3;
 
-/// A stationary autoregression: each value is a weighted sum of those before it and an innovation
-/// that nothing foretells. Read backwards in time it is the same (Brockwell and Davis, 1991,
-/// section 8.3).
+/// A stationary autoregression: each value is a weighted sum of the previous values plus an
+/// innovation that cannot be predicted from them. Read backwards in time it has the same
+/// coefficients (Brockwell and Davis, 1991, section 8.3).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Autoregression {
-    /// The weights of the values before: the last one's first.
+    /// The weights of the previous values, the most recent first.
     pub coefficients: Vec<f64>,
     /// The variance of the values.
     pub variance: f64,
-    /// The variance of the innovations.
+    /// The variance of the innovations, in the same unit as `variance`.
     pub innovation: f64,
 }
 
@@ -35,26 +35,26 @@ impl Autoregression {
     /// Fits an autoregression (Levinson and Durbin) of the order that Akaike's criterion chooses,
     /// at most [`ORDER`].
     ///
-    /// - `variance`: of the values; `autocorrelation`: at lags 1, 2, ...; `samples`: how many
-    ///   values they were found from.
+    /// - `variance`: of the values; `autocorrelation`: at lags 1, 2, ...; `samples`: the number of
+    ///   values from which both were computed.
     ///
     /// ```
     /// use regen_identify::estimate::Autoregression;
     ///
     /// let found = Autoregression::fit(2.0, &[0.9, 0.81, 0.729, 0.6561], 10_000);
     /// assert!((found.coefficients[0] - 0.9).abs() < 0.01);
-    /// // (1 + 0.9) / (1 - 0.9) samples are as good as one that is independent
+    /// // (1 + 0.9) / (1 - 0.9) samples carry as much information as one independent sample
     /// assert!((found.memory() - 19.0).abs() < 0.5);
     /// assert_eq!(Autoregression::fit(2.0, &[0.0, 0.0], 10_000).memory(), 1.0);
     /// ```
     pub fn fit(variance: f64, autocorrelation: &[f64], samples: usize) -> Self {
         let mut best = Self::white(variance);
-        // a NaN fails this too
+        // also true for a NaN
         if !(variance > 0.0 && variance.is_finite()) {
             return best;
         }
         let at = |lag: usize| match lag {
-            0 => 1.0 + FLOOR,
+            0 => 1.0 + WHITE_PART,
             _ => autocorrelation.get(lag - 1).copied().unwrap_or(0.0),
         };
         let mut coefficients: Vec<f64> = Vec::new();
@@ -85,8 +85,8 @@ impl Autoregression {
         best
     }
 
-    /// The samples that are as good as one independent sample for a mean: the sum of the
-    /// autocorrelation over all lags, of either sign; at least 1.
+    /// The number of samples that carry as much information on a mean as one independent sample:
+    /// the sum of the autocorrelation over the lags of both signs; at least 1.
     pub fn memory(&self) -> f64 {
         let sum = 1.0 - self.coefficients.iter().sum::<f64>();
         // the spectrum at frequency 0 over the variance
@@ -98,17 +98,17 @@ impl Autoregression {
         }
     }
 
-    /// What is left of a value when the values beside it have foretold it.
+    /// The innovation: a value minus its prediction from its neighbours.
     ///
-    /// - `at`: the value 0, 1, 2, ... samples away.
+    /// - `at(k)`: the value k samples away; `at(0)` is the value itself.
     pub(super) fn innovation_of(&self, at: impl Fn(usize) -> f64) -> f64 {
         let known = self.coefficients.iter().zip(1..);
         at(0) - known.map(|(a, lag)| a * at(lag)).sum::<f64>()
     }
 }
 
-/// The triangular root of a symmetric positive definite matrix: `a = L L^T`, column-major, zero
-/// above the diagonal; `None` where it is not definite.
+/// The Cholesky factor of a symmetric positive definite matrix: `a = L L^T`, column-major, zero
+/// above the diagonal; `None` if the matrix is not positive definite.
 pub(crate) fn cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
     let mut l = vec![0.0; n * n];
     for j in 0..n {

@@ -1,4 +1,5 @@
-//! What the residuals say: errors, whiteness, and variances that know of autocorrelation.
+//! Statistics of the residuals: errors, whiteness, and covariances that account for
+//! autocorrelation.
 
 use std::collections::VecDeque;
 
@@ -14,15 +15,15 @@ use super::{EstimateError, QrFactor};
 pub struct EffortError {
     /// The effort's name.
     pub name: String,
-    /// Its samples.
+    /// The number of samples.
     pub samples: usize,
     /// The relative absolute error eps_RA in percent (Eq. 33), around the effort's own mean.
     pub relative_absolute: f64,
     /// The root mean square of the residuals, N or N m.
     pub rms: f64,
-    /// The same in percent of the root mean square of the measured effort.
+    /// The root mean square of the residuals in percent of that of the measured effort.
     pub relative_rms: f64,
-    /// The largest residual in size, N or N m.
+    /// The largest absolute residual, N or N m.
     pub largest: f64,
     /// The autocorrelation of the residuals at lags 1, 2, ...
     pub autocorrelation: Vec<f64>,
@@ -69,19 +70,38 @@ impl EffortError {
 /// Sums over the residuals of one effort, in order of time.
 #[derive(Clone, Debug)]
 struct Sums {
+    /// The effort's mean over all samples, N or N m.
     mean: f64,
     samples: usize,
+    /// Sum of the absolute residuals.
     absolute: f64,
+    /// Sum of the absolute deviations of the measured effort from `mean`.
     spread: f64,
+    /// Sum of the squared measured effort.
     measured: f64,
+    /// Sum of the residuals.
     sum: f64,
     largest: f64,
-    /// Sums of e(t) e(t - l), l = 0, 1, ...
+    /// Sums of e(t) e(t - l), l = 0, 1, ...: entry 0 is the sum of squared residuals.
     lagged: Vec<f64>,
+    /// The last residuals, the newest first.
     recent: VecDeque<f64>,
 }
 
-/// Collects residuals in order of time.
+/// Collects the residuals of all efforts in order of time, and computes their statistics.
+///
+/// ```
+/// use regen_identify::estimate::Residuals;
+///
+/// let mut residuals = Residuals::new(&["q1".to_owned()], &[2.0], 1);
+/// for (measured, predicted) in [(1.0, 1.5), (3.0, 2.5)] {
+///     residuals.push(&[measured], &[predicted])?;
+/// }
+/// // (0.5 + 0.5) / (1 + 1) and sqrt((0.25 + 0.25) / 2)
+/// assert_eq!(residuals.relative_absolute(), 50.0);
+/// assert_eq!(residuals.efforts()[0].rms, 0.5);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Residuals {
     names: Vec<String>,
@@ -92,7 +112,7 @@ impl Residuals {
     /// Starts a collection.
     ///
     /// - `means`: each effort's mean over all samples, N or N m (Eq. 33);
-    /// - `lags`: how many autocorrelations are found.
+    /// - `lags`: the number of lags at which the autocorrelation is computed.
     pub fn new(names: &[String], means: &[f64], lags: usize) -> Self {
         let one = |mean: f64| Sums {
             mean,
@@ -112,7 +132,7 @@ impl Residuals {
         }
     }
 
-    /// Tells that the next sample does not follow the last one in time.
+    /// Starts a new run: the next sample does not follow the last one in time.
     pub fn interrupt(&mut self) {
         for sums in &mut self.sums {
             sums.recent.clear();
@@ -127,7 +147,8 @@ impl Residuals {
         self.push_used(measured, predicted, &vec![true; measured.len()])
     }
 
-    /// As [`push`](Self::push), of which only the efforts count whose entry in `used` says so.
+    /// Like [`push`](Self::push), but skips the efforts whose entry in `used` is false; their
+    /// lagged products start anew.
     ///
     /// # Errors
     /// When a length does not fit.
@@ -189,8 +210,8 @@ impl Residuals {
         self.names.iter().zip(&self.sums).map(one).collect()
     }
 
-    /// The root mean square of all residuals in percent of that of all measured efforts, which
-    /// then should be of one unit.
+    /// The root mean square of the residuals of all efforts in percent of that of all measured
+    /// efforts. It is meaningful only if all efforts have the same unit.
     pub fn relative_rms(&self) -> f64 {
         let residual: f64 = self.sums.iter().filter_map(|s| s.lagged.first()).sum();
         let measured: f64 = self.sums.iter().map(|s| s.measured).sum();
@@ -205,7 +226,8 @@ impl Residuals {
     }
 }
 
-/// The probability of autocorrelations at least as large in white noise.
+/// The probability that white noise has autocorrelations at least as large (Ljung and Box, 1978);
+/// NaN for too few samples.
 fn ljung_box(autocorrelation: &[f64], samples: usize) -> f64 {
     let t = samples as f64;
     let lags = autocorrelation.len();
@@ -236,23 +258,28 @@ pub fn average_relative_error(exact: &[f64], estimated: &[f64]) -> Result<f64, E
     Ok(errors.sum::<f64>() / exact.len() as f64)
 }
 
-/// The covariance of estimates whose residuals are correlated in time and across efforts
-/// (Newey and West, 1987), in one pass and memory that does not grow.
+/// The covariance of estimates whose residuals are correlated in time and across efforts (Newey and
+/// West, 1987), computed in one pass and in memory that does not grow with the log.
 ///
-/// With scores u(t) = sum over efforts of w(t) e(t), Bartlett's weights 1 - l/B on the products
-/// u(t) u(t-l)^T are what the squares of the sums over all windows of B samples add up to: each
-/// pair l apart is in B - l windows. So one running sum is all that is kept.
+/// The scores are u(t) = sum over efforts of w(t) e(t). Weighting the products u(t) u(t-l)^T by
+/// Bartlett's 1 - l/B is the same as adding up the squares of the sums over all windows of B
+/// samples, because each pair l apart is in B - l windows. So one running sum over the last B
+/// samples is enough.
 #[derive(Clone, Debug)]
 pub struct Autocorrelated {
     bandwidth: usize,
+    /// The scores in the current window, the oldest first.
     recent: VecDeque<Vec<f64>>,
+    /// Their sum.
     window: Vec<f64>,
-    /// Lower triangle used only.
+    /// The sum of the squares (outer products) of the window sums, n x n, column-major; only the
+    /// lower triangle is used.
     squares: Vec<f64>,
 }
 
 impl Autocorrelated {
-    /// Starts a sum for n parameters; lags up to `bandwidth - 1` count, at least lag 0.
+    /// Starts for n parameters with the window length `bandwidth`: lags up to `bandwidth - 1`
+    /// count, at least lag 0.
     pub fn new(parameters: usize, bandwidth: usize) -> Self {
         Self {
             bandwidth: bandwidth.max(1),
@@ -263,7 +290,7 @@ impl Autocorrelated {
     }
 
     /// Adds the score of a sample, n entries: the weighted rows times their weighted residuals,
-    /// added over the efforts.
+    /// summed over the efforts.
     ///
     /// # Errors
     /// When the length does not fit.
@@ -280,10 +307,10 @@ impl Autocorrelated {
         Ok(())
     }
 
-    /// Tells that the next sample does not follow the last one in time: windows end here.
+    /// Ends the run: the next sample does not follow the last one in time, so no window spans both.
     pub fn interrupt(&mut self) {
         if !self.recent.is_empty() {
-            // a run shorter than a window is whole in several
+            // a run shorter than a window lies entirely inside several windows
             for _ in self.recent.len() + 1..self.bandwidth {
                 self.add_window();
             }
@@ -313,8 +340,8 @@ impl Autocorrelated {
         }
     }
 
-    /// The covariance (W^T W)^-1 S (W^T W)^-1 of the estimate from this weighted factor,
-    /// corrected for the parameters' degrees of freedom; n x n, column-major.
+    /// The covariance (W^T W)^-1 S (W^T W)^-1 of the estimate from this weighted factor, corrected
+    /// for the degrees of freedom that the parameters take; n x n, column-major.
     ///
     /// # Errors
     /// When sizes do not fit or the factor is singular.

@@ -1,4 +1,4 @@
-//! Sums over scores in blocks of time, from which covariances are made.
+//! Sums of scores over blocks of time, from which covariances are computed.
 
 use std::collections::VecDeque;
 
@@ -8,19 +8,20 @@ use super::factor::size;
 use super::solution::inverse_gram;
 use super::{Autoregression, EstimateError, QrFactor};
 
-/// Blocks of time at most; where there would be more, neighbours are merged.
+/// The largest number of blocks of time; when there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
 
-/// One block's sums; n x n matrices column-major.
+/// The sums over one block; its n x n matrices are column-major.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Block {
-    /// Samples.
+    /// The number of samples.
     pub(super) samples: usize,
-    /// The scores' sum: `sum g eps`, n.
+    /// The sum of the scores: `sum g eps`, n entries.
     pub(super) score: Vec<f64>,
-    /// How it changes with the parameters: `-sum g v^T`, entry (i, j) of g_i and v_j.
+    /// The derivative of the sum by the parameters: `-sum g v^T`, entry (i, j) of g_i and v_j.
     pub(super) slope: Vec<f64>,
-    /// Its variance under the noise that residuals were found to be: `sum s^2 g g^T`, lower half.
+    /// The variance of the sum if the noise has the autocorrelation of the residuals:
+    /// `sum s^2 g g^T`, lower half.
     pub(super) expected: Vec<f64>,
 }
 
@@ -52,23 +53,24 @@ impl Block {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blocks {
     pub(super) parameters: usize,
-    /// The parameters that the residuals were taken at.
+    /// The parameters at which the residuals were computed, SI.
     pub(super) values: Vec<f64>,
     #[allow(clippy::struct_field_names, reason = "the blocks are all that is kept")]
     pub(super) blocks: Vec<Block>,
-    /// Of the noise of each effort: how many samples are as good as one.
+    /// The number of samples that carry as much information as one independent sample, of the
+    /// effort with the longest correlation.
     pub(super) memory: f64,
-    /// `W^T W` times a change of all parameters; none where there is none.
+    /// `W^T W` times a systematic change of all parameters, n entries; empty without one.
     #[serde(default)]
     pub(super) change: Vec<f64>,
 }
 
 impl Blocks {
-    /// With a change of all parameters that is the same for all samples, such as what other
-    /// derivatives would make of them: it counts as one deviation more, of estimates of some of the
-    /// parameters too.
+    /// Adds a systematic change of all parameters that is the same for all samples, such as the
+    /// effect of another differentiation method: it counts as one more standard deviation, also for
+    /// estimates of some of the parameters.
     ///
-    /// - `factor`: weighted, over all parameters; `change`: one for each, in its unit.
+    /// - `factor`: weighted, over all parameters; `change`: one entry for each, in its unit.
     #[must_use]
     pub fn with_change(mut self, factor: &QrFactor, change: &[f64]) -> Self {
         let n = factor.columns();
@@ -84,10 +86,11 @@ impl Blocks {
         self
     }
 
-    /// By how much the parameters of a factor would change: `(W^T W)^-1` times the scores of
-    /// [`with_change`](Self::with_change); none where there are none, or the factor is singular.
+    /// The change of the parameters of a factor: `(W^T W)^-1` times the scores of
+    /// [`with_change`](Self::with_change); empty without such a change or if the factor is
+    /// singular.
     ///
-    /// - `kept`: the places of the factor's parameters among all.
+    /// - `kept`: the indices of the factor's parameters among all.
     pub fn change(&self, factor: &QrFactor, kept: &[usize]) -> Vec<f64> {
         let own = kept.iter().map(|k| self.change.get(*k).copied());
         let (Some(own), Some(gram)) = (own.collect::<Option<Vec<f64>>>(), inverse_gram(factor))
@@ -99,64 +102,68 @@ impl Blocks {
             .collect()
     }
 
-    /// The samples that were added.
+    /// The number of samples that were added.
     pub fn samples(&self) -> usize {
         self.blocks.iter().map(|b| b.samples).sum()
     }
 
-    /// How many blocks there are.
+    /// The number of blocks.
     pub fn len(&self) -> usize {
         self.blocks.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no blocks.
     pub fn is_empty(&self) -> bool {
         self.blocks.is_empty()
     }
 
-    /// The samples that are as good as one independent sample, for the effort whose noise
-    /// remembers longest.
+    /// The number of samples that carry as much information as one independent sample, for the
+    /// effort whose noise has the longest correlation.
     pub fn memory(&self) -> f64 {
         self.memory
     }
 }
 
-/// A sample that waits for those after it.
+/// A sample in the look-ahead buffer: it is whitened once the next samples are known.
 #[derive(Clone, Debug, Default)]
 struct PendingSample {
-    /// Efforts x n, effort by effort.
+    /// The weighted regressor rows, efforts x n, effort by effort.
     w: Vec<f64>,
-    /// The same times the slope of psi.
+    /// `w` times the slope of psi.
     v: Vec<f64>,
+    /// The weighted and bounded residuals, one for each effort.
     psi: Vec<f64>,
 }
 
 /// Collects the scores `w psi(e)` of an estimate in order of time, in memory that does not grow.
 ///
-/// Where the noise of an effort is an autoregression, `e = F^-1 eps` with F upper triangular (each
-/// value from those after it), the sum of scores is `W^T e = (F^-T W)^T eps`: the same sum, of
-/// terms `g eps` that are independent of each other. So the sum's variance is found from scores
-/// that are nearly white (prewhitened, as Andrews and Monahan, 1992, do with an autoregression of
-/// the scores), whatever the autoregression: it decides how white they are, not what they add
-/// up to.
+/// If the noise of an effort is an autoregression, `e = F^-1 eps` with F upper triangular (each
+/// value from the later ones), then the sum of the scores is `W^T e = (F^-T W)^T eps`: the same
+/// sum, written with terms `g eps` that are independent of each other. So the variance of the sum
+/// is computed from scores that are nearly white (prewhitened, as Andrews and Monahan, 1992, do
+/// with an autoregression of the scores). The sum is the same for any autoregression; the
+/// autoregression only decides how white the terms are.
 #[derive(Clone, Debug)]
 pub struct Scores {
     n: usize,
     noise: Vec<Autoregression>,
     order: usize,
+    /// The look-ahead buffer, the oldest sample first.
     waiting: VecDeque<PendingSample>,
+    /// Processed samples, whose memory is used again.
     spare: Vec<PendingSample>,
-    /// For each effort, the last regressors behind F^-T, the newest first.
+    /// For each effort, the last regressors after multiplication by F^-T, the newest first.
     past: Vec<VecDeque<Vec<f64>>>,
     whitened: Vec<f64>,
-    /// Samples in a full block.
+    /// The number of samples in a full block.
     length: usize,
     current: Block,
     blocks: Vec<Block>,
 }
 
 impl Scores {
-    /// Starts for n parameters and efforts whose weighted residuals are such noise.
+    /// Starts for n parameters and one effort for each autoregression, which is the model of its
+    /// weighted residuals.
     pub fn new(parameters: usize, noise: &[Autoregression]) -> Self {
         let orders = noise.iter().map(|a| a.coefficients.len());
         Self {
@@ -176,8 +183,8 @@ impl Scores {
     /// Adds a sample.
     ///
     /// - `w`: the regressor, efforts x n, column by column;
-    /// - `weights`: what each effort's row and residual are multiplied by; 0 leaves it out;
-    /// - `psi`: the weighted residuals, bounded where Huber bounds them;
+    /// - `weights`: the factor of each effort's row and residual; 0 leaves the effort out;
+    /// - `psi`: the weighted residuals, clipped at Huber's bound if one is used;
     /// - `slopes`: the derivative of psi by the weighted residual: 1, or 0 beyond Huber's bound.
     ///
     /// # Errors
@@ -210,23 +217,24 @@ impl Scores {
             .extend(used.map(|(x, weight)| if *weight == 0.0 { 0.0 } else { *x }));
         self.waiting.push_back(next);
         if self.waiting.len() > self.order {
-            self.settle();
+            self.process_oldest();
         }
         Ok(())
     }
 
-    /// Tells that the next sample does not follow the last one in time.
+    /// Ends the run: the next sample does not follow the last one in time.
     pub fn interrupt(&mut self) {
         while !self.waiting.is_empty() {
-            self.settle();
+            self.process_oldest();
         }
         for past in &mut self.past {
             past.clear();
         }
     }
 
-    /// Takes the sample that waits longest, and those after it as far as there are any.
-    fn settle(&mut self) {
+    /// Adds the oldest sample of the buffer to the current block, whitened by the samples after it
+    /// (as many as there are).
+    fn process_oldest(&mut self) {
         let n = self.n;
         for (e, (noise, past)) in self.noise.iter().zip(&mut self.past).enumerate() {
             let order = noise.coefficients.len();
@@ -300,9 +308,9 @@ impl Scores {
         }
     }
 
-    /// The sums.
+    /// Processes the buffered samples and returns the blocks.
     ///
-    /// - `values`: the parameters that the residuals were taken at.
+    /// - `values`: the parameters at which the residuals were computed, SI.
     ///
     /// # Errors
     /// When the length does not fit.

@@ -1,4 +1,5 @@
-//! Factors of one robot's efforts, apart until their noise is known, and as a file.
+//! One QR factor for each effort of a robot, kept separately until the noise of the efforts is
+//! known, and stored as a file.
 
 use core::fmt;
 
@@ -10,11 +11,11 @@ use crate::qr_update::BLOCK;
 
 /// The version of the file format.
 const VERSION: u32 = 1;
-/// What the file says it is.
+/// The value of the field `format` in the file.
 const FORMAT: &str = "regen observation factors";
 
-/// One factor per effort (a row of the regressor), so that the weights of the efforts can be
-/// chosen when the residuals are known, and logs be merged before.
+/// One factor per effort (a row of the regressor). The efforts stay separate, so that logs can be
+/// merged first and the weights of the efforts chosen later, when the residuals are known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FactorSet {
@@ -22,25 +23,27 @@ pub struct FactorSet {
     version: u32,
     /// The robot's name.
     pub robot: String,
-    /// What tells models apart that share names, see [`digest`](crate::identify::digest).
+    /// The model's digest, which differs between models that share a name; see
+    /// [`digest`](crate::identify::digest).
     pub model: String,
-    /// How rows were made: `forces` or `energy`.
+    /// How the equations were formed: `forces` or `energy`.
     pub kind: String,
-    /// Names of the efforts, one for each factor.
+    /// Names of the efforts (joint torques or forces), one for each factor.
     pub efforts: Vec<String>,
-    /// Sum of each effort, for its mean.
+    /// Sum of each effort over its rows, N or N m, from which its mean is computed.
     sums: Vec<f64>,
     factors: Vec<QrFactor>,
 }
 
-/// What identifies the origin of a [`FactorSet`]: sets that differ in it cannot be merged.
+/// The robot, model and kind of equations that a [`FactorSet`] was made from: sets whose origins
+/// differ cannot be merged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// The robot's name.
     pub robot: String,
     /// The model's digest.
     pub model: String,
-    /// How rows are made.
+    /// How the equations are formed: `forces` or `energy`.
     pub kind: String,
     /// Names of the efforts.
     pub efforts: Vec<String>,
@@ -82,7 +85,7 @@ impl FactorSet {
     /// Adds the rows of another set.
     ///
     /// # Errors
-    /// When it is of another robot, model, kind, effort or parameter.
+    /// When the other set differs in robot, model, kind, efforts or parameters.
     pub fn merge(&mut self, other: &Self) -> Result<(), EstimateError> {
         for (what, left, right) in [
             ("robots", &self.robot, &other.robot),
@@ -101,10 +104,10 @@ impl FactorSet {
         Ok(())
     }
 
-    /// Merges any number of sets; the same sets give the same bits in whatever order.
+    /// Merges any number of sets; the same sets give the same bits in any order.
     ///
     /// # Errors
-    /// When there is none, or two do not belong together.
+    /// When `sets` is empty, or two sets cannot be merged.
     pub fn merged(mut sets: Vec<Self>) -> Result<Self, EstimateError> {
         sets.sort_by(Self::order);
         let mut sets = sets.into_iter();
@@ -119,7 +122,7 @@ impl FactorSet {
         Ok(first)
     }
 
-    /// A total order of sets by what they hold.
+    /// A total order of sets: by their number of rows, then by the entries of their factors.
     fn order(a: &Self, b: &Self) -> core::cmp::Ordering {
         let rows = |set: &Self| set.factors.iter().map(QrFactor::rows).sum::<usize>();
         let numbers = |set: &Self| -> Vec<f64> {
@@ -145,10 +148,11 @@ impl FactorSet {
         })
     }
 
-    /// All efforts in one factor, the rows of each multiplied by its weight (1/sigma).
+    /// Merges all efforts into one factor, the rows of each effort multiplied by its weight
+    /// (1/sigma).
     ///
     /// # Errors
-    /// When the number of weights is not that of the efforts.
+    /// When the number of weights differs from the number of efforts.
     pub fn combined(&self, weights: &[f64]) -> Result<QrFactor, EstimateError> {
         size("weights", self.factors.len(), weights.len())?;
         let mut whole = QrFactor::new(self.labels().to_vec());
@@ -158,15 +162,16 @@ impl FactorSet {
         Ok(whole)
     }
 
-    /// The set as the text of a file: JSON, with numbers that read back to the same doubles.
+    /// Writes the set as the text of a file: JSON, with numbers that read back to the same doubles.
     pub fn to_text(&self) -> String {
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }
 
-    /// A set from the text of a file.
+    /// Reads a set from the text of a file.
     ///
     /// # Errors
-    /// When the text is no set of factors of this version, with line and column.
+    /// When the text is not a set of factors of this version; errors of syntax give line and
+    /// column.
     pub fn from_text(text: &str) -> Result<Self, FileError> {
         let set: Self =
             serde_json::from_str(text).map_err(|error| FileError(format!("{error}")))?;
@@ -200,7 +205,7 @@ fn same(what: &'static str, left: &str, right: &str) -> Result<(), EstimateError
     })
 }
 
-/// Why a text is no set of factors.
+/// Why a text is not a set of factors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileError(String);
 
@@ -213,6 +218,25 @@ impl fmt::Display for FileError {
 impl core::error::Error for FileError {}
 
 /// Collects rows sample by sample and reduces them in blocks that fit a cache.
+///
+/// ```
+/// use regen_identify::estimate::{Accumulator, Estimate, Origin, Weighting};
+///
+/// let origin = Origin {
+///     robot: "slide".to_owned(),
+///     model: String::new(),
+///     kind: "forces".to_owned(),
+///     efforts: vec!["q1".to_owned()],
+///     labels: vec!["m".to_owned()],
+/// };
+/// let mut rows = Accumulator::new(&origin);
+/// for (acceleration, force) in [(1.0, 2.1), (2.0, 3.9), (3.0, 6.0)] {
+///     rows.push(0, &[acceleration], 1, force, 1.0)?;
+/// }
+/// let estimate = Estimate::new(&rows.finish()?, Weighting::default())?;
+/// assert!((estimate.values[0] - 27.9 / 14.0).abs() < 1e-12);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     set: FactorSet,
@@ -234,8 +258,10 @@ impl Accumulator {
 
     /// Adds one row of one effort.
     ///
-    /// - `row`: one entry per parameter, read with a stride: entry j is `entries[j * stride]`;
-    /// - `tau`: the effort, N or N m; `weight`: what the row is multiplied by.
+    /// - `entries`: the row, one entry per parameter, read with a stride: entry j is
+    ///   `entries[j * stride]`;
+    /// - `tau`: the effort, N or N m; `weight`: the factor that row and effort are multiplied by
+    ///   (1/sigma).
     ///
     /// # Errors
     /// When there is no such effort, the length does not fit, or an entry is not finite.
@@ -293,7 +319,7 @@ impl Accumulator {
         Ok(())
     }
 
-    /// The set with all rows reduced.
+    /// Reduces the rows that are still pending and returns the set.
     ///
     /// # Errors
     /// When an entry is not finite.

@@ -1,4 +1,4 @@
-//! Least squares with its statistics.
+//! The least-squares estimate with its covariance.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -10,24 +10,24 @@ use crate::qr_update::substitute;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weighting {
-    /// All alike: ordinary least squares.
+    /// All efforts have weight 1: ordinary least squares.
     Equal,
-    /// Each by the standard deviation of its residuals, found by repeating the estimate until
-    /// they settle.
+    /// Each effort is divided by the standard deviation of its residuals, which is found by
+    /// repeating the estimate until the weights converge.
     #[default]
     PerEffort,
 }
 
-/// One effort's part in an estimate.
+/// Rows, noise and weight of one effort in an estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EffortFit {
-    /// Its name.
+    /// The effort's name.
     pub name: String,
-    /// Its rows.
+    /// The number of its rows.
     pub rows: usize,
     /// The standard deviation of its residuals, N or N m.
     pub sigma: f64,
-    /// What its rows were multiplied by.
+    /// The weight that its rows were multiplied by.
     pub weight: f64,
 }
 
@@ -36,35 +36,37 @@ pub struct EffortFit {
 pub struct Estimate {
     /// Labels of the n parameters.
     pub labels: Vec<String>,
-    /// Their values, SI.
+    /// The values of the parameters, SI.
     pub values: Vec<f64>,
-    /// Their covariance, n x n, symmetric, column-major.
+    /// The covariance of the parameters, n x n, symmetric, column-major.
     pub covariance: Vec<f64>,
-    /// Rows less parameters.
+    /// The number of rows minus the number of parameters.
     pub degrees_of_freedom: usize,
-    /// The degrees of freedom of Student's distribution, n: rows less parameters for white
-    /// residuals, fewer for those that are correlated.
+    /// The degrees of freedom of Student's distribution for each parameter, n entries: rows minus
+    /// parameters for white residuals, fewer for correlated residuals.
     pub students: Vec<f64>,
-    /// The efforts with their noise.
+    /// The efforts with the standard deviations of their residuals.
     pub efforts: Vec<EffortFit>,
     /// The condition number of the weighted W (Eq. 24).
     pub condition: f64,
-    /// The same with columns scaled to unit length (Eq. 27).
+    /// The condition number of the weighted W with columns scaled to unit length (Eq. 27).
     pub scaled_condition: f64,
 }
 
-/// Passes of reweighting at most; three or four settle it.
-const PASSES: usize = 50;
-/// Weights that change less than this have settled.
-const SETTLED: f64 = 1e-12;
-/// Residuals below this part of an effort are rounding, and are not told apart.
-const ROUNDING: f64 = 1e-14;
-/// An effort's residuals count as at least this part of the worst effort's, each relative to the
-/// size of its effort: an effort that is fitted exactly would leave no digits to the others.
-const BEST: f64 = 1e-4;
+/// The largest number of reweighting passes; three or four usually converge.
+const MAX_REWEIGHTING_PASSES: usize = 50;
+/// Reweighting ends when no weight changes by more than this relative amount.
+const WEIGHT_TOLERANCE: f64 = 1e-12;
+/// The standard deviation of an effort's residuals counts as at least this fraction of the effort's
+/// root mean square: smaller residuals are rounding errors.
+const MIN_SIGMA_PART: f64 = 1e-14;
+/// The relative standard deviation of an effort (residuals over effort) counts as at least this
+/// fraction of the worst effort's: the weight of an effort that is fitted exactly would otherwise
+/// leave no digits to the other efforts.
+const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
-/// The weights of efforts whose residuals have these deviations.
-fn inverse(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
+/// The weights 1/sigma of the efforts, given the standard deviations of their residuals, N or N m.
+fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         (squares / factor.rows().max(1) as f64).sqrt()
@@ -74,7 +76,7 @@ fn inverse(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let worst = parts.fold(0.0, |m: f64, (sigma, size)| m.max(sigma / size));
     let pairs = sigmas.iter().zip(&sizes);
     pairs
-        .map(|(sigma, size)| 1.0 / sigma.max(BEST * worst * size))
+        .map(|(sigma, size)| 1.0 / sigma.max(MIN_RELATIVE_SIGMA * worst * size))
         .collect()
 }
 
@@ -88,10 +90,11 @@ impl Estimate {
         let mut weights = vec![1.0; set.factors().len()];
         let mut whole = set.combined(&weights)?;
         let mut values = whole.solve()?;
-        let mut sigmas = noise(set, &values)?;
-        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.few() {
-            for _ in 0..PASSES {
-                let next = inverse(&sigmas, set);
+        let mut sigmas = residual_sigmas(set, &values)?;
+        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.has_too_few_rows()
+        {
+            for _ in 0..MAX_REWEIGHTING_PASSES {
+                let next = weights_from(&sigmas, set);
                 let change = next
                     .iter()
                     .zip(&weights)
@@ -99,8 +102,8 @@ impl Estimate {
                 weights = next;
                 whole = set.combined(&weights)?;
                 values = whole.solve()?;
-                sigmas = noise(set, &values)?;
-                if change < SETTLED {
+                sigmas = residual_sigmas(set, &values)?;
+                if change < WEIGHT_TOLERANCE {
                     break;
                 }
             }
@@ -124,9 +127,9 @@ impl Estimate {
         })
     }
 
-    /// Estimates parameters from one factor whose rows are alike. Where there are less than three
-    /// rows for two parameters, what they leave says nothing of the noise, and deviations are
-    /// infinite.
+    /// Estimates parameters from one factor whose rows have the same standard deviation. With less
+    /// than three rows for two parameters the residuals give no information on the noise, and the
+    /// standard deviations are infinite.
     ///
     /// # Errors
     /// As [`new`](Estimate::new).
@@ -148,8 +151,8 @@ impl Estimate {
         let values = substitute(factor.r(), factor.z()).ok_or(EstimateError::NoConvergence)?;
         let n = values.len();
         let degrees_of_freedom = factor.rows() - n;
-        // with hardly a row to spare nothing is known about the noise
-        let variance = if factor.few() {
+        // with so few rows the residuals give no information on the noise
+        let variance = if factor.has_too_few_rows() {
             f64::INFINITY
         } else {
             factor.squared_residual(&values)? / degrees_of_freedom as f64
@@ -182,16 +185,17 @@ impl Estimate {
         variance.map_or(f64::NAN, |v| v.sqrt())
     }
 
-    /// The standard deviation in percent of the value's size (Khalil and Dombre, 2002): below
-    /// 15 a parameter counts as well identified.
+    /// The standard deviation in percent of the parameter's absolute value (Khalil and Dombre,
+    /// 2002): below 15 a parameter counts as well identified.
     pub fn sigma_percent(&self, parameter: usize) -> f64 {
         let value = self.values.get(parameter).copied().unwrap_or(f64::NAN);
         100.0 * self.sigma(parameter) / value.abs()
     }
 
-    /// Half the width of the confidence interval around a value, by Student's distribution.
+    /// Half the width of the confidence interval around a value, by Student's distribution, in the
+    /// unit of the parameter.
     ///
-    /// - `level`: of confidence, such as 0.95; outside of (0, 1) the result is NaN.
+    /// - `level`: the confidence level, such as 0.95; outside of (0, 1) the result is NaN.
     pub fn half_width(&self, parameter: usize, level: f64) -> f64 {
         let freedom = self.students.get(parameter).copied().unwrap_or(f64::NAN);
         quantile(freedom, level) * self.sigma(parameter)
@@ -209,7 +213,8 @@ impl Estimate {
         })
     }
 
-    /// The same estimate with the deviations that know of correlation.
+    /// The same estimate with the covariance and degrees of freedom that account for the
+    /// correlation of the residuals.
     #[must_use]
     pub fn with_deviations(&self, deviations: &Deviations) -> Self {
         Self {
@@ -220,8 +225,8 @@ impl Estimate {
     }
 }
 
-/// The quantile of Student's distribution for two-sided intervals of this level: NaN for a level
-/// outside of (0, 1), infinite without a degree of freedom.
+/// The quantile of Student's distribution for two-sided intervals of this confidence level: NaN for
+/// a level outside of (0, 1), infinite without a degree of freedom.
 fn quantile(freedom: f64, level: f64) -> f64 {
     if !(level > 0.0 && level < 1.0) {
         return f64::NAN;
@@ -229,14 +234,15 @@ fn quantile(freedom: f64, level: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
 }
 
-/// The standard deviations of the efforts' residuals, each with its share of the parameters.
-fn noise(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
+/// The standard deviations of the efforts' residuals, N or N m: each effort's rows count as reduced
+/// by its share of the parameters.
+fn residual_sigmas(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
     let all: usize = set.factors().iter().map(QrFactor::rows).sum();
     let free = 1.0 - values.len() as f64 / all.max(1) as f64;
     let one = |factor: &QrFactor| {
         let rows = factor.rows().max(1) as f64;
         let size = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
-        let floor = (ROUNDING * (size / rows).sqrt()).max(f64::MIN_POSITIVE.sqrt());
+        let floor = (MIN_SIGMA_PART * (size / rows).sqrt()).max(f64::MIN_POSITIVE.sqrt());
         let squares = factor.squared_residual(values)?;
         Ok((squares / (rows * free.max(f64::EPSILON)))
             .sqrt()

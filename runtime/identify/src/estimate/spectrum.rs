@@ -1,22 +1,23 @@
-//! Singular values of a factor: condition numbers, rank, and who is undetermined.
+//! Singular values of a factor: condition numbers, rank, and which parameters are undetermined.
 
 use super::{EstimateError, QrFactor};
 use crate::SingularValues;
 
-/// Singular values below this part of the largest, columns scaled, count as zero: then fewer
-/// than three of sixteen digits of the parameter are left.
+/// Singular values below this fraction of the largest, with columns scaled to unit length, count as
+/// zero: below it fewer than three of the sixteen digits of the parameter are significant.
 pub const RANK_TOLERANCE: f64 = 1e-13;
-/// The part in an undetermined direction from which on a parameter is named.
-const NAMED: f64 = 1e-6;
+/// A parameter is reported as undetermined when the length of its projection onto the null space,
+/// with columns scaled, is above this (a unit vector has length 1).
+const MIN_NULL_PART: f64 = 1e-6;
 
 /// The singular values of W and of W with columns scaled to unit length (Eq. 27).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
-    /// Of W, largest first.
+    /// The singular values of W, the largest first.
     pub raw: Vec<f64>,
-    /// Of W with scaled columns, largest first.
+    /// The singular values of W with columns scaled to unit length, the largest first.
     pub scaled: Vec<f64>,
-    /// What the columns were divided by: their lengths; 1 for a zero column.
+    /// The divisors of the columns: their lengths, or 1 for a zero column.
     pub divisors: Vec<f64>,
     /// The right singular vectors of the scaled matrix, n x n, column-major, in the same order.
     vectors: Vec<f64>,
@@ -41,15 +42,16 @@ impl Spectrum {
         ratio(&self.scaled)
     }
 
-    /// The number of combinations that the data determine: scaled singular values that are at
-    /// least [`RANK_TOLERANCE`] of the largest.
+    /// The number of independent combinations of parameters that the data determine: the scaled
+    /// singular values above [`RANK_TOLERANCE`] times the largest.
     pub fn rank(&self) -> usize {
         let largest = self.scaled.first().copied().unwrap_or(0.0);
         let floor = largest * RANK_TOLERANCE;
         self.scaled.iter().filter(|&&s| s > floor).count()
     }
 
-    /// The columns that have a part in a direction which the data leave undetermined.
+    /// The columns that take part in a direction which the data leave undetermined (the null
+    /// space).
     pub fn undetermined(&self) -> Vec<usize> {
         let n = self.scaled.len();
         let rank = self.rank();
@@ -58,7 +60,7 @@ impl Spectrum {
             let entries = null.iter().skip(column).step_by(n.max(1));
             entries.map(|v| v * v).sum::<f64>().sqrt()
         };
-        (0..n).filter(|&c| part(c) > NAMED).collect()
+        (0..n).filter(|&c| part(c) > MIN_NULL_PART).collect()
     }
 
     pub(super) fn require_full_rank(&self, factor: &QrFactor) -> Result<(), EstimateError> {
@@ -90,16 +92,16 @@ impl Spectrum {
 }
 
 impl QrFactor {
-    /// The singular values of the matrix that was reduced, which are those of R.
+    /// Computes the singular values of the reduced matrix W, which are those of R.
     ///
     /// # Errors
-    /// When they are not found.
+    /// When the decomposition does not converge.
     ///
     /// ```
     /// use regen_identify::estimate::QrFactor;
     ///
     /// let mut factor = QrFactor::new(["a", "b", "c"].map(String::from).to_vec());
-    /// // the second and third column are alike
+    /// // the second and third column are equal
     /// let w = [3.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 0.0];
     /// factor.push_block(&w, &[1.0, 2.0, 0.0])?;
     /// let spectrum = factor.spectrum()?;

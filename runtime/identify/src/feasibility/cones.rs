@@ -1,21 +1,22 @@
-//! What is minimised, over which cones.
+//! The objective and the cones of the physical fit, and a proven bound on the distance from the
+//! optimum.
 
 use super::symmetric::{self, Square, ZERO, inner, plus};
 
-/// A symmetric matrix, affine in the variables, that is positive semidefinite.
+/// A constraint: a symmetric matrix, affine in the variables, is positive semidefinite.
 #[derive(Clone, Debug)]
 pub(super) struct Cone {
-    /// Its rows, 1 to 4.
+    /// The number of rows of the matrix, 1 to 4.
     pub(super) size: usize,
     pub(super) constant: Square,
-    /// What each variable that takes part contributes.
+    /// The matrix that multiplies each variable, for the variables that occur.
     pub(super) terms: Vec<(usize, Square)>,
-    /// The factor of `-ln det` of the matrix in the objective.
+    /// The factor of `-ln det` of the matrix in the objective; 0 without that term.
     pub(super) logarithm: f64,
 }
 
 impl Cone {
-    /// An affine expression that is not negative.
+    /// The constraint that an affine expression is not negative.
     pub(super) fn line(expression: &super::program::Affine) -> Self {
         let entry = |x: f64| {
             let mut m = ZERO;
@@ -39,7 +40,7 @@ impl Cone {
         plus(&self.along(x), &self.constant, 1.0)
     }
 
-    /// Its change along a direction.
+    /// The change of the matrix along a direction `d` of the variables.
     pub(super) fn along(&self, d: &[f64]) -> Square {
         let mut out = ZERO;
         for (v, m) in &self.terms {
@@ -49,15 +50,15 @@ impl Cone {
     }
 }
 
-/// `||A x - b||^2 + c . x`, less `ln det` of some cones.
+/// The objective `||A x - b||^2 + c . x`, minus `ln det` of the cones with a logarithm.
 #[derive(Clone, Debug)]
 pub(super) struct Objective {
-    /// Row by row, each with its side behind.
+    /// The rows of A, each followed by its entry of b.
     pub(super) rows: Vec<Vec<f64>>,
     pub(super) linear: Vec<f64>,
-    /// What is in the objective besides: squares that no variable changes.
+    /// A constant part of the objective: squares that no variable changes.
     pub(super) constant: f64,
-    /// Values up to here count as zero: what rounding leaves of the sides.
+    /// Objective values up to this count as zero: they are rounding errors of b.
     pub(super) floor: f64,
 }
 
@@ -75,7 +76,7 @@ impl Objective {
         self.rows.iter().map(one).collect()
     }
 
-    /// The part without logarithms, at least 0 but for the linear part.
+    /// The objective without logarithms; not negative except for its linear part.
     pub(super) fn squares(&self, x: &[f64]) -> f64 {
         let squares: f64 = self.residuals(x).iter().map(|r| r * r).sum();
         let linear: f64 = self.linear.iter().zip(x).map(|(c, v)| c * v).sum();
@@ -88,7 +89,7 @@ impl Objective {
 pub(super) struct Sum {
     high: f64,
     low: f64,
-    /// The sum of the sizes of all terms.
+    /// The sum of the absolute values of all terms.
     size: f64,
     count: usize,
 }
@@ -113,7 +114,7 @@ impl Sum {
         self.high + self.low
     }
 
-    /// At least the size of the exact sum.
+    /// An upper bound on the absolute value of the exact sum.
     pub(super) fn bound(&self) -> f64 {
         let n = self.count as f64 + 2.0;
         let rounding = n * n * f64::EPSILON * f64::EPSILON * self.size;
@@ -121,21 +122,22 @@ impl Sum {
     }
 }
 
-/// How far a point can be from the optimum at most.
+/// An upper bound on how far the objective at a point is above its minimum.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gap {
-    /// The products of the cones' matrices and their duals.
+    /// The sum of the inner products of the cones' matrices and their duals.
     pub(super) complementarity: f64,
-    /// What the duals leave of the gradient, over all of the set.
-    pub(super) left: f64,
-    /// The size of the objective.
+    /// The largest change of the objective over the set by the gradient that the duals do not
+    /// balance.
+    pub(super) unbalanced: f64,
+    /// The value of the objective, at least its floor.
     pub(super) value: f64,
 }
 
 impl Gap {
-    /// As a part of the objective.
+    /// The bound as a fraction of the objective.
     pub(super) fn part(&self) -> f64 {
-        let part = (self.complementarity + self.left) / self.value;
+        let part = (self.complementarity + self.unbalanced) / self.value;
         if part.is_finite() {
             part.max(0.0)
         } else {
@@ -144,20 +146,20 @@ impl Gap {
     }
 }
 
-/// Bounds how far the objective at `x` is above its minimum, from dual matrices, whoever found
-/// them.
+/// Bounds how far the objective at `x` is above its minimum, from dual matrices. The bound holds
+/// for any dual matrices, however they were computed.
 ///
-/// The objective is convex: anywhere else it is at least its value at `x` plus the gradient
+/// The objective is convex: at any other point it is at least its value at `x` plus the gradient
 /// times the distance. With positive semidefinite S_i the gradient is the sum of the `E_i^*(S_i)`
-/// and something that is left; `<S_i, X_i>` is nowhere negative, so that what can be gained is at
-/// most the sum of the `<S_i, X_i(x)>`, and what is left times how far a variable can be from
-/// `x`. Negative eigenvalues of the S_i are cut off first. The gradient is a sum of twice the
-/// working precision of squares' residuals as they were rounded: for `u` near `r = A x - b`,
-/// `||A y - b||^2 >= ||r||^2 + 2 u^T A (y - x) - ||u - r||^2`, so that their rounding counts
-/// by its square only.
+/// and a remainder. `<S_i, X_i>` is nowhere negative, so the objective can fall by at most the sum
+/// of the `<S_i, X_i(x)>` plus the remainder times the distance that a variable can be from `x`.
+/// Negative eigenvalues of the S_i are cut off first. The gradient is summed in twice the working
+/// precision, from the residuals of the squares as they were rounded: for `u` near `r = A x - b`,
+/// `||A y - b||^2 >= ||r||^2 + 2 u^T A (y - x) - ||u - r||^2`, so that their rounding enters only
+/// by its square.
 ///
-/// - `x`: strictly inside the cones that have a logarithm;
-/// - `reach`: how large each variable can be in the set.
+/// - `x`: a point strictly inside the cones that have a logarithm;
+/// - `reach`: the largest absolute value of each variable in the set.
 pub(super) fn gap(
     objective: &Objective,
     cones: &[Cone],
@@ -168,19 +170,20 @@ pub(super) fn gap(
     let (left, complementarity) = remainder(objective, cones, x, duals);
     let residuals = objective.residuals(x);
     let squares: f64 = residuals.iter().map(|r| r * r).sum();
-    let left = left
+    let unbalanced = left
         .iter()
         .zip(x.iter().zip(reach))
         .map(|(sum, (v, most))| sum.bound() * (v.abs() + most))
         .sum();
     Gap {
         complementarity,
-        left,
+        unbalanced,
         value: (squares + objective.constant).max(objective.floor),
     }
 }
 
-/// What the duals leave of the gradient, and their products with the matrices.
+/// The part of the gradient that the duals do not balance, and the sum of the inner products of
+/// duals and matrices.
 pub(super) fn remainder(
     objective: &Objective,
     cones: &[Cone],

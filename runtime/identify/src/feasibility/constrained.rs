@@ -1,9 +1,9 @@
-//! Identification among the physical parameters.
+//! Identification of the physical parameters that fit observations best.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
-use super::faces::{InteriorStart, inside};
+use super::faces::{InteriorStart, find_interior_point};
 use super::interior::{InteriorOutcome, minimise, start};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
@@ -12,25 +12,29 @@ use super::verdict::verdict;
 use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
 use crate::estimate::QrFactor;
 
-/// The gap that is sought, as a part of the objective.
-const GOAL: f64 = 1e-10;
-/// The gap up to which a result is called the optimum, as a part of the objective.
+/// The interior-point method stops at this gap, as a fraction of the objective.
+const TARGET_GAP: f64 = 1e-10;
+/// The gap up to which a result counts as the optimum, as a fraction of the objective.
 pub const OPTIMAL: f64 = 1e-4;
-/// What closeness to the reference may cost at most, as a part of the objective.
-const PULL: f64 = 1e-8;
-/// Where the data fit exactly: a part of the least objective that counts.
-const EXACT: f64 = 1e-4;
-/// What it may cost where the data fit exactly, as a part of what counts as exact.
-const NOTHING: f64 = 1e-5;
-/// A generous limit counts as active when the fit would gain this part of its objective by it.
-const ACTIVE: f64 = 1e-6;
+/// The largest rise of the objective for the sake of closeness to the reference, as a fraction of
+/// the objective.
+const MAX_REFERENCE_COST: f64 = 1e-8;
+/// The data count as fitted exactly when the sum of squares is at most this fraction of the
+/// objective's floor.
+const EXACT_FIT_PART: f64 = 1e-4;
+/// With an exact fit, the largest rise of the objective for closeness to the reference, as a
+/// fraction of the sum that counts as exact.
+const MAX_EXACT_FIT_COST: f64 = 1e-5;
+/// A generous limit (of [`SizeLimit`]) counts as active when lifting it would lower the objective
+/// by at least this fraction.
+const MIN_ACTIVE_GAIN: f64 = 1e-6;
 
-/// How the constraints took part.
+/// Whether constraints or priors changed the least-squares solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// The least-squares parameters are physical themselves: nothing is lost.
+    /// The least-squares parameters are physical: the residuals are those of least squares.
     Unconstrained,
-    /// Constraints or priors hold the parameters away from the least-squares ones.
+    /// Constraints or priors keep the parameters away from the least-squares solution.
     Constrained,
 }
 
@@ -39,44 +43,47 @@ pub enum Outcome {
 pub struct Physical {
     /// All p parameters, SI.
     pub phi: Vec<f64>,
-    /// Their r base parameters, SI.
+    /// The r base parameters of `phi`, SI.
     pub beta: Vec<f64>,
-    /// The sum of squared residuals with them.
+    /// The sum of squared residuals of these parameters.
     pub squared_residual: f64,
-    /// The sum of squared residuals of least squares without constraints: the least there is.
+    /// The sum of squared residuals of least squares without constraints, which is the smallest
+    /// possible.
     pub least: f64,
-    /// The check that they are physical, made without the solver. Single parameters that a limit
-    /// of [`Options::bounds`] lets be negative are none that are missing there.
+    /// The check that the parameters are physical, computed without the solver. Its list of
+    /// negative parameters omits those for which a limit in [`Options::bounds`] allows negative
+    /// values.
     pub check: Check,
-    /// How the constraints took part.
+    /// Whether constraints or priors changed the least-squares solution.
     pub outcome: Outcome,
-    /// By how much of itself the objective (squared residuals, and what priors add) can be
-    /// above the lowest that any physical robot has, at most: bounded from dual matrices whose
-    /// eigenvalues were cut off at 0, by sums of twice the working precision, whatever the
-    /// solver says of itself. The objective counts as at least 1e-8 of the squared efforts.
+    /// An upper bound on how far the objective (squared residuals plus the terms of priors) is
+    /// above its minimum over all physical robots, as a fraction of the objective. The bound is
+    /// computed from dual matrices whose eigenvalues were cut off at 0, by sums of twice the
+    /// working precision, and does not rely on what the solver reports. The objective counts as at
+    /// least 1e-8 of the squared efforts.
     pub gap: f64,
-    /// The bodies that would be heavier or larger if [`sizes`](Self::sizes) did not keep them:
-    /// observations that want masses without end.
+    /// The labels of the bodies that would be heavier or larger without the limits in
+    /// [`sizes`](Self::sizes): the observations alone would make their masses infinite.
     pub limited: Vec<String>,
-    /// The generous limit of each body of the layout, a thousand times what is known of the robot;
-    /// none where no constraint took part.
+    /// The generous limit of each body of the layout, a thousand times the known masses of the
+    /// robot; empty if no constraint took part.
     pub sizes: Vec<SizeLimit>,
 }
 
 /// How heavy and large a body may be: `m + (Ixx + Iyy + Izz) / (2 length^2) <= mass`.
 ///
-/// Without such a limit the best fit can be at masses without end, where it is not attained.
+/// Without such a limit the best fit can be at infinite masses, so that no best fit exists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SizeLimit {
-    /// The mass that is never exceeded, kg.
+    /// The upper limit of the mass, kg.
     pub mass: f64,
-    /// The radius of gyration that counts as much as the mass, m.
+    /// The radius of gyration at which the inertia counts as much as the mass, m.
     pub length: f64,
 }
 
 impl Physical {
-    /// The rise of the root mean square residual over the least there is, as a part of it:
-    /// what being physical costs.
+    /// The relative rise of the root mean square residual above that of least squares without
+    /// constraints: the cost of being physical.
     pub fn rise(&self) -> f64 {
         if self.least > 0.0 {
             (self.squared_residual / self.least).sqrt() - 1.0
@@ -85,7 +92,8 @@ impl Physical {
         }
     }
 
-    /// Whether the gap proves that nothing fits better by more than 1e-4 of the objective.
+    /// Whether the gap proves that no physical parameters lower the objective by more than 1e-4 of
+    /// it.
     pub fn is_optimal(&self) -> bool {
         self.gap <= OPTIMAL
     }
@@ -93,22 +101,22 @@ impl Physical {
 
 /// Finds the physical parameters that fit observations best.
 ///
-/// Minimises `||R B phi - z||^2`, with priors weighted by the noise, over all parameters phi
-/// whose pseudo-inertias are positive semidefinite and whose single parameters are not negative
-/// (Eq. 28 and 29), as one convex programme: its solution is the global one. The least-squares
-/// solution is kept to rounding where it is physical.
+/// Minimises `||R B phi - z||^2`, with priors weighted by the noise, over all parameters phi whose
+/// pseudo-inertias are positive semidefinite and whose single parameters (friction, rotors) are not
+/// negative (Eq. 28 and 29), as one convex programme: its solution is the global one. If the
+/// least-squares solution is physical, it is returned, up to rounding.
 ///
-/// Observations decide alone. Among the parameters that fit equally well, those are taken that
-/// are close to the reference, or small: that changes the objective by less than 1e-8 of it.
-/// How far the result can be from the optimum is in [`Physical::gap`].
+/// Only the observations decide the fit. Among the parameters that fit equally well, the result is
+/// close to the reference, or small without one: that choice changes the objective by less than
+/// 1e-8 of it. [`Physical::gap`] bounds the distance of the result from the optimum.
 ///
 /// - `factor`: R and z over the r combinations (base parameters);
 /// - `combinations`: how they combine the p parameters of `layout`.
 ///
 /// # Errors
 /// When sizes or labels do not fit, a value is not finite, an entropic prior has no physical
-/// reference, something that is asked for can have no effect ([`FeasibilityError::Idle`]), or the
-/// constraints leave nothing ([`FeasibilityError::Contradiction`]).
+/// reference, a constraint can have no effect ([`FeasibilityError::Idle`]), or the constraints
+/// admit no parameters ([`FeasibilityError::Contradiction`]).
 ///
 /// ```
 /// use regen_identify::estimate::QrFactor;
@@ -117,7 +125,7 @@ impl Physical {
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
 /// let layout = ParameterLayout::new(&labels)?;
 /// let seen = BaseMap::identity(&labels).select(&[5, 9])?;
-/// // Izz and m measured, both once: the inertia came out negative
+/// // Izz and m, each measured once: the measured inertia is negative
 /// let mut factor = QrFactor::new(seen.labels().to_vec());
 /// factor.push_block(&[1.0, 0.0, 0.0, 1.0], &[-0.01, 2.0])?;
 /// let physical = identify(&factor, &seen, &layout, &Options::default())?;
@@ -166,7 +174,7 @@ pub fn identify(
         options,
         noise: options.noise.unwrap_or((least / spare as f64).sqrt()),
     };
-    let InteriorStart { problem, x: within } = inside(&setting)?;
+    let InteriorStart { problem, x: within } = find_interior_point(&setting)?;
     let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
     let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
     let all = &problem.cones;
@@ -175,7 +183,7 @@ pub fn identify(
         all,
         &problem.reach,
         first,
-        GOAL,
+        TARGET_GAP,
         &|_| false,
     );
     let ended = ended.ok_or_else(lost)?;
@@ -183,7 +191,7 @@ pub fn identify(
     let (x, gap) = if options.rough {
         (ended.best.x.clone(), ended.gap.part())
     } else {
-        closest(&problem, options, &ended)
+        closest_to_reference(&problem, options, &ended)
     };
     let (phi, check, moved) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
     let cost = objective(&problem, &moved) - objective(&problem, &x);
@@ -203,7 +211,7 @@ pub fn identify(
     })
 }
 
-/// The least sum of squares, and the rank of the observations.
+/// The sum of squared residuals of least squares, and the rank of the observations.
 fn least(factor: &QrFactor) -> (f64, usize) {
     if factor.solve().is_ok() {
         return (factor.rss(), factor.columns());
@@ -216,7 +224,7 @@ fn least(factor: &QrFactor) -> (f64, usize) {
     (off.norm_squared() + factor.rss(), spectrum.rank)
 }
 
-/// The generous limits of the bodies in SI.
+/// The generous limits of the bodies, SI.
 fn sizes(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     let bodies = layout.bodies().iter().zip(&problem.heaviest);
     let limit = |(body, heaviest): (&Body, &f64)| {
@@ -229,23 +237,27 @@ fn sizes(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     bodies.map(limit).collect()
 }
 
-/// The bodies whose generous limits matter to the fit.
+/// The labels of the bodies whose generous limits are active.
 fn limited(problem: &Problem, layout: &ParameterLayout, ended: &InteriorOutcome) -> Vec<String> {
     let duals = problem.kinds.iter().zip(&ended.best.duals);
     let matters = duals.filter_map(|(kind, dual)| {
         let Kind::Size(body) = kind else { return None };
         let gain = dual[0][0] * problem.heaviest.get(*body)?;
-        (gain > ACTIVE * ended.gap.value).then(|| layout.bodies().get(*body))?
+        (gain > MIN_ACTIVE_GAIN * ended.gap.value).then(|| layout.bodies().get(*body))?
     });
     matters.map(|body| body.label.clone()).collect()
 }
 
-/// Among what fits as well, what is close to the reference; and the gap of that.
+/// Among the parameters that fit equally well, those close to the reference, with their gap.
 ///
-/// The objective with a pull `w ||phi - reference||^2` is minimised again. A pull that is `PULL`
-/// of the objective at the first solution can cost no more than that: at its own minimum the sum
-/// is not larger than there.
-fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Vec<f64>, f64) {
+/// Minimises the objective again with the additional term `w ||phi - reference||^2`. If that term
+/// is at most `MAX_REFERENCE_COST` of the objective at the first solution, the objective cannot
+/// rise by more: at the new minimum the sum of both is not larger than at the first solution.
+fn closest_to_reference(
+    problem: &Problem,
+    options: &Options,
+    ended: &InteriorOutcome,
+) -> (Vec<f64>, f64) {
     let first = (ended.best.x.clone(), ended.gap.part());
     let plain = &problem.objective;
     let far = |x: &[f64]| {
@@ -260,15 +272,15 @@ fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Ve
     if distance.is_nan() || distance <= 0.0 {
         return first;
     }
-    // where the data fit exactly the cost of a pull is of second order: more is allowed to pull,
-    // as long as the cost stays nothing
-    let floor = EXACT * plain.floor;
+    // if the data fit exactly, the cost of the additional term is of second order: its weight may
+    // be larger, as long as the cost stays negligible
+    let floor = EXACT_FIT_PART * plain.floor;
     let squares = plain.squares(&first.0);
     let exact = squares <= floor;
     let (pulls, allowed): (&[f64], f64) = if exact {
-        (&[1e3, 1e2, 1e1, 1.0], NOTHING * floor)
+        (&[1e3, 1e2, 1e1, 1.0], MAX_EXACT_FIT_COST * floor)
     } else {
-        (&[PULL], 2.0 * PULL * squares)
+        (&[MAX_REFERENCE_COST], 2.0 * MAX_REFERENCE_COST * squares)
     };
     for pull in pulls {
         let weight = pull * squares.max(floor) / distance;
@@ -277,21 +289,21 @@ fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Ve
             &problem.cones,
             &problem.reach,
             ended.inside.clone(),
-            1e-2 * PULL * squares.max(floor) / ended.gap.value,
+            1e-2 * MAX_REFERENCE_COST * squares.max(floor) / ended.gap.value,
             &|_| false,
         );
         let Some(again) = again else { continue };
         let x = again.best.x;
         let rise = objective(problem, &x) - objective(problem, &first.0);
         if rise <= allowed && far(&x) < distance {
-            let whole = ended.gap.complementarity + ended.gap.left + rise.max(0.0);
+            let whole = ended.gap.complementarity + ended.gap.unbalanced + rise.max(0.0);
             return (x, whole / ended.gap.value);
         }
     }
     first
 }
 
-/// What is minimised, up to a constant.
+/// The objective including its logarithms, up to a constant.
 fn objective(problem: &Problem, x: &[f64]) -> f64 {
     let logarithms: f64 = problem
         .cones
@@ -308,8 +320,8 @@ fn objective(problem: &Problem, x: &[f64]) -> f64 {
     problem.objective.squares(x) - logarithms
 }
 
-/// The parameters at a point, which are physical by their own check: where rounding takes an
-/// eigenvalue to the wrong side, a little of a point well inside is mixed in.
+/// The parameters at a point, with the check that they are physical and the point they belong to.
+/// If rounding makes an eigenvalue negative, a small part of a point well inside is mixed in.
 fn physical(
     problem: &Problem,
     layout: &ParameterLayout,
@@ -342,14 +354,14 @@ fn physical(
     None
 }
 
-/// The least-squares solution, if nothing else is wanted and it is physical.
+/// The least-squares solution, if it is physical and there are no priors or further constraints.
 fn least_squares_kept(
     factor: &QrFactor,
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
 ) -> Result<Option<Physical>, FeasibilityError> {
-    let wishes = !options.priors.is_empty()
+    let has_constraints = !options.priors.is_empty()
         || options.entropic > 0.0
         || !options.known.is_empty()
         || !options.bounds.is_empty()
@@ -358,7 +370,7 @@ fn least_squares_kept(
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if wishes {
+    if has_constraints {
         return Ok(None);
     }
     let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)
@@ -389,8 +401,8 @@ fn least_squares_kept(
     }))
 }
 
-/// The physical parameters whose base parameters are nearest to given ones, in the norm of the
-/// observations: least `||R (B phi - beta)||`.
+/// Finds the physical parameters whose base parameters are nearest to given ones, in the norm of
+/// the observations: it minimises `||R (B phi - beta)||`.
 ///
 /// - `beta`: r base parameters, SI.
 ///

@@ -1,4 +1,5 @@
-//! The cones of the physical fit: bodies, signs, and limits.
+//! The cones of the physical fit: pseudo-inertias of bodies, signs of single parameters, and
+//! limits.
 
 use super::cones::Cone;
 use super::inertia::{ENTRIES, TRIANGLE};
@@ -9,31 +10,31 @@ use super::verdict::combine;
 use super::{FeasibilityError, pseudo_inertia};
 use regen_runtime::Sign;
 
-/// A body may be this many times as heavy as all that is known of the robot: the unit of its
-/// scale, its reference, what is said of it, base parameters. That keeps the set bounded; without a
-/// bound the best fit can lie at masses without end.
-const HEAVIEST: f64 = 1e3;
-/// What base parameters are believed of a robot's mass at most, in units of the scale: larger ones
-/// are of springs and the like that are put as weights.
-const BELIEVED: f64 = 10.0;
+/// The limit of a body's mass, as a multiple of the largest known value of the robot in units of
+/// the scale: 1, its reference, its known values, limits and priors, and its base parameters. The
+/// limit keeps the set bounded; without it the best fit can lie at infinite masses.
+const MAX_MASS_RATIO: f64 = 1e3;
+/// Base parameters count at most as this mass of the robot, in units of the scale: larger ones
+/// describe springs and the like that are modelled as weights.
+const MAX_BASE_PARAMETER_MASS: f64 = 10.0;
 
 impl Setting<'_> {
-    /// The cones of the bodies, and the limits of their mass and reach.
+    /// Adds the cones of the bodies' pseudo-inertias, and the limits of their mass and size.
     pub(super) fn bodies(
         &self,
         problem: &mut Problem,
         faces: &[Option<Face>],
     ) -> Result<(), FeasibilityError> {
         let options = self.options;
-        let certain = self.certain(&problem.units).into_iter();
-        let largest = certain.fold(1.0, f64::max).min(BELIEVED);
+        let certain = self.certain_sizes(&problem.units).into_iter();
+        let largest = certain.fold(1.0, f64::max).min(MAX_BASE_PARAMETER_MASS);
         let margin = options.margin * options.scale.mass / self.scale().mass;
         for (k, body) in self.layout.bodies().iter().enumerate() {
-            let said = body
+            let stated = body
                 .columns
                 .iter()
-                .flat_map(|c| self.said(*c, &problem.units));
-            let heaviest = HEAVIEST * said.fold(largest, f64::max);
+                .flat_map(|c| self.stated_sizes(*c, &problem.units));
+            let heaviest = MAX_MASS_RATIO * stated.fold(largest, f64::max);
             problem.heaviest.push(heaviest);
             let mut plain = Cone {
                 size: 4,
@@ -84,7 +85,7 @@ impl Setting<'_> {
         Ok(())
     }
 
-    /// The log-det divergence from a body's reference, where it has one.
+    /// Adds the log-det divergence from a body's reference to the objective, if the body has one.
     fn entropic(
         &self,
         problem: &mut Problem,
@@ -108,7 +109,7 @@ impl Setting<'_> {
         };
         let l = inverse(&l, 4);
         let whitening = product(&transposed(&l), &l);
-        // squares are of twice the negative logarithm of the likelihood
+        // the sum of squares is twice the negative logarithm of the likelihood
         let strength = 2.0 * options.entropic * self.noise * self.noise;
         for (v, m) in &plain.terms {
             problem.objective.linear[*v] += strength * super::symmetric::inner(&whitening, m);
@@ -119,7 +120,8 @@ impl Setting<'_> {
         Ok(())
     }
 
-    /// The signs of single parameters, unless a limit of the user's stands for it.
+    /// Adds the signs of the single parameters, unless a limit of the user replaces the sign, and
+    /// their generous limits.
     pub(super) fn singles(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
         for &j in self.layout.single() {
             let label = &self.layout.labels()[j];
@@ -134,7 +136,7 @@ impl Setting<'_> {
                 }
                 continue;
             }
-            let strongest = self.strongest(j, &problem.units);
+            let strongest = self.single_limit(j, &problem.units);
             let mut most = Affine {
                 terms: expression.terms.iter().map(|(v, f)| (*v, -f)).collect(),
                 constant: strongest - expression.constant,
@@ -151,7 +153,7 @@ impl Setting<'_> {
         Ok(())
     }
 
-    /// The limits that the user gave.
+    /// Adds the limits that the user gave.
     pub(super) fn limits(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
         for (k, bound) in self.options.bounds.iter().enumerate() {
             if bound.lowest.is_nan() || bound.highest.is_nan() || bound.lowest > bound.highest {
@@ -161,7 +163,7 @@ impl Setting<'_> {
                 });
             }
             let j = self.layout.find(&bound.parameter)?;
-            self.acts(j, bound.lowest, bound.highest)?;
+            self.refuse_idle_limits(j, bound.lowest, bound.highest)?;
             if bound.lowest >= bound.highest {
                 continue;
             }
@@ -170,7 +172,7 @@ impl Setting<'_> {
             if expression.terms.is_empty() {
                 let value = expression.constant * problem.units[j];
                 let fits = value >= bound.lowest && value <= bound.highest;
-                // a search inside may limit what turns out to be fixed
+                // the friction search may limit a parameter that turns out to be fixed
                 if fits && self.options.rough {
                     continue;
                 }
@@ -212,8 +214,13 @@ impl Setting<'_> {
         Ok(())
     }
 
-    /// Refuses limits that do nothing, whatever the data are.
-    fn acts(&self, j: usize, lowest: f64, highest: f64) -> Result<(), FeasibilityError> {
+    /// Returns an error for limits that have no effect, for any data.
+    fn refuse_idle_limits(
+        &self,
+        j: usize,
+        lowest: f64,
+        highest: f64,
+    ) -> Result<(), FeasibilityError> {
         let label = &self.layout.labels()[j];
         let symbol = self.layout.inertial(j);
         let positive = symbol.is_some_and(|s| s.sign() == Sign::Nonnegative);

@@ -1,38 +1,41 @@
-//! Equations between parameters, and what is left when they are solved.
+//! Linear equations between parameters, solved by elimination.
 
 use super::FeasibilityError;
 use super::program::Affine;
 
-/// A coefficient below this part of the largest one of its equation has cancelled.
-const CANCELLED: f64 = 1e-11;
-/// What an equation without unknowns may be off, as a part of what it was a sum of.
-const AGREES: f64 = 1e-9;
+/// After an elimination, a coefficient counts as zero below this fraction of the largest term it
+/// was summed from.
+const CANCELLATION_PART: f64 = 1e-11;
+/// An equation whose unknowns have all been eliminated is a contradiction when its constant exceeds
+/// this fraction of the terms it was summed from.
+const CONTRADICTION_TOLERANCE: f64 = 1e-9;
 
-/// Sums of multiples of parameters, in their units, that are zero.
+/// An equation: a sum of multiples of parameters, in their units, is zero.
 #[derive(Clone, Debug)]
 pub(super) struct Equality {
     pub(super) form: Affine,
-    /// Who asks for it, in words.
+    /// The source of the equation, as a phrase for error messages.
     pub(super) source: String,
-    /// Part of what a user asks for: it must act, or some of its group must.
+    /// The constraint of the user that the equation is part of: at least one equation of a group
+    /// must remove an unknown.
     pub(super) group: Option<usize>,
-    /// How well its factors are known: those below this part of the largest are taken as zero.
+    /// The accuracy of the factors: those below this fraction of the largest count as zero.
     pub(super) rounded: f64,
 }
 
-/// All parameters as expressions in those that are left.
+/// All parameters as affine expressions in the variables that remain after the elimination.
 #[derive(Clone, Debug)]
 pub(super) struct Solved {
-    /// One for each parameter, in units.
+    /// One expression for each parameter, in its unit.
     pub(super) expressions: Vec<Affine>,
-    /// The parameter that each variable is.
+    /// The index of the parameter that each variable stands for.
     pub(super) variables: Vec<usize>,
 }
 
-/// A form with the parameters that are gone replaced, its terms in order; and the size of what
-/// was added up in each.
-fn substituted(form: &Affine, gone: &[Option<Affine>]) -> (Vec<f64>, Vec<f64>, f64, f64) {
-    let n = gone.len();
+/// Substitutes the eliminated parameters into a form. Returns the factors of all parameters, the
+/// largest term that was added up in each, the constant, and the largest term of the constant.
+fn substituted(form: &Affine, eliminated: &[Option<Affine>]) -> (Vec<f64>, Vec<f64>, f64, f64) {
+    let n = eliminated.len();
     let (mut terms, mut sizes) = (vec![0.0; n], vec![0.0_f64; n]);
     let (mut constant, mut size) = (form.constant, form.constant.abs());
     let mut add = |k: usize, x: f64| {
@@ -40,7 +43,7 @@ fn substituted(form: &Affine, gone: &[Option<Affine>]) -> (Vec<f64>, Vec<f64>, f
         sizes[k] = sizes[k].max(x.abs());
     };
     for &(k, factor) in &form.terms {
-        match &gone[k] {
+        match &eliminated[k] {
             None => add(k, factor),
             Some(by) => {
                 for &(other, more) in &by.terms {
@@ -54,19 +57,19 @@ fn substituted(form: &Affine, gone: &[Option<Affine>]) -> (Vec<f64>, Vec<f64>, f
     (terms, sizes, constant, size)
 }
 
-/// Solves equations one after another, each for the parameter with its largest factor.
+/// Solves the equations one after another, each for the parameter with its largest factor.
 pub(super) fn solve(
     parameters: usize,
     equalities: &[Equality],
 ) -> Result<Solved, FeasibilityError> {
-    let mut gone: Vec<Option<Affine>> = vec![None; parameters];
+    let mut eliminated: Vec<Option<Affine>> = vec![None; parameters];
     let mut acting: Vec<(usize, &str, bool)> = Vec::new();
     for equality in equalities {
         let largest = equality.form.terms.iter().map(|(_, f)| f.abs());
         let largest = largest.fold(0.0, f64::max);
-        let (mut terms, sizes, constant, size) = substituted(&equality.form, &gone);
+        let (mut terms, sizes, constant, size) = substituted(&equality.form, &eliminated);
         for (x, size) in terms.iter_mut().zip(&sizes) {
-            if x.abs() <= CANCELLED * size || x.abs() <= equality.rounded * largest {
+            if x.abs() <= CANCELLATION_PART * size || x.abs() <= equality.rounded * largest {
                 *x = 0.0;
             }
         }
@@ -85,8 +88,9 @@ pub(super) fn solve(
             }
         }
         let Some(pivot) = pivot else {
-            // of the size of what was added up, or of the implied equation's own accuracy
-            if constant.abs() > AGREES.max(equality.rounded) * size.max(largest) {
+            // relative to the terms that were added up, or to the accuracy of an equation that
+            // follows from others
+            if constant.abs() > CONTRADICTION_TOLERANCE.max(equality.rounded) * size.max(largest) {
                 return Err(FeasibilityError::Contradiction(equality.source.clone()));
             }
             continue;
@@ -105,7 +109,7 @@ pub(super) fn solve(
         };
         let mut one = vec![None; parameters];
         one[pivot] = Some(by);
-        for slot in &mut gone {
+        for slot in &mut eliminated {
             let uses = |old: &Affine| old.terms.iter().any(|(j, _)| *j == pivot);
             let Some(old) = slot.take_if(|old| uses(old)) else {
                 continue;
@@ -113,25 +117,27 @@ pub(super) fn solve(
             let (terms, sizes, constant, _) = substituted(&old, &one);
             *slot = Some(Affine {
                 terms: (0..parameters)
-                    .filter(|j| terms[*j].abs() > CANCELLED * sizes[*j])
+                    .filter(|j| terms[*j].abs() > CANCELLATION_PART * sizes[*j])
                     .map(|j| (j, terms[j]))
                     .collect(),
                 constant,
             });
         }
-        gone[pivot] = one[pivot].take();
+        eliminated[pivot] = one[pivot].take();
     }
     if let Some((_, source, _)) = acting.iter().find(|(.., acts)| !acts) {
         return Err(FeasibilityError::Idle(format!(
             "{source} says nothing that the rest does not say already"
         )));
     }
-    let variables: Vec<usize> = (0..parameters).filter(|k| gone[*k].is_none()).collect();
+    let variables: Vec<usize> = (0..parameters)
+        .filter(|k| eliminated[*k].is_none())
+        .collect();
     let mut place = vec![0; parameters];
     for (v, k) in variables.iter().enumerate() {
         place[*k] = v;
     }
-    let expressions = gone.into_iter().enumerate().map(|(k, by)| match by {
+    let expressions = eliminated.into_iter().enumerate().map(|(k, by)| match by {
         None => Affine {
             terms: vec![(place[k], 1.0)],
             constant: 0.0,

@@ -1,60 +1,60 @@
-//! Misuse of the feasibility functions.
+//! The errors of the feasibility functions.
 
 use core::fmt;
 
 use crate::estimate::EstimateError;
 
-/// Why a question about feasibility could not be asked.
+/// Why feasible parameters could not be computed.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FeasibilityError {
-    /// A list whose length does not fit.
+    /// A list has the wrong length.
     Size {
-        /// What has the wrong length.
+        /// The name of the argument.
         what: &'static str,
-        /// The length it must have.
+        /// The required length.
         expected: usize,
-        /// The length it had.
+        /// The length that was given.
         got: usize,
     },
-    /// An entry that is NaN or infinite, or a unit or deviation that is not positive.
+    /// An entry is NaN or infinite, or a unit or standard deviation is not positive.
     NotFinite {
-        /// What holds it.
+        /// The name of the argument that contains the entry.
         what: &'static str,
-        /// Which entry.
+        /// The index of the entry.
         index: usize,
     },
-    /// A label that is not among the parameters or bodies.
+    /// A label is not among the parameters or bodies.
     Unknown {
-        /// `parameter` or `body`.
+        /// The kind of thing that the label should name, such as `parameter` or `body`.
         what: &'static str,
         /// The label.
         label: String,
     },
-    /// A body without all of its ten parameters.
+    /// A body lacks one of its ten parameters.
     Incomplete {
-        /// The body.
+        /// The label of the body.
         body: String,
-        /// The parameter that is missing.
+        /// The label of the missing parameter.
         missing: String,
     },
-    /// A label twice.
+    /// A label occurs twice.
     Duplicate {
         /// The label.
         label: String,
     },
-    /// A reference body, for an entropic prior, that is not strictly physical.
+    /// A reference body of an entropic prior is not strictly physical.
     Reference {
-        /// The body.
+        /// The label of the body.
         body: String,
     },
-    /// What is asked for contradicts the rest: who asks for it.
+    /// A constraint contradicts the others; the text describes the constraint and its source.
     Contradiction(String),
-    /// Something that is asked for can have no effect: why.
+    /// A constraint can have no effect; the text explains why.
     Idle(String),
-    /// Least squares on the way failed.
+    /// The least-squares estimate failed.
     Estimate(EstimateError),
-    /// The solver refused the problem.
+    /// The conic solver failed; the text is its message.
     Solver(String),
 }
 

@@ -1,4 +1,5 @@
-//! A point inside all constraints, and the faces that equations leave of the cones.
+//! A search for a point strictly inside all constraints, and the faces of the cones to which
+//! equations restrict the parameters.
 
 use super::FeasibilityError;
 use super::cones::Objective;
@@ -9,19 +10,19 @@ use super::problem::{Face, Kind, Problem, Setting};
 use super::program::Affine;
 use super::symmetric::{ONE, Square, ZERO, eigen, smallest};
 
-/// Far enough inside, in units of the cones.
-const WELL: f64 = 0.3;
-/// What counts as inside at all.
-const LEAST: f64 = 1e-7;
-/// What an eigenvalue of a dual matrix must be, as a part of the largest, to say that the matrix
-/// vanishes there.
-const VANISHES: f64 = 1e-3;
-/// Factors of equations that follow from such directions are known to this part.
-const FOLLOWS: f64 = 1e-5;
-/// How often faces of faces are looked for.
-const ROUNDS: usize = 8;
-/// The weight of small parameters beside being inside.
-const SMALL: f64 = 1e-4;
+/// The search stops at a point this far inside all cones, in their units.
+const DEEP_INSIDE: f64 = 0.3;
+/// A point closer to the border of a cone than this does not count as inside, in the cone's unit.
+const MIN_INSIDE: f64 = 1e-7;
+/// An eigenvalue of a dual matrix above this fraction of the largest entry proves that the cone's
+/// matrix is zero in that direction.
+const MIN_DUAL_EIGENVALUE: f64 = 1e-3;
+/// The relative accuracy of the factors of the equations that follow from such directions.
+const DERIVED_ACCURACY: f64 = 1e-5;
+/// The largest number of rounds in which faces of faces are searched.
+const MAX_ROUNDS: usize = 8;
+/// The weight of keeping parameters small, relative to being inside.
+const SMALLNESS_WEIGHT: f64 = 1e-4;
 
 /// A problem with a point strictly inside its cones.
 pub(super) struct InteriorStart {
@@ -29,24 +30,26 @@ pub(super) struct InteriorStart {
     pub(super) x: Vec<f64>,
 }
 
-/// Finds a point strictly inside. Where equations leave the cones no inside, such as a body that
-/// is known to have no mass, the cones are replaced by those of their faces that have one (Borwein
-/// and Wolkowicz, 1981).
-pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, FeasibilityError> {
+/// Finds a point strictly inside the cones. If equations leave a cone without interior, such as a
+/// body that is known to have no mass, the cone is replaced by its face, which has one (Borwein and
+/// Wolkowicz, 1981).
+pub(super) fn find_interior_point(
+    setting: &Setting<'_>,
+) -> Result<InteriorStart, FeasibilityError> {
     let units = setting.units();
     let mut equalities = setting.equalities(&units)?;
     let bodies = setting.layout.bodies().len();
     let mut faces: Vec<Option<Face>> = vec![None; bodies];
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let problem = setting.problem(&equalities, &faces)?;
         let n = problem.solved.variables.len();
-        let (cones, reach) = problem.inside();
-        // towards 1, and small beside that
+        let (cones, reach) = problem.interior_search();
+        // minimise (t - 1)^2, with a small weight on the size of the parameters
         let mut rows = vec![vec![0.0; n + 2]];
         (rows[0][n], rows[0][n + 1]) = (1.0, 1.0);
         for v in 0..n {
             let mut row = vec![0.0; n + 2];
-            row[v] = SMALL;
+            row[v] = SMALLNESS_WEIGHT;
             rows.push(row);
         }
         let near = Objective {
@@ -63,11 +66,11 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
         x[n] = lowest - 1.0;
         let lost = || FeasibilityError::Solver("no point inside was found".to_owned());
         let first = start(&near, &cones, x).ok_or_else(lost)?;
-        let well = |x: &[f64]| x.last().is_some_and(|t| *t > WELL);
+        let well = |x: &[f64]| x.last().is_some_and(|t| *t > DEEP_INSIDE);
         let ended = minimise(&near, &cones, &reach, first, 1e-5, &well).ok_or_else(lost)?;
         let mut at = ended.best;
-        if at.x[n] < WELL {
-            // without the part for small ones, which may hide a thin inside
+        if at.x[n] < DEEP_INSIDE {
+            // again without the weight on small parameters, which may hide a thin interior
             let exact = Objective {
                 rows: near.rows[..1].to_vec(),
                 floor: 1e-9,
@@ -76,7 +79,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
             let more = minimise(&exact, &cones, &reach, ended.inside, 1e-3, &well);
             let more = more.ok_or_else(lost)?;
             let value = (1.0 - more.best.x[n]).powi(2);
-            if value - more.gap.complementarity - more.gap.left > 1.0 + LEAST {
+            if value - more.gap.complementarity - more.gap.unbalanced > 1.0 + MIN_INSIDE {
                 return Err(FeasibilityError::Contradiction(
                     "bounds, known values and sums, together with what is physical,".to_owned(),
                 ));
@@ -85,11 +88,11 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
                 at = more.best;
             }
         }
-        if at.x[n] > LEAST {
+        if at.x[n] > MIN_INSIDE {
             at.x.truncate(n);
             return Ok(InteriorStart { problem, x: at.x });
         }
-        if !narrowed(&problem, setting, &at, &mut faces, &mut equalities) {
+        if !restrict_to_faces(&problem, setting, &at, &mut faces, &mut equalities) {
             break;
         }
     }
@@ -98,8 +101,9 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, Feasibility
     ))
 }
 
-/// Narrows the cones by the duals of the problem of being inside; whether any is narrower.
-fn narrowed(
+/// Restricts the cones to faces by the duals of the search for an inside point; returns whether any
+/// cone was restricted.
+fn restrict_to_faces(
     problem: &Problem,
     setting: &Setting<'_>,
     at: &Point,
@@ -113,7 +117,7 @@ fn narrowed(
     for ((cone, kind), dual) in all {
         let (values, vectors) = eigen(dual, cone.size);
         let gone: Vec<usize> = (0..cone.size)
-            .filter(|k| values[*k] > VANISHES * largest)
+            .filter(|k| values[*k] > MIN_DUAL_EIGENVALUE * largest)
             .collect();
         if gone.is_empty() {
             continue;
@@ -129,7 +133,7 @@ fn narrowed(
                 for k in &gone {
                     // J v = 0
                     for row in 0..4 {
-                        equalities.push(vanishing(own.columns, &turned, row, *k));
+                        equalities.push(null_vector_equation(own.columns, &turned, row, *k));
                     }
                 }
                 let mut basis = ZERO;
@@ -143,7 +147,7 @@ fn narrowed(
                 faces[*body] = Some(Face { basis, size });
             }
             Kind::Sign | Kind::Limit | Kind::Size(_) | Kind::Strength => {
-                // in the parameters: variables are parameters themselves
+                // in terms of the parameters: each variable is one of the parameters
                 let terms = cone.terms.iter();
                 let terms = terms.map(|(v, m)| (problem.solved.variables[*v], m[0][0]));
                 equalities.push(Equality {
@@ -153,7 +157,7 @@ fn narrowed(
                     },
                     source: "what is known, together with what is physical,".to_owned(),
                     group: None,
-                    rounded: FOLLOWS,
+                    rounded: DERIVED_ACCURACY,
                 });
             }
         }
@@ -162,7 +166,12 @@ fn narrowed(
 }
 
 /// A row of `J v = 0` for a column v of a matrix, in the body's ten parameters.
-fn vanishing(columns: [usize; 10], vectors: &Square, row: usize, column: usize) -> Equality {
+fn null_vector_equation(
+    columns: [usize; 10],
+    vectors: &Square,
+    row: usize,
+    column: usize,
+) -> Equality {
     let mut terms = Vec::new();
     for ((r, c), entry) in TRIANGLE.into_iter().zip(ENTRIES) {
         let mut factor = 0.0;
@@ -185,6 +194,6 @@ fn vanishing(columns: [usize; 10], vectors: &Square, row: usize, column: usize) 
         },
         source: "what is known, together with what is physical,".to_owned(),
         group: None,
-        rounded: FOLLOWS,
+        rounded: DERIVED_ACCURACY,
     }
 }

@@ -1,16 +1,20 @@
-//! The pseudo-inertia of a body: physical exactly when it is positive semidefinite.
+//! The pseudo-inertia of a body: the body is physical exactly when the matrix is positive
+//! semidefinite.
 
 use super::symmetric::eigen;
 use super::{BaseMap, ParameterLayout};
 
-/// Robots up to this many kilograms, or one over it, are measured in kilograms.
-const USUAL_MASS: f64 = 256.0;
+/// The unit of mass stays 1 kg for robots whose largest base parameter corresponds to at most this
+/// many kilograms and at least its inverse; otherwise the unit changes by steps of `MASS_STEP`.
+const USUAL_MASS_RATIO: f64 = 256.0;
 const MASS_STEP: f64 = 65536.0;
 
-/// A body's ten parameters: `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about its frame's origin, SI.
+/// A body's ten parameters `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m`, SI, with the inertia about the
+/// origin of the body's frame.
 pub type InertialParameters = [f64; 10];
 
-/// The entries of the upper triangle of a symmetric 4 x 4 matrix, column by column.
+/// Row and column of the entries of the upper triangle of a symmetric 4 x 4 matrix, column by
+/// column.
 pub(super) const TRIANGLE: [(usize, usize); 10] = [
     (0, 0),
     (0, 1),
@@ -24,7 +28,8 @@ pub(super) const TRIANGLE: [(usize, usize); 10] = [
     (3, 3),
 ];
 
-/// Each entry of the upper triangle as a combination of the ten parameters.
+/// Each entry of the upper triangle as a combination of the ten parameters: their indices and
+/// factors.
 pub(super) const ENTRIES: [&[(usize, f64)]; 10] = [
     &[(0, -0.5), (3, 0.5), (5, 0.5)],
     &[(1, -1.0)],
@@ -43,10 +48,10 @@ pub(super) const LENGTHS: [i32; 10] = [2, 2, 2, 2, 2, 2, 1, 1, 1, 0];
 
 /// The pseudo-inertia J of ten parameters: the integral of (x, y, z, 1)^T (x, y, z, 1) dm.
 ///
-/// A body of non-negative density exists exactly when J is positive semidefinite: then its mass
-/// is not negative, and its moments of inertia about the centre of mass are not negative and
-/// fulfil the triangle inequality (Wensing, Kim and Slotine, 2018). That is Eq. 28, which has no
-/// triangle inequality, and more.
+/// A body of non-negative density with these parameters exists exactly when J is positive
+/// semidefinite: then its mass is not negative, and its moments of inertia about the centre of mass
+/// are not negative and fulfil the triangle inequality (Wensing, Kim and Slotine, 2018). This
+/// includes Eq. 28, which has no triangle inequality.
 ///
 /// - returns: 4 x 4, symmetric, rows and columns in the order x, y, z, 1.
 ///
@@ -69,7 +74,7 @@ pub fn pseudo_inertia(phi: &InertialParameters) -> [[f64; 4]; 4] {
     j
 }
 
-/// The ten parameters of a pseudo-inertia, of which the upper triangle is read.
+/// The ten parameters of a pseudo-inertia J; only the upper triangle of J is read.
 ///
 /// ```
 /// use regen_identify::feasibility::{pseudo_inertia, inertial_parameters};
@@ -93,8 +98,8 @@ pub fn inertial_parameters(j: &[[f64; 4]; 4]) -> InertialParameters {
     ]
 }
 
-/// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: a functional that
-/// is not negative on any body exactly when Z is positive semidefinite.
+/// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: the linear functional
+/// `c . phi` is not negative on any body exactly when Z is positive semidefinite.
 pub(super) fn functional(c: &InertialParameters) -> [[f64; 4]; 4] {
     let (x, y, z, m) = (c[6] / 2.0, c[7] / 2.0, c[8] / 2.0, c[9]);
     let (xy, xz, yz) = (-c[1] / 2.0, -c[2] / 2.0, -c[4] / 2.0);
@@ -117,17 +122,18 @@ pub(super) fn eigenvalues(m: &[[f64; 4]; 4]) -> [f64; 4] {
 }
 
 /// The units in which bodies are measured, so that kilograms and kilogram metres squared can be
-/// compared: eigenvalues and margins are of J with masses in `mass` and lengths in `length`.
+/// compared: eigenvalues and margins are those of J with masses in units of `mass` and lengths in
+/// units of `length`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// kg, positive.
+    /// The unit of mass, kg, positive.
     pub mass: f64,
-    /// m, positive.
+    /// The unit of length, m, positive.
     pub length: f64,
 }
 
 impl Default for Scale {
-    /// 1 kg and 0.3 m: links of a robot that stands on a table or beside a man.
+    /// 1 kg and 0.3 m: the links of a robot of table-top to human size.
     fn default() -> Self {
         Self {
             mass: 1.0,
@@ -144,16 +150,19 @@ impl Scale {
             .all(|x| x.is_finite() && *x > 0.0)
     }
 
-    /// Units near those of a robot, so that neither millimetres and tonnes nor a mechanism of
-    /// milligrams leave a semidefinite programme whose numbers are all beside its tolerances.
+    /// Units near the masses and lengths of a robot. They keep the numbers of the semidefinite
+    /// programme above the solver's tolerances for robots in millimetres and tonnes and for
+    /// mechanisms of milligrams alike.
     ///
     /// - `length`: the size of the mechanism, in the description's unit of length, within a factor
     ///   of sixteen: `LoopClosure::length_unit`.
-    /// - `beta`: base parameters of these combinations. Each of a body is a mass at a length of
-    ///   the mechanism's; the largest is the robot's, within a factor of 2^8.
+    /// - `beta`: base parameters of these combinations, SI. Each one of a body is a mass at a
+    ///   length of about the mechanism's; the largest gives the robot's mass, within a factor of
+    ///   2^8.
     ///
-    /// For robots of usual size and mass this is the default. Where a value is not finite or
-    /// nothing is known of masses, their unit is 1.
+    /// For robots of usual size and mass this is the default. If `length` is not finite and
+    /// positive, it is the default too; if no base parameter of a body is finite and nonzero, the
+    /// unit of mass is 1 kg.
     ///
     /// ```
     /// use regen_identify::feasibility::{BaseMap, ParameterLayout, SYMBOLS, Scale};
@@ -162,7 +171,7 @@ impl Scale {
     /// let (layout, all) = (ParameterLayout::new(&labels)?, BaseMap::identity(&labels));
     /// let seen = all.select(&[5, 6])?;
     /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
-    /// // the same in millimetres and tonnes: t mm^2 and t mm
+    /// // the same robot in millimetres and tonnes: t mm^2 and t mm
     /// let scale = Scale::near(&layout, &seen, &[0.02e3, 0.15], 256.0);
     /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
     /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
@@ -184,7 +193,7 @@ impl Scale {
         let units = layout.units(scale);
         let mut mass = 0.0_f64;
         for (label, value) in combinations.labels().iter().zip(beta) {
-            // friction and rotors say nothing of the bodies
+            // friction and rotor parameters give no information on the bodies
             let Ok(column) = layout.find(label) else {
                 continue;
             };
@@ -193,31 +202,31 @@ impl Scale {
             }
         }
         if mass > 0.0 {
-            while mass > USUAL_MASS * scale.mass && scale.mass < 1e200 {
+            while mass > USUAL_MASS_RATIO * scale.mass && scale.mass < 1e200 {
                 scale.mass *= MASS_STEP;
             }
-            while mass < scale.mass / USUAL_MASS && scale.mass > 1e-200 {
+            while mass < scale.mass / USUAL_MASS_RATIO && scale.mass > 1e-200 {
                 scale.mass /= MASS_STEP;
             }
         }
         scale
     }
 
-    /// The unit of parameters that are of no body, friction and rotors: of a moment of inertia,
-    /// and 1 by default.
+    /// The unit of parameters that belong to no body (friction, rotors): proportional to that of a
+    /// moment of inertia, and 1 for the default scale.
     pub(super) fn single(self) -> f64 {
         let usual = Self::default();
         self.mass / usual.mass * (self.length / usual.length).powi(2)
     }
 
-    /// The unit of each of the ten parameters.
+    /// The unit of each of the ten parameters of a body.
     pub(super) fn units(self) -> InertialParameters {
         LENGTHS.map(|k| self.mass * self.length.powi(k))
     }
 
-    /// The smallest eigenvalue of the pseudo-inertia in these units, without dimension: at
-    /// least 0 exactly when the body is physical. What rounding leaves below zero counts as zero,
-    /// as of a rod, which has no extent across. NaN where a parameter is not finite.
+    /// The smallest eigenvalue of the pseudo-inertia in these units, dimensionless: at least 0
+    /// exactly when the body is physical. A value below zero that rounding explains counts as zero,
+    /// as for a rod, which has no extent across. NaN if a parameter is not finite.
     ///
     /// ```
     /// use regen_identify::feasibility::Scale;

@@ -1,10 +1,10 @@
 //! An interior-point method for least squares over small cones.
 //!
-//! Predictor and corrector steps along the central path in the scaling of Nesterov and Todd, as
-//! for semidefinite programmes with a quadratic objective (Toh, Tutuncu and Todd, 2007). Each
-//! step is a problem of least squares itself, solved by Householder's reflections: neither the
-//! observations nor the scaling are squared. That reaches four to six digits more than a solver
-//! that factors a squared or an indefinite matrix.
+//! The method takes predictor and corrector steps along the central path in the scaling of Nesterov
+//! and Todd, as for semidefinite programmes with a quadratic objective (Toh, Tutuncu and Todd,
+//! 2007). Each step is itself a least-squares problem, solved by Householder's reflections, so that
+//! neither the observations nor the scaling are squared. That reaches four to six digits more than
+//! a solver that factors a squared or an indefinite matrix.
 
 use super::cones::{Cone, Gap, Objective, gap, remainder};
 use super::symmetric::{
@@ -12,44 +12,46 @@ use super::symmetric::{
 };
 use crate::qr_update::{reduce, substitute};
 
-/// Steps at most.
-const STEPS: usize = 120;
-/// Steps without a smaller gap before it is given up.
-const PATIENCE: usize = 5;
-/// The part of the way to the border that is gone.
-const WAY: f64 = 0.95;
-/// Where duals are repaired: the part of the objective that complementarity is.
-const LATE: f64 = 1e-2;
-/// How often at most at each point.
-const REPAIRS: usize = 2;
-/// Rounds of refinement of each direction.
-const REFINED: usize = 3;
+/// The largest number of steps.
+const MAX_STEPS: usize = 120;
+/// The method stops after this many steps without a smaller gap.
+const MAX_STEPS_WITHOUT_GAIN: usize = 5;
+/// The length of a step as a fraction of the distance to the border of the cones.
+const STEP_PART: f64 = 0.95;
+/// Duals are repaired when the complementarity is below this fraction of the objective.
+const REPAIR_PART: f64 = 1e-2;
+/// The largest number of repairs at each point.
+const MAX_REPAIRS: usize = 2;
+/// The number of rounds of iterative refinement of each direction.
+const REFINEMENT_ROUNDS: usize = 3;
 
-/// A point with its duals.
+/// A point with the dual matrices of the cones.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     pub(super) x: Vec<f64>,
     pub(super) duals: Vec<Square>,
 }
 
-/// What the method ended with.
+/// The result of the method.
 #[derive(Clone, Debug)]
 pub(super) struct InteriorOutcome {
-    /// The point whose gap is the smallest.
+    /// The point with the smallest gap.
     pub(super) best: Point,
     pub(super) gap: Gap,
-    /// A point on the way, well inside.
+    /// An earlier point, well inside the cones.
     pub(super) inside: Point,
 }
 
-/// A cone's point in its own scaling, in which matrix and dual are the same diagonal.
+/// The scaling of one cone at a point, in which its matrix and its dual are the same diagonal
+/// matrix.
 struct Scaled {
     inverse: Square,
     lambda: [f64; 4],
 }
 
 impl Scaled {
-    /// G with `G^-1 X G^-T = G^T S G = diag(lambda)`.
+    /// Computes G with `G^-1 X G^-T = G^T S G = diag(lambda)`; `None` unless both matrices are
+    /// positive definite.
     fn new(at: &Square, dual: &Square, size: usize) -> Option<Self> {
         let l = cholesky(at, size)?;
         cholesky(dual, size)?;
@@ -68,7 +70,7 @@ impl Scaled {
         Some(Self { inverse, lambda })
     }
 
-    /// The largest step that keeps `diag(lambda) + step d` inside.
+    /// The largest step that keeps `diag(lambda) + step d` positive semidefinite.
     fn step(&self, d: &Square, size: usize) -> f64 {
         let mut scaled = ZERO;
         for r in 0..size {
@@ -88,16 +90,19 @@ impl Scaled {
 /// The directions of one step.
 struct Direction {
     x: Vec<f64>,
-    /// Of each cone, scaled: of the matrix and of its dual.
+    /// The scaled direction of each cone's matrix.
     matrices: Vec<Square>,
+    /// The scaled direction of each cone's dual.
     duals: Vec<Square>,
 }
 
+/// The linear system of one step.
 struct Step<'a> {
     cones: &'a [Cone],
     scaled: Vec<Scaled>,
-    /// The scaled cones' rows, column by column, and how many.
+    /// The rows of the scaled cones, column by column.
     block: Vec<f64>,
+    /// The number of rows in `block`.
     height: usize,
     /// The rows of the objective with their residuals, both times sqrt(2).
     rows: &'a [Vec<f64>],
@@ -107,7 +112,7 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// The direction with these right-hand sides in the scaled cones.
+    /// Solves for the direction with these right-hand sides in the scaled cones.
     fn direction(&self, sides: &[Square]) -> Option<Direction> {
         let n = self.linear.len();
         let mut target = Vec::with_capacity(self.height);
@@ -122,8 +127,8 @@ impl Step<'_> {
         }
         let mut x = vec![0.0; n];
         let mut seen = vec![0.0; self.height];
-        for _ in 0..REFINED {
-            // least squares of both kinds of rows, and the linear part
+        for _ in 0..REFINEMENT_ROUNDS {
+            // the gradient of the least squares over both kinds of rows, and of the linear part
             let over: Vec<f64> = self
                 .rows
                 .iter()
@@ -177,6 +182,7 @@ impl Step<'_> {
             .then_some(Direction { x, matrices, duals })
     }
 
+    /// The largest step along a direction that keeps matrices and duals in their cones.
     fn longest(&self, direction: &Direction) -> f64 {
         let each = self.cones.iter().zip(&self.scaled);
         let moves = direction.matrices.iter().zip(&direction.duals);
@@ -187,7 +193,8 @@ impl Step<'_> {
             })
     }
 
-    /// What the scaled complementarity lacks of a target, after a predicted direction.
+    /// The right-hand sides: the difference of the scaled complementarity to its target `mu`, with
+    /// the second-order correction of a predicted direction.
     fn sides(&self, mu: f64, predicted: Option<&Direction>) -> Vec<Square> {
         let each = self.cones.iter().zip(&self.scaled).enumerate();
         each.map(|(k, (cone, scaled))| {
@@ -225,7 +232,8 @@ fn forward(r: &[f64], g: &[f64]) -> Vec<f64> {
     y
 }
 
-/// The duals with the least change, in their own scaling, that makes them balance the gradient.
+/// The duals with the smallest change, in their own scaling, for which they balance the gradient;
+/// `None` if one would leave its cone.
 fn repaired(objective: &Objective, cones: &[Cone], at: &Point) -> Option<Vec<Square>> {
     let n = at.x.len();
     let height: usize = cones.iter().map(|c| c.size * (c.size + 1) / 2).sum();
@@ -268,7 +276,8 @@ fn repaired(objective: &Objective, cones: &[Cone], at: &Point) -> Option<Vec<Squ
     inside.then_some(moved)
 }
 
-/// The next entries of an upper triangle, those beside the diagonal times sqrt(2), as a matrix.
+/// Reads the next entries of an upper triangle, in which those off the diagonal are multiplied by
+/// sqrt(2), as a matrix.
 fn matrix(size: usize, entries: &mut impl Iterator<Item = f64>) -> Square {
     let mut m = ZERO;
     for (r, c) in upper(size) {
@@ -284,7 +293,7 @@ fn matrix(size: usize, entries: &mut impl Iterator<Item = f64>) -> Square {
     m
 }
 
-/// The scaled cones' rows, column by column.
+/// The rows of the scaled cones, column by column.
 fn rows(cones: &[Cone], scaled: &[Scaled], n: usize, height: usize) -> Vec<f64> {
     let mut block = vec![0.0; n * height];
     let mut first = 0;
@@ -307,11 +316,11 @@ fn rows(cones: &[Cone], scaled: &[Scaled], n: usize, height: usize) -> Vec<f64> 
 
 /// Minimises an objective over cones from a point strictly inside them.
 ///
-/// - `reach`: how large each variable can be in the set;
-/// - `goal`: the gap, as a part of the objective, that is enough;
-/// - `done`: whether a point is good enough otherwise.
+/// - `reach`: the largest absolute value of each variable in the set;
+/// - `goal`: the gap, as a fraction of the objective, at which the method stops;
+/// - `done`: another criterion to stop at a point.
 ///
-/// `None` when the start is not inside.
+/// `None` if the start is not strictly inside the cones.
 pub(super) fn minimise(
     objective: &Objective,
     cones: &[Cone],
@@ -323,7 +332,7 @@ pub(super) fn minimise(
     let n = start.x.len();
     let root = core::f64::consts::SQRT_2;
     let degree = cones.iter().map(|c| c.size).sum::<usize>().max(1) as f64;
-    // the objective's own triangle, once
+    // the triangular factor of the objective's rows, computed once
     let (mut own, mut none) = (vec![0.0; n * n], vec![0.0; n]);
     let tall = objective.rows.len();
     let mut block = vec![0.0; n * tall];
@@ -339,11 +348,13 @@ pub(super) fn minimise(
     let mut inside = at.clone();
     let mut best: Option<(Point, Gap)> = None;
     let mut since = 0;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_STEPS {
         let mut found = gap(objective, cones, reach, &at.x, &at.duals);
-        // near the end the duals' rounding is what is left
-        if found.complementarity < LATE * found.value && found.left > 0.1 * found.complementarity {
-            for _ in 0..REPAIRS {
+        // near the end the rounding of the duals dominates the gap
+        if found.complementarity < REPAIR_PART * found.value
+            && found.unbalanced > 0.1 * found.complementarity
+        {
+            for _ in 0..MAX_REPAIRS {
                 let Some(duals) = repaired(objective, cones, &at) else {
                     break;
                 };
@@ -365,7 +376,8 @@ pub(super) fn minimise(
             since += 1;
         }
         let enough = found.part() <= goal || done(&at.x);
-        let worn = since >= PATIENCE && best.as_ref().is_some_and(|(_, b)| b.part() < 1e-2);
+        let worn =
+            since >= MAX_STEPS_WITHOUT_GAIN && best.as_ref().is_some_and(|(_, b)| b.part() < 1e-2);
         if enough || worn {
             break;
         }
@@ -414,7 +426,7 @@ pub(super) fn minimise(
         let Some(direction) = step.direction(&step.sides(centre, Some(&predicted))) else {
             break;
         };
-        let length = (WAY * step.longest(&direction)).min(1.0);
+        let length = (STEP_PART * step.longest(&direction)).min(1.0);
         if length.is_nan() || length < 1e-10 {
             break;
         }
@@ -437,7 +449,7 @@ pub(super) fn minimise(
     Some(InteriorOutcome { best, gap, inside })
 }
 
-/// A start with duals on the central path.
+/// A start at `x` with duals on the central path; `None` if `x` is not strictly inside.
 pub(super) fn start(objective: &Objective, cones: &[Cone], x: Vec<f64>) -> Option<Point> {
     let degree = cones.iter().map(|c| c.size).sum::<usize>().max(1) as f64;
     let residuals = objective.residuals(&x);

@@ -1,4 +1,4 @@
-//! Which parameters belong to bodies, and how base parameters combine them.
+//! The grouping of parameters by bodies, and the matrix that maps them to base parameters.
 
 use super::error::{finite, size};
 use super::{FeasibilityError, InertialParameters, Scale};
@@ -7,16 +7,16 @@ use regen_runtime::{BaseInfo, BaseModel, Parameter, Symbol};
 /// The symbols of a body's ten parameters.
 pub const SYMBOLS: [&str; 10] = regen_runtime::INERTIAL;
 
-/// A body among the parameters.
+/// The ten parameters of a body among all parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
-    /// Where its ten parameters are, in the order of [`SYMBOLS`].
+    /// The indices of its ten parameters, in the order of [`SYMBOLS`].
     pub columns: [usize; 10],
 }
 
-/// The parameters of a robot, grouped: ten for each body, and single ones (friction, rotors),
+/// The parameters of a robot in groups: ten for each body, and single ones (friction, rotors),
 /// which dissipate or store energy and are not negative.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterLayout {
@@ -25,35 +25,35 @@ pub struct ParameterLayout {
     single: Vec<usize>,
 }
 
-/// What a check of given parameters found.
+/// The result of checking whether parameters are physical.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// Of each body, the smallest eigenvalue of its pseudo-inertia, in units of the scale.
+    /// The smallest eigenvalue of each body's pseudo-inertia, in units of the scale.
     pub eigenvalues: Vec<f64>,
-    /// The labels of single parameters that are negative.
+    /// The labels of the single parameters that are negative.
     pub negative: Vec<String>,
 }
 
 impl Check {
-    /// The smallest of the eigenvalues; infinite without bodies.
+    /// The smallest of the eigenvalues; infinite without bodies, NaN if one is NaN.
     pub fn margin(&self) -> f64 {
-        // a NaN is kept
+        // a NaN stays a NaN
         let least = |m: f64, x: &f64| if *x >= m { m } else { *x };
         self.eigenvalues.iter().fold(f64::INFINITY, least)
     }
 
-    /// Whether all is physical: no eigenvalue and no single parameter below zero.
+    /// Whether the parameters are physical: no eigenvalue and no single parameter is below zero.
     pub fn is_physical(&self) -> bool {
         self.negative.is_empty() && self.margin() >= 0.0
     }
 }
 
 impl ParameterLayout {
-    /// Groups parameters by their labels: `Ixx(3)` is of body 3; what is not of the ten kinds
-    /// is a single parameter.
+    /// Groups parameters by their labels: `Ixx(3)` belongs to body 3; a label without one of the
+    /// ten inertial symbols is a single parameter.
     ///
     /// # Errors
-    /// When a body has not all ten, or a label is there twice.
+    /// When a body lacks one of its ten parameters, or a label occurs twice.
     ///
     /// ```
     /// use regen_identify::feasibility::{ParameterLayout, SYMBOLS};
@@ -74,7 +74,7 @@ impl ParameterLayout {
     /// Groups the parameters of a model.
     ///
     /// # Errors
-    /// When a body has not all ten, or a parameter is there twice.
+    /// When a body lacks one of its ten parameters, or a parameter occurs twice.
     ///
     /// ```
     /// use regen_identify::feasibility::ParameterLayout;
@@ -144,12 +144,12 @@ impl ParameterLayout {
         &self.bodies
     }
 
-    /// The places of the parameters that are of no body.
+    /// The indices of the single parameters, which belong to no body.
     pub fn single(&self) -> &[usize] {
         &self.single
     }
 
-    /// What a parameter of a body is; `None` for single ones.
+    /// The symbol of a body's parameter; `None` for a single parameter.
     pub(super) fn inertial(&self, column: usize) -> Option<Symbol> {
         let mut bodies = self.bodies.iter();
         let entry = bodies.find_map(|body| body.columns.iter().position(|c| *c == column))?;
@@ -166,10 +166,10 @@ impl ParameterLayout {
         self.labels.is_empty()
     }
 
-    /// The place of a parameter.
+    /// The index of a parameter.
     ///
     /// # Errors
-    /// When there is none of that label.
+    /// When no parameter has that label.
     pub fn find(&self, label: &str) -> Result<usize, FeasibilityError> {
         let found = self.labels.iter().position(|l| l == label);
         found.ok_or_else(|| FeasibilityError::Unknown {
@@ -181,7 +181,7 @@ impl ParameterLayout {
     /// A body by its label.
     ///
     /// # Errors
-    /// When there is none of that label.
+    /// When no body has that label.
     pub fn body(&self, label: &str) -> Result<&Body, FeasibilityError> {
         let found = self.bodies.iter().find(|b| b.label == label);
         found.ok_or_else(|| FeasibilityError::Unknown {
@@ -190,10 +190,10 @@ impl ParameterLayout {
         })
     }
 
-    /// The layout with more single parameters behind.
+    /// The layout with further single parameters appended.
     ///
     /// # Errors
-    /// When a label is there twice.
+    /// When a label occurs twice.
     pub fn extended(&self, more: &[String]) -> Result<Self, FeasibilityError> {
         let mut extended = self.clone();
         for label in more {
@@ -208,7 +208,8 @@ impl ParameterLayout {
         Ok(extended)
     }
 
-    /// The layout of the first parameters; bodies that are not whole among them are left out.
+    /// The layout of the first `count` parameters, without the bodies that are not completely among
+    /// them.
     pub(crate) fn first(&self, count: usize) -> Self {
         let inside = |column: &usize| *column < count;
         let bodies = self.bodies.iter();
@@ -223,11 +224,24 @@ impl ParameterLayout {
         }
     }
 
-    /// Checks parameters on its own, without any solver: by the eigenvalues of the
+    /// Checks whether parameters are physical, without any solver: by the eigenvalues of the
     /// pseudo-inertias and the signs of the single parameters.
     ///
     /// # Errors
     /// When the length does not fit, or the scale is not positive.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::{ParameterLayout, SYMBOLS, Scale};
+    ///
+    /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    /// let layout = ParameterLayout::new(&labels)?;
+    /// let ball = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 2.0];
+    /// assert!(layout.check(&ball, Scale::default())?.is_physical());
+    /// // Izz > Ixx + Iyy contradicts the triangle inequality
+    /// let impossible = [0.1, 0.0, 0.0, 0.1, 0.0, 0.3, 0.0, 0.0, 0.0, 2.0];
+    /// assert!(!layout.check(&impossible, Scale::default())?.is_physical());
+    /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+    /// ```
     pub fn check(&self, phi: &[f64], scale: Scale) -> Result<Check, FeasibilityError> {
         size("phi", self.len(), phi.len())?;
         if !scale.is_valid() {
@@ -237,7 +251,7 @@ impl ParameterLayout {
             });
         }
         let eigenvalue = |body: &Body| scale.smallest_eigenvalue(&body.columns.map(|c| phi[c]));
-        // a NaN is no number that is at least zero
+        // a NaN counts as negative
         let negative = |&&c: &&usize| phi[c].is_nan() || phi[c] < 0.0;
         Ok(Check {
             eigenvalues: self.bodies.iter().map(eigenvalue).collect(),
@@ -250,7 +264,7 @@ impl ParameterLayout {
         })
     }
 
-    /// The unit of each parameter in the scale.
+    /// The unit of each parameter in this scale.
     pub(super) fn units(&self, scale: Scale) -> Vec<f64> {
         let mut units = vec![scale.single(); self.len()];
         let ten: InertialParameters = scale.units();
@@ -263,22 +277,23 @@ impl ParameterLayout {
     }
 }
 
-/// How r observed unknowns (base parameters) combine p parameters: `beta = B phi`.
+/// The matrix B by which r observed unknowns (base parameters) combine p parameters:
+/// `beta = B phi`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseMap {
     labels: Vec<String>,
     parameters: usize,
-    /// r x p, row by row.
+    /// B, r x p, row by row.
     rows: Vec<Vec<f64>>,
-    /// Forms in the parameters that the model takes as zero, by what they are called.
+    /// Linear forms in the parameters that the model takes as zero, each with its name.
     zeros: Vec<(String, Vec<f64>)>,
 }
 
 impl BaseMap {
-    /// The base of a model.
+    /// The base parameters of a model.
     ///
     /// # Errors
-    /// When a term is of no parameter.
+    /// When a term belongs to none of the parameters.
     pub fn from_base(base: &BaseInfo<'_>, parameters: usize) -> Result<Self, FeasibilityError> {
         let mut rows = Vec::with_capacity(base.base.len());
         for combination in base.base {
@@ -297,10 +312,10 @@ impl BaseMap {
         Self::new(base.base.iter().map(|b| b.label.to_owned()).collect(), rows)
     }
 
-    /// The base of a model, with what its spec takes as zero.
+    /// The base parameters of a model, with the forms that its spec takes as zero.
     ///
     /// # Errors
-    /// When a term is of no parameter.
+    /// When a term belongs to none of the parameters.
     pub fn from_model<M: BaseModel<f64> + ?Sized>(
         model: &M,
         parameters: usize,
@@ -320,7 +335,7 @@ impl BaseMap {
         Self::from_base(&model.base_info(), parameters)?.with_zeros(zeros)
     }
 
-    /// Combinations from their labels and rows, r of p factors each.
+    /// Combinations from their r labels and r rows of p factors.
     ///
     /// # Errors
     /// When lengths do not fit or a factor is not finite.
@@ -339,9 +354,9 @@ impl BaseMap {
         })
     }
 
-    /// With forms in the p parameters that the model takes as zero: what `base: zero`, `equal` and
-    /// `drop` of its spec say. The combinations give the forces only of parameters that fulfil
-    /// them, so that verdicts and fits keep to them.
+    /// Adds linear forms in the p parameters that the model takes as zero, from `base: zero`,
+    /// `equal` and `drop` of its spec. The combinations describe the forces only for parameters
+    /// that fulfil these equations, so verdicts and fits include them.
     ///
     /// # Errors
     /// When lengths do not fit or a factor is not finite.
@@ -354,12 +369,12 @@ impl BaseMap {
         Ok(self)
     }
 
-    /// The forms that are zero, p factors each, by what they are called.
+    /// The linear forms that are zero, each with its name and p factors.
     pub fn zeros(&self) -> &[(String, Vec<f64>)] {
         &self.zeros
     }
 
-    /// Every parameter by itself, for factors of a full regressor.
+    /// The identity: each parameter is observed by itself, for factors of a full regressor.
     pub fn identity<S: AsRef<str>>(labels: &[S]) -> Self {
         let n = labels.len();
         let row = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect();
@@ -381,12 +396,12 @@ impl BaseMap {
         self.parameters
     }
 
-    /// The factors of each combination.
+    /// The rows of B: the p factors of each combination.
     pub fn rows(&self) -> &[Vec<f64>] {
         &self.rows
     }
 
-    /// The combinations' values for parameters.
+    /// Computes `B phi`, the values of the r combinations.
     ///
     /// # Errors
     /// When the length does not fit.
@@ -396,10 +411,10 @@ impl BaseMap {
         Ok(self.rows.iter().map(dot).collect())
     }
 
-    /// Some of the combinations.
+    /// The map of some of the combinations, in the given order.
     ///
     /// # Errors
-    /// When there is no such combination.
+    /// When a combination does not exist.
     pub fn select(&self, kept: &[usize]) -> Result<Self, FeasibilityError> {
         let mut labels = Vec::new();
         let mut rows = Vec::new();
@@ -422,7 +437,7 @@ impl BaseMap {
         })
     }
 
-    /// With further parameters that are observed by themselves.
+    /// The map with further parameters appended, each observed by itself.
     #[must_use]
     pub fn extended(&self, more: &[String]) -> Self {
         let parameters = self.parameters + more.len();

@@ -1,13 +1,14 @@
 //! Physical feasibility: of given base parameters, and as a constraint of the identification.
 //!
 //! A set of parameters is physical when every body's pseudo-inertia is positive semidefinite and
-//! friction and rotors are not negative (Eq. 28 and the triangle inequality). [`verdict()`]
-//! judges base parameters, with a proof either way. [`identify()`] finds the parameters that fit
-//! the observations best among the physical ones; it yields all ten of every body, not only
-//! what the observations determine.
+//! friction and rotor parameters are not negative (Eq. 28 and the triangle inequality).
+//! [`verdict()`] decides whether base parameters are feasible, with a proof either way.
+//! [`identify()`] finds the parameters that fit the observations best among the physical ones; it
+//! yields all ten parameters of every body, not only the combinations that the observations
+//! determine.
 //!
-//! The feature `feasibility` brings the conic solver, with the dense routines it needs; the
-//! feature `lapack-system` leaves those to a BLAS and LAPACK that the program links.
+//! The feature `feasibility` adds the conic solver with the dense linear algebra routines it needs;
+//! with the feature `lapack-system` the program links a BLAS and LAPACK for them instead.
 
 mod cones;
 mod constrained;
@@ -28,7 +29,7 @@ mod sizes;
 mod symmetric;
 mod verdict;
 
-// the solver's symbols
+// links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
 
 pub use constrained::{OPTIMAL, Outcome, Physical, SizeLimit, identify, nearest};

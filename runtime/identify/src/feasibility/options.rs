@@ -1,14 +1,15 @@
-//! What is known about the parameters besides the observations.
+//! Prior knowledge about the parameters, and other options of the physical fit.
 
 use super::Scale;
 
-/// Limits of a parameter.
+/// The limits of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
-    /// Its label.
+    /// The label of the parameter.
     pub parameter: String,
-    /// The lowest value, SI. One below 0 of a single parameter stands for the sign that it must
-    /// have otherwise: what a torque sensor's offset or a joint that drives asks for.
+    /// The lowest value, SI. For a single parameter, a value below 0 replaces the sign that the
+    /// parameter must have otherwise: as needed for the offset of a torque sensor or a joint that
+    /// is driven.
     pub lowest: f64,
     /// The highest value, SI; may be infinite.
     pub highest: f64,
@@ -19,25 +20,26 @@ pub struct Bound {
 pub struct Total {
     /// The labels of the parameters.
     pub parameters: Vec<String>,
-    /// Their sum, SI.
+    /// The sum of the parameters, SI.
     pub value: f64,
 }
 
-/// What is believed of a parameter before, from CAD or a measurement.
+/// A prior on a parameter, from CAD or a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
-    /// Its label.
+    /// The label of the parameter.
     pub parameter: String,
-    /// Its value, SI.
+    /// The expected value, SI.
     pub value: f64,
-    /// The standard deviation of the belief, SI, positive.
+    /// The standard deviation of that value, SI, positive.
     pub deviation: f64,
 }
 
-/// What is known and wanted besides the observations. [`Options::default()`]: nothing.
+/// Constraints, priors and numerical options besides the observations. [`Options::default()`] has
+/// none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// The units for margins and for comparing parameters.
+    /// The units of margins, in which parameters are also compared.
     pub scale: Scale,
     /// The smallest eigenvalue that every pseudo-inertia must have, in units of the scale.
     pub margin: f64,
@@ -45,14 +47,15 @@ pub struct Options {
     pub identical: Vec<Vec<String>>,
     /// Parameters with known values, SI: zeros of symmetric bodies, masses from a scale.
     pub known: Vec<(String, f64)>,
-    /// Limits.
+    /// Limits of single parameters or of parameters of bodies.
     pub bounds: Vec<Bound>,
-    /// Known sums.
+    /// Known sums of parameters.
     pub totals: Vec<Total>,
-    /// Beliefs, weighted against the observations by their deviations.
+    /// Priors, weighted against the observations by their standard deviations.
     pub priors: Vec<Prior>,
-    /// Reference values of all p parameters, from CAD: what the observations leave open is taken
-    /// as close to them as can be; without, as small as can be. `None` where there is none.
+    /// Reference values of all p parameters, SI, from CAD: the parameters that the observations
+    /// leave open are chosen as close to them as possible; without a reference, as small as
+    /// possible. `None` for a parameter without a reference.
     pub reference: Vec<Option<f64>>,
     /// The weight of the entropic prior towards the reference bodies: each body with a complete
     /// reference adds weight times the log-det divergence
@@ -60,10 +63,11 @@ pub struct Options {
     /// Unlike a quadratic prior it does not depend on the bodies' frames and units (Lee, Wensing
     /// and Park, 2020). 0 for none.
     pub entropic: f64,
-    /// The standard deviation of the noise of the factor's rows; without, that of the
+    /// The standard deviation of the noise of the factor's rows, by default that of the
     /// least-squares residuals. It sets the weight of priors.
     pub noise: Option<f64>,
-    /// Only the fit: what observations leave open is not chosen, and left somewhere inside the
-    /// constraints. For the many fits inside a search, of which the last is made without this.
+    /// Skips the choice of the parameters that the observations leave open, which are then
+    /// somewhere inside the constraints. For the many fits inside a search, of which the last is
+    /// made without this option.
     pub rough: bool,
 }

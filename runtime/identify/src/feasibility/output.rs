@@ -1,4 +1,4 @@
-//! Identified parameters as text: the bodies of a spec, constants for a controller.
+//! Identified parameters as text: the bodies of a spec, and constants for a controller.
 
 use core::fmt::Write;
 
@@ -6,7 +6,8 @@ use super::error::{finite, size};
 use super::{FeasibilityError, ParameterLayout};
 use regen_runtime::{Info, Parameter};
 
-/// The SI unit of a parameter by its label; that of friction depends on how the joint moves.
+/// The SI unit of a parameter, from its label; the unit of friction depends on whether the joint
+/// rotates or slides.
 ///
 /// ```
 /// use regen_identify::feasibility::unit;
@@ -16,12 +17,12 @@ use regen_runtime::{Info, Parameter};
 /// ```
 pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
     let own = info.parameters.iter().find(|p| **p == *label).copied();
-    // a layout may have labels that no model has
+    // a layout may have labels that are not in the model
     let parameter = own.or_else(|| Parameter::read(label));
     parameter.map_or("SI", |p| p.unit(info.motion_of(p.owner)))
 }
 
-/// A key or label as YAML: quoted where it is no plain integer or identifier.
+/// Writes a key or label as YAML, quoted unless it is a plain integer or identifier.
 fn key(label: &str) -> String {
     let plain = !label.is_empty()
         && label.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
@@ -36,7 +37,7 @@ fn key(label: &str) -> String {
     }
 }
 
-/// A number that reads back to the same double, never without a point or exponent.
+/// Writes a number that reads back to the same double, always with a point or exponent.
 fn number(x: f64) -> String {
     format!("{x:?}")
 }
@@ -46,11 +47,11 @@ fn list(values: &[f64]) -> String {
     texts.join(", ")
 }
 
-/// The `bodies:` of a spec: mass, centre of mass, and inertia about it in the body's axes.
+/// Writes the `bodies:` of a spec: mass, centre of mass, and inertia about it in the body's axes.
 ///
 /// - `phi`: p parameters of the layout, SI, about the origins of the bodies' frames.
 ///
-/// A body without mass has its centre of mass at the origin.
+/// The centre of mass of a body without mass is written as the origin.
 ///
 /// # Errors
 /// When the length does not fit or a value is not finite.
@@ -80,7 +81,7 @@ pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, Feas
         } else {
             [0.0; 3]
         };
-        // by the parallel axis theorem; the sum with zero takes the sign off a zero
+        // by the parallel axis theorem; adding 0.0 turns -0 into 0
         let inertia = [
             xx - m * (y * y + z * z),
             xy + m * x * y,
@@ -89,7 +90,7 @@ pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, Feas
             yz + m * y * z,
             zz - m * (x * x + y * y),
         ];
-        // a String takes everything
+        // writing to a String cannot fail
         let _ = writeln!(
             out,
             "  {}: {{mass: {}, com: [{}], inertia: [{}]}}",
@@ -102,8 +103,8 @@ pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, Feas
     Ok(out)
 }
 
-/// The parameters as Rust source for a controller: `PHI` in the order of the model's regressor,
-/// each with its label and unit.
+/// Writes the parameters as Rust source for a controller: `PHI` in the order of the model's
+/// regressor, each with its label and unit.
 ///
 /// # Errors
 /// When the length does not fit or a value is not finite.
@@ -137,7 +138,7 @@ pub fn rust_constants(
         phi.len()
     );
     for (label, value) in layout.labels().iter().zip(phi) {
-        // a label is one line of a comment
+        // the label must fit on the line of its comment
         let label = label.replace(['\n', '\r'], " ");
         let _ = writeln!(
             out,

@@ -3,63 +3,64 @@
 use super::cones::{Cone, Objective};
 use super::equalities::{Equality, Solved, solve};
 use super::program::Affine;
-use super::sizes::STRONGEST;
+use super::sizes::MAX_SINGLE_RATIO;
 use super::symmetric::{ONE, Square, ZERO};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout};
 use crate::estimate::QrFactor;
 
-/// Residuals below this part of the efforts count as none: its square.
-const FLOOR: f64 = 1e-8;
+/// The objective counts as at least this fraction of the squared efforts: residuals below 1e-4 of
+/// the efforts count as zero.
+const MIN_OBJECTIVE_PART: f64 = 1e-8;
 
-/// What a cone is there for.
+/// The constraint that a cone represents.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
-    /// A body's pseudo-inertia.
+    /// The pseudo-inertia of a body, by its index.
     Body(usize),
     /// The sign of a single parameter.
     Sign,
     /// A limit that the user gave.
     Limit,
-    /// The generous limit of a body's mass and reach.
+    /// The generous limit of a body's mass and size, by its index.
     Size(usize),
     /// The generous limit of a single parameter, such as friction.
     Strength,
 }
 
-/// A part of the space in which a body's pseudo-inertia lives, where the equations leave it no
-/// more: orthonormal columns, the first `size` of which count.
+/// The subspace to which equations restrict a body's pseudo-inertia: orthonormal columns, of which
+/// the first `size` count.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     pub(super) basis: Square,
     pub(super) size: usize,
 }
 
-/// What besides the observations shapes the problem.
+/// The observations, constraints and options of a physical fit.
 pub(super) struct Setting<'a> {
     pub(super) factor: &'a QrFactor,
     pub(super) combinations: &'a BaseMap,
     pub(super) layout: &'a ParameterLayout,
     pub(super) options: &'a Options,
-    /// The standard deviation of the noise.
+    /// The standard deviation of the noise of the factor's rows.
     pub(super) noise: f64,
 }
 
-/// The problem in variables that no equation determines.
+/// The problem in the variables that no equation eliminates.
 pub(super) struct Problem {
     pub(super) solved: Solved,
     pub(super) units: Vec<f64>,
     pub(super) objective: Objective,
     pub(super) cones: Vec<Cone>,
     pub(super) kinds: Vec<Kind>,
-    /// How large each variable can be.
+    /// The largest absolute value of each variable.
     pub(super) reach: Vec<f64>,
     /// The largest trace of each body's pseudo-inertia, in units of the scale.
     pub(super) heaviest: Vec<f64>,
 }
 
 impl Setting<'_> {
-    /// The equations between parameters, in units: what the model takes as known, identical
-    /// bodies, known values and sums, limits that leave one value.
+    /// The equations between parameters, in their units: forms that the model takes as zero,
+    /// identical bodies, known values and sums, and limits that leave a single value.
     pub(super) fn equalities(&self, units: &[f64]) -> Result<Vec<Equality>, FeasibilityError> {
         let mut out = Vec::new();
         for (name, row) in self.combinations.zeros() {
@@ -176,13 +177,13 @@ impl Setting<'_> {
         self.bodies(&mut problem, faces)?;
         self.singles(&mut problem)?;
         self.limits(&mut problem)?;
-        // how far each variable can go, which is a parameter of its own
+        // the largest value of each variable, which is one of the parameters
         let mut most = vec![0.0_f64; p];
         for (body, heaviest) in self.layout.bodies().iter().zip(&problem.heaviest) {
             body.columns.iter().for_each(|c| most[*c] = *heaviest);
         }
         for &j in self.layout.single() {
-            most[j] = self.strongest(j, &problem.units);
+            most[j] = self.single_limit(j, &problem.units);
         }
         for (slot, j) in problem.reach.iter_mut().zip(&problem.solved.variables) {
             *slot = most[*j];
@@ -233,7 +234,7 @@ impl Setting<'_> {
             rows,
             linear: vec![0.0; n],
             constant: self.factor.rss(),
-            floor: (FLOOR * self.whole()).max(f64::MIN_POSITIVE.sqrt()),
+            floor: (MIN_OBJECTIVE_PART * self.squared_efforts()).max(f64::MIN_POSITIVE.sqrt()),
         })
     }
 }
@@ -244,7 +245,7 @@ impl Problem {
         self.kinds.push(kind);
     }
 
-    /// All parameters, SI, at a point.
+    /// All parameters, SI, at a point of the variables.
     pub(super) fn expand(&self, x: &[f64]) -> Vec<f64> {
         let pairs = self.solved.expressions.iter().zip(&self.units);
         pairs
@@ -255,8 +256,8 @@ impl Problem {
             .collect()
     }
 
-    /// Two problems with the same variables: the objective with a pull of `weight` towards
-    /// reference values added, squared distances in units.
+    /// The objective with the additional term `weight` times the squared distance from the
+    /// reference values, each in units of its parameter.
     pub(super) fn pulled(&self, reference: &[Option<f64>], weight: f64) -> Objective {
         let mut objective = self.objective.clone();
         let n = self.solved.variables.len();
@@ -276,9 +277,9 @@ impl Problem {
         objective
     }
 
-    /// The problem of being inside: a variable more, the part of its unit by which every cone is
-    /// inside, which is to be 1.
-    pub(super) fn inside(&self) -> (Vec<Cone>, Vec<f64>) {
+    /// The cones and ranges of the search for an inside point: one more variable t is subtracted
+    /// from the diagonal of every cone, so that t > 0 means inside.
+    pub(super) fn interior_search(&self) -> (Vec<Cone>, Vec<f64>) {
         let n = self.solved.variables.len();
         let cones = self.cones.iter().map(|cone| {
             let mut cone = cone.clone();
@@ -291,7 +292,7 @@ impl Problem {
             cone
         });
         let mut reach = self.reach.clone();
-        reach.push(STRONGEST);
+        reach.push(MAX_SINGLE_RATIO);
         (cones.collect(), reach)
     }
 }

@@ -1,4 +1,4 @@
-//! A quadratic programme over cones, in terms of what is asked, handed to clarabel.
+//! A quadratic programme over cones, built from affine expressions and solved by clarabel.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT as Cone};
@@ -12,14 +12,14 @@ pub(super) struct Affine {
     pub(super) constant: f64,
 }
 
-/// Minimises `1/2 sum of squares + linear` over affine expressions in cones.
+/// A programme that minimises `1/2 sum of squares + linear` with affine expressions in cones.
 #[derive(Debug, Default)]
 pub(super) struct Program {
     variables: usize,
     /// The diagonal of the quadratic objective.
     squares: Vec<(usize, f64)>,
     linear: Vec<(usize, f64)>,
-    /// Rows of A x + s = b.
+    /// The entries of A in A x + s = b: rows, columns and values, and the side b.
     rows: Vec<usize>,
     columns: Vec<usize>,
     values: Vec<f64>,
@@ -27,7 +27,7 @@ pub(super) struct Program {
     cones: Vec<Cone<f64>>,
 }
 
-/// What the solver ended with.
+/// The result of the solver.
 #[derive(Debug)]
 pub(super) struct ConicSolution {
     pub(super) x: Vec<f64>,
@@ -36,22 +36,22 @@ pub(super) struct ConicSolution {
 }
 
 impl Program {
-    /// Adds variables; the first one's place.
+    /// Adds variables and returns the index of the first.
     pub(super) fn variables(&mut self, count: usize) -> usize {
         let first = self.variables;
         self.variables += count;
         first
     }
 
-    /// Adds to the linear objective.
+    /// Adds `factor` times a variable to the objective.
     pub(super) fn minimise(&mut self, variable: usize, factor: f64) {
         self.linear.push((variable, factor));
     }
 
     /// Adds half the square of an expression to the objective.
     ///
-    /// The expression becomes a variable of its own: squared into the objective's matrix it
-    /// would square the condition number, and as a second-order cone it solves slower.
+    /// The expression becomes a variable of its own: squaring it in the objective's matrix would
+    /// square the condition number, and a second-order cone is slower to solve.
     pub(super) fn square(&mut self, expression: &Affine) {
         let residual = self.variables(1);
         self.squares.push((residual, 1.0));
@@ -60,13 +60,13 @@ impl Program {
         self.cone(Cone::ZeroConeT(1), &[equal]);
     }
 
-    /// The expression is not negative; returns its row.
+    /// Requires that the expression is not negative; returns its row.
     pub(super) fn not_negative(&mut self, expression: &Affine) -> usize {
         self.cone(Cone::NonnegativeConeT(1), core::slice::from_ref(expression))
     }
 
-    /// The symmetric matrix of this upper triangle, column by column, is positive semidefinite;
-    /// returns its first row.
+    /// Requires that the symmetric matrix of this upper triangle, column by column, is positive
+    /// semidefinite; returns its first row.
     pub(super) fn semidefinite(&mut self, size: usize, triangle: &[Affine]) -> usize {
         let mut scaled = triangle.to_vec();
         let mut entries = scaled.iter_mut();
@@ -98,7 +98,7 @@ impl Program {
             }
             self.side.push(expression.constant);
         }
-        // neighbours of the same kind are one cone to the solver
+        // the solver takes neighbours of the same kind as one cone
         match (self.cones.last_mut(), &cone) {
             (Some(Cone::ZeroConeT(n)), Cone::ZeroConeT(more))
             | (Some(Cone::NonnegativeConeT(n)), Cone::NonnegativeConeT(more)) => *n += more,
@@ -107,7 +107,7 @@ impl Program {
         first
     }
 
-    /// Solves.
+    /// Solves the programme to the relative and absolute tolerance `accuracy`.
     pub(super) fn solve(self, accuracy: f64) -> Result<ConicSolution, FeasibilityError> {
         let n = self.variables;
         let mut diagonal = vec![0.0; n];
@@ -126,7 +126,7 @@ impl Program {
         let settings = DefaultSettings {
             verbose: false,
             max_iter: 200,
-            // near the border the last digits are in the refinement
+            // near the border of the cones, iterative refinement yields the last digits
             iterative_refinement_max_iter: 50,
             iterative_refinement_reltol: 1e-15,
             iterative_refinement_abstol: 1e-15,
@@ -134,9 +134,9 @@ impl Program {
             tol_gap_rel: accuracy,
             tol_feas: accuracy,
             tol_ktratio: accuracy,
-            // one thread and no clock: the same numbers every time
+            // one thread, so that every run gives the same numbers
             max_threads: 1,
-            // bodies are small cones already
+            // the cones of bodies are already small
             chordal_decomposition_enable: false,
             presolve_enable: false,
             ..DefaultSettings::default()

@@ -1,21 +1,22 @@
-//! All parameters from base parameters that admit a physical robot.
+//! All parameters of a physical robot with given base parameters.
 
 use super::program::{Affine, Program};
-use super::verdict::{Role, body_triangle, complete, expressions, led, reproduces, roles};
+use super::verdict::{Role, body_triangle, complete, expressions, reproduces, roles, with_leads};
 use super::{BaseMap, Check, FeasibilityError, Options, ParameterLayout};
 
-/// What the solver is asked for: free parameters are only to be sensible.
+/// The tolerance of the solver: it is coarse because the free parameters only have to be plausible.
 const ACCURACY: f64 = 1e-9;
-/// The margin that is sought, where there is that much.
-const MARGIN: f64 = 1e-6;
+/// The margin of the solution, if the set allows that much: the smallest eigenvalue of a
+/// pseudo-inertia, in units of the scale.
+const TARGET_MARGIN: f64 = 1e-6;
 
-/// Among the robots with these base parameters, one close to the reference, or small; physical
-/// by its check.
+/// Among the physical robots with these base parameters, finds one that is close to the reference,
+/// or small without one; it is physical by its check.
 ///
-/// - `inside`: a physical robot with these base parameters, and its margin.
+/// - `inside`: the parameters of a physical robot with these base parameters, and its margin.
 ///
-/// The set is convex: between what the solver leaves, which may be on the wrong side by
-/// rounding, and `inside` lies what is physical.
+/// The solver's result may be slightly outside the set by rounding. The set is convex, so points
+/// between that result and `inside` are tried until one is physical.
 pub(super) fn near_reference(
     layout: &ParameterLayout,
     combinations: &BaseMap,
@@ -23,7 +24,7 @@ pub(super) fn near_reference(
     (inside, margin): (&[f64], f64),
     options: &Options,
 ) -> Result<(Vec<f64>, Check), FeasibilityError> {
-    let led = led(combinations, beta)?;
+    let led = with_leads(combinations, beta)?;
     let (combinations, beta) = (&led.combinations, led.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(options.scale);
@@ -39,7 +40,7 @@ pub(super) fn near_reference(
         off.constant -= reference.unwrap_or(0.0) / units[j];
         program.square(&off);
     }
-    let sought = options.margin.max((margin / 2.0).min(MARGIN));
+    let sought = options.margin.max((margin / 2.0).min(TARGET_MARGIN));
     for body in layout.bodies() {
         let triangle = body_triangle(&expressions, &body.columns, |diagonal: &mut Affine| {
             diagonal.constant -= sought;

@@ -1,19 +1,19 @@
-//! The directions that observations determine.
+//! The minimum-norm solution of linear equations that may be singular.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Singular values below this part of the largest are directions that nothing determines.
-const RANK: f64 = 1e-11;
+/// Singular values below this fraction of the largest count as zero.
+const RANK_TOLERANCE: f64 = 1e-11;
 
-/// The right singular directions of a matrix.
+/// The rank and pseudo-inverse of a matrix.
 pub(super) struct Directions {
     pub(super) rank: usize,
     inverse: DMatrix<f64>,
 }
 
 impl Directions {
-    /// The eigenvectors of A^T A would square the condition number; those of
-    /// `[0 A^T; A 0]` do not, and its eigenvalues are the singular values with both signs.
+    /// Computes both by the eigenvectors of `[0 A^T; A 0]`, whose eigenvalues are the singular
+    /// values with both signs; those of A^T A would square the condition number.
     pub(super) fn of(a: &DMatrix<f64>) -> Self {
         let (m, n) = a.shape();
         let mut both = DMatrix::zeros(m + n, m + n);
@@ -24,7 +24,7 @@ impl Directions {
         let mut inverse = DMatrix::zeros(n, m);
         let mut rank = 0;
         for (k, value) in eigen.eigenvalues.iter().enumerate() {
-            if *value > RANK * largest {
+            if *value > RANK_TOLERANCE * largest {
                 // v and u have length 1/sqrt(2) each
                 let column = eigen.eigenvectors.column(k);
                 let (v, u) = (

@@ -1,22 +1,26 @@
-//! How large parameters of the physical fit are: the units of its variables, and their limits.
+//! The units of the variables of the physical fit, and the generous limits of the parameters.
 
 use super::Scale;
 use super::problem::Setting;
 use crate::qr_update::substitute;
 
-/// By how many of its standard deviations a base parameter must differ from 0 to be believed.
-const CERTAIN: f64 = 10.0;
-/// What counts as far below the unit of mass, and the step to a lighter one.
-const LIGHT: f64 = 1.0 / 256.0;
-const LIGHTER: f64 = 65536.0;
-/// A single parameter may be this many times what explains all of the efforts.
-pub(super) const STRONGEST: f64 = 1e4;
+/// A base parameter counts as certain when it differs from 0 by at least this many of its standard
+/// deviations.
+const MIN_SIGMAS: f64 = 10.0;
+/// A mass counts as far below the unit of mass when it is below this fraction of it; the unit is
+/// then divided by `MASS_STEP`.
+const LIGHT_MASS_RATIO: f64 = 1.0 / 256.0;
+const MASS_STEP: f64 = 65536.0;
+/// The limit of a single parameter, in multiples of the value that would explain all of the
+/// efforts.
+pub(super) const MAX_SINGLE_RATIO: f64 = 1e4;
 
 impl Setting<'_> {
-    /// The unit of each parameter: single ones in what explains all of the efforts.
+    /// The unit of each parameter; that of a single parameter is the value that would explain all
+    /// of the efforts.
     pub(super) fn units(&self) -> Vec<f64> {
         let mut units = self.layout.units(self.scale());
-        let whole = self.whole().sqrt();
+        let whole = self.squared_efforts().sqrt();
         for &j in self.layout.single() {
             let column: f64 = self.column(j).iter().map(|x| x * x).sum();
             if column > 0.0 && whole > 0.0 {
@@ -26,26 +30,26 @@ impl Setting<'_> {
         units
     }
 
-    /// The scale in which the problem is solved: that of the options, or a lighter one where
-    /// three of four certain base parameters are far below it, as beside weights that stand for
-    /// springs.
+    /// The scale in which the problem is solved: that of the options, or one with a lighter unit of
+    /// mass if three of four certain base parameters are far below it, as happens when weights that
+    /// model springs set the scale.
     pub(super) fn scale(&self) -> Scale {
         let mut scale = self.options.scale;
-        let mut sizes = self.certain(&self.layout.units(scale));
+        let mut sizes = self.certain_sizes(&self.layout.units(scale));
         sizes.sort_by(f64::total_cmp);
         let Some(most) = sizes.get(3 * sizes.len() / 4).copied() else {
             return scale;
         };
         let mut mass = 1.0;
-        while most > 0.0 && most < LIGHT * mass && mass > 1e-100 {
-            mass /= LIGHTER;
+        while most > 0.0 && most < LIGHT_MASS_RATIO * mass && mass > 1e-100 {
+            mass /= MASS_STEP;
         }
         scale.mass *= mass;
         scale
     }
 
-    /// The sum of the squared efforts.
-    pub(super) fn whole(&self) -> f64 {
+    /// The sum of the squared weighted efforts.
+    pub(super) fn squared_efforts(&self) -> f64 {
         self.factor.z().iter().map(|z| z * z).sum::<f64>() + self.factor.rss()
     }
 
@@ -66,12 +70,17 @@ impl Setting<'_> {
     }
 
     /// The generous limit of a single parameter, in its unit.
-    pub(super) fn strongest(&self, j: usize, units: &[f64]) -> f64 {
-        self.said(j, units).fold(1.0, f64::max) * STRONGEST
+    pub(super) fn single_limit(&self, j: usize, units: &[f64]) -> f64 {
+        self.stated_sizes(j, units).fold(1.0, f64::max) * MAX_SINGLE_RATIO
     }
 
-    /// The sizes of what is said of a parameter, in its unit.
-    pub(super) fn said<'b>(&'b self, j: usize, units: &'b [f64]) -> impl Iterator<Item = f64> + 'b {
+    /// The absolute values stated by the options for a parameter (known value, limits, sums,
+    /// priors, reference), in its unit.
+    pub(super) fn stated_sizes<'b>(
+        &'b self,
+        j: usize,
+        units: &'b [f64],
+    ) -> impl Iterator<Item = f64> + 'b {
         let label = &self.layout.labels()[j];
         let options = self.options;
         let known = options.known.iter().filter(move |(l, _)| l == label);
@@ -90,8 +99,8 @@ impl Setting<'_> {
             .map(move |x| (x / units[j]).abs())
     }
 
-    /// The sizes of the base parameters of bodies that are certain, in their units.
-    pub(super) fn certain(&self, units: &[f64]) -> Vec<f64> {
+    /// The absolute values of the certain base parameters of bodies, in their units.
+    pub(super) fn certain_sizes(&self, units: &[f64]) -> Vec<f64> {
         let factor = self.factor;
         let (n, mut sizes) = (factor.columns(), Vec::new());
         let Ok(beta) = factor.solve() else {
@@ -113,12 +122,13 @@ impl Setting<'_> {
         }
         let values = beta.iter().zip(&variances).zip(self.combinations.rows());
         for ((value, variance), row) in values {
-            // a combination's own unit is that of its strongest body parameter
+            // the unit of a combination is the largest unit of its body parameters, times their
+            // factors
             let of_bodies = self.layout.bodies().iter().flat_map(|b| b.columns);
             let unit = of_bodies
                 .map(|c| row[c].abs() * units[c])
                 .fold(0.0, f64::max);
-            if unit > 0.0 && value.abs() > CERTAIN * noise * variance.sqrt() {
+            if unit > 0.0 && value.abs() > MIN_SIGMAS * noise * variance.sqrt() {
                 sizes.push((value / unit).abs());
             }
         }

@@ -1,6 +1,6 @@
-//! Symmetric matrices of up to four rows, as the cones of bodies are made of.
+//! Symmetric matrices of up to four rows, of which the cones of bodies consist.
 
-/// A matrix of which the first rows and columns count.
+/// A matrix of up to four rows, of which only the first rows and columns are used.
 pub(super) type Square = [[f64; 4]; 4];
 
 pub(super) const ZERO: Square = [[0.0; 4]; 4];
@@ -13,12 +13,12 @@ pub(super) const ONE: Square = [
     [0.0, 0.0, 0.0, 1.0],
 ];
 
-/// The places of the upper triangle.
+/// Row and column of the entries of the upper triangle, column by column.
 pub(super) fn upper(size: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..size).flat_map(|c| (0..=c).map(move |r| (r, c)))
 }
 
-/// The sum of the products of all entries.
+/// The inner product: the sum of the products of corresponding entries.
 pub(super) fn inner(a: &Square, b: &Square) -> f64 {
     let pairs = a.iter().flatten().zip(b.iter().flatten());
     pairs.map(|(x, y)| x * y).sum()
@@ -70,7 +70,7 @@ pub(super) fn congruence(a: &Square, m: &Square) -> Square {
     out
 }
 
-/// The lower triangular L with `L L^T`; `None` unless the matrix is positive definite.
+/// The lower triangular L with `m = L L^T`; `None` unless the matrix is positive definite.
 pub(super) fn cholesky(m: &Square, size: usize) -> Option<Square> {
     let mut l = ZERO;
     for c in 0..size {
@@ -102,8 +102,8 @@ pub(super) fn inverse(l: &Square, size: usize) -> Square {
     out
 }
 
-/// Eigenvalues, and eigenvectors as the columns of a matrix, by Jacobi's rotations, which keep
-/// small eigenvalues of definite matrices to their own digits.
+/// Eigenvalues, and eigenvectors as the columns of a matrix, by Jacobi's rotations, which compute
+/// small eigenvalues of definite matrices to full relative accuracy.
 pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
     let mut a = *m;
     let mut v = ONE;
@@ -111,7 +111,7 @@ pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
         let mut turned = false;
         for (p, q) in upper(size).filter(|(p, q)| p != q) {
             let off = a[p][q];
-            // a NaN turns nothing
+            // false for a NaN
             let small = f64::EPSILON * 0.25 * (a[p][p].abs() * a[q][q].abs()).sqrt();
             let counts = off.abs() > small && off.abs() > f64::MIN_POSITIVE;
             if !counts {
@@ -197,7 +197,7 @@ mod tests {
         assert!(smallest(&shifted, 4) < 0.0);
         let kept = clipped(&shifted, 4);
         assert!(smallest(&kept, 4) > -1e-15);
-        // what was taken is semidefinite too, and orthogonal to what is left
+        // the removed part is semidefinite too, and orthogonal to the rest
         let taken = plus(&kept, &shifted, -1.0);
         assert!(smallest(&taken, 4) > -1e-15 && inner(&kept, &taken).abs() < 1e-14);
     }

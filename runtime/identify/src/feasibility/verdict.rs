@@ -1,34 +1,35 @@
-//! Whether base parameters can be of a physical robot, with a proof either way.
+//! The decision whether a physical robot can have given base parameters, with a proof either way.
 
 use super::error::{finite, size};
 use super::inertia::{ENTRIES, TRIANGLE, eigenvalues, functional};
 use super::program::{Affine, Program};
 use super::{BaseMap, FeasibilityError, ParameterLayout, Scale};
 
-/// How large a robot must at least be, as a multiple of the base parameters' size, to escape a
-/// certificate that holds up to rounding.
-const ESCAPE: f64 = 1e6;
-/// What the solver is asked for.
+/// A certificate whose defect is only rounding counts as a proof when a robot that escapes it must
+/// be at least this many times as large as the base parameters.
+const MIN_ESCAPE_RATIO: f64 = 1e6;
+/// The tolerance of the solver.
 const ACCURACY: f64 = 1e-11;
-/// Base parameters are reproduced to this part of their size and of what they are sums of.
-const REPRODUCED: f64 = 1e-11;
+/// Parameters reproduce base parameters when the difference is at most this fraction of the base
+/// parameter or of the terms that it is the sum of.
+const REPRODUCTION_TOLERANCE: f64 = 1e-11;
 
-/// Weights on base parameters whose sum is not negative for any physical robot, but is negative
-/// for the given values: a proof that these are of none.
+/// Weights on base parameters for which the weighted sum is not negative for any physical robot,
+/// but is negative for the given values: a proof that no physical robot has these values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfeasibilityCertificate {
-    /// One for each base parameter, then one for each of [`BaseMap::zeros`].
+    /// One weight for each base parameter, then one for each of [`BaseMap::zeros`].
     pub weights: Vec<f64>,
-    /// The weighted sum of the given base parameters, negative.
+    /// The weighted sum of the given base parameters; negative.
     pub value: f64,
-    /// By how much the functional fails to be non-negative: minus the smallest eigenvalue among
-    /// the bodies, or minus the smallest factor of a single parameter; 0 for an exact proof.
+    /// By how much the functional can be negative: minus the smallest eigenvalue of its matrices
+    /// for the bodies, or minus its smallest factor of a single parameter; 0 for an exact proof.
     pub defect: f64,
 }
 
 impl InfeasibilityCertificate {
-    /// Finds value and defect of weights anew. No solver takes part: the functional's matrices
-    /// follow from the weights, and their eigenvalues decide.
+    /// Computes value and defect of weights without the solver: the functional's matrices follow
+    /// from the weights, and their eigenvalues decide.
     ///
     /// # Errors
     /// When lengths do not fit.
@@ -71,8 +72,8 @@ impl InfeasibilityCertificate {
     }
 
     /// The size that a physical robot must have at least to escape the proof, as the sum of the
-    /// traces of all pseudo-inertias and of the single parameters, in units of the scale:
-    /// infinite where the proof is exact.
+    /// traces of all pseudo-inertias and of the single parameters, in units of the scale; infinite
+    /// if the proof is exact.
     pub fn escape(&self) -> f64 {
         if self.defect > 0.0 {
             -self.value / self.defect
@@ -82,25 +83,26 @@ impl InfeasibilityCertificate {
     }
 }
 
-/// The answer to whether base parameters admit a physical robot.
+/// Whether a physical robot can have given base parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// They do.
+    /// A physical robot has these base parameters.
     Feasible {
-        /// Parameters of such a robot, p, which have these base parameters.
+        /// The p parameters of such a robot, SI.
         phi: Vec<f64>,
-        /// The smallest eigenvalue of its pseudo-inertias, in units of the scale; at most 1 is
-        /// sought.
+        /// The smallest eigenvalue of its pseudo-inertias, in units of the scale; the search stops
+        /// at 1.
         margin: f64,
     },
-    /// They do not.
+    /// No physical robot has these base parameters.
     Infeasible {
-        /// The proof.
+        /// The proof, which is checked without the solver.
         certificate: InfeasibilityCertificate,
     },
-    /// So close to the border that double precision cannot tell.
+    /// The values are so close to the border of the feasible set that double precision cannot
+    /// decide.
     Undecided {
-        /// The smallest eigenvalue that was reached.
+        /// The smallest eigenvalue that was reached, in units of the scale.
         margin: f64,
     },
 }
@@ -112,14 +114,14 @@ impl Verdict {
     }
 }
 
-/// For each parameter: its place among the free ones, or the combination that it leads.
+/// The role of a parameter: its index among the free ones, or the combination that it leads.
 pub(super) enum Role {
     Free(usize),
     Lead(usize),
 }
 
-/// The parameters' roles: each combination is led by a parameter that has the factor 1 there and
-/// is in no other.
+/// Assigns the roles of all parameters and returns the number of free ones. Each combination is led
+/// by a parameter that has the factor 1 there and occurs in no other.
 pub(super) fn roles(combinations: &BaseMap) -> Result<(Vec<Role>, usize), FeasibilityError> {
     let p = combinations.parameters();
     let mut lead = vec![None; p];
@@ -154,16 +156,19 @@ pub(super) fn roles(combinations: &BaseMap) -> Result<(Vec<Role>, usize), Feasib
     Ok((roles, free))
 }
 
-/// Combinations of which each is led by a parameter of its own, with the forms that are zero
-/// among them; their values; and each as a sum of the given combinations and zero forms.
+/// The combinations and the zero forms, rewritten so that each is led by a parameter of its own,
+/// with their values; and each as a sum of the given combinations and zero forms.
 pub(super) struct LeadingForms {
     pub(super) combinations: BaseMap,
     pub(super) values: Vec<f64>,
     sums: Vec<Vec<f64>>,
 }
 
-/// Leads the zero forms by parameters of their own.
-pub(super) fn led(combinations: &BaseMap, beta: &[f64]) -> Result<LeadingForms, FeasibilityError> {
+/// Adds the zero forms to the combinations, each led by a parameter of its own, by elimination.
+pub(super) fn with_leads(
+    combinations: &BaseMap,
+    beta: &[f64],
+) -> Result<LeadingForms, FeasibilityError> {
     let (own, _) = roles(combinations)?;
     let r = combinations.rows().len();
     let zeros = combinations.zeros();
@@ -200,8 +205,8 @@ pub(super) fn led(combinations: &BaseMap, beta: &[f64]) -> Result<LeadingForms, 
         }
         let pivot = (0..row.len()).fold(0, |b, j| if row[j].abs() > row[b].abs() { j } else { b });
         let lead = row.get(pivot).copied().unwrap_or(0.0);
-        // what the others say already
-        if lead.abs() <= REPRODUCED * size {
+        // the form follows from the others
+        if lead.abs() <= REPRODUCTION_TOLERANCE * size {
             continue;
         }
         for x in row.iter_mut().chain(&mut sum) {
@@ -231,7 +236,7 @@ pub(super) fn led(combinations: &BaseMap, beta: &[f64]) -> Result<LeadingForms, 
     })
 }
 
-/// Parameters with given base parameters, from values of the free ones.
+/// All parameters with given base parameters, from values of the free ones.
 pub(super) fn complete(
     combinations: &BaseMap,
     roles: &[Role],
@@ -259,8 +264,8 @@ pub(super) fn complete(
     phi
 }
 
-/// Each parameter, in its unit, as an expression in the free parameters in theirs, which are the
-/// first variables; and those units.
+/// Each parameter, in its unit, as an expression in the free parameters, which are the first
+/// variables, in their units; and the units of the free parameters.
 pub(super) fn expressions(
     combinations: &BaseMap,
     roles: &[Role],
@@ -296,35 +301,35 @@ pub(super) fn expressions(
     (all, free_units)
 }
 
-/// Whether parameters have given base parameters, up to rounding of the sums.
+/// Whether parameters have the given base parameters, up to rounding of the sums.
 pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> bool {
     let mut rows = combinations.rows().iter().zip(beta);
     rows.all(|(row, b)| {
         let terms = || row.iter().zip(phi).map(|(f, x)| f * x);
         let size = terms().map(f64::abs).sum::<f64>();
-        (terms().sum::<f64>() - b).abs() <= REPRODUCED * size.max(b.abs())
+        (terms().sum::<f64>() - b).abs() <= REPRODUCTION_TOLERANCE * size.max(b.abs())
     })
 }
 
-/// Judges whether base parameters are of any physical robot (Yoshida and Khalil, 2000).
+/// Decides whether any physical robot has the given base parameters (Yoshida and Khalil, 2000).
 ///
-/// The margin of all bodies is maximised over all parameters that have these base parameters, as
-/// a semidefinite programme. Its solution or its dual is the proof, and it is checked here
-/// without the solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
+/// A semidefinite programme maximises the margin of all bodies over all parameters that have these
+/// base parameters. Its solution or its dual is the proof, and it is checked here without the
+/// solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
 /// [`Verdict::Infeasible`] a functional whose eigenvalues were computed.
 ///
 /// - `beta`: r base parameters, SI, of these combinations.
 ///
 /// # Errors
-/// When lengths do not fit, a value is not finite, or a combination is led by no parameter of
-/// its own.
+/// When lengths do not fit, a value is not finite, or a combination has no parameter that occurs in
+/// no other combination.
 ///
 /// ```
 /// use regen_identify::feasibility::{BaseMap, ParameterLayout, SYMBOLS, Scale, Verdict, verdict};
 ///
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
 /// let layout = ParameterLayout::new(&labels)?;
-/// // only Izz and mx are seen: any mx is possible, the mass being free
+/// // only Izz and mx are observed: any mx is possible, because the mass is free
 /// let all = BaseMap::identity(&labels);
 /// let seen = all.select(&[5, 6])?;
 /// assert!(verdict(&layout, &seen, &[0.1, -3.0], Scale::default())?.is_feasible());
@@ -352,7 +357,7 @@ pub fn verdict(
         });
     }
     let given = (combinations, beta);
-    let led = led(combinations, beta)?;
+    let led = with_leads(combinations, beta)?;
     let (combinations, beta) = (&led.combinations, led.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(scale);
@@ -361,7 +366,7 @@ pub fn verdict(
     program.variables(free);
     let margin = program.variables(1);
 
-    // single parameters that are observed alone need no solver
+    // single parameters that are observed by themselves need no solver
     let alone = |j: &usize| expressions[*j].terms.is_empty();
     let certify = |weights: Vec<f64>| {
         let mut sums = vec![0.0; given.1.len() + given.0.zeros().len()];
@@ -411,7 +416,8 @@ pub fn verdict(
         return Ok(Verdict::Feasible { phi, margin });
     }
 
-    // the dual's matrices as factors of the parameters, of which those that lead are the weights
+    // the dual matrices as factors of all parameters; the factors of the leading parameters are the
+    // weights
     let mut c = vec![0.0; layout.len()];
     for (row, columns) in rows {
         if let [single] = columns[..] {
@@ -436,7 +442,8 @@ pub fn verdict(
         }
     }
     let certificate = certify(weights)?;
-    // of what the functional sees: a large coefficient of friction beside it is no part of it
+    // the largest base parameter with a weight: others, such as a large coefficient of friction, do
+    // not count
     let largest = given
         .1
         .iter()
@@ -448,7 +455,7 @@ pub fn verdict(
             b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
         })
         .fold(1.0, f64::max);
-    if certificate.value < 0.0 && certificate.escape() >= ESCAPE * largest {
+    if certificate.value < 0.0 && certificate.escape() >= MIN_ESCAPE_RATIO * largest {
         return Ok(Verdict::Infeasible { certificate });
     }
     Ok(Verdict::Undecided {
@@ -456,7 +463,7 @@ pub fn verdict(
     })
 }
 
-/// The entry of a pseudo-inertia in terms of the parameters' expressions.
+/// An entry of a pseudo-inertia in terms of the parameters' expressions.
 pub(super) fn combine(
     expressions: &[Affine],
     columns: &[usize; 10],
@@ -476,7 +483,7 @@ pub(super) fn combine(
     sum
 }
 
-/// The upper triangle of a body's pseudo-inertia, with a change to the entries on the diagonal.
+/// The upper triangle of a body's pseudo-inertia, after `change` of each entry on the diagonal.
 pub(super) fn body_triangle(
     expressions: &[Affine],
     columns: &[usize; 10],

@@ -1,4 +1,4 @@
-//! Samples with what friction needs of them.
+//! The equations and joint velocities of a log, in memory, for the fit of nonlinear friction.
 
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
@@ -6,12 +6,12 @@ use crate::signals::Smoothing;
 use regen_runtime::friction::SHAPES;
 use regen_runtime::{Condition, Friction, Model, SizeError};
 
-/// How friction at joints acts on the rows of the reduced model: column k is the derivative of
-/// the joint's velocity by the independent velocities, the unit vector at an independent joint
+/// How friction at joints acts on the rows of the reduced model: column k is the derivative of the
+/// joint's velocity by the independent velocities, which is a unit vector at an independent joint
 /// and a row of -X at a dependent one (Eq. 10).
 ///
-/// - `q`: n coordinates; `joints`: indices of coordinates;
-/// - returns: dof x joints, column by column, and the worst condition of the solves.
+/// - `q`: n coordinates, rad or m; `joints`: indices of coordinates;
+/// - returns: dof x joints, column by column, and the worst condition of the linear solves.
 ///
 /// # Errors
 /// When a length does not fit.
@@ -52,13 +52,13 @@ pub fn directions<M: Model<f64> + ?Sized>(
 pub struct FrictionJoint {
     /// The coordinate's name.
     pub name: String,
-    /// Its law, one that is not linear.
+    /// Its friction law, one that is nonlinear in some of its values.
     pub friction: Friction,
 }
 
-/// Equations of the parameters that are linear, with the motion of the joints whose friction is
-/// not. It stays in memory: friction's columns change with its shape, and pass the filter of the
-/// equations anew.
+/// The filtered equations in the linear parameters, with the unfiltered motion of the joints whose
+/// friction is nonlinear. All of it stays in memory, because the columns of friction change with
+/// its shape and must then be filtered again like the equations.
 #[derive(Clone, Debug)]
 pub struct FrictionData {
     pub(super) labels: Vec<String>,
@@ -66,48 +66,48 @@ pub struct FrictionData {
     pub(super) laws: Vec<Friction>,
     dof: usize,
     smoothing: Smoothing,
-    /// Equation by equation: dof x columns, column by column, weighted.
+    /// The weighted regressor, equation by equation: dof x columns, column by column.
     w: Vec<f64>,
-    /// Weighted.
+    /// The weighted efforts, dof for each equation.
     tau: Vec<f64>,
     weights: Vec<f64>,
     runs: Vec<Run>,
-    /// Whether the friction of a joint has a part in a row: dof x joints, joint by joint.
+    /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
     acts: Vec<bool>,
 }
 
-/// Samples that follow each other in time, unfiltered.
+/// Consecutive samples of the motion, unfiltered.
 #[derive(Clone, Debug, Default)]
 struct Run {
     times: Vec<f64>,
     qd: Vec<f64>,
-    /// Sample by sample: dof x joints, joint by joint.
+    /// See [`directions`], sample by sample: dof x joints, joint by joint.
     directions: Vec<f64>,
-    /// The samples that equations stand at.
+    /// The indices of the samples that have equations.
     equations: Vec<usize>,
 }
 
-/// A number of equations for a shape of friction.
+/// The equations of one sample, for given shapes of friction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows<'a> {
-    /// dof x columns, column by column, weighted.
+    /// The weighted regressor, dof x columns, column by column.
     pub(super) w: &'a [f64],
-    /// dof, weighted.
+    /// The weighted efforts, dof entries.
     pub(super) tau: &'a [f64],
-    /// dof; 0 for an equation that is left out.
+    /// The weight of each row, dof entries; 0 for a row that is left out.
     pub(super) weights: &'a [f64],
-    /// Whether they follow those before in time.
+    /// Whether the sample follows the previous one in time.
     pub(super) follows: bool,
 }
 
 impl FrictionData {
     /// Starts without samples.
     ///
-    /// - `labels`: of the r columns of the linear equations (base parameters);
-    /// - `dof`: rows of each sample.
+    /// - `labels`: the labels of the r columns of the linear equations (base parameters);
+    /// - `dof`: the number of rows of each sample.
     ///
     /// # Errors
-    /// When a joint's law is linear: it has columns among the parameters.
+    /// When a joint's law is linear: its coefficients are among the linear parameters.
     pub fn new(
         labels: &[String],
         joints: &[FrictionJoint],
@@ -134,20 +134,22 @@ impl FrictionData {
         })
     }
 
-    /// The same with a filter, which the equations that are added have passed already.
+    /// Sets the filter that the added equations have already passed; the columns of friction pass
+    /// it too.
     pub(super) fn filtered(mut self, smoothing: Smoothing) -> Self {
         self.smoothing = smoothing;
         self
     }
 
-    /// Adds a sample that is not filtered, with its equations. Samples follow each other in time.
+    /// Adds an unfiltered sample with its equations. Samples are added in order of time.
     ///
-    /// - `w`: dof x r, column by column; `tau`: dof, N or N m; `qd`: the joints' velocities;
+    /// - `w`: dof x r, column by column; `tau`: dof efforts, N or N m; `qd`: the joints'
+    ///   velocities, rad/s or m/s;
     /// - `directions`: dof x joints, column by column, see [`directions`];
-    /// - `weights`: what each row is multiplied by, dof: 1/sigma.
+    /// - `weights`: the factor of each row, dof entries: 1/sigma.
     ///
     /// # Errors
-    /// When lengths do not fit or a value is not finite; nothing is then added.
+    /// When lengths do not fit or a value is not finite; nothing is added then.
     pub fn push(
         &mut self,
         w: &[f64],
@@ -163,7 +165,7 @@ impl FrictionData {
         self.push_equations(time as f64, w, tau, weights)
     }
 
-    /// Tells that the next sample does not follow the last one in time.
+    /// Starts a new run: the next sample does not follow the last one in time.
     pub fn interrupt(&mut self) {
         self.runs.push(Run::default());
     }
@@ -207,7 +209,7 @@ impl FrictionData {
         Ok(())
     }
 
-    /// Adds filtered equations at a sample of this run, in order of time.
+    /// Adds the filtered equations of one sample of the current run, in order of time.
     pub(super) fn push_equations(
         &mut self,
         time: f64,
@@ -239,7 +241,7 @@ impl FrictionData {
         Ok(())
     }
 
-    /// Multiplies the rows of each effort, dof weights: by 1/sigma.
+    /// Multiplies the rows of each effort by a weight, 1/sigma; `weights` has dof entries.
     ///
     /// # Errors
     /// When the length does not fit or a weight is not positive.
@@ -265,8 +267,8 @@ impl FrictionData {
         Ok(())
     }
 
-    /// The factor of all linear columns where the joints have linear friction instead: those of
-    /// [`new`](Self::new), then `Fc` and `Fv` of each joint.
+    /// The factor with linear friction at all joints: the columns of [`new`](Self::new), then `Fc`
+    /// and `Fv` of each joint.
     ///
     /// # Errors
     /// When an entry is not finite.
@@ -274,17 +276,17 @@ impl FrictionData {
         self.factor_of(&self.linear_laws(), &[], None)
     }
 
-    /// Linear friction at every joint.
+    /// The linear friction law for every joint.
     pub(super) fn linear_laws(&self) -> Vec<Friction> {
         vec![Friction::Linear; self.laws.len()]
     }
 
-    /// The joints whose friction is not linear.
+    /// The joints with nonlinear friction.
     pub fn joints(&self) -> &[FrictionJoint] {
         &self.joints
     }
 
-    /// The number of samples that give equations.
+    /// The number of samples that have equations.
     pub fn len(&self) -> usize {
         self.tau.len() / self.dof.max(1)
     }
@@ -298,7 +300,7 @@ impl FrictionData {
         self.dof
     }
 
-    /// The highest velocity of each joint in size, at least a tiny one.
+    /// The highest absolute velocity of each joint, rad/s or m/s, at least 1e-9.
     pub(super) fn fastest(&self) -> Vec<f64> {
         let joints = self.joints.len();
         let of = |k: usize| {
@@ -309,7 +311,7 @@ impl FrictionData {
         (0..joints).map(of).collect()
     }
 
-    /// The labels of the coefficients of friction that are linear, `symbol(joint)`.
+    /// The labels of the linear coefficients of friction, `symbol(joint)`.
     pub(super) fn coefficients(&self, laws: &[Friction]) -> Vec<String> {
         let of = |(law, joint): (&Friction, &FrictionJoint)| {
             let name = joint.name.clone();
@@ -321,7 +323,7 @@ impl FrictionData {
         laws.iter().zip(&self.joints).flat_map(of).collect()
     }
 
-    /// The labels of the steps of shapes.
+    /// The labels of the steps of the shape parameters, `step symbol(joint)`.
     pub(super) fn steps(&self, laws: &[Friction]) -> Vec<String> {
         let of = |(law, joint): (&Friction, &FrictionJoint)| {
             let name = joint.name.clone();
@@ -333,9 +335,10 @@ impl FrictionData {
         laws.iter().zip(&self.joints).flat_map(of).collect()
     }
 
-    /// The factor of the linear columns and friction's for a shape; with steps, also of one
-    /// column more for each shape parameter: its effect, for coefficients `x`, times `reach`,
-    /// whose unknown is counted from -1.
+    /// The factor of the linear columns and the columns of friction for given shapes. With `steps`
+    /// = (x, reach) it has one more column for each shape parameter: the derivative of the effort
+    /// by the logarithm of that parameter, for the linear parameters `x`, times `reach`. The
+    /// unknown of that column is 1 plus the step in units of `reach`.
     pub(super) fn factor(
         &self,
         shapes: &[[f64; SHAPES]],
@@ -344,7 +347,7 @@ impl FrictionData {
         self.factor_of(&self.laws, shapes, steps)
     }
 
-    /// The same for other laws.
+    /// Like [`factor`](Self::factor), with other laws.
     pub(super) fn factor_of(
         &self,
         laws: &[Friction],
@@ -358,8 +361,8 @@ impl FrictionData {
         }
         let columns = labels.len();
         let mut factor = QrFactor::new(labels);
-        // rows that stay in a cache
-        let most = FULL.max(self.dof);
+        // so few rows that they stay in a cache
+        let most = ROWS_PER_BLOCK.max(self.dof);
         let mut block = vec![0.0; most * columns];
         let mut side = Vec::with_capacity(most);
         let mut flush = |block: &[f64], side: &mut Vec<f64>| {
@@ -392,8 +395,8 @@ impl FrictionData {
         Ok(factor)
     }
 
-    /// Visits all equations in order of time, with the columns that [`factor`](Self::factor)
-    /// has.
+    /// Calls `each` with the equations of each sample in order of time, with the columns of
+    /// [`factor`](Self::factor).
     pub(super) fn visit(
         &self,
         laws: &[Friction],
@@ -406,7 +409,7 @@ impl FrictionData {
         let curved = steps.map_or(0, |_| {
             laws.iter().map(|law| law.shape_symbols().len()).sum()
         });
-        // of every column of friction, the rows that it acts on
+        // for every column of friction, the rows that it acts on
         let rows_of = |k: usize| (0..dof).filter(move |i| self.acts[k * dof + i]);
         let mut places = Vec::new();
         let (mut column, mut step) = (r, r + linear);
@@ -463,7 +466,7 @@ impl FrictionData {
         Ok(())
     }
 
-    /// Adds the entries of friction's columns at a sample.
+    /// Appends the entries of the columns of friction at one sample, unfiltered.
     fn channels(
         &self,
         run: &Run,
@@ -501,9 +504,10 @@ impl FrictionData {
     }
 }
 
-/// Rows reduced at a time.
-const FULL: usize = 128;
+/// The number of rows that are reduced at a time.
+const ROWS_PER_BLOCK: usize = 128;
 
+/// Checks that there are `expected` values, all finite.
 fn check(what: &'static str, expected: usize, values: &[f64]) -> Result<(), EstimateError> {
     let got = values.len();
     if got != expected {

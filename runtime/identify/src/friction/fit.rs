@@ -1,4 +1,5 @@
-//! The nonlinear fit: shapes outside, convex programmes inside.
+//! The nonlinear fit: an outer search over the shape parameters, with a convex programme for all
+//! other parameters inside.
 
 use super::FrictionData;
 use super::starts::{STARTS, start};
@@ -9,32 +10,33 @@ use crate::feasibility::{
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
 
-/// Steps from each start, and from the best of them.
-const FEW: usize = 3;
-const MANY: usize = 40;
-/// A relative gain that is not worth another step.
-const GAIN: f64 = 1e-9;
-/// The region of trust in the logarithms: at the start, at most, and where it ends.
-const REACH: f64 = 0.5;
-const WIDEST: f64 = 1.0;
-const NARROWEST: f64 = 1e-6;
-/// Shapes stay within this factor of the first start: beyond, a law degenerates.
-const FARTHEST: f64 = 1e3;
+/// The largest number of steps from each start, and then from the best of the points reached.
+const STEPS_PER_START: usize = 3;
+const MAX_STEPS: usize = 40;
+/// The search ends when a step lowers the cost by less than this relative amount.
+const MIN_RELATIVE_GAIN: f64 = 1e-9;
+/// The trust region, a bound on the change of the logarithm of each shape parameter: its initial
+/// size, its largest size, and the size at which the search ends.
+const INITIAL_REACH: f64 = 0.5;
+const MAX_REACH: f64 = 1.0;
+const MIN_REACH: f64 = 1e-6;
+/// Shape parameters stay within this factor of the first start's: beyond it a law degenerates.
+const MAX_SHAPE_FACTOR: f64 = 1e3;
 
 /// The friction of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointFit {
     /// The coordinate's name.
     pub name: String,
-    /// The law.
+    /// The friction law.
     pub friction: Friction,
-    /// Its coefficients in the order of [`Friction::symbols`], SI.
+    /// The law's values in the order of [`Friction::symbols`], SI.
     pub values: Vec<f64>,
 }
 
 impl JointFit {
-    /// Its friction at a velocity (Eq. 14, 16, 17, 32), N or N m over rad/s or m/s; opposes the
-    /// motion where positive at a positive velocity.
+    /// The friction effort at a velocity `v` (Eq. 14, 16, 17, 32), N or N m over rad/s or m/s. A
+    /// positive effort at a positive velocity opposes the motion.
     ///
     /// ```
     /// use regen_identify::friction::JointFit;
@@ -53,7 +55,7 @@ impl JointFit {
         self.law().effort(v)
     }
 
-    /// The law with its values.
+    /// The law with its values, as the runtime evaluates it.
     pub fn law(&self) -> JointFriction {
         let mut values = [0.0; VALUES];
         for (slot, value) in values.iter_mut().zip(&self.values) {
@@ -66,56 +68,58 @@ impl JointFit {
     }
 }
 
-/// Parameters with nonlinear friction.
+/// The result of a fit with nonlinear friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrictionFit {
     /// The friction of each joint.
     pub joints: Vec<JointFit>,
-    /// All p parameters of the layout, SI, physical.
+    /// All p parameters of the layout, SI; they are physical.
     pub phi: Vec<f64>,
-    /// Their base parameters, SI.
+    /// The base parameters of `phi`, SI.
     pub beta: Vec<f64>,
-    /// The sum of squared residuals.
+    /// The sum of squared residuals of the weighted equations.
     pub squared_residual: f64,
-    /// That of linear friction (viscous and Coulomb) at the same joints, under the same
-    /// constraints: never smaller.
+    /// The sum of squared residuals with linear friction (viscous and Coulomb) at the same joints,
+    /// under the same constraints: never smaller.
     pub linear: f64,
-    /// Whether the steps ended because they gained nothing any more.
+    /// Whether the search ended because further steps gained nothing, not because it reached its
+    /// limit of steps.
     pub converged: bool,
-    /// The convex programmes that were solved.
+    /// The number of convex programmes that were solved.
     pub programmes: usize,
-    /// How far the parameters can be from the optimum for these shapes at most: that of
+    /// A bound on the relative distance of the objective from the optimum for these shapes, see
     /// [`Physical::gap`].
     pub gap: f64,
     pub(super) point: Optimum,
 }
 
-/// Where a fit ended.
+/// The point at which the search ended.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Optimum {
-    /// The law of each joint: its own, or linear friction where that is as good.
+    /// The law of each joint: its own, or linear friction if that fits as well.
     pub(super) laws: Vec<Friction>,
-    /// Base parameters and coefficients of friction.
+    /// The base parameters and the linear coefficients of friction, SI.
     pub(super) values: Vec<f64>,
     pub(super) shapes: Vec<[f64; SHAPES]>,
 }
 
-/// The search's state.
+/// The arguments and state of the search.
 struct Search<'a> {
     data: &'a FrictionData,
     combinations: BaseMap,
     layout: ParameterLayout,
     options: &'a Options,
+    /// The shapes of the first start, around which all shapes stay.
     first: Vec<[f64; SHAPES]>,
     programmes: usize,
 }
 
-/// A shape with the best parameters for it.
+/// Shapes of all joints with the best parameters for them.
 #[derive(Clone)]
 struct Point {
     shapes: Vec<[f64; SHAPES]>,
     solution: Physical,
-    /// What is minimised: squared residuals and what priors add.
+    /// The minimised cost: squared residuals plus the squared deviations from priors.
     cost: f64,
 }
 
@@ -131,9 +135,12 @@ impl Search<'_> {
         identify(factor, combinations, layout, options)
     }
 
-    /// The layout and combinations of the linear columns, and of these coefficients instead of
-    /// friction's.
-    fn plain(&self, more: &[String]) -> Result<(ParameterLayout, BaseMap), FeasibilityError> {
+    /// The layout and combinations of the linear columns, with the coefficients `more` in place of
+    /// those of nonlinear friction.
+    fn linear_friction_problem(
+        &self,
+        more: &[String],
+    ) -> Result<(ParameterLayout, BaseMap), FeasibilityError> {
         let base = self.data.labels.len();
         let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
         let layout = self.layout.first(p).extended(more)?;
@@ -144,6 +151,8 @@ impl Search<'_> {
         Ok((layout, combinations))
     }
 
+    /// The options of the fit for a layout with more parameters, without choosing what the
+    /// observations leave open.
     fn padded(&self, layout: &ParameterLayout) -> Options {
         let mut options = self.options.clone();
         options.rough = true;
@@ -153,7 +162,7 @@ impl Search<'_> {
         options
     }
 
-    /// Squared residuals, and what beliefs add to them.
+    /// The squared residuals plus the squared deviations from priors.
     fn cost(&self, solution: &Physical) -> f64 {
         let noise = self.options.noise.unwrap_or(1.0);
         let beliefs = self.options.priors.iter().filter_map(|prior| {
@@ -163,6 +172,7 @@ impl Search<'_> {
         solution.squared_residual + beliefs.sum::<f64>()
     }
 
+    /// Solves for the best parameters with these shapes.
     fn point(&mut self, shapes: Vec<[f64; SHAPES]>) -> Result<Point, FeasibilityError> {
         let factor = self.data.factor(&shapes, None)?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
@@ -176,7 +186,7 @@ impl Search<'_> {
         })
     }
 
-    /// The same shapes with what the observations leave open chosen.
+    /// Solves again with the same shapes and chooses what the observations leave open.
     fn finished(&mut self, point: &Point) -> Result<Physical, FeasibilityError> {
         let factor = self.data.factor(&point.shapes, None)?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
@@ -187,7 +197,7 @@ impl Search<'_> {
         self.solve(&factor, &combinations, &layout, &options)
     }
 
-    /// The step that least squares without constraints asks for, cut to the reach.
+    /// The Gauss-Newton step of the shape logarithms without constraints, cut to the trust region.
     fn free_step(&self, from: &Point, reach: f64) -> Option<Vec<f64>> {
         let effect = Some((from.solution.beta.as_slice(), 1.0));
         let factor = self.data.factor(&from.shapes, effect).ok()?;
@@ -203,13 +213,14 @@ impl Search<'_> {
         Some(steps.iter().map(|s| s * part).collect())
     }
 
-    /// The logarithms' steps that the linearised problem asks for within a reach.
+    /// The steps of the shape logarithms that solve the linearised problem with its constraints,
+    /// within the trust region.
     fn step(&mut self, from: &Point, reach: f64) -> Result<Vec<f64>, FeasibilityError> {
         let factor = self
             .data
             .factor(&from.shapes, Some((&from.solution.beta, reach)))?;
         let known = self.combinations.labels().len();
-        // a shape whose coefficient is 0 has no effect, and no step
+        // a shape parameter whose coefficient is 0 has no effect: it takes no step
         let lengths = factor.column_norms();
         let acting: Vec<bool> = lengths[known..].iter().map(|l| *l > 0.0).collect();
         let kept: Vec<usize> = (0..factor.columns())
@@ -234,6 +245,7 @@ impl Search<'_> {
         Ok(acting.iter().map(step).collect())
     }
 
+    /// The shapes after steps of their logarithms, kept in their range.
     fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {
         let mut by = by.iter();
         let laws = self.data.laws.iter().zip(&self.first);
@@ -243,19 +255,21 @@ impl Search<'_> {
                 let mut out = *shape;
                 for (value, first) in out.iter_mut().zip(first).take(law.shape_symbols().len()) {
                     let step = by.next().copied().unwrap_or(0.0);
-                    *value = (*value * step.exp()).clamp(first / FARTHEST, first * FARTHEST);
+                    *value = (*value * step.exp())
+                        .clamp(first / MAX_SHAPE_FACTOR, first * MAX_SHAPE_FACTOR);
                 }
                 out
             })
             .collect()
     }
 
-    /// Descends; whether it ended by itself.
+    /// Descends by at most `most` steps; returns the point reached and whether the search
+    /// converged.
     fn descend(&mut self, mut at: Point, most: usize) -> (Point, bool) {
-        let mut reach = REACH;
+        let mut reach = INITIAL_REACH;
         for _ in 0..most {
-            // far from the constraints plain least squares is exact and quick; a programme
-            // that fails says no more than that this step is too long
+            // if no constraint is active, plain least squares is exact and quick; if a programme
+            // fails, only this step is too long
             let free = self.free_step(&at, reach);
             let next = free
                 .and_then(|by| self.point(self.moved(&at.shapes, &by)).ok())
@@ -267,16 +281,16 @@ impl Search<'_> {
             match next {
                 Some(next) if next.cost < at.cost => {
                     let gain = at.cost - next.cost;
-                    let worth = gain > GAIN * at.cost;
+                    let worth = gain > MIN_RELATIVE_GAIN * at.cost;
                     at = next;
                     if !worth {
                         return (at, true);
                     }
-                    reach = (2.0 * reach).min(WIDEST);
+                    reach = (2.0 * reach).min(MAX_REACH);
                 }
                 _ => reach /= 4.0,
             }
-            if reach < NARROWEST {
+            if reach < MIN_REACH {
                 return (at, true);
             }
         }
@@ -284,14 +298,14 @@ impl Search<'_> {
     }
 }
 
-/// Fits nonlinear friction and all other parameters together.
+/// Fits nonlinear friction together with all other parameters.
 ///
-/// - `combinations`: how the r columns of the data combine the p parameters of `layout`, which
-///   know nothing of the nonlinear friction;
+/// - `combinations`: how the r columns of the data combine the p parameters of `layout`; neither
+///   includes nonlinear friction;
 /// - `options`: constraints and priors, as for [`identify`].
 ///
-/// The result is never worse than linear friction at the same joints: that is where the search
-/// starts, and only steps that lower the cost are taken.
+/// The result is never worse than linear friction at the same joints: the search starts there and
+/// takes only steps that lower the cost.
 ///
 /// # Errors
 /// As [`identify`].
@@ -324,7 +338,7 @@ pub fn fit(
     points.truncate(2);
     let mut best: Option<Point> = None;
     for point in points {
-        let (end, _) = search.descend(point, FEW);
+        let (end, _) = search.descend(point, STEPS_PER_START);
         if best.as_ref().is_none_or(|b| end.cost < b.cost) {
             best = Some(end);
         }
@@ -336,11 +350,11 @@ pub fn fit(
             got: 0,
         });
     };
-    let (mut best, converged) = search.descend(best, MANY);
+    let (mut best, converged) = search.descend(best, MAX_STEPS);
     best.solution = search.finished(&best)?;
 
-    // Programmes are solved to a tolerance: where nothing is gained, linear friction stays, which
-    // every law contains.
+    // Programmes are solved to a tolerance: if nothing is gained, the result is linear friction,
+    // which every law contains as a special case.
     let inertial = layout.len();
     let gained = best.solution.squared_residual <= linear.squared_residual;
     let (taken, laws) = if gained {
@@ -376,10 +390,10 @@ pub fn fit(
     })
 }
 
-/// The printed coefficients of each joint, in the order of its law's symbols.
+/// The values of each joint's law as they are printed, in the order of the law's symbols.
 ///
-/// - `laws`: of each joint, its own or linear friction in its place;
-/// - `own`: their coefficients, joint by joint.
+/// - `laws`: the law of each joint that was fitted: its own or linear friction;
+/// - `own`: the coefficients of these laws, joint by joint.
 pub(super) fn symbols(
     data: &FrictionData,
     laws: &[Friction],
@@ -408,13 +422,13 @@ pub(super) fn symbols(
     out
 }
 
-/// The fit with linear friction.
+/// Fits with linear friction at all joints.
 fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
     let data = search.data;
     let laws = data.linear_laws();
     let factor = data.factor_of(&laws, &[], None)?;
     let more = data.coefficients(&laws);
-    let (layout, combinations) = search.plain(&more)?;
+    let (layout, combinations) = search.linear_friction_problem(&more)?;
     let options = Options {
         rough: search.options.rough,
         ..search.padded(&layout)

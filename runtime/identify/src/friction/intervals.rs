@@ -1,4 +1,4 @@
-//! Intervals of a fit with nonlinear friction, at its optimum.
+//! Confidence intervals of a fit with nonlinear friction, by linearisation at its optimum.
 
 use super::FrictionData;
 use super::data::Rows;
@@ -10,39 +10,43 @@ use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLay
 use crate::intervals::{LeastSquares, Spread, determined, replicate};
 use regen_runtime::friction::SHAPES;
 
-/// The logarithms of shapes stay within this of the fit's: a factor of 20 either way.
-const REACH: f64 = 3.0;
+/// The bound on the change of the logarithm of a shape parameter in a draw: a factor of 20 up or
+/// down.
+const LOG_SHAPE_REACH: f64 = 3.0;
 
-/// The intervals of a fit with nonlinear friction.
+/// Confidence intervals of a fit with nonlinear friction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrictionIntervals {
-    /// Of the r base parameters.
+    /// The intervals of the r base parameters.
     pub base: Vec<Spread>,
-    /// Of all p parameters; none for those whose values are a choice.
+    /// The intervals of all p parameters; `None` for those whose values are a choice, because
+    /// neither observations nor constraints determine them.
     pub physical: Vec<Option<Spread>>,
-    /// Of each joint's coefficients in the order of [`Friction::symbols`](regen_runtime::Friction::symbols);
-    /// none for a shape that the data say nothing about.
+    /// The intervals of each joint's values in the order of
+    /// [`Friction::symbols`](regen_runtime::Friction::symbols); `None` for a shape parameter that
+    /// the data do not determine.
     pub joints: Vec<Vec<Option<Spread>>>,
-    /// The deviations of the linearised fit, over base parameters, coefficients of friction, and
-    /// steps of shapes.
+    /// The covariance of the linearised fit, over base parameters, coefficients of friction, and
+    /// steps of shape parameters.
     pub deviations: Deviations,
-    /// The draws that were projected.
+    /// The number of draws that were projected onto the constraints.
     pub replicates: usize,
-    /// Draws that were left out because their programme was not solved.
+    /// The number of draws that were left out because their programme was not solved.
     pub failed: usize,
 }
 
-/// The intervals of a fit.
+/// Computes the confidence intervals of a fit.
 ///
-/// The fit is linearised at its optimum: columns of the base parameters, of friction's linear
-/// coefficients, and one for the logarithm of each shape parameter. Its least-squares parameters
-/// have the covariance that knows of the residuals' correlation ([`Deviations`]); draws of them
-/// are projected onto the constraints, see [`intervals`](crate::intervals). What is printed of a
-/// draw, such as `Fs` from `Fc` and the excess over it, is computed from that draw.
+/// The fit is linearised at its optimum: its columns are those of the base parameters, of
+/// friction's linear coefficients, and one for the logarithm of each shape parameter. The
+/// covariance of its least-squares parameters accounts for the correlation of the residuals
+/// ([`Deviations`]). Draws of these parameters are projected onto the constraints, see
+/// [`intervals`](crate::intervals). Derived values, such as `Fs` from `Fc` and the excess over it,
+/// are computed for each draw.
 ///
 /// - `combinations`, `layout`, `options`: those of the fit;
-/// - `replicates`: see [`REPLICATES`](crate::intervals::REPLICATES);
-/// - `progress`: is told how many are done.
+/// - `replicates`: the number of draws, see [`REPLICATES`](crate::intervals::REPLICATES);
+/// - `progress`: called with the number of draws done.
 ///
 /// # Errors
 /// When sizes do not fit, the data leave base parameters undetermined, or more than a tenth of the
@@ -60,11 +64,11 @@ pub fn intervals(
     let coefficients = data.coefficients(&point.laws);
     let r = combinations.labels().len();
     let known = r + coefficients.len();
-    let steps = Some((point.values.as_slice(), REACH));
+    let steps = Some((point.values.as_slice(), LOG_SHAPE_REACH));
     let whole = data.factor_of(&point.laws, &point.shapes, steps)?;
     let (factor, kept) = determined_part(&whole, known)?;
     let values = factor.solve()?;
-    let linear = Linear {
+    let linear = LinearisedFit {
         data,
         fit,
         kept: &kept,
@@ -99,7 +103,7 @@ pub fn intervals(
     let physical = fit.phi.iter().zip(known_ones).enumerate();
     let physical =
         physical.map(|(k, (value, known))| known.then(|| drawn.spread(*value, drawn.of_all(k))));
-    // of each draw the coefficients and shapes of every joint
+    // the values of every joint's law, for each draw
     let mut printed: Vec<Vec<Vec<f64>>> = Vec::with_capacity(drawn.phi.len());
     for draw in &drawn.phi {
         let mut shapes = point.shapes.clone();
@@ -108,7 +112,7 @@ pub fn intervals(
             for value in shape.iter_mut().take(law.shape_symbols().len()) {
                 if let Some(place) = kept.iter().position(|c| *c == column) {
                     let step = draw.get(p + place - r).copied().unwrap_or(1.0);
-                    *value *= libm::exp(REACH * (step - 1.0));
+                    *value *= libm::exp(LOG_SHAPE_REACH * (step - 1.0));
                 }
                 column += 1;
             }
@@ -126,7 +130,8 @@ pub fn intervals(
         .enumerate()
     {
         let all = joint.friction.symbols();
-        // what is said of a shape, or of a coefficient that plain friction does not have
+        // symbols without an interval: undetermined shape parameters, and those that linear
+        // friction does not have
         let mut silent: Vec<&str> = Vec::new();
         for symbol in own.shape_symbols().iter().take(SHAPES) {
             if !kept.contains(&column) {
@@ -159,7 +164,8 @@ pub fn intervals(
     })
 }
 
-/// The factor without the steps that the data leave undetermined, and which columns are left.
+/// The factor without the steps of shape parameters that the data leave undetermined, and the
+/// indices of the remaining columns.
 fn determined_part(
     whole: &QrFactor,
     known: usize,
@@ -177,31 +183,32 @@ fn determined_part(
             Some(k) => {
                 kept.remove(k);
             }
-            // the solution names who is undetermined
+            // the error of the solution lists the undetermined parameters
             None => return Ok((factor, kept)),
         }
     }
 }
 
-/// The linearised fit.
-struct Linear<'a> {
+/// The linearised fit: data, optimum, columns and their parameters.
+struct LinearisedFit<'a> {
     data: &'a FrictionData,
     fit: &'a FrictionFit,
     kept: &'a [usize],
     values: &'a [f64],
 }
 
-/// What takes rows, the entries of the columns that are left, residuals, and what counts.
+/// A callback that takes the rows, the entries of the remaining columns, the residuals, and for
+/// each effort 1 if it is used or 0.
 type RowVisitor<'a> =
     dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
 
-impl Linear<'_> {
-    /// Visits the rows of the columns that are left: entries, residuals, and 1 or 0 for each
-    /// effort.
+impl LinearisedFit<'_> {
+    /// Calls `each` for every sample with the entries of the remaining columns, the residuals, and
+    /// 1 or 0 for each effort that is used or not.
     fn visit(&self, each: &mut RowVisitor<'_>) -> Result<(), EstimateError> {
         let dof = self.data.dof();
         let point = &self.fit.point;
-        let steps = Some((point.values.as_slice(), REACH));
+        let steps = Some((point.values.as_slice(), LOG_SHAPE_REACH));
         let mut w = Vec::with_capacity(dof * self.kept.len());
         let mut left = vec![0.0; dof];
         let mut used = vec![0.0; dof];
@@ -217,7 +224,7 @@ impl Linear<'_> {
                         *rest -= x * value;
                     }
                 }
-                // steps that are left out stand at 1, where they change nothing
+                // the unknowns of steps that are left out are 1, which changes no shape
                 for column in 0..rows.w.len() / dof.max(1) {
                     if !self.kept.contains(&column) {
                         let entries = &rows.w[column * dof..(column + 1) * dof];

@@ -1,14 +1,14 @@
 //! Nonlinear friction (Eq. 16, 17, 32), at active and passive joints, identified together with
 //! the other parameters under the constraints of [`feasibility`](crate::feasibility) (Eq. 29).
 //!
-//! The laws are linear in their coefficients and not in their shape: `vs` and `delta` of
-//! Stribeck's, `Fv3` of the arctangent, `delta` of the power law. No coefficient is negative, and
-//! static friction is not below Coulomb friction: its excess `Fs-Fc` is the coefficient. The coefficients and all other
-//! parameters are eliminated: for each shape they are the solution of a convex programme. What
-//! remains is a function of the logarithms of the shape, which Gauss-Newton steps with exact
-//! derivatives and a region of trust minimise, from several starts. Each step is a cone
-//! programme in all unknowns, so that it knows of the constraints; ready-made nonlinear
-//! least-squares solvers know of none.
+//! The laws are linear in their coefficients and nonlinear in their shape parameters: `vs` and
+//! `delta` of Stribeck's law, `Fv3` of the arctangent, `delta` of the power law. No coefficient is
+//! negative, and static friction is not below Coulomb friction: its excess `Fs-Fc` is the
+//! coefficient. For each shape, the coefficients and all other parameters are the solution of a
+//! convex programme, so they are eliminated. What remains is a function of the logarithms of the
+//! shape parameters, which is minimised by Gauss-Newton steps with exact derivatives and a trust
+//! region, from several starts. Each step is a cone programme in all unknowns, so that it obeys the
+//! constraints; ready-made nonlinear least-squares solvers do not support them.
 
 mod data;
 mod fit;

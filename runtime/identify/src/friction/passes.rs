@@ -1,4 +1,5 @@
-//! Passes over a log for nonlinear friction: to equations in memory, and to residuals.
+//! Passes over a log for nonlinear friction: one collects equations in memory, another computes
+//! residuals.
 
 use core::cell::{Cell, RefCell};
 
@@ -10,7 +11,7 @@ use crate::identify::{
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
-/// The joints of a model whose friction is not linear.
+/// The joints of a model whose friction law is nonlinear.
 pub fn nonlinear_joints<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<FrictionJoint> {
     let info = model.info();
     let pairs = info.coordinates.iter().zip(info.joints);
@@ -23,6 +24,7 @@ pub fn nonlinear_joints<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<FrictionJo
         .collect()
 }
 
+/// The indices of coordinates by their names.
 fn places<M: BaseModel<f64> + ?Sized>(
     model: &M,
     names: impl Iterator<Item = String>,
@@ -38,15 +40,16 @@ fn places<M: BaseModel<f64> + ?Sized>(
         .collect()
 }
 
-/// The velocities of joints, and how their friction acts on the rows.
-type Moved = (Vec<f64>, Vec<f64>);
+/// The velocities of joints, rad/s or m/s, and how their friction acts on the rows, see
+/// [`directions`].
+type JointMotion = (Vec<f64>, Vec<f64>);
 
-/// How joints move at a row; `None` at a singularity.
-fn motion<M: BaseModel<f64> + ?Sized>(
+/// The motion of the joints at a row of the log; `None` at a singularity.
+fn joint_motion<M: BaseModel<f64> + ?Sized>(
     model: &M,
     row: &Row<'_>,
     at: &[usize],
-) -> Result<Option<Moved>, SizeError> {
+) -> Result<Option<JointMotion>, SizeError> {
     let (d, condition) = directions(model, row.q, at)?;
     let qd = at.iter().map(|&k| row.qd.get(k).copied());
     let Some(qd) = qd.collect::<Option<Vec<f64>>>() else {
@@ -60,13 +63,13 @@ fn motion<M: BaseModel<f64> + ?Sized>(
     Ok(regular.then_some((qd, d)))
 }
 
-/// A log that counts its rows.
-struct Counted<'a, S: ?Sized> {
+/// A source that counts the rows it passes on.
+struct RowCounter<'a, S: ?Sized> {
     source: &'a mut S,
     rows: &'a Cell<usize>,
 }
 
-impl<S: Source + ?Sized> Source for Counted<'_, S> {
+impl<S: Source + ?Sized> Source for RowCounter<'_, S> {
     type Error = S::Error;
 
     fn visit(
@@ -85,13 +88,14 @@ impl<S: Source + ?Sized> Source for Counted<'_, S> {
     }
 }
 
-/// Notes how joints move, beside the columns that are filtered.
+/// Records the motion of the joints in the friction data at each row; it adds no column to the
+/// equations.
 struct Recorder<'a, 'm, M: ?Sized> {
     model: &'m M,
     at: &'a [usize],
     data: &'a RefCell<FrictionData>,
     rows: &'a Cell<usize>,
-    /// The row before, if it gave an equation.
+    /// The number of the previous row, if that row gave an equation.
     last: Option<usize>,
 }
 
@@ -101,12 +105,12 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
     }
 
     fn fill(&mut self, row: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
-        let Some((qd, d)) = motion(self.model, row, self.at)? else {
+        let Some((qd, d)) = joint_motion(self.model, row, self.at)? else {
             self.last = None;
             return Ok(false);
         };
         let mut data = self.data.borrow_mut();
-        // rows between that gave no equation end a run, as the filter does
+        // a row that gave no equation ends the run, as it does in the filter
         if !row.follows || self.last.is_none_or(|last| last + 1 != self.rows.get()) {
             data.interrupt();
         }
@@ -116,12 +120,13 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
     }
 }
 
-/// Reads a log into memory for [`fit`](super::fit), all efforts weighted alike: see
-/// [`FrictionData::weigh`]. Equations are filtered as [`Source::filtering`] says, and so will
-/// friction's columns be. Also returns what gave no equation.
+/// Reads a log into memory for [`fit`](super::fit), with equal weights for all efforts: see
+/// [`FrictionData::weigh`]. The equations are filtered as [`Source::filtering`] specifies, and the
+/// columns of friction will be filtered in the same way. Also returns the counts of rows that gave
+/// no equation.
 ///
 /// # Errors
-/// When a joint is none of the model's or has linear friction, or the log cannot be read.
+/// When the model has no such joint, the joint's friction is linear, or the log cannot be read.
 pub fn collect<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     source: &mut S,
@@ -144,7 +149,7 @@ where
         rows: &rows,
         last: None,
     };
-    let mut counted = Counted {
+    let mut counted = RowCounter {
         source,
         rows: &rows,
     };
@@ -161,8 +166,8 @@ where
     Ok((data.into_inner(), left))
 }
 
-/// The efforts of joints' friction as one column of a stream of equations, which thus pass the
-/// same filter as the measured efforts.
+/// The efforts of the joints' friction as one column of a stream of equations, so that they pass
+/// the same filter as the measured efforts.
 #[derive(Debug)]
 pub struct JointEfforts<'a, M: ?Sized> {
     model: &'a M,
@@ -171,10 +176,10 @@ pub struct JointEfforts<'a, M: ?Sized> {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> JointEfforts<'a, M> {
-    /// Prepares for a model; without joints there is no column.
+    /// Looks up the joints in the model; without joints there is no column.
     ///
     /// # Errors
-    /// When a joint is none of the model's.
+    /// When the model has no such joint.
     pub fn new(model: &'a M, joints: &'a [JointFit]) -> Result<Self, FeasibilityError> {
         Ok(Self {
             model,
@@ -193,7 +198,7 @@ impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
         if self.joints.is_empty() {
             return Ok(true);
         }
-        let Some((qd, d)) = motion(self.model, row, &self.places)? else {
+        let Some((qd, d)) = joint_motion(self.model, row, &self.places)? else {
             return Ok(false);
         };
         let efforts = self.joints.iter().zip(&qd).map(|(j, v)| j.effort(*v));
@@ -206,14 +211,16 @@ impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
     }
 }
 
-/// The residuals of base parameters with friction on a log, as
+/// Computes the residuals of base parameters and nonlinear friction on a log, like
 /// [`identify::residuals`](crate::identify::residuals) for linear models (Eq. 29).
 ///
-/// - `values`: r base parameters, SI; `joints`: friction that has no columns among them;
-/// - `means`: of the efforts on this log, for eps_RA.
+/// - `values`: r base parameters, SI; `joints`: the nonlinear friction, which has no columns among
+///   them;
+/// - `means`: the means of the efforts on this log, N or N m, for eps_RA;
+/// - `lags`: the number of lags at which the autocorrelation is computed.
 ///
 /// # Errors
-/// When a joint is none of the model's, or the log cannot be read.
+/// When the model has no such joint, or the log cannot be read.
 pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     source: &mut S,
@@ -235,7 +242,7 @@ where
         return Err(error.into());
     }
     let mut columns = JointEfforts::new(model, joints)?;
-    // the column of friction counts as it is
+    // the column of friction is an effort: its factor is 1
     let factors: Vec<f64> = values.iter().copied().chain([1.0]).collect();
     let mut out = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = vec![0.0; origin.efforts.len()];

@@ -1,10 +1,10 @@
 //! Identifiability (sections 5.3 and 6.2): which base parameters the data determine well, and
 //! the reduction to them.
 //!
-//! A parameter is properly identified when its relative standard deviation is below 15 percent
-//! and the parameters are feasible. The chapter went from the full base (Model 1) to the largest
-//! well-identified set (Model 4) with the help of a simulated robot, and named doing so "by
-//! statistics and feasibility alone" as future work: [`reduce`].
+//! A parameter is properly identified when its relative standard deviation is below 15 percent and
+//! the parameters are feasible. The chapter reduced the full base (Model 1) to the largest
+//! well-identified set (Model 4) with the help of a simulated robot, and left a reduction "by
+//! statistics and feasibility alone" as future work. [`reduce`] does that.
 
 use core::fmt::{self, Write};
 
@@ -15,14 +15,15 @@ use crate::feasibility::{BaseMap, FeasibilityError, ParameterLayout, Scale, Verd
 /// (Khalil and Dombre, 2002; section 5.3).
 pub const WELL: f64 = 15.0;
 
-/// Whether the parameters that are kept are of a physical robot.
+/// Whether a physical robot has the base parameters of a reduced model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feasibility {
     /// A physical robot has these parameters.
     Feasible,
-    /// No physical robot has these parameters; that is proven.
+    /// It is proven that no physical robot has these parameters.
     Infeasible,
-    /// The parameters are too close to the border for double precision to decide.
+    /// The parameters are too close to the border of the feasible set for double precision to
+    /// decide.
     Undecided,
 }
 
@@ -36,27 +37,28 @@ impl fmt::Display for Feasibility {
     }
 }
 
-/// What a step of the reduction did.
+/// The base parameter that a step of the reduction left out or took back, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
-    /// The start: all of the base parameters that the data determine at all.
+    /// The first step: all base parameters that the data determine.
     Start,
-    /// A base parameter was left out: the data do not determine it.
+    /// Base parameters were left out because the data do not determine them.
     Undetermined(String),
-    /// A base parameter was left out: it was the least certain.
+    /// A base parameter was left out because its relative standard deviation was the largest.
     Uncertain {
         /// Its label.
         label: String,
         /// Its relative standard deviation, percent.
         sigma: f64,
     },
-    /// A base parameter was left out: all were certain, and it had, in units of its deviation,
-    /// the largest part in the proof of infeasibility.
+    /// A base parameter was left out although all were well identified, because they were
+    /// infeasible: in units of its standard deviation it had the largest weight in the proof of
+    /// infeasibility.
     Unphysical {
         /// Its label.
         label: String,
     },
-    /// A base parameter that had been left out was taken back: with fewer others it is well
+    /// A base parameter that had been left out was taken back, because with fewer others it is well
     /// identified.
     Restored(String),
 }
@@ -78,67 +80,70 @@ impl fmt::Display for Change {
     }
 }
 
-/// A model on the way: a set of base parameters with what speaks for it.
+/// One reduced model: a set of base parameters with its estimate and quality measures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// What led to it.
+    /// The change that led to this model.
     pub change: Change,
-    /// The places of the base parameters that are kept.
+    /// The indices of the base parameters in the model, ascending.
     pub kept: Vec<usize>,
-    /// How many of them are well identified: below [`WELL`], in a feasible set.
+    /// The number of well identified base parameters (below [`WELL`] percent); 0 if they are not
+    /// feasible.
     pub well: usize,
-    /// Whether they are of a physical robot.
+    /// Whether a physical robot has these base parameters.
     pub feasibility: Feasibility,
     /// The root mean square residual on the data, in units of the factor's rows.
     pub residual: f64,
-    /// The same on the other trajectory, with the parameters of this one.
+    /// The root mean square residual on the other trajectory, with the parameters estimated on this
+    /// one.
     pub other_residual: Option<f64>,
-    /// eps_RA on the other trajectory in percent (Eq. 33), if there is a function for it.
+    /// eps_RA on the other trajectory in percent (Eq. 33), if [`Checks::relative_absolute`] is
+    /// given.
     pub relative_absolute: Option<f64>,
-    /// eps_AV against exact values (Eq. 34), as a fraction, if these are known.
+    /// eps_AV against the exact values (Eq. 34), as a fraction, if [`Checks::exact`] is given.
     pub average_relative: Option<f64>,
-    /// The condition number of the columns that are kept.
+    /// The condition number of the columns of this model (Eq. 24).
     pub condition: f64,
-    /// The same, columns scaled.
+    /// The condition number with columns scaled to unit length (Eq. 27).
     pub scaled_condition: f64,
-    /// The estimate of those that are kept.
+    /// The estimate of the base parameters of the model.
     pub estimate: Estimate,
 }
 
-/// The error of base parameters on samples.
+/// Computes an error, in percent, of the predictions of all r base parameters.
 pub type Predictor<'a> = dyn Fn(&[f64]) -> f64 + 'a;
 
-/// What a reduction may look at besides the data. [`Checks::default()`]: nothing.
+/// What a reduction may use besides the data. [`Checks::default()`] contains nothing.
 #[derive(Default)]
 pub struct Checks<'a> {
-    /// The factor of another trajectory, over the same base parameters.
+    /// The factor of another trajectory over the same base parameters.
     pub other: Option<&'a QrFactor>,
-    /// eps_RA in percent on another trajectory (Eq. 33) of all r base parameters, those left
-    /// out being 0: it needs the samples, which factors do not keep.
+    /// Computes eps_RA in percent on another trajectory (Eq. 33) from all r base parameters, where
+    /// those left out are 0. It needs the samples, which factors do not contain.
     pub relative_absolute: Option<&'a Predictor<'a>>,
-    /// The exact base parameters, of a simulated robot.
+    /// The exact base parameters of a simulated robot, SI.
     pub exact: Option<&'a [f64]>,
-    /// The units in which margins are measured.
+    /// The units in which the margins of feasibility are measured.
     pub scale: Scale,
-    /// The scores of the factor's rows in order of time: deviations then know of the residuals'
-    /// correlation. Without, residuals count as white.
+    /// The scores of the factor's rows in order of time, for standard deviations that account for
+    /// the correlation of the residuals. Without them the residuals count as white.
     pub blocks: Option<&'a Blocks>,
 }
 
-/// A reduction: every model on the way, the last being the result.
+/// The models of a reduction, in the order in which they were tried; the last is the result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduction {
-    /// The models.
+    /// The models, the first with all determined base parameters.
     pub steps: Vec<Step>,
 }
 
 impl Reduction {
-    /// The model that all was reduced to.
+    /// The last model, which is the result; `None` if the data determine no parameter.
     pub fn result(&self) -> Option<&Step> {
         self.steps.last()
     }
 
-    /// All models as a text table, one a line.
+    /// A text table of all models, one per line.
     pub fn table(&self) -> String {
         let mut out = String::from(
             "kept  well  feasible    condition  residual  other     eps_RA %  eps_AV  change\n",
@@ -150,7 +155,7 @@ impl Reduction {
                 Feasibility::Infeasible => "no",
                 Feasibility::Undecided => "undecided",
             };
-            // a String takes everything
+            // writing to a String cannot fail
             let _ = writeln!(
                 out,
                 "{:<5} {:<5} {:<11} {:<10.4e} {:<9.4} {:<9} {:<9} {:<7} {}",
@@ -169,6 +174,7 @@ impl Reduction {
     }
 }
 
+/// The arguments of [`reduce`].
 struct Search<'a> {
     factor: &'a QrFactor,
     combinations: &'a BaseMap,
@@ -177,7 +183,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// A set with its statistics, and, where it is infeasible, the parts in the proof.
+    /// Estimates the model with the base parameters `kept`. Also returns, if it is infeasible, the
+    /// weights of its base parameters in the proof.
     fn step(
         &self,
         kept: Vec<usize>,
@@ -186,7 +193,7 @@ impl Search<'_> {
         let selected = self.factor.select(&kept)?;
         let mut estimate = Estimate::of(&selected)?;
         if let Some(blocks) = self.checks.blocks {
-            // the residuals of this model: those of all parameters, and what is left out
+            // the residuals of this model include the effect of the parameters that are left out
             let found = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
             estimate = estimate.with_deviations(&found);
         }
@@ -250,18 +257,19 @@ impl Search<'_> {
 
 /// Reduces the base parameters to the largest set found in which each is properly identified.
 ///
-/// What the data do not determine at all goes first. Then the least certain goes, one at a time,
-/// until all are below [`WELL`] and together feasible; where all are certain and infeasible, the
-/// one with the largest part in the proof of infeasibility goes. At last each that was left out is
-/// tried again, and kept where all stay properly identified.
+/// First it leaves out the base parameters that the data do not determine. Then it leaves out the
+/// parameter with the largest relative standard deviation, one at a time, until all are below
+/// [`WELL`] and together feasible; if all are below but infeasible, it leaves out the one with the
+/// largest weight in the proof of infeasibility. At last it tries each parameter that was left out
+/// again and takes it back if all stay properly identified.
 ///
-/// Leaving out a base parameter takes it as zero in the forces, as the chapter's Models 2 to 4
-/// do; the verdict leaves it free.
+/// A base parameter that is left out is zero in the forces, as in the chapter's Models 2 to 4; the
+/// verdict of feasibility leaves it free.
 ///
-/// - `factor`: over the r base parameters of `combinations`, rows weighted by 1/sigma.
+/// - `factor`: over the r base parameters of `combinations`, with rows weighted by 1/sigma.
 ///
-/// Each model is judged by its own deviations: with [`Checks::blocks`] by those that know of the
-/// correlation of its residuals.
+/// Each model is judged by its own standard deviations, which account for the correlation of its
+/// residuals if [`Checks::blocks`] is given.
 ///
 /// # Errors
 /// When sizes do not fit, or the rows are too few for any estimate.
@@ -319,7 +327,8 @@ pub fn reduce(
     while !kept.is_empty() {
         let (step, weights) = search.step(kept.clone(), change)?;
         let sigma = |k: usize| step.estimate.sigma_percent(k);
-        // a value of exactly zero has no relative deviation: it is the least certain
+        // a value of exactly zero has no relative standard deviation: it counts as the least
+        // certain
         let size = |k: usize| {
             if sigma(k).is_nan() {
                 f64::INFINITY
@@ -359,7 +368,7 @@ pub fn reduce(
             None => break,
         }
     }
-    // the last to go is the first to come back
+    // the parameter left out last is tried first
     for candidate in out.into_iter().rev() {
         let Some(last) = steps.last() else { break };
         if last.feasibility != Feasibility::Feasible {

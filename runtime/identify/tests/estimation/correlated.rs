@@ -1,8 +1,8 @@
-//! The covariance that knows of correlation, against its sum written out pair by pair.
+//! The covariance for correlated residuals, compared with its definition as a sum over all pairs.
 
 use regen_identify::estimate::{Autocorrelated, QrFactor};
 
-/// Two numbers that look like noise, the same everywhere.
+/// Two pseudo-random numbers, the same on every machine.
 fn score(t: usize) -> [f64; 2] {
     let t = t as f64;
     [
@@ -11,8 +11,8 @@ fn score(t: usize) -> [f64; 2] {
     ]
 }
 
-/// Newey and West (1987): products of scores l apart, within a run and below the bandwidth, count
-/// 1 - l/B.
+/// Newey and West (1987): products of scores l apart, within a run and below the bandwidth B, have
+/// the weight 1 - l/B.
 fn pairs(runs: &[usize], bandwidth: usize) -> [[f64; 2]; 2] {
     let mut sum = [[0.0; 2]; 2];
     let mut first = 0;
@@ -37,13 +37,13 @@ fn pairs(runs: &[usize], bandwidth: usize) -> [[f64; 2]; 2] {
     sum
 }
 
-/// Runs of one sample, shorter than the window, as long, and longer.
+/// Runs of one sample, and runs shorter than, equal to and longer than the window.
 #[test]
 fn windows_add_up_to_all_pairs_within_a_run_however_short_it_is() {
     let runs = [1, 3, 5, 7, 30, 2];
     let samples: usize = runs.iter().sum();
     let mut factor = QrFactor::new(vec!["a".to_owned(), "b".to_owned()]);
-    // lengths 2 and 4 times the root of the number of samples, orthogonal
+    // columns of lengths 2 and 4 times the root of the number of samples, orthogonal
     let signs = (0..samples).map(|t| if t % 2 == 0 { 1.0 } else { -1.0 });
     let w: Vec<f64> = vec![2.0; samples]
         .into_iter()

@@ -1,11 +1,11 @@
-//! What must hold of factors, estimates and signals.
+//! Properties of factors, estimates and signals.
 
 use regen_identify::estimate::{
     Accumulator, Estimate, EstimateError, FactorSet, Origin, QrFactor, Weighting,
 };
 use regen_identify::signals::{Fourier, Method, SignalError};
 
-/// A sequence of numbers in -1..1 that is the same everywhere (SplitMix64).
+/// Pseudo-random numbers (SplitMix64), the same on every machine.
 struct Random(u64);
 
 impl Random {
@@ -21,7 +21,7 @@ impl Random {
         2.0 * self.uniform() - 1.0
     }
 
-    /// A normal number (Box and Muller).
+    /// A normally distributed number (Box and Muller).
     fn normal(&mut self) -> f64 {
         let (u, v) = (1.0 - self.uniform(), self.uniform());
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
@@ -32,7 +32,8 @@ fn labels(n: usize) -> Vec<String> {
     (0..n).map(|k| format!("p{k}")).collect()
 }
 
-/// A block of rows of noise, and the efforts of `x` with noise of size `sigma`.
+/// A block of random rows, and the efforts for the parameters `x` with noise of standard deviation
+/// `sigma`.
 fn block(random: &mut Random, rows: usize, x: &[f64], sigma: f64) -> (Vec<f64>, Vec<f64>) {
     let w: Vec<f64> = (0..rows * x.len()).map(|_| random.signed()).collect();
     let tau = (0..rows)
@@ -202,8 +203,8 @@ fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
     assert_eq!(error, size);
 }
 
-/// The mean over the parameters of how often the interval holds the truth: 6,000 draws have a
-/// standard deviation of 0.28 %, so that 93 to 97 % is beyond chance.
+/// The coverage of the intervals, averaged over the parameters: with 6,000 draws its standard
+/// deviation is 0.28 %, so a coverage outside of 93 to 97 % is not due to chance.
 #[test]
 fn confidence_intervals_hold_the_truth_as_often_as_they_say() {
     let mut random = Random(4);
@@ -232,7 +233,7 @@ fn confidence_intervals_hold_the_truth_as_often_as_they_say() {
     }
     for j in 0..6 {
         assert!((930..=970).contains(&held[j]), "{held:?}");
-        // unbiased: within four deviations of the mean of 1,000
+        // unbiased: within four standard deviations of the mean of 1,000 estimates
         assert!(mean[j].abs() < 4.0 * (own[j] / 1000.0).sqrt(), "{mean:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Condition numbers against matrices whose singular values are known in closed form.
+//! Condition numbers of matrices whose singular values are known in closed form.
 
 use regen_identify::estimate::{Accumulator, EstimateError, Origin, QrFactor};
 
@@ -6,7 +6,7 @@ fn labels(n: usize) -> Vec<String> {
     (0..n).map(|k| format!("p{k}")).collect()
 }
 
-/// The factor of a matrix given by columns, with any right side.
+/// The factor of a matrix given by its columns, with an arbitrary right side.
 fn factor(columns: &[[f64; 4]]) -> QrFactor {
     let mut factor = QrFactor::new(labels(columns.len()));
     let tau = [1.0, -2.0, 0.5, 3.0];
@@ -33,9 +33,9 @@ fn orthogonal_columns_have_their_lengths_as_singular_values() {
     assert!(spectrum.undetermined().is_empty());
 }
 
-/// Two columns of unit length with the cosine c between them have the singular values
-/// sqrt(1 + c) and sqrt(1 - c), and the second a hundred times longer, those of
-/// `[[1, 100 c], [100 c, 10000]]`, rooted.
+/// Two columns of unit length with the cosine c between them have the singular values sqrt(1 + c)
+/// and sqrt(1 - c). If the second is a hundred times longer, they are the roots of the eigenvalues
+/// of `[[1, 100 c], [100 c, 10000]]`.
 #[test]
 fn the_condition_of_two_columns_follows_from_the_angle_between_them() {
     for c in [0.0_f64, 0.6, 0.96, 0.9999] {
@@ -59,12 +59,12 @@ fn the_condition_of_two_columns_follows_from_the_angle_between_them() {
 #[test]
 fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
     let nothing = factor(&[[0.0; 4], [0.0; 4]]).spectrum().unwrap();
-    // infinite, not a number that is none
+    // infinite, not NaN
     assert!(nothing.condition() > f64::MAX && nothing.scaled_condition() > f64::MAX);
     assert_eq!(nothing.rank(), 0);
     let no_columns = factor(&[]).spectrum().unwrap();
     assert_eq!(no_columns.condition().to_bits(), 1.0_f64.to_bits());
-    // an angle of 1e-14 between the columns: below what counts
+    // an angle of 1e-14 between the columns is below the rank tolerance
     let close = factor(&[[1.0, 0.0, 0.0, 0.0], [1.0, 1e-14, 0.0, 0.0]]);
     let EstimateError::Undetermined {
         rank,
@@ -75,7 +75,7 @@ fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
         panic!("{:?}", close.solve());
     };
     assert_eq!(rank, 1);
-    // half the angle, as far as doubles tell
+    // half the angle, up to rounding
     assert!((0.0..1e-13).contains(&reciprocal_condition));
 }
 

@@ -1,4 +1,4 @@
-//! Against the vectors that tests/tools/vectors/estimation.py wrote.
+//! Estimates and signals compared with the vectors that tests/tools/vectors/estimation.py wrote.
 
 use regen_identify::estimate::{
     Accumulator, Autocorrelated, Estimate, Origin, QrFactor, Residuals, Weighting,
@@ -51,7 +51,7 @@ fn least_squares_and_its_statistics_are_those_of_numpy() {
     factor.push_block(&w, &tau).unwrap();
     let estimate = Estimate::of(&factor).unwrap();
     assert_each(&estimate.values, &numbers(&v["solution"]));
-    // entries of the covariance relative to the two deviations they belong to
+    // entries of the covariance, relative to the two standard deviations they belong to
     let covariance = numbers(&v["covariance"]);
     let relative = |c: &[f64]| -> Vec<f64> {
         let d = |k: usize| covariance[k * n + k].sqrt();

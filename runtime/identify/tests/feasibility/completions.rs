@@ -1,14 +1,16 @@
-//! What observations leave open, completed towards a reference where a margin binds.
+//! The parameters that observations leave open are chosen near a reference, also where a margin is
+//! an active constraint.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
     BaseMap, Options, Outcome, ParameterLayout, Prior, SYMBOLS, identify,
 };
 
-/// A thin rod along x: its own margin is below those that are asked for.
+/// A thin rod along x, whose margin is below the required ones.
 const ROD: [f64; 10] = [0.002, 0.0, 0.0, 0.3, 0.0, 0.3, 0.4, 0.0, 0.0, 1.5];
 
-/// The distance to the reference, in units of the scale, of the completion with a margin.
+/// The distance of the completed parameters from the reference, in units of the scale, and their
+/// margin.
 fn distance(margin: f64) -> (f64, f64) {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     let layout = ParameterLayout::new(&labels).unwrap();
@@ -35,8 +37,8 @@ fn distance(margin: f64) -> (f64, f64) {
     (squares.sqrt(), found.check.margin())
 }
 
-/// As close to the reference as the margin lets it be: the margin is just met, and a little more
-/// of it is a little farther.
+/// The completion is as close to the reference as the margin allows: its margin is just the
+/// required one, and a larger required margin gives a larger distance.
 #[test]
 fn a_completion_is_as_near_the_reference_as_its_margin_lets_it_be() {
     let mut last = 0.0;
@@ -53,8 +55,8 @@ fn a_completion_is_as_near_the_reference_as_its_margin_lets_it_be() {
 
 const BODY: [f64; 10] = [0.2, 0.01, 0.0, 0.25, -0.02, 0.22, 0.1, 0.05, -0.03, 3.0];
 
-/// With something known or believed the parameters come from a programme: there too, every
-/// direction that nothing determines is the reference's.
+/// With known values or priors the parameters come from a cone programme. There too, every
+/// direction that nothing determines is taken from the reference.
 #[test]
 fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known() {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
@@ -91,7 +93,7 @@ fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known()
                     _ if seen.contains(&k) => 1.1 * BODY[k],
                     _ => BODY[k],
                 };
-                // the pull of the reference is 1e-4 of the observations': 1e-8 in their squares,
+                // the weight of the reference is 1e-4 of the observations': 1e-8 in their squares,
                 // of which the solver leaves 1e-12
                 let off = (found.phi[k] - exact).abs();
                 assert!(off < 1e-3, "{seen:?} {label}: {off:e}");

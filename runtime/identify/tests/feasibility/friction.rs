@@ -1,4 +1,4 @@
-//! Nonlinear friction: recovered from exact data, and never worse than linear friction.
+//! Nonlinear friction is recovered from exact data, and never fits worse than linear friction.
 
 use proptest::prelude::*;
 use regen_identify::feasibility::{BaseMap, Options, ParameterLayout, Scale};
@@ -7,7 +7,7 @@ use regen_runtime::Friction;
 
 use crate::robots::{Robot, robot};
 
-/// The laws as the spec states them.
+/// The friction laws, written from the documentation of the spec format.
 pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
     let sign = if v == 0.0 { 0.0 } else { v.signum() };
     match (friction, x) {
@@ -26,7 +26,8 @@ pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
     }
 }
 
-/// Two joints that act on two rows, one of them through the mechanism, and a robot's base.
+/// Data of two joints whose friction acts on two rows, one of them through the mechanism, and of
+/// the base parameters of a robot.
 pub(crate) fn simulate(robot: &Robot, laws: &[(Friction, &[f64])], noise: f64) -> FrictionData {
     let joints: Vec<FrictionJoint> = laws
         .iter()
@@ -151,7 +152,7 @@ fn weighing_the_rows_of_data_is_as_weighing_them_when_they_come() {
         name: "j0".to_owned(),
         friction: Friction::Stribeck,
     }];
-    // powers of two, so that the order of multiplications leaves the same bits
+    // powers of two, so that the order of multiplications does not change the bits
     let weights = [0.5, 4.0];
     let filled = |when: &[f64; 2]| {
         let mut data = FrictionData::new(&labels, &joints, 2).unwrap();

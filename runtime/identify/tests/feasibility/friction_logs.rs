@@ -1,5 +1,5 @@
-//! Nonlinear friction in logs of a slider-crank, where it acts on the crank directly and from
-//! the slider through the mechanism; and the laws by themselves.
+//! Nonlinear friction in logs of a slider-crank: at the crank it acts directly, at the slider
+//! through the mechanism. Also the laws by themselves.
 
 use regen_identify::feasibility::FeasibilityError;
 use regen_identify::friction::{FrictionJoint, JointFit, collect, directions, residuals};
@@ -10,12 +10,13 @@ use crate::friction::force;
 use crate::models::SliderCrank;
 
 const GRAVITY: f64 = 9.81;
-/// Inertia of the crank, its viscous friction, mass of the slider.
+/// The inertia of the crank, kg m^2, its viscous friction, N m s/rad, and the mass of the slider,
+/// kg.
 const VALUES: [f64; 3] = [0.7, 0.4, 2.5];
 const CRANK: (Friction, [f64; 5]) = (Friction::Stribeck, [0.8, 1.5, 0.2, 1.4, 0.0]);
 const SLIDER: (Friction, [f64; 4]) = (Friction::Power, [3.0, 2.0, 1.1, 0.5]);
 
-/// A log whose reading may fail as an identification does.
+/// A log whose error type is that of an identification.
 struct Log(Recorded);
 
 impl Source for Log {
@@ -81,7 +82,7 @@ fn log(off: impl Fn(usize) -> f64) -> Log {
 #[test]
 fn residuals_are_what_neither_the_parameters_nor_the_laws_explain() {
     let model = SliderCrank::default();
-    // every tenth effort is off by what grows
+    // every tenth effort has an error that grows with time
     let off = |k: usize| {
         if k.is_multiple_of(10) {
             0.01 * k as f64
@@ -96,7 +97,7 @@ fn residuals_are_what_neither_the_parameters_nor_the_laws_explain() {
     assert!((found.largest - 0.7).abs() < 1e-11, "{found:?}");
     let squares: f64 = (0..80).map(|k| off(k).powi(2)).sum();
     assert!((found.rms - (squares / 80.0).sqrt()).abs() < 1e-11);
-    // without the laws, their friction is left
+    // without the laws, their friction is part of the residuals
     let bare = residuals(&model, &mut log(off), &VALUES, &[], &[0.0], 2).unwrap();
     let most = states().iter().zip(0..).fold(0.0, |m: f64, (state, k)| {
         let ratio = state.qd[2] / state.qd[0];
@@ -121,7 +122,7 @@ fn a_log_is_collected_without_its_singular_samples() {
     let mut made = log(|_| 0.0);
     let (data, singular) = collect(&model, &mut made, &joints).unwrap();
     assert_eq!((data.len(), singular.singular), (80, 0));
-    // the rod stands across the slider's way
+    // the rod is perpendicular to the slider's axis: a singularity
     for _ in 0..3 {
         let across = [0.2, std::f64::consts::FRAC_PI_2 - 0.2, 1.0];
         made.0.push(9.0, &across, &[1.0; 3], &[0.0; 3], &[1.0]);

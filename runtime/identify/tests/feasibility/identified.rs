@@ -1,4 +1,4 @@
-//! Identification under the constraints: against another solver, and by what must hold.
+//! Identification under the constraints, compared with another solver and tested by its properties.
 
 use proptest::prelude::*;
 use regen_identify::estimate::QrFactor;
@@ -9,7 +9,7 @@ use regen_identify::feasibility::{
 
 use crate::robots::{Robot, robot};
 
-/// A sequence of numbers in -1..1 that is the same everywhere (SplitMix64).
+/// Pseudo-random numbers in -1..1 (SplitMix64), the same on every machine.
 struct Random(u64);
 
 impl Random {
@@ -152,8 +152,8 @@ proptest! {
         prop_assert!(found.check.is_physical());
     }
 
-    /// Noise as large as the signal: the result is physical all the same, and fits no worse
-    /// than the true robot does, which is one of those it chose among.
+    /// Even with noise as large as the signal the result is physical, and fits no worse than the
+    /// true robot, which is one of the candidates.
     #[test]
     fn noise_never_makes_a_result_unphysical(robot in robot(), noise in 0.0..30.0_f64, seed: u64) {
         let factor = observed(&robot, 80, noise, seed);
@@ -175,7 +175,7 @@ proptest! {
     }
 }
 
-/// One body, all of it observed, every parameter once with the weight 1.
+/// One body whose ten parameters are each observed once, with weight 1.
 fn one(values: [f64; 10]) -> (ParameterLayout, BaseMap, QrFactor) {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     let mut factor = QrFactor::new(labels.clone());
@@ -269,7 +269,7 @@ fn identical_bodies_are_identical() {
     assert!((found.phi[20] - 1.0).abs() < 1e-6 && (found.phi[21] - 2.0).abs() < 1e-6);
 }
 
-/// Of n values with the deviation sigma and a belief with another, the mean weighs both.
+/// The mean of a measured value and of a prior weights both by their standard deviations.
 #[test]
 fn a_prior_weighs_as_its_deviation_says() {
     let (layout, combinations, factor) = one(PLAIN);
@@ -291,7 +291,7 @@ fn a_prior_weighs_as_its_deviation_says() {
     );
 }
 
-/// What the observations leave open is the reference's, where that is physical.
+/// Parameters that the observations leave open equal the reference if that is physical.
 #[test]
 fn what_is_not_determined_comes_from_the_reference() {
     let (layout, _, _) = one(PLAIN);
@@ -309,13 +309,13 @@ fn what_is_not_determined_comes_from_the_reference() {
     let mut expected = PLAIN;
     (expected[5], expected[6]) = (0.25, 0.3);
     assert!(close(&found.phi, &expected, 1e-5), "{:?}", found.phi);
-    // without one, small and finite
+    // without a reference they are small and finite
     let small = identify(&factor, &seen, &layout, &Options::default()).unwrap();
     assert!(small.check.is_physical() && small.phi.iter().all(|x| x.abs() < 5.0));
 }
 
-/// At the minimum of squares plus divergence the gradient vanishes: phi - z + w sigma^2 times
-/// that of trace(J J0^-1) - ln det J.
+/// At the minimum of squares plus divergence the gradient vanishes: phi - z + w sigma^2 times the
+/// gradient of trace(J J0^-1) - ln det J.
 #[test]
 fn the_entropic_prior_is_at_its_minimum() {
     let measured = [0.3, 0.05, -0.02, 0.25, 0.01, 0.4, 0.2, -0.1, 0.15, 2.0];
@@ -349,7 +349,7 @@ fn the_entropic_prior_is_at_its_minimum() {
         let curvature = (moved(step) + moved(-step) - 2.0 * moved(0.0)) / (step * step);
         assert!((slope / curvature).abs() < 1e-5, "{k}: {slope} {curvature}");
     }
-    // a reference that is of no body has no divergence
+    // for a reference that is not physical there is no divergence
     let mut flat = options;
     flat.reference[9] = Some(-1.0);
     let error = identify(&factor, &combinations, &layout, &flat).unwrap_err();

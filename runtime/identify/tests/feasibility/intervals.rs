@@ -1,4 +1,4 @@
-//! Intervals of estimates under constraints belong to the value that they stand beside.
+//! Confidence intervals of estimates under constraints contain the estimated value.
 
 use regen_identify::estimate::{Deviations, Estimate, QrFactor};
 use regen_identify::feasibility::{Options, identify};
@@ -9,12 +9,12 @@ use regen_runtime::Friction;
 use crate::friction::{plain, simulate};
 use crate::robots::Robot;
 
-/// What looks like noise, the same everywhere.
+/// Pseudo-random noise, the same on every machine.
 fn noise(t: usize) -> f64 {
     (12.9898 * (t * t) as f64).sin()
 }
 
-/// Data of a robot's combinations with noise of this size.
+/// Observations of a robot's base parameters with noise of this size.
 fn factor(robot: &Robot, size: f64) -> QrFactor {
     let labels = robot.combinations.labels();
     let (n, rows) = (labels.len(), 200);
@@ -59,7 +59,7 @@ fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrain
     (estimate, found)
 }
 
-/// Far from every constraint a physical fit is least squares, and as uncertain.
+/// If no constraint is active, a physical fit is the least-squares fit, with the same uncertainty.
 #[test]
 fn without_active_constraints_they_are_those_of_least_squares() {
     let robot = plain();
@@ -67,7 +67,7 @@ fn without_active_constraints_they_are_those_of_least_squares() {
     for (k, spread) in found.base.iter().enumerate() {
         let (low, high) = spread.interval(0.95);
         let half = estimate.half_width(k, 0.95);
-        // four hundred draws tell the ends of an interval to 10 %
+        // with four hundred draws, the ends of an interval are accurate to 10 %
         for (end, exact) in [(low, spread.value - half), (high, spread.value + half)] {
             assert!((end - exact).abs() < 0.25 * half, "{k}: {end} {exact}");
         }
@@ -78,7 +78,7 @@ fn without_active_constraints_they_are_those_of_least_squares() {
     assert!(found.physical.iter().all(Option::is_some));
 }
 
-/// With noise that pushes the parameters out of what is physical.
+/// The noise moves the least-squares parameters outside of the physical set.
 #[test]
 fn at_constraints_they_hold_their_value_and_keep_inside() {
     let mut robot = plain();
@@ -138,7 +138,7 @@ fn nonlinear_friction_has_intervals_at_its_optimum() {
             held += usize::from(low <= *truth && *truth <= high);
         }
     }
-    // nine values, of which at most one may be missed by chance
+    // by chance, at most one of the nine intervals may miss its value
     assert!(held >= 8, "{held}");
     for (spread, value) in found.base.iter().zip(&best.beta) {
         let (low, high) = spread.interval(0.95);

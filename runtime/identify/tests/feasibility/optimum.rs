@@ -1,4 +1,5 @@
-//! The optimum is proven, whatever the data leave open; what is asked for holds or is refused.
+//! The optimum is proven even for data that leave parameters open; every constraint is fulfilled or
+//! refused.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
@@ -6,7 +7,7 @@ use regen_identify::feasibility::{
     identify, inertial_parameters, verdict,
 };
 
-/// A sequence of numbers in -1..1 that is the same everywhere (SplitMix64).
+/// Pseudo-random numbers in -1..1 (SplitMix64), the same on every machine.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -18,7 +19,8 @@ impl Random {
         2.0 * (((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
     }
 
-    /// Three point masses near each other, `mass` in all: a body that is nearly flat.
+    /// Three point masses near each other with the total mass `mass`, kg: a body that is nearly
+    /// flat.
     fn body(&mut self, mass: f64) -> [f64; 10] {
         let mut j = [[0.0; 4]; 4];
         for _ in 0..3 {
@@ -39,8 +41,8 @@ impl Random {
     }
 }
 
-/// Two or three bodies, light ones beside heavy ones, of which combinations are seen by too few
-/// or hardly independent rows.
+/// Two or three bodies, light and heavy ones together, whose combinations are observed by too few
+/// or nearly dependent rows.
 pub(crate) struct Problem {
     pub(crate) layout: ParameterLayout,
     pub(crate) combinations: BaseMap,
@@ -59,7 +61,7 @@ pub(crate) fn problem(seed: u64) -> Problem {
     }
     truth.extend((0..bodies).map(|_| 0.2 + 0.1 * random.signed()));
     let p = labels.len();
-    // every third inertial parameter is seen only as a part of two others
+    // every third inertial parameter is observed only as a part of two others
     let kept: Vec<usize> = (0..p).filter(|j| *j >= 10 * bodies || j % 3 != 1).collect();
     let mut rows: Vec<Vec<f64>> = kept
         .iter()
@@ -141,7 +143,8 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
             });
         }
         let found = identify(&factor, &combinations, &layout, &options).unwrap();
-        // with fewer rows than unknowns nothing but rounding and generous limits are left
+        // with fewer rows than unknowns the optimum is limited only by rounding and by the generous
+        // limits
         let most = if seed.is_multiple_of(2) { 1e-6 } else { 1e-4 };
         assert!(found.gap <= most, "{seed}: gap {:e}", found.gap);
         assert!(found.is_optimal() && found.check.is_physical(), "{seed}");
@@ -158,13 +161,14 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
             );
         }
         active += usize::from(found.rise() > 1e-3);
-        // what the gap promises of robots that fulfil all: none is below
+        // by the gap, no robot that fulfils all constraints fits better than this
         let lowest = found.squared_residual * (1.0 - found.gap) - 1e-12;
         if options.bounds.is_empty() {
             let beta = combinations.apply(&truth).unwrap();
             assert!(factor.squared_residual(&beta).unwrap() >= lowest, "{seed}");
         }
-        // between the found one and random physical ones that fulfil all, too
+        // the same for mixtures of the result with random physical robots that fulfil all
+        // constraints
         let mut random = Random(seed + 1000);
         for _ in 0..50 {
             let mut other = found.phi.clone();
@@ -182,7 +186,8 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
     assert!(active >= 12, "constraints take part in {active} of 24");
 }
 
-/// What fits equally well is chosen near the reference, and costs nothing.
+/// Among the parameters that fit equally well, those near the reference are chosen, at no cost in
+/// the residuals.
 #[test]
 fn the_reference_decides_only_what_the_data_leave_open() {
     for seed in [2, 6] {
@@ -224,7 +229,7 @@ fn one() -> (ParameterLayout, BaseMap, QrFactor) {
     )
 }
 
-/// A lower limit below 0 stands for the sign of friction; a torque sensor's offset needs it.
+/// A lower limit below 0 replaces the sign of friction; the offset of a torque sensor needs it.
 #[test]
 fn a_negative_limit_of_friction_stands_for_its_sign() {
     let (layout, combinations, factor) = one();
@@ -320,13 +325,13 @@ fn what_cannot_act_is_refused() {
     }
 }
 
-/// Forms that the spec takes as zero hold, and verdicts know of them.
+/// Forms that the spec takes as zero are fulfilled, and verdicts include them.
 #[test]
 fn forms_that_are_zero_hold() {
     let (layout, _, _) = one();
     let all = BaseMap::identity(layout.labels());
     let seen = all.select(&[5, 6, 9]).unwrap();
-    // my = 0.5 mx, and Iyy is not there
+    // my = 0.5 mx, and Iyy = 0
     let mut forms = vec![vec![0.0; 11]; 2];
     (forms[0][7], forms[0][6]) = (-1.0, 0.5);
     forms[1][3] = 1.0;
@@ -339,7 +344,7 @@ fn forms_that_are_zero_hold() {
     let beta = [0.2, 0.3, 2.0];
     let free = verdict(&layout, &seen, &beta, Scale::default()).unwrap();
     assert!(free.is_feasible());
-    // without Iyy all mass is on the y axis, so that mx is 0
+    // with Iyy = 0 all mass is on the y axis, so that mx is 0
     let judged = verdict(&layout, &kept, &beta, Scale::default()).unwrap();
     assert!(!judged.is_feasible(), "{judged:?}");
     let found = identify(&factor, &kept, &layout, &Options::default()).unwrap();
@@ -359,12 +364,12 @@ fn forms_that_are_zero_hold() {
     );
 }
 
-/// With one form only, which leaves an inside, the verdict's proofs hold either way.
+/// With a single form the set still has an interior, and the proofs of both verdicts are valid.
 #[test]
 fn verdicts_with_a_form_that_is_zero_are_proven() {
     let (layout, _, _) = one();
     let seen = BaseMap::identity(layout.labels()).select(&[0, 5]).unwrap();
-    // Iyy = Izz + 2 Ixx is against the triangle inequality wherever Ixx is above 0
+    // Iyy = Izz + 2 Ixx contradicts the triangle inequality for every Ixx above 0
     let mut row = vec![0.0; 11];
     (row[3], row[5], row[0]) = (-1.0, 1.0, 2.0);
     let kept = seen.with_zeros(vec![("Iyy(1)".to_owned(), row)]).unwrap();
@@ -376,7 +381,7 @@ fn verdicts_with_a_form_that_is_zero_are_proven() {
     assert!(certificate.value < 0.0 && certificate.defect < 1e-9);
 }
 
-/// Bodies that have no inside: without mass, or a rod along an axis.
+/// Bodies whose feasible set has no interior: without mass, or a rod along an axis.
 #[test]
 fn bodies_without_an_inside_are_found_on_their_faces() {
     let (layout, combinations, factor) = one();
@@ -391,7 +396,8 @@ fn bodies_without_an_inside_are_found_on_their_faces() {
         none.phi
     );
     assert!(none.is_optimal() && none.check.is_physical());
-    // the moments about the other axes are free, as of masses at infinity: all of 0.2 remain
+    // the moments about the other axes are free, because distant masses can have any: all of 0.2
+    // remain
     let rod = identify(&factor, &combinations, &layout, &known("Ixx(1)")).unwrap();
     assert!(
         rod.phi[1].abs() < 1e-9 && rod.phi[7].abs() < 1e-9,

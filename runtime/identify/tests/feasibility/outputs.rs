@@ -1,9 +1,9 @@
-//! What is written of parameters: units, keys that YAML reads as text, inertias.
+//! Output of parameters as text: units, inertias, and keys that YAML must read as text.
 
 use regen_identify::feasibility::{ParameterLayout, SYMBOLS, bodies_yaml, unit};
 use regen_runtime::{Friction, Info, Joint, Limits, Motion};
 
-/// A joint that turns and one that slides.
+/// A joint with the given kind of motion.
 fn joint(motion: Motion) -> Joint {
     Joint {
         motion,
@@ -38,7 +38,7 @@ fn every_kind_of_parameter_has_its_unit() {
     ] {
         assert_eq!(unit(&format!("{symbol}(turn)"), &info), turn);
         assert_eq!(unit(&format!("{symbol}(slide)"), &info), slide);
-        // of no joint that is known
+        // the model has no such joint
         assert_eq!(unit(&format!("{symbol}(other)"), &info), "SI");
     }
     assert_eq!(unit("delta(turn)", &info), "SI");
@@ -50,8 +50,8 @@ fn yaml(label: &str, ten: [f64; 10]) -> String {
     bodies_yaml(&ParameterLayout::new(&labels).unwrap(), &ten).unwrap()
 }
 
-/// YAML reads `yes`, `on` and the like as something else than text, and some characters as
-/// marks: these are quoted, and nothing else is.
+/// YAML reads `yes`, `on` and the like as something other than text, and some characters as syntax:
+/// these keys are quoted, and no others.
 #[test]
 fn keys_are_quoted_exactly_where_they_would_be_no_text() {
     for (label, key) in [

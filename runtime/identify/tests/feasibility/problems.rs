@@ -1,4 +1,4 @@
-//! Problems with our answers, for another conic solver to judge: `tests/tools/conic`.
+//! Problems with our answers, for comparison with another conic solver: `tests/tools/conic`.
 
 use std::io::Write as _;
 
@@ -7,8 +7,8 @@ use serde_json::json;
 
 use crate::optimum::{Problem, Random, problem};
 
-/// Random bounds, known values and sums, some away from the truth.
-fn wishes(problem: &Problem, seed: u64) -> Options {
+/// Random bounds, known values and sums, some of which exclude the true values.
+fn random_constraints(problem: &Problem, seed: u64) -> Options {
     let mut random = Random(seed ^ 0x5EED);
     let mut options = Options::default();
     let (layout, truth) = (&problem.layout, &problem.truth);
@@ -41,7 +41,7 @@ fn wishes(problem: &Problem, seed: u64) -> Options {
     options
 }
 
-/// Writes as many problems as `CONIC_PROBLEMS` says, from 0 on, to the file `CONIC_OUT`.
+/// Writes the first `CONIC_PROBLEMS` problems to the file `CONIC_OUT`.
 #[test]
 #[ignore = "writes a file for tests/tools/conic/compare.py"]
 fn problems_for_another_solver() {
@@ -50,7 +50,7 @@ fn problems_for_another_solver() {
     let mut out = std::fs::File::create(path).unwrap();
     for seed in 0..count {
         let problem = problem(seed);
-        let options = wishes(&problem, seed);
+        let options = random_constraints(&problem, seed);
         let Problem {
             layout,
             combinations,

@@ -5,7 +5,7 @@ use regen_identify::feasibility::{
     BaseMap, InertialParameters, ParameterLayout, SYMBOLS, inertial_parameters,
 };
 
-/// A robot's parameters with combinations that are observed.
+/// The parameters of a robot, and the combinations of them that are observed.
 #[derive(Clone, Debug)]
 pub(crate) struct Robot {
     pub(crate) layout: ParameterLayout,
@@ -19,7 +19,7 @@ impl Robot {
     }
 }
 
-/// A body as four point masses and a little around them: strictly physical.
+/// A body of four point masses with a little isotropic inertia added: strictly physical.
 fn body() -> impl Strategy<Value = InertialParameters> {
     let point = (0.05..2.0_f64, prop::array::uniform3(-0.5..0.5_f64));
     (prop::array::uniform4(point), 0.001..0.02_f64).prop_map(|(points, round)| {
@@ -48,8 +48,8 @@ pub(crate) fn labels(bodies: usize) -> Vec<String> {
 }
 
 prop_compose! {
-    /// One to four bodies with friction. Some parameters are dropped, each becoming a random
-    /// part of two others, as in the base of a real robot.
+    /// One to four bodies with friction. Some parameters are not observed by themselves; each
+    /// becomes a random part of two others, as in the base parameters of a real robot.
     pub(crate) fn robot()(bodies in prop::collection::vec(body(), 1..=4))
         (dropped in prop::collection::btree_set(0..10 * bodies.len(), 0..=5 * bodies.len()),
          picks in prop::collection::vec((any::<prop::sample::Index>(), -1.0..1.0_f64), 10 * bodies.len()),
@@ -64,7 +64,7 @@ prop_compose! {
             .iter()
             .map(|k| (0..labels.len()).map(|j| if j == *k { 1.0 } else { 0.0 }).collect())
             .collect();
-        // friction is never combined
+        // friction parameters are never combined
         let inertial = rows.len() - bodies.len();
         for (j, (pick, factor)) in dropped.iter().zip(&picks) {
             if inertial > 0 {

@@ -1,11 +1,12 @@
-//! Units near a robot's own: the same robot in millimetres and tonnes is the same robot.
+//! Units that fit a robot: identification in millimetres and tonnes gives the same robot as in SI
+//! units.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
     BaseMap, Bound, Options, ParameterLayout, Physical, Prior, SYMBOLS, Scale, Total, identify,
 };
 
-/// How many units of length, mass and so on a metre and a kilogram are.
+/// The number of these units in a metre and in a kilogram.
 #[derive(Clone, Copy)]
 struct Units {
     length: f64,
@@ -16,7 +17,7 @@ const USUAL: Units = Units {
     length: 1.0,
     mass: 1.0,
 };
-/// Millimetres and tonnes, and the other way round; powers of two, so that nothing is rounded.
+/// About millimetres and tonnes, and the reverse; powers of two, so that nothing is rounded.
 const OTHERS: [Units; 2] = [
     Units {
         length: 1024.0,
@@ -51,8 +52,8 @@ impl Units {
     }
 }
 
-/// The largest of what masses at a metre are found from is within 2^8 of the unit of mass, which
-/// is one of few; lengths are the mechanism's.
+/// The largest mass that a base parameter corresponds to is within 2^8 of the unit of mass, which
+/// changes in large steps; the unit of length follows the mechanism's.
 #[test]
 fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
     let labels = labels();
@@ -61,7 +62,7 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
     let usual = Scale::default();
     let beta = |mass: f64, length: f64| -> Vec<f64> {
         let units = Units { length, mass };
-        // a body of one unit, and a rotor that says nothing of it
+        // a body with unit parameters, and a rotor, which gives no information on the body
         let of = |l: &String| if l == "J(q1)" { 1e9 } else { units.of(l) };
         labels.iter().map(of).collect()
     };
@@ -73,7 +74,7 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
         for mass in [1e-9, 1e-4, 1.0, 1e3, 1e7, 1e12] {
             let scale = Scale::near(&layout, &all, &beta(mass, length), length);
             assert!((scale.length / (usual.length * length) - 1.0).abs() < 1e-15);
-            // ten parameters of one unit are up to 1 / 0.3^2 masses in units of the scale
+            // unit parameters correspond to masses of up to 1 / 0.3^2 in units of the scale
             let part = mass / scale.mass;
             assert!(
                 (1.0 / 256.0 / 12.0..=256.0).contains(&part),
@@ -83,7 +84,7 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
             assert!((steps - steps.round()).abs() < 1e-12, "a unit of its own");
         }
     }
-    // what says nothing leaves the usual mass, no length leaves both
+    // without any mass the unit of mass is the usual one; without a valid length both are
     let nothing = [0.0; 11];
     assert_eq!(Scale::near(&layout, &all, &nothing, 1.0), usual);
     for length in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -94,8 +95,8 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
     assert_eq!(Scale::near(&layout, &all, &open, 1.0), usual);
 }
 
-/// What is measured of the robot: Izz and a rotor's inertia only by their sum, and some of the
-/// rest; the signs of noise are such that constraints bind.
+/// A fit to observations of the robot: Izz and a rotor's inertia only by their sum, and some of the
+/// other parameters. The signs of the noise make constraints active.
 fn measured(units: Units, options: fn(Units, Options) -> Options) -> Physical {
     let labels = labels();
     let layout = ParameterLayout::new(&labels).unwrap();
@@ -156,7 +157,7 @@ fn a_robot_in_other_units_is_found_as_the_same_robot() {
             assert_eq!(other.outcome, usual.outcome, "{k}");
             for ((a, b), label) in other.phi.iter().zip(&usual.phi).zip(labels()) {
                 let a = a / units.of(&label);
-                // completions are solved to 1e-9 in units of the scale, whose moments are 0.09
+                // completions are solved to 1e-9 in units of the scale, in which moments are 0.09
                 assert!((a - b).abs() < 1e-6, "{k}, {label}: {a} {b}");
             }
             let (a, b) = (other.squared_residual, usual.squared_residual);

@@ -1,4 +1,4 @@
-//! Verdicts: what is physical is found to be, what is not is proven not to be.
+//! Verdicts: physical parameters are found feasible, others are proven infeasible.
 
 use proptest::prelude::*;
 use regen_identify::feasibility::{
@@ -8,8 +8,8 @@ use regen_identify::feasibility::{
 
 use crate::robots::{Robot, robot};
 
-/// Eq. 28 and the triangle inequality, about the centre of mass, written out: an independent
-/// statement of what is physical.
+/// Eq. 28 and the triangle inequality about the centre of mass, written out: an independent test of
+/// whether a body is physical.
 fn eq_28(ten: &[f64; 10]) -> bool {
     let [ixx, ixy, ixz, iyy, iyz, izz, mx, my, mz, m] = *ten;
     let (x, y, z) = (mx / m, my / m, mz / m);
@@ -33,8 +33,8 @@ fn tens(robot: &Robot, phi: &[f64]) -> Vec<[f64; 10]> {
     bodies.map(|b| b.columns.map(|c| phi[c])).collect()
 }
 
-/// Whether parameters have these base parameters, up to the rounding of sums: what is free may be
-/// a million times larger than what is seen, where that is farthest from the border.
+/// Whether parameters have these base parameters, up to the rounding of sums: free parameters may
+/// be a million times larger than the observed ones, where the margin is the largest.
 fn reproduces(robot: &Robot, phi: &[f64], beta: &[f64]) -> bool {
     let mut rows = robot.combinations.rows().iter().zip(beta);
     rows.all(|(row, b)| {
@@ -61,10 +61,10 @@ proptest! {
         prop_assert!(reproduces(&robot, &phi, &robot.beta()));
     }
 
-    /// A direction in which no physical robot lies: minus a functional that is positive on all.
+    /// Moves a robot out of the feasible set along a direction in which no physical robot lies.
     #[test]
     fn what_is_moved_out_of_all_bodies_is_proven_infeasible(robot in robot(), far in 0.01..3.0_f64) {
-        // only parameters that are all observed: then the bodies themselves are the border
+        // with all parameters observed, the border of the set is that of the bodies themselves
         let all = BaseMap::identity(robot.layout.labels());
         let scale = Scale::default();
         let mut phi = robot.phi.clone();
@@ -85,13 +85,13 @@ proptest! {
         else {
             panic!("no physical body has these parameters");
         };
-        // the proof, applied to the physical robot, is not negative; to this one it is
+        // the functional of the proof is positive for the physical robot and negative for this one
         let sum = |phi: &[f64]| certificate.weights.iter().zip(phi).map(|(w, x)| w * x).sum::<f64>();
         prop_assert!(sum(&phi) < 0.0);
         prop_assert!(sum(&robot.phi) > 0.0);
     }
 
-    /// Random base parameters: whatever is said is so.
+    /// For random base parameters every verdict is right.
     #[test]
     fn no_verdict_is_wrong(robot in robot(), noise in prop::collection::vec(-1.0..1.0_f64, 44), size in 0.0..3.0_f64) {
         let beta: Vec<f64> =
@@ -109,7 +109,7 @@ proptest! {
                 ).unwrap();
                 prop_assert_eq!(&again, &certificate);
                 prop_assert!(again.value < 0.0 && again.escape() >= 1e6);
-                // it is a functional that a physical robot's base parameters cannot make negative
+                // no physical robot's base parameters make the functional negative
                 let on_true: f64 =
                     certificate.weights.iter().zip(robot.beta()).map(|(w, b)| w * b).sum();
                 prop_assert!(on_true > -1e-6 * certificate.value.abs());

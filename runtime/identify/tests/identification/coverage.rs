@@ -1,4 +1,5 @@
-//! Intervals hold the truth as often as they say, where residuals are correlated in time.
+//! Confidence intervals contain the true values as often as stated, for residuals that are
+//! correlated in time.
 //!
 //! A small version of `tests/examples/coverage.rs`, which counts 1,000 logs for every estimator.
 
@@ -10,7 +11,7 @@ use crate::robust::Random;
 const TRUTH: [f64; 2] = [0.5, 2.0];
 const RHO: f64 = 0.9;
 const LOGS: u64 = 200;
-/// A quarter of a minute at 50 Hz, of which 800 / 19 = 42 samples are independent.
+/// 16 s at 50 Hz, which correspond to 800 / 19 = 42 independent samples.
 const SAMPLES: usize = 800;
 
 /// A motion of three harmonics with noise of an autoregression on the effort.
@@ -37,8 +38,9 @@ fn log(seed: u64) -> Recorded {
     log
 }
 
-/// Of 200 logs a 95 % interval holds the truth in 190, with a deviation of 3.1: outside of 180 to
-/// 198 once in 500 times, were seeds drawn anew. White deviations hold it in less than 110.
+/// In 200 logs, a 95 % interval contains the true value 190 times on average, with a standard
+/// deviation of 3.1: a count outside of 180 to 198 would occur once in 500 times with new seeds.
+/// Intervals for white residuals contain it less than 110 times.
 #[test]
 fn intervals_hold_the_truth_in_95_of_100_logs_with_correlated_residuals() {
     for huber in [None, Some(1.345)] {

@@ -1,4 +1,4 @@
-//! The balance of energy against the energies and powers of a slider-crank, written by hand.
+//! The balance of energy, compared with the energies and powers of a slider-crank written by hand.
 
 use regen_identify::identify::{
     EquationBuilder, EquationKind, Options, Recorded, Row, identify, residuals,
@@ -10,7 +10,7 @@ use crate::models::slider_crank::SliderCrank;
 
 const GRAVITY: f64 = 9.81;
 const PHI: [f64; 3] = [0.7, 0.4, 2.5];
-/// Not at zero: only differences of times may count.
+/// The time of the first sample, s; not zero, because only differences of times may matter.
 const START: f64 = 5.0;
 
 fn model() -> SliderCrank {
@@ -40,7 +40,7 @@ fn made(samples: u32, step: f64) -> Vec<Made> {
                 .track_state(&[1.5 * t + 0.5 * s], &[1.5 + c], &[-2.0 * s])
                 .unwrap();
             assert!(state.outcome.is_closed());
-            // d'Alembert: the slider's mass is moved against its acceleration and its weight
+            // d'Alembert: the force on the slider from its acceleration and its weight
             let ratio = state.qd[2] / state.qd[0];
             let slide = PHI[2] * (state.qdd[2] + GRAVITY);
             Made {
@@ -68,8 +68,9 @@ fn row<'a>(made: &'a Made, tau: &'a [f64; 1], weights: &'a [f64; 1], follows: bo
     }
 }
 
-/// A window's equation by definition: what kinetic energies gain, and trapezoids of the powers
-/// of friction and weight; on the right those of the crank's effort.
+/// The equation of a window by its definition: the gains of the kinetic energies, and the
+/// trapezoidal integrals of the powers of friction and weight; the right side is the integral of
+/// the power of the crank's effort.
 fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
     let trapezoid = |power: &dyn Fn(&Made) -> f64| -> f64 {
         let pairs = window.windows(2);
@@ -96,10 +97,10 @@ fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
     let mut observer = EquationBuilder::new(&model, EquationKind::Energy { window: 0.25 });
     let mut from = 0;
     let mut windows = 0;
-    // the log is interrupted here: the window before it has no end
+    // the log is interrupted here: the window before it gives no equation
     let gap = 110;
     for (k, sample) in rows.iter().enumerate() {
-        // the weight is the one of the window's first sample
+        // the window has the weight of its first sample
         let (tau, weights) = ([sample.tau], [1.0 + k as f64]);
         let found = observer
             .observe(&row(sample, &tau, &weights, k > 0 && k != gap))
@@ -113,7 +114,7 @@ fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
         }
         let (w, work) = by_hand(&rows[from..=k]);
         assert_eq!((found.tau.len(), found.w.len()), (1, 3));
-        // sums of 25 terms of size 10
+        // rounding of sums of 25 terms of size 10
         for (a, b) in found.w.iter().zip(w) {
             assert!((a - b).abs() < 1e-12, "{k}: {:?} {w:?}", found.w);
         }
@@ -126,14 +127,15 @@ fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
     assert_eq!(observer.singular(), 0);
 }
 
-/// Trapezoids are wrong by their step squared: a quarter of it, a sixteenth of the error.
+/// The error of trapezoids grows with the square of their step: a quarter of the step gives a
+/// sixteenth of the error.
 #[test]
 fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
     let model = model();
     let off = |samples: u32, step: f64| {
         let mut log = Recorded::new();
         for m in made(samples, step) {
-            // accelerations are not asked for
+            // the energy equation does not use accelerations
             log.push(m.time, &m.q, &m.qd, &[f64::NAN; 3], &[m.tau]);
         }
         let kind = EquationKind::Energy { window: 0.1 };
@@ -149,7 +151,7 @@ fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
 fn forces_and_energy_without_an_equation_are_counted_as_singular() {
     let model = model();
     let rows = made(6, 0.1);
-    // the rod stands across the slider's way: nothing follows from the crank
+    // the rod is perpendicular to the slider's axis: the crank does not determine the motion
     let mut across = made(1, 0.1).remove(0);
     across.q[1] = std::f64::consts::FRAC_PI_2 - across.q[0];
     for kind in [EquationKind::Forces, EquationKind::Energy { window: 0.15 }] {
@@ -163,7 +165,7 @@ fn forces_and_energy_without_an_equation_are_counted_as_singular() {
             assert!(k != 3 || found.tau.is_empty());
         }
         assert_eq!(observer.singular(), 1);
-        // windows of two steps: from 0 to 2, none over the gap, and 4 to 5 is too short
+        // windows of two steps: one from sample 0 to 2, none over the gap, and 4 to 5 is too short
         assert_eq!(given, if kind == EquationKind::Forces { 5 } else { 1 });
     }
 }
@@ -198,9 +200,10 @@ fn residuals_of_the_true_parameters_are_what_trapezoids_leave() {
     assert!(forces.efforts()[0].largest < 1e-10, "closed to rounding");
     let kind = EquationKind::Energy { window: 0.5 };
     let energy = residuals(&model(), kind, &mut log, &PHI, &[0.0], 1).unwrap();
-    // two seconds, less the first sample: three windows are full
+    // two seconds without the first sample contain three full windows
     assert_eq!(energy.efforts()[0].samples, 3);
-    // half a second of (step^2 / 12) times the second derivative of powers of size 100
+    // over half a second, the error is (step^2 / 12) times the second derivative of powers of size
+    // 100
     assert!(energy.efforts()[0].largest < 1e-2);
 }
 

@@ -1,4 +1,5 @@
-//! Instrumental variables where positions have noise: what least squares misses, they find.
+//! Instrumental variables for noisy positions: they find the parameters where least squares is
+//! biased.
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
@@ -13,8 +14,8 @@ const TRUTH: [f64; 2] = [0.5, 2.0];
 const STEP: f64 = 0.01;
 const SEEDS: u64 = 10;
 
-/// 20 s of a pendulum at 100 Hz: its angle with noise of 1 mrad if `noisy`, differentiated by
-/// central differences, its effort with noise of 0.05 N m.
+/// A log of 20 s of a pendulum at 100 Hz: the angle has noise of 1 mrad if `noisy` and is
+/// differentiated by central differences, the effort has noise of 0.05 N m.
 fn log(seed: u64, noisy: bool) -> Recorded {
     let mut chance = Random(seed);
     let parts = [(0.5, 0.3, 0.0), (0.3, 0.7, 1.0), (0.2, 1.1, 2.0)];
@@ -41,7 +42,8 @@ fn log(seed: u64, noisy: bool) -> Recorded {
     out
 }
 
-/// By instruments from the measured motion smoothed, with least squares.
+/// The estimate with instruments from the smoothed motion, and the errors of least squares in
+/// standard deviations.
 fn both(log: &mut Recorded) -> (Instrumental, [f64; 2]) {
     let least = identify(&Pendulum, EquationKind::Forces, &Options::default(), log).unwrap();
     let off = |k: usize| (least.estimate.values[k] - TRUTH[k]).abs() / least.estimate.sigma(k);
@@ -73,7 +75,8 @@ fn noise_of_positions_biases_least_squares_and_not_instrumental_variables() {
             off <= 3.0 * estimate.sigma(k)
         }));
     }
-    // 95 %: by chance two of 10 would be beyond 3 deviations once in hundreds of times
+    // 95 % intervals: two of 10 would be beyond 3 standard deviations by chance once in hundreds of
+    // times
     assert!(within >= 9, "{within} of {SEEDS}");
 }
 
@@ -82,7 +85,8 @@ fn without_noise_of_positions_the_test_finds_no_bias() {
     let told = (0..SEEDS)
         .filter(|seed| both(&mut log(*seed, false)).0.test.probability < 0.01)
         .count();
-    // 1 in 100: two or more of 10 by chance once in 230 times; the seeds are fixed
+    // the test errs in 1 of 100 cases: two or more of 10 would occur by chance once in 230 times;
+    // the seeds are fixed
     assert!(told <= 1, "{told} of {SEEDS}");
 }
 

@@ -1,4 +1,4 @@
-//! States of a slider-crank from what is measured of it, against its closed form.
+//! States of a slider-crank completed from measured coordinates, compared with their closed form.
 
 use regen_identify::identify::{Completed, Completion};
 use regen_runtime::LoopClosure;
@@ -21,7 +21,7 @@ fn at(crank: f64) -> [f64; 3] {
     [crank, rod - crank, crank.cos() + 2.0 * rod.cos()]
 }
 
-/// How all coordinates move with the crank.
+/// The derivatives of all coordinates by the crank angle.
 fn rates(crank: f64) -> [f64; 3] {
     let rod = (-crank.sin() / 2.0).asin();
     let turn = -crank.cos() / (2.0 * rod.cos());
@@ -54,7 +54,8 @@ fn measured_in_any_order_and_number_exact_values_give_the_state() {
                 (&found.qdd, &exact.qdd),
             ] {
                 for (a, b) in a.iter().zip(b) {
-                    // rounding over the slider's rate of at least 0.7 and the steps' end
+                    // rounding, divided by the slider's rate of at least 0.7, and the end of the
+                    // Newton steps
                     assert!((a - b).abs() < 1e-11, "{measured:?}: {found:?} {exact:?}");
                 }
             }
@@ -62,8 +63,8 @@ fn measured_in_any_order_and_number_exact_values_give_the_state() {
     }
 }
 
-/// What contradicts itself is weighed by the deviations: the crank's rate is the mean of what
-/// crank and slider say, each divided by its variance.
+/// Contradicting measurements are weighted by their standard deviations: the crank's rate is the
+/// mean of the rates from crank and slider, each divided by its variance.
 #[test]
 fn contradictions_are_weighed_by_the_deviations() {
     let model = model();
@@ -79,7 +80,7 @@ fn contradictions_are_weighed_by_the_deviations() {
     };
     let rate = mean(qd[0], qd[1]);
     assert!((found.qd[0] - rate).abs() < 1e-12, "{found:?} {rate}");
-    // what the slider has at a steady crank is no contradiction
+    // the slider's acceleration at a constant crank rate is no contradiction
     let coast = {
         let mut closure = LoopClosure::new(&model).unwrap();
         closure.solve_state(&[crank], &[rate], &[0.0]).unwrap().qdd[2]
@@ -87,7 +88,8 @@ fn contradictions_are_weighed_by_the_deviations() {
     let acceleration = mean(qdd[0], qdd[1] - coast);
     assert!((found.qdd[0] - acceleration).abs() < 1e-11);
 
-    // positions that contradict: where the weighted sum of squares does not change any more
+    // for contradicting positions, the result is where the derivative of the weighted sum of
+    // squares vanishes
     let (q, s) = (crank + 0.01, exact[2] - 0.002);
     let found = state(completion.complete(&[q, s], &qd, &qdd).unwrap());
     let slope = a * (q - found.q[0]) + b * rates(found.q[0])[2] * (s - found.q[2]);
@@ -95,8 +97,8 @@ fn contradictions_are_weighed_by_the_deviations() {
     assert!((found.q[0] - crank).abs() > 1e-4 && (found.q[0] - q).abs() > 1e-4);
 }
 
-/// A slider alone says nothing of its crank's side: it is the one where the last sample was,
-/// or home after a restart.
+/// The slider's position alone does not determine the side of the crank: the completion takes the
+/// side of the last sample, or of home after a restart.
 #[test]
 fn a_restarted_completion_is_as_a_new_one() {
     let model = model();
@@ -108,7 +110,7 @@ fn a_restarted_completion_is_as_a_new_one() {
         let found = state(complete(&mut used, crank).unwrap());
         assert!((found.q[0] - crank).abs() < 1e-9);
     }
-    // near its dead point the crank's angle is hardly known: a step from there goes astray
+    // near its dead point the crank's angle is hardly determined: a step from there fails
     used.restart();
     let mut fresh = Completion::new(&model, &[2], &[0.001]).unwrap();
     let (a, b) = (complete(&mut used, 0.9), complete(&mut fresh, 0.9));
@@ -119,7 +121,7 @@ fn a_restarted_completion_is_as_a_new_one() {
 #[test]
 fn what_does_not_move_with_the_mechanism_leaves_it_unmeasured() {
     let mut model = model();
-    // at the dead point the slider rests whatever the crank does
+    // at the dead point the slider does not move with the crank
     model.home = at(0.0);
     let mut completion = Completion::new(&model, &[2], &[0.001]).unwrap();
     let found = completion.complete(&[3.0], &[0.0], &[0.0]).unwrap();
@@ -156,7 +158,7 @@ fn what_is_measured_wrongly_is_refused() {
     assert!(completion.complete(&both, &both, &one).is_err());
 }
 
-/// A rod shorter than the crank: it cannot follow all the way round.
+/// A rod shorter than the crank: the crank cannot turn all the way round.
 #[test]
 fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
     let model = SliderCrank {
@@ -175,7 +177,7 @@ fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
         };
         let reached = |crank: f64| crank.cos() + (0.25 - crank.sin().powi(2)).sqrt();
         assert!(complete(0.3, reached(0.3)), "{measured:?}");
-        // the rod reaches the slider's way up to a crank angle of 30 degrees
+        // the rod reaches the slider's axis up to a crank angle of 30 degrees
         assert!(!complete(1.2, 0.4), "{measured:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Robust estimates by the equations that define them, and the bandwidth of correlation.
+//! Robust estimates, tested by the equations that define them, and the bandwidth of correlation.
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
@@ -11,7 +11,8 @@ const INERTIA: f64 = 0.5;
 const MOMENT: f64 = 2.0;
 const SAMPLES: usize = 300;
 
-/// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.
+/// Pseudo-random numbers (SplitMix64), the same on every machine; normally distributed ones by Box
+/// and Muller.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -83,15 +84,15 @@ fn bounded_variance(bound: f64) -> f64 {
     (0..=n).map(term).sum::<f64>() * step / 3.0 / std::f64::consts::TAU.sqrt()
 }
 
-/// Huber's second proposal (1964): `sum w psi(r/s) = 0`, and `sum psi^2 / (N - p)` is what it is
-/// in normal noise; the covariance is s^2 times that sum over the squared part of samples within
-/// bounds, times (W^T W)^-1 (Huber, 1973).
+/// Huber's second proposal (1964): `sum w psi(r/s) = 0`, and `sum psi^2 / (N - p)` has its expected
+/// value for normal noise. The covariance is s^2 times that sum, divided by the squared fraction of
+/// samples within bounds, times (W^T W)^-1 (Huber, 1973).
 #[test]
 fn the_robust_estimate_fulfils_the_equations_that_define_it() {
     for bound in [1.345, 2.5] {
         let mut random = Random(7);
         let mut k = 0;
-        // every eleventh effort is 40 deviations off, to the same side
+        // every eleventh effort has an error of 40 standard deviations, always with the same sign
         let noise = || {
             k += 1;
             0.05 * random.normal() + if k % 11 == 0 { 2.0 } else { 0.0 }
@@ -110,13 +111,13 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
         for j in 0..2 {
             let sum: f64 = psi.iter().zip(&w).map(|(p, w)| p * w[j]).sum();
             let size: f64 = psi.iter().zip(&w).map(|(p, w)| (p * w[j]).abs()).sum();
-            // it stops where nothing moves by 1e-6 deviations
+            // the iteration stops when no parameter changes by 1e-6 standard deviations
             assert!(sum.abs() < 1e-5 * size, "{bound}, {j}: {sum:e} of {size:e}");
         }
         let spare = (SAMPLES - 2) as f64;
         let spread = psi.iter().map(|p| p * p).sum::<f64>() / spare;
         let expected = bounded_variance(bound);
-        // the scale is still on its way when the values have settled
+        // the scale has not converged fully when the parameters have
         assert!(
             (spread / expected - 1.0).abs() < 1e-4,
             "{spread} {expected}"
@@ -125,7 +126,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
         assert!(inside < 0.92, "the outliers are outside");
         let white = sigma * sigma * spread / (inside * inside);
         let bread = inverse(&w, |_| 1.0);
-        // scores, each sample by itself: W^T diag(psi^2) W between two (W^T W)^-1
+        // for scores without correlation: W^T diag(psi^2) W between two (W^T W)^-1
         let meat = inverse(&w, |t| psi[t] * psi[t]);
         let det = meat[0][0] * meat[1][1] - meat[0][1] * meat[1][0];
         let meat = [
@@ -137,7 +138,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
             for j in 0..2 {
                 let found = robust.estimate.covariance[i * 2 + j];
                 let exact = white * bread[i][j];
-                // of the diagonal: the entries beside it may cancel
+                // relative to the diagonal, because off-diagonal entries may cancel
                 let size = white * (bread[i][i] * bread[j][j]).sqrt();
                 assert!((found - exact).abs() < 1e-5 * size, "{found:e} {exact:e}");
                 let sum = |a: usize, b: usize| bread[i][a] * meat[a][b] * bread[b][j];
@@ -146,7 +147,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
                 assert!((found - exact).abs() < 1e-5 * size, "{found:e} {exact:e}");
             }
         }
-        // outliers move least squares more than twice as far as this
+        // outliers move the least-squares estimate more than twice as far as the robust one
         let plain = found_off(&found(&mut log, &Options::default()));
         let off = found_off(&robust);
         assert!(off < 0.5 * plain, "{bound}: {off} {plain}");
@@ -158,7 +159,8 @@ fn found_off(found: &Identified) -> f64 {
     (values[0] - INERTIA).abs().max((values[1] - MOMENT).abs())
 }
 
-/// Without outliers nothing is gained but little lost: 95 % efficiency at 1.345 deviations.
+/// Without outliers the robust estimate loses little: its efficiency at a bound of 1.345 standard
+/// deviations is 95 %.
 #[test]
 fn on_normal_noise_robust_and_plain_estimates_agree_within_their_deviations() {
     let mut random = Random(3);
@@ -178,11 +180,11 @@ fn on_normal_noise_robust_and_plain_estimates_agree_within_their_deviations() {
         assert!((0.9..1.2).contains(&ratio), "{ratio}");
     }
     let sigma = robust.estimate.efforts[0].sigma;
-    // 300 samples: its own deviation is about 5 %
+    // with 300 samples the standard deviation of sigma is about 5 %
     assert!((sigma / 0.05 - 1.0).abs() < 0.2, "{sigma}");
 }
 
-/// Noise of an autoregression is as good as (1 - rho) / (1 + rho) of independent samples.
+/// Noise of an autoregression counts as (1 - rho) / (1 + rho) times as many independent samples.
 #[test]
 fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
     let mut longest = 0;
@@ -195,7 +197,7 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
         });
         let found = found(&mut log, &Options::default());
         let exact = (1.0 + rho) / (1.0 - rho);
-        // 300 samples tell a correlation of 0.9 to 0.03, and this number to a third
+        // with 300 samples a correlation of 0.9 is accurate to 0.03, and this number to a third
         let ratio = found.bandwidth as f64 / exact;
         let least = if rho > 0.95 { 0.2 } else { 0.6 };
         assert!((least..1.7).contains(&ratio), "{rho}: {ratio}");
@@ -204,14 +206,14 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
             "more correlation, fewer samples"
         );
         longest = found.bandwidth;
-        // 300 samples of which 99 are as good as one
+        // 300 samples, of which 99 correspond to one independent sample
         if !(0.7..=0.95).contains(&rho) {
             assert_eq!(found.deviations.short(), rho > 0.95, "{rho}");
         }
     }
 }
 
-/// A bound that nothing exceeds leaves plain least squares, whatever the rows weigh.
+/// A bound that no residual exceeds gives ordinary least squares, for any weights of the rows.
 #[test]
 fn a_bound_beyond_all_residuals_is_none() {
     let mut random = Random(5);
@@ -245,13 +247,13 @@ fn a_bound_beyond_all_residuals_is_none() {
     }
 }
 
-/// A log that counts how often it is read.
-struct Counted {
+/// A log that counts how many times it is read.
+struct CountingLog {
     log: Recorded,
     read: usize,
 }
 
-impl Source for Counted {
+impl Source for CountingLog {
     type Error = EstimateError;
 
     fn filtering(&self) -> Filtering {
@@ -271,7 +273,7 @@ impl Source for Counted {
 fn a_log_that_fits_into_memory_is_read_once_whatever_the_passes() {
     let mut random = Random(7);
     let (_, _, log) = pendulum(|| 0.05 * random.normal());
-    let mut log = Counted { log, read: 0 };
+    let mut log = CountingLog { log, read: 0 };
     for huber in [None, Some(100.0), Some(1.345)] {
         let options = Options {
             huber,

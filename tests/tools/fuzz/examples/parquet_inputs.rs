@@ -1,5 +1,5 @@
-//! Writes small Parquet logs of every kind that the reader knows into a directory, for the fuzz
-//! target to begin with: `cargo run -p regen-fuzz --example parquet_inputs -- DIR`.
+//! Writes small Parquet logs of every kind that the reader supports into a directory, as first
+//! inputs of the fuzz target: `cargo run -p regen-fuzz --example parquet_inputs -- DIR`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::Path;
@@ -11,7 +11,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersi
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-/// A swinging pendulum: time, angle and torque.
+/// An entry of the log of a swinging pendulum: time, angle or torque.
 fn entry(column: usize, row: usize) -> f64 {
     let time = row as f64 / 20.0;
     let angle = 0.6 * (std::f64::consts::TAU * time).sin();

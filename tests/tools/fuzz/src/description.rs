@@ -1,4 +1,4 @@
-//! Descriptions: YAML, the expressions in it, and the derivation.
+//! Targets for descriptions: YAML, the expressions in it, and the derivation.
 
 use std::fmt::Write as _;
 
@@ -7,12 +7,12 @@ use regen_codegen::interpret;
 use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
 use regen_codegen::spec::{Spec, parse};
 
-/// Text as a file's reader makes it of bytes; others are refused there.
+/// The text of a file; the reader refuses bytes that are not UTF-8.
 fn text(bytes: &[u8]) -> Option<&str> {
     std::str::from_utf8(bytes).ok()
 }
 
-/// Errors have places inside the text, and can be shown.
+/// Checks that errors have places inside the text and can be printed.
 pub(crate) fn shown(text: &str, report: &Report) {
     assert!(!report.diagnostics.is_empty(), "an error without a word");
     for shown in report.shown() {
@@ -25,12 +25,12 @@ pub(crate) fn shown(text: &str, report: &Report) {
         assert!(!diagnostic.headline().contains('\n'), "{diagnostic:?}");
     }
     assert!(report.render(false).contains("error"));
-    // what a terminal obeys never comes from a file
+    // control sequences of a terminal never come from a file
     let all = report.to_string();
     assert!(!all.is_empty() && !all.contains('\u{1b}'), "{all}");
 }
 
-/// The spec of a text, or errors that hold what errors must.
+/// The spec of a text; errors are checked by [`shown`].
 fn read(text: &str) -> Option<Spec> {
     match parse(&Source::new("input.yaml", text)) {
         Ok(spec) => Some(spec),
@@ -41,7 +41,7 @@ fn read(text: &str) -> Option<Spec> {
     }
 }
 
-/// A description is read or refused.
+/// Checks that a description is read or refused.
 ///
 /// # Panics
 /// When it is neither.
@@ -51,7 +51,8 @@ pub fn yaml(bytes: &[u8]) {
     }
 }
 
-/// A robot with the text wherever an expression may stand; `\"` and `\\` as YAML wants them.
+/// A robot with the text at every place of an expression, with `\"` and `\\` escaped as YAML
+/// requires.
 fn with_expression(text: &str) -> String {
     let mut quoted = String::with_capacity(text.len() + 2);
     for c in text.chars() {
@@ -71,8 +72,8 @@ fn with_expression(text: &str) -> String {
     )
 }
 
-/// An expression has an exact value or a fault, as a constant, as a coupling and as a form of
-/// parameters.
+/// Checks that an expression has an exact value or an error, as a constant, as a coupling and as a
+/// form of parameters.
 ///
 /// # Panics
 /// When it has neither.
@@ -89,19 +90,19 @@ pub fn expression(bytes: &[u8]) {
     let _ = read(&with_expression(text));
 }
 
-/// Largest text that is derived: longer ones take the time that long robots take.
-const DERIVED: usize = 1500;
+/// The length of the largest text that is derived, bytes: longer ones take too long.
+const MAX_DERIVED_BYTES: usize = 1500;
 
-/// A description becomes a robot whose functions can be run, or is refused.
+/// Checks that a description becomes a robot whose functions can be run, or is refused.
 ///
 /// # Panics
 /// When it is neither.
 pub fn derive(bytes: &[u8]) {
-    let Some(text) = text(bytes).filter(|text| text.len() <= DERIVED) else {
+    let Some(text) = text(bytes).filter(|text| text.len() <= MAX_DERIVED_BYTES) else {
         return;
     };
     let source = Source::new("input.yaml", text);
-    // with base parameters where they are quick, as the macro has it
+    // like the macro: with base parameters if these are quick
     let robot = match derive_with(&source, BaseFrom::Store(None)) {
         Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
         other => other,

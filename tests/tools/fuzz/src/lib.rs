@@ -1,10 +1,9 @@
-//! What must hold of every input of the readers, whatever its bytes.
+//! Checks of the readers that must pass for any input bytes.
 //!
-//! Each function takes a file's bytes and fails, by a panic, if the reader does not answer them
-//! with a result or with an error that can be shown. The targets of cargo-fuzz in
-//! `fuzz_targets/` call one function each; `tests/kept.rs` calls them on stable with the kept
-//! inputs, with the repository's own files and with mutations of both. `RECORD.md` has the long
-//! runs.
+//! Each function takes the bytes of a file and panics unless the reader returns a result or an
+//! error that can be printed. The targets of cargo-fuzz in `fuzz_targets/` call one function each;
+//! `tests/kept.rs` calls them on stable Rust with the inputs in `kept/`, with the repository's own
+//! files and with mutations of both. `RECORD.md` records the long runs.
 //!
 //! ```
 //! regen_fuzz::yaml(b"name: [");
@@ -21,10 +20,10 @@ pub use description::{derive, expression, yaml};
 pub use log::{csv, parquet};
 pub use other::{factors, import};
 
-/// A reader by its name, with what must hold of it.
+/// The name of a reader and the function that checks it.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// All of them; the names are those of the fuzz targets and of the directories in `kept/`.
+/// All targets; the names are those of the fuzz targets and of the directories in `kept/`.
 pub const TARGETS: [Target; 7] = [
     ("yaml", yaml),
     ("expression", expression),

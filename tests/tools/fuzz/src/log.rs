@@ -1,4 +1,4 @@
-//! Logs: CSV and Parquet files, through every way of differentiating.
+//! Targets for logs: CSV and Parquet files, with every method of differentiation.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -16,7 +16,7 @@ mod model {
     include!("../../../../runtime/tests/models/pendulum_base.rs");
 }
 
-/// A file of this thread's own, which goes with the thread.
+/// A temporary file of this thread, deleted when the thread ends.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -24,7 +24,7 @@ impl Scratch {
         static NUMBER: AtomicUsize = AtomicUsize::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = format!("regen-fuzz-{}-{number}", std::process::id());
-        // in memory, where there is such a place
+        // in memory, if the system has such a directory
         let shared = Path::new("/dev/shm");
         let dir = if shared.is_dir() {
             shared.to_path_buf()
@@ -49,8 +49,8 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch::new());
 }
 
-/// Reads every row in one of the ways to differentiate, and reduces what comes to equations:
-/// results and errors are both right, and both can be shown.
+/// Reads every row with one of the methods of differentiation, and reduces the resulting equations:
+/// both results and errors are accepted, and both must be printable.
 fn read(path: &Path, way: u64) {
     let method = match way % 4 {
         0 => Method::Central,
@@ -84,13 +84,13 @@ fn read(path: &Path, way: u64) {
     }
 }
 
-/// A number that every bit of the input has a part in (FNV-1a).
+/// A number that depends on every bit of the input (FNV-1a).
 fn hash(bytes: &[u8]) -> u64 {
     let mix = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, mix) >> 7
 }
 
-/// A log that is read whether it is CSV or Parquet.
+/// Checks a log, CSV or Parquet.
 fn log(bytes: &[u8]) {
     SCRATCH.with_borrow(|scratch| {
         if scratch.fill(bytes).is_ok() {
@@ -99,7 +99,7 @@ fn log(bytes: &[u8]) {
     });
 }
 
-/// A CSV log gives equations or an error.
+/// Checks that a CSV log gives equations or an error.
 ///
 /// # Panics
 /// When it gives neither.
@@ -107,7 +107,8 @@ pub fn csv(bytes: &[u8]) {
     log(bytes);
 }
 
-/// A Parquet log gives equations or an error; what does not start as one is left to [`csv`].
+/// Checks that a Parquet log gives equations or an error; inputs without the magic number of
+/// Parquet are left to [`csv`].
 ///
 /// # Panics
 /// When it gives neither.

@@ -1,4 +1,4 @@
-//! Robot files of others, and factors.
+//! Targets for URDF and MJCF files, and for files of factors.
 
 use regen_codegen::diag::Source;
 use regen_codegen::spec::parse;
@@ -7,7 +7,7 @@ use regen_import::{Options, import as of};
 
 use crate::description::shown;
 
-/// A URDF or MJCF file becomes a description that can be read, or is refused.
+/// Checks that a URDF or MJCF file becomes a description that can be read, or is refused.
 ///
 /// # Panics
 /// When it is neither.
@@ -37,7 +37,8 @@ pub fn import(bytes: &[u8]) {
     }
 }
 
-/// A file of factors gives an estimate, or is refused; what was read is written again alike.
+/// Checks that a file of factors gives an estimate or is refused, and that factors are written
+/// again as they were read.
 ///
 /// # Panics
 /// When it does not.

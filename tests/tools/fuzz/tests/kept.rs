@@ -1,18 +1,20 @@
-//! Every reader on the kept inputs, on the repository's own files, and on mutations of both that a
-//! seed draws. The long runs are those of the fuzz targets; this keeps what they found.
+//! Runs every reader on the inputs in `kept/`, on the repository's own files, and on random
+//! mutations of both. The long runs are those of the fuzz targets; `kept/` contains the inputs that
+//! they found.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Longest seed: longer files are the tests of others.
-const LONGEST: u64 = 4000;
+/// The length of the longest file that is used, bytes; other tests read longer files.
+const MAX_SEED_BYTES: u64 = 4000;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
 }
 
-/// The short files of a directory by name, of these kinds; of every kind if none is named.
+/// The short files of a directory, in the order of their names, with these extensions, or all if
+/// none is given.
 fn files(directory: &str, kinds: &[&str]) -> Vec<Vec<u8>> {
     let path = root().join(directory);
     let Ok(entries) = fs::read_dir(&path) else {
@@ -23,13 +25,13 @@ fn files(directory: &str, kinds: &[&str]) -> Vec<Vec<u8>> {
         let kind = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         path.is_file()
             && (kinds.is_empty() || kinds.contains(&kind))
-            && fs::metadata(path).unwrap().len() <= LONGEST
+            && fs::metadata(path).unwrap().len() <= MAX_SEED_BYTES
     });
     paths.sort();
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// A generator of numbers (splitmix64).
+/// A generator of pseudo-random numbers (splitmix64).
 struct Random(u64);
 
 impl Random {
@@ -42,7 +44,7 @@ impl Random {
     }
 }
 
-/// Pieces that mean something to one of the readers.
+/// Pieces of text that are significant to one of the readers.
 const PIECES: [&[u8]; 28] = [
     b"{",
     b"}",
@@ -100,7 +102,7 @@ fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Runs a target on all that is kept for it, on these files of the repository, and on mutations.
+/// Runs a target on all its inputs in `kept/`, on these files of the repository, and on mutations.
 #[track_caller]
 fn answers(target: &str, own: &[(&str, &[&str])], mutations: usize) {
     let (_, run) = regen_fuzz::TARGETS

@@ -1,4 +1,4 @@
-//! Which of the planted faults compile.
+//! Finds out which of the planted faults compile.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,11 +7,11 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::{Told, read};
+use crate::{TextResult, read};
 
-/// Marks mutants in the list at which the compiler takes offence; the copy must then be made and
-/// planted again.
-pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> Told<()> {
+/// Marks the mutants in the list that the compiler rejects; the copy must then be made and planted
+/// again.
+pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
     let output = Command::new("cargo")
         .args([
             "check",
@@ -65,7 +65,7 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> Told<()> {
     Ok(())
 }
 
-/// The numbers of the faults on a line.
+/// The numbers of the faults on a line of source.
 fn numbers(line: &str) -> impl Iterator<Item = u64> + '_ {
     line.split("switch_of_faults::on(")
         .skip(1)

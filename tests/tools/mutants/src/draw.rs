@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use crate::{Told, read};
+use crate::{TextResult, read};
 
 /// Prints the drawn mutants, each with its number, in the order of the draw.
-pub fn draw(list: &Path, seed: &str, count: &str) -> Told<()> {
+pub fn draw(list: &Path, seed: &str, count: &str) -> TextResult<()> {
     let mut all = read(list)?;
     let seed: u64 = seed.parse().map_err(|e| format!("seed: {e}"))?;
     let count: usize = count.parse().map_err(|e| format!("count: {e}"))?;

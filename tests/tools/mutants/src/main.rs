@@ -18,8 +18,8 @@ mod run;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Whatever goes wrong here, told in words.
-type Told<T> = Result<T, String>;
+/// A result whose error is a message.
+type TextResult<T> = Result<T, String>;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -45,8 +45,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// A file's JSON.
-fn read(path: &Path) -> Told<Vec<serde_json::Value>> {
+/// Reads a JSON file that contains a list.
+fn read(path: &Path) -> TextResult<Vec<serde_json::Value>> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
 }

@@ -1,4 +1,4 @@
-//! Rewrites the sources: every drawn fault stands in them, switched off.
+//! Rewrites the sources so that they contain every drawn fault, switched off.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,7 +10,7 @@ use serde_json::Value;
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 
-use crate::{Told, read};
+use crate::{TextResult, read};
 
 /// The switch, written into each crate that has faults.
 const SWITCH: &str = "\
@@ -24,7 +24,7 @@ pub(crate) fn on(number: u32) -> bool {
 }
 ";
 
-/// A fault: where cargo-mutants says that it is, and what it does.
+/// A fault: its place according to cargo-mutants, and the change it makes.
 struct Fault {
     number: u64,
     genre: String,
@@ -33,32 +33,32 @@ struct Fault {
     replacement: String,
 }
 
-/// A change of the text: what stands at `range` is written again by `how`.
+/// A change of the text: `how` replaces the text at `range`.
 struct Edit {
     range: Range<usize>,
     number: u64,
-    how: How,
+    how: Rewrite,
 }
 
-enum How {
-    /// Leave the function at once.
+enum Rewrite {
+    /// Return at once from the function.
     Leave { replacement: String },
-    /// Another operator between the parts.
+    /// Replace the operator between two operands.
     Binary {
         left: Range<usize>,
         right: Range<usize>,
         operator: String,
     },
-    /// Only the part without its sign.
+    /// Remove the unary operator of an operand.
     Bare { inner: Range<usize> },
-    /// The arm never matches; its guard, if it has one.
+    /// Make a match arm never match; `guard` is its guard, if it has one.
     Never { guard: Option<Range<usize>> },
-    /// Another guard.
+    /// Replace the guard of a match arm.
     Guard { replacement: String },
 }
 
 /// Rewrites every file of the copy that has drawn mutants.
-pub fn plant(copy: &Path, drawn: &Path) -> Told<()> {
+pub fn plant(copy: &Path, drawn: &Path) -> TextResult<()> {
     let mut files: BTreeMap<String, Vec<Fault>> = BTreeMap::new();
     let mut list = read(drawn)?;
     for mutant in &list {
@@ -110,7 +110,7 @@ pub fn plant(copy: &Path, drawn: &Path) -> Told<()> {
     Ok(())
 }
 
-fn rewritten(text: &str, faults: &[Fault]) -> Told<(String, Vec<u64>)> {
+fn rewritten(text: &str, faults: &[Fault]) -> TextResult<(String, Vec<u64>)> {
     let file = syn::parse_file(text).map_err(|e| e.to_string())?;
     let lines = Lines::new(text);
     let mut search = Search {
@@ -126,13 +126,13 @@ fn rewritten(text: &str, faults: &[Fault]) -> Told<(String, Vec<u64>)> {
         .map(|f| f.number)
         .filter(|n| !found.contains(n))
         .collect();
-    // outer ones first; of two on one range any order
+    // outer edits first; two edits of the same range in any order
     edits.sort_by(|a, b| (a.range.start, b.range.end).cmp(&(b.range.start, a.range.end)));
     let edits: Vec<&Edit> = edits.iter().collect();
     Ok((render(text, 0..text.len(), &edits), lost))
 }
 
-/// A part of the text with the edits within it carried out.
+/// A part of the text with the edits inside it applied.
 fn render(text: &str, range: Range<usize>, edits: &[&Edit]) -> String {
     let inside: Vec<&Edit> = edits
         .iter()
@@ -145,7 +145,7 @@ fn render(text: &str, range: Range<usize>, edits: &[&Edit]) -> String {
     while k < inside.len() {
         let edit = inside[k];
         let rest: Vec<&Edit> = inside[k + 1..].to_vec();
-        // what overlaps an edit lies within it
+        // edits that overlap an edit are inside it
         let nested = rest
             .iter()
             .take_while(|e| e.range.start < edit.range.end)
@@ -164,10 +164,10 @@ fn edited(text: &str, edit: &Edit, nested: &[&Edit]) -> String {
     let whole = || part(&edit.range);
     let on = format!("crate::switch_of_faults::on({})", edit.number);
     match &edit.how {
-        How::Leave { replacement } => {
+        Rewrite::Leave { replacement } => {
             format!(" if {on} {{ return {replacement}; }}")
         }
-        How::Binary {
+        Rewrite::Binary {
             left,
             right,
             operator,
@@ -177,19 +177,19 @@ fn edited(text: &str, edit: &Edit, nested: &[&Edit]) -> String {
             part(right),
             whole()
         ),
-        How::Bare { inner } => format!("(if {on} {{ {} }} else {{ {} }})", part(inner), whole()),
-        How::Never { guard: None } => format!("{} if !{on}", whole()),
-        How::Never { guard: Some(guard) } => {
+        Rewrite::Bare { inner } => format!("(if {on} {{ {} }} else {{ {} }})", part(inner), whole()),
+        Rewrite::Never { guard: None } => format!("{} if !{on}", whole()),
+        Rewrite::Never { guard: Some(guard) } => {
             let pattern = edit.range.start..guard.start;
             format!("{} !{on} && ({})", part(&pattern), part(guard))
         }
-        How::Guard { replacement } => {
+        Rewrite::Guard { replacement } => {
             format!("(if {on} {{ {replacement} }} else {{ {} }})", whole())
         }
     }
 }
 
-/// Finds the syntax that each fault means.
+/// Finds the syntax to which each fault belongs.
 struct Search<'a> {
     lines: &'a Lines,
     faults: &'a [Fault],
@@ -197,7 +197,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The faults of a genre that begin and end with a span.
+    /// The faults of a genre whose place is a given span.
     fn at(&self, genre: &str, span: Span) -> Vec<(u64, String)> {
         let (start, end) = (place(span.start()), place(span.end()));
         let here = |f: &&Fault| {
@@ -212,7 +212,7 @@ impl Search<'_> {
             .collect()
     }
 
-    fn push(&mut self, range: Range<usize>, number: u64, how: How) {
+    fn push(&mut self, range: Range<usize>, number: u64, how: Rewrite) {
         self.edits.push(Edit { range, number, how });
     }
 
@@ -229,7 +229,7 @@ impl Search<'_> {
                     && f.start == place(block.span().start())
                     && f.end == place(block.span().end())
         };
-        // another iterator would be of another type beside the function's own
+        // another iterator would have a type different from the function's own
         let found: Vec<(u64, String)> = self
             .faults
             .iter()
@@ -238,9 +238,9 @@ impl Search<'_> {
             .map(|f| (f.number, f.replacement.clone()))
             .collect();
         for (number, replacement) in found {
-            // an inner function's body is found again by itself, and is the better one
+            // the body of an inner function is visited again later, and is the right place
             self.edits.retain(|e| e.number != number);
-            self.push(after..after, number, How::Leave { replacement });
+            self.push(after..after, number, Rewrite::Leave { replacement });
         }
     }
 }
@@ -265,7 +265,7 @@ impl<'a> Visit<'a> for Search<'_> {
 
     fn visit_expr_binary(&mut self, binary: &'a syn::ExprBinary) {
         for (number, operator) in self.at("BinaryOperator", binary.op.span()) {
-            let how = How::Binary {
+            let how = Rewrite::Binary {
                 left: self.lines.range(binary.left.span()),
                 right: self.lines.range(binary.right.span()),
                 operator,
@@ -278,7 +278,7 @@ impl<'a> Visit<'a> for Search<'_> {
     fn visit_expr_unary(&mut self, unary: &'a syn::ExprUnary) {
         for (number, _) in self.at("UnaryOperator", unary.op.span()) {
             let inner = self.lines.range(unary.expr.span());
-            self.push(self.lines.range(unary.span()), number, How::Bare { inner });
+            self.push(self.lines.range(unary.span()), number, Rewrite::Bare { inner });
         }
         visit::visit_expr_unary(self, unary);
     }
@@ -293,14 +293,14 @@ impl<'a> Visit<'a> for Search<'_> {
                 }
                 None => (pattern, None),
             };
-            self.push(range, number, How::Never { guard });
+            self.push(range, number, Rewrite::Never { guard });
         }
         if let Some((_, guard)) = &arm.guard {
             for (number, replacement) in self.at("MatchArmGuard", guard.span()) {
                 self.push(
                     self.lines.range(guard.span()),
                     number,
-                    How::Guard { replacement },
+                    Rewrite::Guard { replacement },
                 );
             }
         }
@@ -308,12 +308,12 @@ impl<'a> Visit<'a> for Search<'_> {
     }
 }
 
-/// Line and column from one, as cargo-mutants counts.
+/// Line and column counted from one, as by cargo-mutants.
 fn place(at: LineColumn) -> (usize, usize) {
     (at.line, at.column + 1)
 }
 
-/// Where lines start.
+/// A text with the offsets at which its lines start.
 struct Lines {
     starts: Vec<usize>,
     text: String,

@@ -1,4 +1,4 @@
-//! The tests against each fault.
+//! Runs the tests with each fault.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,35 +8,36 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
 
-use crate::{Told, read};
+use crate::{TextResult, read};
 
-/// A program of tests.
+/// A test program.
 struct Program {
     path: PathBuf,
     package: PathBuf,
     takes: Duration,
 }
 
-/// How many faults each program has caught, by the folder that the fault is in.
+/// The number of faults that each program has caught, by the folder of the fault.
 type Caught = BTreeMap<(String, usize), usize>;
 
-enum Went {
+enum TestOutcome {
     Passed,
     Failed,
     Hung,
 }
 
-/// Builds the tests of some crates, then runs them for every mutant that compiles, up to the first
-/// failure and in the order that promises it soonest: quick ones first, and those that caught
-/// faults nearby. Each gets a line in `results.jsonl`, the last of a mutant counts.
+/// Builds the tests of some crates, then runs them for every mutant that compiles, until the first
+/// failure. Programs run in the order in which a failure is likely soonest: quick ones first, and
+/// those that caught faults nearby. Each mutant gets a line in `results.jsonl`; its last line
+/// counts.
 ///
-/// Programs that take longer than some seconds are left out; what survives the others can be tried
-/// against them later, in another run with more seconds.
-pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()> {
+/// Programs that take longer than `seconds` are skipped; mutants that survive the others can be
+/// tried with them later, in another run with more seconds.
+pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextResult<()> {
     let most: f64 = seconds.parse().map_err(|e| format!("seconds: {e}"))?;
     let programs = build(copy, crates)?;
-    // what each takes is kept beside the results, for going on; one built since is timed again,
-    // which also tells whether it passes without any fault
+    // the time of each program is stored beside the results, to continue a run; a program built
+    // since is timed again, which also checks that it passes without any fault
     let kept = copy.join("times.json");
     let timed = modified(&kept);
     let mut times: BTreeMap<String, f64> = std::fs::read_to_string(&kept)
@@ -51,8 +52,8 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()
         } else {
             let before = Instant::now();
             match program.went(0, Duration::from_secs(900))? {
-                Went::Passed => before.elapsed().as_secs_f64(),
-                // a test that reads the sources sees the switches
+                TestOutcome::Passed => before.elapsed().as_secs_f64(),
+                // a test that reads the sources finds the switches in them
                 _ => f64::NAN,
             }
         };
@@ -73,7 +74,7 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()
     }
     let results = copy.join("results.jsonl");
     let known = std::fs::read_to_string(&results).unwrap_or_default();
-    // the seconds up to which each was tried without being caught; infinite where it was caught
+    // the time limit, s, up to which each mutant survived; infinite if it was caught
     let mut tried: BTreeMap<u64, f64> = BTreeMap::new();
     for line in known.lines() {
         let line: Value = serde_json::from_str(line).map_err(|e| format!("results: {e}"))?;
@@ -92,7 +93,7 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()
     let caught = Mutex::new(Caught::new());
     let lines = Mutex::new(known);
     std::thread::scope(|scope| {
-        let work = || -> Told<()> {
+        let work = || -> TextResult<()> {
             loop {
                 let Some(mutant) = queue.lock().map_err(|e| e.to_string())?.next() else {
                     return Ok(());
@@ -135,13 +136,13 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()
     })
 }
 
-/// The folder of a fault.
+/// The folder of the source file of a fault.
 fn folder(mutant: &Value) -> String {
     let file = mutant["file"].as_str().unwrap_or_default();
     file.rsplit_once('/').map_or("", |f| f.0).to_owned()
 }
 
-/// The programs in the order of what they are likely to catch in a second.
+/// The programs ordered by the faults they are likely to catch per second.
 fn order(programs: &[Program], folder: &str, caught: &Caught) -> Vec<usize> {
     let promise = |at: usize| {
         let near = caught.get(&(folder.to_owned(), at)).copied().unwrap_or(0);
@@ -157,24 +158,25 @@ fn order(programs: &[Program], folder: &str, caught: &Caught) -> Vec<usize> {
     order
 }
 
-/// The program that caught a fault, if one did, and whether by not ending.
-fn judged(programs: &[Program], order: &[usize], number: u64) -> Told<Option<(usize, bool)>> {
+/// The program that caught a fault, if one did, and whether it did so by not terminating.
+fn judged(programs: &[Program], order: &[usize], number: u64) -> TextResult<Option<(usize, bool)>> {
     for &at in order {
         let program = &programs[at];
         match program.went(number, program.takes * 6 + Duration::from_secs(20))? {
-            Went::Passed => {}
-            Went::Failed => return Ok(Some((at, false))),
-            Went::Hung => return Ok(Some((at, true))),
+            TestOutcome::Passed => {}
+            TestOutcome::Failed => return Ok(Some((at, false))),
+            TestOutcome::Hung => return Ok(Some((at, true))),
         }
     }
     Ok(None)
 }
 
-/// A program that takes longer than this is about the derivation, not about the runtime.
+/// Programs that take longer than this test the derivation, not the runtime.
 const OF_THE_DERIVATION: Duration = Duration::from_secs(20);
 
 impl Program {
-    /// Whether it can reach the code in a folder: one crate's own tests do not link the other.
+    /// Whether the program can reach the code in a folder: one crate's own tests do not link the
+    /// other.
     fn concerns(&self, folder: &str) -> bool {
         match (folder.starts_with("runtime"), folder.starts_with("codegen")) {
             (true, _) => !self.package.ends_with("codegen") && self.takes < OF_THE_DERIVATION,
@@ -183,7 +185,7 @@ impl Program {
         }
     }
 
-    /// The folder of its crate, and what it is called there.
+    /// The folder of its crate, and its name there.
     fn name(&self) -> String {
         let name = |path: &Path| {
             path.file_name()
@@ -197,20 +199,20 @@ impl Program {
     }
 }
 
-/// When a file was written; long ago if there is none.
+/// The time at which a file was written; the epoch if there is none.
 fn modified(path: &Path) -> SystemTime {
     let written = std::fs::metadata(path).and_then(|m| m.modified());
     written.unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
 impl Program {
-    fn went(&self, number: u64, most: Duration) -> Told<Went> {
+    fn went(&self, number: u64, most: Duration) -> TextResult<TestOutcome> {
         let mut child = Command::new(&self.path)
             .current_dir(&self.package)
             .env("CARGO_MANIFEST_DIR", &self.package)
             .env("REGEN_MUTANT", number.to_string())
             .env("INSTA_UPDATE", "no")
-            // what fails for one fault is no case for the next
+            // do not store a failing case, which the next fault would run too
             .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
             .env("RUST_TEST_THREADS", "1")
             .stdout(Stdio::null())
@@ -221,33 +223,33 @@ impl Program {
         loop {
             if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
                 return Ok(if status.success() {
-                    Went::Passed
+                    TestOutcome::Passed
                 } else {
-                    Went::Failed
+                    TestOutcome::Failed
                 });
             }
             let spent = processor_time(child.id()).unwrap_or_else(|| start.elapsed());
             if spent > most {
                 child.kill().map_err(|e| e.to_string())?;
                 child.wait().map_err(|e| e.to_string())?;
-                return Ok(Went::Hung);
+                return Ok(TestOutcome::Hung);
             }
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 }
 
-/// The processor time of a process, on Linux: a machine that does other things too is not a loop
-/// without end.
+/// The processor time of a process, on Linux. It is used instead of elapsed time, so that a busy
+/// machine is not mistaken for an infinite loop.
 fn processor_time(process: u32) -> Option<Duration> {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // the name in brackets may hold anything; user and system time are the 14th and 15th fields
+    // the name in brackets may contain anything; user and system time are the 14th and 15th fields
     let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
     let ticks: u64 = fields.next()?.parse::<u64>().ok()? + fields.next()?.parse::<u64>().ok()?;
     Some(Duration::from_millis(10 * ticks))
 }
 
-fn build(copy: &Path, crates: &[&str]) -> Told<Vec<Program>> {
+fn build(copy: &Path, crates: &[&str]) -> TextResult<Vec<Program>> {
     let mut command = Command::new("cargo");
     command.args([
         "test",

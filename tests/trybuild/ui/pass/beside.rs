@@ -1,4 +1,4 @@
-//! Twice: the second under another name.
+//! The macro twice for one spec, the second time under another name.
 
 regen_runtime::robot_model!("arm.yaml");
 regen_runtime::robot_model!("arm.yaml", mod manipulator);

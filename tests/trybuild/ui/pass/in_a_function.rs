@@ -1,4 +1,5 @@
-//! Where no item may leak into the crate, and beside names of the prelude that are taken.
+//! The macro in a function: no item may leak into the crate, and names of the prelude are
+//! redefined.
 
 #![allow(dead_code, non_camel_case_types)]
 

@@ -1,5 +1,5 @@
-//! Prints, for platforms on three to twelve UPS legs, nanoseconds of one evaluation of the
-//! regressor of all parameters at home: the least of many rounds that take turns.
+//! Prints, for platforms on three to twelve UPS legs, the time in nanoseconds of one evaluation of
+//! the regressor of all parameters at home: the minimum of many interleaved rounds.
 #![allow(dead_code)]
 
 use std::hint::black_box;

@@ -1,8 +1,9 @@
-//! Our base regressors, timed beside the standard library's sines and cosines.
+//! Times our base regressors together with the standard library's sines and cosines.
 //!
-//! `peers-ours calls ROBOT COUNT` evaluates its base regressor that often. `peers-ours` prints one line per figure: a name and nanoseconds per call, the least of many
-//! rounds that take turns. `peers-ours columns ROBOT` reads states from standard input, a line of
-//! q, qd, qdd each, and prints the base regressor, column by column, a line per state.
+//! `peers-ours calls ROBOT COUNT` evaluates the base regressor of a robot `COUNT` times.
+//! `peers-ours` prints one line per figure: a name and nanoseconds per call, the minimum of many
+//! interleaved rounds. `peers-ours columns ROBOT` reads states from standard input, one line of q,
+//! qd, qdd each, and prints the base regressor, column by column, one line per state.
 #![allow(dead_code, non_camel_case_types)]
 
 use std::hint::black_box;
@@ -23,7 +24,7 @@ robot_model!("../../../../../robots/rx90.yaml");
 robot_model!("../../../../../robots/stewart.yaml");
 robot_model!("../../../../../robots/ur5e.yaml");
 
-/// Coordinates, velocities and accelerations without pattern, near home.
+/// Irregular coordinates, velocities and accelerations near home.
 fn state<const N: usize>(home: &[f64; N], k: f64) -> [[f64; N]; 3] {
     let wave = |k: f64| std::array::from_fn(|i| (k + 1.7 * i as f64).sin());
     let (mut q, qd, qdd): ([f64; N], [f64; N], [f64; N]) = (wave(k), wave(k + 0.8), wave(k + 2.0));
@@ -33,7 +34,7 @@ fn state<const N: usize>(home: &[f64; N], k: f64) -> [[f64; N]; 3] {
     [q, qd, qdd]
 }
 
-/// Leaves the blocks where they are: in the cache.
+/// A consumer that leaves the blocks in the cache.
 struct Keep;
 impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Keep {
     #[inline(always)]
@@ -42,7 +43,7 @@ impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Keep {
     }
 }
 
-/// The instruction set without AVX-512: what a machine with AVX2 runs.
+/// Runs with the instruction set without AVX-512, as on a machine with AVX2.
 #[cfg(target_arch = "x86_64")]
 fn on_avx2<F: WithSimd<Output = ()>>(run: F) {
     use pulp::x86::V3;
@@ -57,7 +58,7 @@ const CALLS: usize = 256;
 struct Figure {
     name: String,
     run: Box<dyn FnMut()>,
-    /// Evaluations in one run.
+    /// The number of evaluations in one run.
     calls: usize,
 }
 
@@ -200,7 +201,7 @@ macro_rules! called {
     }};
 }
 
-/// For counting instructions.
+/// Evaluates a base regressor `count` times, for counting instructions.
 fn calls(robot: &str, count: usize) {
     match robot {
         "puma560" => called!(puma560, count),
