@@ -380,7 +380,7 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     if log.file.layout.derivatives || log.series.is_some() {
         return Ok(least);
     }
-    // a method that is invalid as given is refused with a message on the user's own numbers
+    // check the method as the user gave it first, so that an error names the user's own numbers
     let asked = settings.method.support(step);
     asked.map_err(|why| signal(&log.file, why))?;
     let support = settings

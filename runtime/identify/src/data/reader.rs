@@ -282,12 +282,12 @@ impl LogFile {
             survey,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
             last: None,
-            broken: true,
+            segment_ended: true,
             gap_reported: true,
-            raw: None,
-            jumped: false,
+            previous_time: None,
+            clock_set_back: false,
             until: 0,
-            lost: false,
+            rows_skipped: false,
             stuck: vec![0; self.layout.efforts],
             keep: self.keep,
         };
@@ -334,17 +334,17 @@ struct Cleaner<'a> {
     /// The time of the last row in order of time.
     last: Option<f64>,
     /// Whether the next row that is released does not follow the last one released.
-    broken: bool,
+    segment_ended: bool,
     /// Whether a gap before the next row comes from a row that was already reported.
     gap_reported: bool,
     /// The time of the row before, whether it is used or not.
-    raw: Option<f64>,
+    previous_time: Option<f64>,
     /// The last row in which an encoder is stuck.
     until: u64,
     /// Whether rows before this one were left out.
-    lost: bool,
+    rows_skipped: bool,
     /// Whether the clock was set back and has not yet caught up.
-    jumped: bool,
+    clock_set_back: bool,
     /// For how many rows each effort has been at an extreme.
     stuck: Vec<usize>,
     /// Whether outliers, saturated efforts and rows of stuck encoders are used.
@@ -362,15 +362,15 @@ impl Cleaner<'_> {
             });
         };
         let mut follows = true;
-        let raw = self.raw.replace(time).unwrap_or(time);
+        let previous_time = self.previous_time.replace(time).unwrap_or(time);
         if let Some(before) = self.last {
             let step = time - before;
             if step <= 0.0 {
                 let far = GAP_STEPS * self.survey.step;
                 // after a clock was set back, which is reported, it goes on from there
-                if !(self.jumped && (0.0..=far).contains(&(time - raw))) {
-                    self.jumped = -step > far;
-                    report(if self.jumped {
+                if !(self.clock_set_back && (0.0..=far).contains(&(time - previous_time))) {
+                    self.clock_set_back = -step > far;
+                    report(if self.clock_set_back {
                         Fault::ClockBack { step: -step }
                     } else if step < 0.0 {
                         Fault::Unsorted { time }
@@ -404,14 +404,14 @@ impl Cleaner<'_> {
             // the gap that these rows leave is not reported, and the next row starts a segment
             self.gap_reported = true;
             self.last = Some(time);
-            self.lost = true;
+            self.rows_skipped = true;
             return;
         }
-        if core::mem::take(&mut self.lost) {
+        if core::mem::take(&mut self.rows_skipped) {
             follows = false;
         }
         self.gap_reported = false;
-        self.jumped = false;
+        self.clock_set_back = false;
         self.last = Some(time);
         let efforts = self.layout.efforts();
         let standing = self.standing(&row.values[efforts.clone()]);
@@ -468,7 +468,7 @@ impl Cleaner<'_> {
                 .map(|w| w.row.values[entry])
                 .collect();
             let middle = values[OUTLIER_NEIGHBOURS];
-            // the median change between these rows, so that motion is no spread
+            // relative to the median change between these rows, so that fast motion is no outlier
             let steps: Vec<f64> = values
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).abs())
@@ -476,10 +476,11 @@ impl Cleaner<'_> {
             let usual = median(&steps);
             let around = median(&values);
             let steps = self.survey.steps.get(entry - self.layout.positions().start);
-            // a change as it is regular elsewhere in the log, or of the encoder's step, is none
+            // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
+            // are allowed too
             let allowed = steps.map_or(0.0, |s| (OUTLIER_ENCODER_STEPS * s.encoder).max(s.regular));
             let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
-            // steps are sums of rounded numbers
+            // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
                 self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Fault::Outlier {
                     column: self.layout.title(entry),
@@ -505,12 +506,12 @@ impl Cleaner<'_> {
                 what,
             });
             if !self.keep {
-                self.broken = true;
+                self.segment_ended = true;
                 return Ok(());
             }
         }
-        let follows = waiting.follows && !self.broken;
-        self.broken = false;
+        let follows = waiting.follows && !self.segment_ended;
+        self.segment_ended = false;
         each(waiting.row, follows)
     }
 }

@@ -294,7 +294,7 @@ mod tests {
         coarse.extend((1..6).map(|k| last + 10.0 + 4.0 * f64::from(k)));
         let coarse = coarse.into_iter().map(|counts| counts * 0.003);
         assert_eq!(found(coarse), []);
-        // the same lift at rest until the log ends
+        // a slow lift that comes to rest until the log ends
         let lift = |k: usize| 3e-3 * 0.01 * k.min(200) as f64 + 1e-5 * swing(k.min(200));
         assert_eq!(found((0..285).map(lift)).len(), 0);
     }

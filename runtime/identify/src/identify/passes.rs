@@ -249,7 +249,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let scale = if unit > 0.0 { variance / unit } else { 0.0 };
         estimate.covariance = gram.covariance.iter().map(|c| c * scale).collect();
     }
-    let bandwidth = given.unwrap_or_else(|| automatic(&efforts, rows));
+    let bandwidth = given.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
     let delays = match kind {
         EquationKind::Forces => {
             let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
@@ -270,7 +270,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors: efforts,
         estimate,
         factor,
-        bandwidth: given.unwrap_or_else(|| memory(&blocks)),
+        bandwidth: given.unwrap_or_else(|| samples_per_independent_one(&blocks)),
         deviations,
         blocks,
         left_out,
@@ -518,7 +518,7 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// How many consecutive samples carry the information of one independent sample, rounded.
-fn memory(blocks: &Blocks) -> usize {
+fn samples_per_independent_one(blocks: &Blocks) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
     let samples = blocks.memory().round() as usize;
     samples
@@ -526,7 +526,7 @@ fn memory(blocks: &Blocks) -> usize {
 
 /// Bartlett's bandwidth from the autocorrelation at lag 1 (Andrews, 1991), for the effort with
 /// the strongest one; 1 for white residuals.
-fn automatic(efforts: &[EffortError], rows: usize) -> usize {
+fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
     let strongest = efforts
         .iter()
         .filter_map(|e| e.autocorrelation.first())

@@ -15,7 +15,7 @@ use crate::intervals::{LeastSquares, Spread, constrained};
 use crate::model::{IdentifiedModel, Interval, Intervals};
 
 /// The parameter layout of a model, and the map from its parameters to base parameters.
-pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
+pub(super) fn layout_and_base_map<M: BaseModel<f64> + ?Sized>(
     model: &M,
 ) -> Result<(ParameterLayout, BaseMap), SessionError> {
     let layout = ParameterLayout::of(model.info().parameters)?;
@@ -43,7 +43,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     let info = model.info();
     let (factor, values) = (&start.factor, start.estimate.values.as_slice());
     let data = start.data.as_ref();
-    let (plain_layout, plain) = frame(model)?;
+    let (plain_layout, plain) = layout_and_base_map(model)?;
     let r = plain.labels().len();
     let more = factor.labels().get(r..).unwrap_or_default();
     let joints = data.map_or(&[][..], FrictionData::joints);
@@ -177,7 +177,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// Describes how intervals under constraints were computed; `known`: how deviations were.
+/// Describes how intervals under constraints were computed; `known` describes the deviations.
 fn describe_draws(replicates: usize, known: &str) -> String {
     format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
 }
@@ -193,7 +193,9 @@ fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
     })
 }
 
-/// Units of mass, length and so on that suit the robot, from its size and its base parameters.
+/// Units of mass and length near those of the robot, from its size and its base parameters.
+///
+/// - `beta`: base parameters, SI.
 ///
 /// # Errors
 /// When the model's home is not closed.
@@ -265,8 +267,8 @@ fn describe_fit(found: &Physical, layout: &ParameterLayout) -> String {
     text
 }
 
-/// Bodies heavier than this part of their mass limit are reported; the limit is a thousand times
-/// the known size of the robot.
+/// Bodies heavier than this part of their generous mass limit are reported; the limit is a thousand
+/// times what is known of the robot.
 const MAX_LIMIT_PART: f64 = 0.1;
 
 /// The labels of masses far above any that the robot can have, without bodies that reach their

@@ -50,7 +50,7 @@ pub fn reduction<M: BaseModel<f64> + ?Sized>(
 ) -> Result<Reduction, SessionError> {
     let (model, kind) = (session.model, session.kind);
     let (factor, efforts) = (&start.factor, &start.estimate.efforts);
-    let (layout, combinations) = super::physical::frame(model)?;
+    let (layout, combinations) = super::physical::layout_and_base_map(model)?;
     let against = match against {
         [] => None,
         paths => {

@@ -78,7 +78,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     let (model, kind) = (session.model, session.kind);
     let mut found = identify::identify(model, kind, &session.options, logs)?;
     let sampled = match kind {
-        EquationKind::Forces => sampling(&mut found, logs)?,
+        EquationKind::Forces => add_sampling_error(&mut found, logs)?,
         EquationKind::Energy { .. } => "",
     };
     let used = found.correlated();
@@ -107,7 +107,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
 
 /// Adds the error that comes from the sampling of the positions to the parameters' standard
 /// deviations; returns a text that mentions it where it is large.
-fn sampling<M: BaseModel<f64> + ?Sized>(
+fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     found: &mut Identified,
     logs: &MonitoredLogs<'_, M>,
 ) -> Result<&'static str, SessionError> {

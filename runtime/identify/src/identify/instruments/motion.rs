@@ -186,7 +186,7 @@ impl Motion {
         };
         let cutoff = match cutoff {
             Some(given) => given,
-            None => self.lowest(longest)?,
+            None => self.lowest_cutoff(longest)?,
         };
         let method = Method::Butterworth {
             order: FILTER_ORDER,
@@ -217,7 +217,7 @@ impl Motion {
     }
 
     /// The lowest cutoff frequency that removes little but noise, Hz.
-    fn lowest(&self, run: &core::ops::Range<usize>) -> Result<f64, SignalError> {
+    fn lowest_cutoff(&self, run: &core::ops::Range<usize>) -> Result<f64, SignalError> {
         let times = self.times.get(run.clone()).unwrap_or_default();
         let span = times.last().zip(times.first());
         let span = span.map_or(f64::NAN, |(last, first)| last - first);
