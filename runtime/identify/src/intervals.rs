@@ -1,61 +1,62 @@
-//! Intervals of estimates under constraints: what the constraints make of the estimates that other
-//! logs would have given.
+//! Confidence intervals of estimates under constraints, by random draws of the least-squares
+//! parameters that other logs would have given.
 //!
-//! An estimate under constraints is the projection of the least-squares parameters onto what the
-//! constraints allow, in the metric of the data. Least-squares parameters are drawn around those
-//! that were found, with the covariance that knows of the residuals' correlation
-//! ([`Deviations`]), and each draw is projected in the same way. An interval holds the middle
+//! An estimate under constraints is the projection of the least-squares parameters onto the set
+//! that the constraints allow, in the metric of the data. Least-squares parameters are drawn
+//! around the estimated ones, with the covariance that includes the correlation of the residuals
+//! ([`Deviations`]), and each draw is projected in the same way. An interval spans the middle
 //! part of the projected draws (percentiles; Efron, 1979), and the estimate itself.
 //!
 //! The projection of an interval of least squares onto a bound covers a value as often as that
-//! interval does, so nothing is lost at bounds; intervals end there by themselves. Where all
-//! draws fall onto a bound the interval is that point: the data contradict anything else.
+//! interval does, so coverage is not lost at bounds; intervals end there by themselves. Where all
+//! draws are projected onto a bound the interval is that point: the data contradict anything else.
 //!
-//! A parameter that is correlated with one at its bound is another matter. Where the truth is at
-//! the bound, only draws that are there too tell how the other parameter scatters, and a
-//! percentile of all draws mixes them with the rest. So the percentiles of these draws are taken
-//! by themselves as well, and the interval holds both.
+//! A parameter that is correlated with one at its bound needs more. Where the true value is at
+//! the bound, only draws that are there too show how the other parameter scatters, and a
+//! percentile of all draws mixes them with the rest. So the percentiles of these draws are also
+//! taken separately, and the interval covers both.
 
 use nalgebra::DMatrix;
 
 use crate::estimate::{Deviations, QrFactor};
 use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, identify};
 
-/// Draws that intervals are made of unless others are asked for. Between the k-th from below and
-/// from above of n draws the next one lies with the probability 1 - 2 k / (n + 1), whatever n is: fewer
-/// draws make intervals whose length varies more, and which hold the truth as often.
+/// Default number of draws. The next draw lies between the k-th from below and the k-th from above
+/// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
+/// more in length, but cover the true value as often.
 pub const REPLICATES: usize = 100;
-/// Digits of the least-squares parameters that seed the draws: the same log gives the same
-/// intervals on every machine, another log other draws, so that what chance makes of a hundred of
-/// them is not the same in all logs.
-const DIGITS: usize = 6;
-/// A part of the draws that leaves open whether a parameter is at its limit.
-const OPEN: f64 = 0.025;
-/// Parameters whose correlation is smaller than this have nothing to do with each other: that of a
-/// hundred draws differs from the true one by a tenth.
-const RELATED: f64 = 0.3;
-/// What is nearer to a limit than this part of a deviation is at the limit.
-const TOUCHING: f64 = 1e-3;
-/// A parameter whose unit vector lies in the span of what is determined but for this is
-/// determined.
-const DETERMINED: f64 = 1e-7;
+/// Decimals of the least-squares parameters that seed the draws: the same log gives the same
+/// intervals on every machine, and another log other draws, so that the chance of a hundred draws
+/// is not the same for all logs.
+const SEED_DECIMALS: usize = 6;
+/// A limit is uncertain if more than this part of the draws, and less than all but this part, are
+/// at it.
+const UNCERTAIN_LIMIT_PART: f64 = 0.025;
+/// Parameters whose correlation is below this count as independent: the correlation of a hundred
+/// draws differs from the true one by a tenth.
+const MIN_CORRELATION: f64 = 0.3;
+/// A value within this part of a standard deviation from a limit is at the limit.
+const LIMIT_DEVIATIONS: f64 = 1e-3;
+/// A parameter is determined if the part of its unit vector outside the span of the determined
+/// combinations has a squared norm below this.
+const UNDETERMINED_PART: f64 = 1e-7;
 
-/// What other logs would have given for one parameter.
+/// The distribution of one parameter over the draws: an estimate of its scatter between logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
     /// The estimate.
     pub value: f64,
-    /// The root mean square of the draws around it.
+    /// The root mean square of the draws about the estimate.
     pub sigma: f64,
     /// The draws, ascending.
     draws: Vec<f64>,
-    /// For each bound that some draws are at, and whose parameter goes with this one: those
-    /// draws, ascending.
+    /// For each uncertain limit of a parameter that is correlated with this one: the draws of
+    /// this parameter in which that one is at its limit, ascending.
     at_bounds: Vec<Vec<f64>>,
 }
 
 impl Spread {
-    /// A value with its draws.
+    /// Builds the distribution of a value from its draws; draws that are not finite are left out.
     ///
     /// ```
     /// use regen_identify::intervals::Spread;
@@ -63,7 +64,7 @@ impl Spread {
     /// let spread = Spread::new(0.5, (0..=100).map(|k| 0.01 * f64::from(k)).collect());
     /// let (low, high) = spread.interval(0.9);
     /// assert!((low - 0.05).abs() < 0.01 && (high - 0.95).abs() < 0.01);
-    /// // an interval holds the value that it stands beside
+    /// // an interval includes the estimate
     /// assert_eq!(Spread::new(2.0, vec![0.0, 1.0]).interval(0.9).1, 2.0);
     /// ```
     pub fn new(value: f64, mut draws: Vec<f64>) -> Self {
@@ -78,9 +79,9 @@ impl Spread {
         }
     }
 
-    /// The interval of this level: percentiles of the draws, and of those at a bound by
-    /// themselves, widened to the value where that lies outside; NaN for a level outside of (0, 1)
-    /// or without draws.
+    /// The confidence interval of this level: percentiles of all draws, and of those at a bound
+    /// separately, widened to include the estimate; NaN for a level outside of (0, 1) or without
+    /// draws.
     pub fn interval(&self, level: f64) -> (f64, f64) {
         if !(level > 0.0 && level < 1.0) || self.draws.is_empty() {
             return (f64::NAN, f64::NAN);
@@ -103,13 +104,14 @@ impl Spread {
         (squares.sum::<f64>() / n).sqrt()
     }
 
-    /// The deviation in percent of the value's size.
+    /// The standard deviation in percent of the estimate's absolute value.
     pub fn sigma_percent(&self) -> f64 {
         100.0 * self.sigma / self.value.abs()
     }
 }
 
-/// A quantile, linear between the ascending draws, the k-th of n at k / (n + 1).
+/// A quantile of the ascending draws, of which the k-th of n is at k / (n + 1), with linear
+/// interpolation between them.
 fn quantile(draws: &[f64], part: f64) -> f64 {
     let n = draws.len();
     let place = (part * (n + 1) as f64 - 1.0).clamp(0.0, n.saturating_sub(1) as f64);
@@ -121,43 +123,42 @@ fn quantile(draws: &[f64], part: f64) -> f64 {
     (high - low).mul_add(rest, low)
 }
 
-/// The intervals of parameters under constraints.
+/// The distributions of parameters under constraints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constrained {
-    /// Of the r base parameters.
+    /// Distributions of the r base parameters.
     pub base: Vec<Spread>,
-    /// Of all p parameters; none for those that the data and what is known besides leave
-    /// undetermined, whose values are a choice.
+    /// Distributions of all p parameters; `None` for those that neither the data nor the
+    /// constraints determine, whose values are arbitrary.
     pub physical: Vec<Option<Spread>>,
-    /// The draws that were projected.
+    /// The number of projected draws.
     pub replicates: usize,
-    /// Draws that were left out because their programme was not solved.
+    /// The number of draws that were left out because their programme was not solved.
     pub failed: usize,
 }
 
-/// Least-squares parameters with what other logs would have given.
+/// Least-squares parameters with their standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub struct LeastSquares<'a> {
-    /// The weighted factor.
+    /// The weighted QR factor.
     pub factor: &'a QrFactor,
-    /// Its solution.
+    /// The factor's solution: r base parameters, SI.
     pub values: &'a [f64],
-    /// The solution's deviations.
+    /// The standard deviations of the solution.
     pub deviations: &'a Deviations,
 }
 
-/// The intervals of a physical fit, see the [module](self).
+/// Computes the intervals of a physically feasible fit, see the [module](self).
 ///
 /// - `combinations`, `layout`, `options`: those of the fit;
-/// - `phi`, `beta`: what it found;
-/// - `replicates`: how many draws are projected, one small convex programme each, see
+/// - `phi`, `beta`: the p parameters and the r base parameters of the fit, SI;
+/// - `replicates`: the number of draws to project, one small convex programme each, see
 ///   [`REPLICATES`];
-/// - `progress`: is told how many are done.
+/// - `progress`: called after each draw with the number of draws done.
 ///
-/// Where the samples are too few for any deviation, nothing is drawn, and intervals are NaN.
+/// Where the samples are too few for standard deviations, nothing is drawn, and intervals are NaN.
 ///
-/// Priors count as if they were known for certain: the intervals are then of what the data leave
-/// open beside them.
+/// Priors count as if they were certain: the intervals cover only the uncertainty of the data.
 ///
 /// # Errors
 /// When sizes or labels do not fit, or more than a tenth of the programmes fail.
@@ -186,29 +187,32 @@ pub fn constrained(
     })
 }
 
-/// Projected draws.
+/// Draws of the parameters after projection onto the constraints.
 pub(crate) struct ProjectedDraws {
+    /// All p parameters of each draw, SI.
     pub(crate) phi: Vec<Vec<f64>>,
+    /// The r base parameters of each draw, SI.
     pub(crate) beta: Vec<Vec<f64>>,
     pub(crate) failed: usize,
-    /// The least-squares parameters of each that were projected.
-    unbound: Vec<Vec<f64>>,
-    /// For each limit of a base parameter that is a single one, and of which the draws leave open
-    /// whether the truth is there: the base parameter, and which draws are at the limit.
+    /// The least-squares parameters of each draw before the projection.
+    unprojected: Vec<Vec<f64>>,
+    /// The uncertain limits of base parameters that consist of one parameter alone: the index of
+    /// the base parameter, and which draws are at the limit.
     touched: Vec<(usize, Vec<bool>)>,
 }
 
 impl ProjectedDraws {
+    /// The draws of base parameter k.
     pub(crate) fn of_base(&self, k: usize) -> Vec<f64> {
         self.beta.iter().filter_map(|x| x.get(k).copied()).collect()
     }
 
-    /// The spread of what these draws make of a value, one for each draw.
+    /// The distribution of a quantity with this estimate; `draws`: its value in each draw.
     pub(crate) fn spread(&self, value: f64, draws: Vec<f64>) -> Spread {
         let mut at_bounds = Vec::new();
         for (column, at) in &self.touched {
-            let cause: Vec<f64> = self.unbound.iter().map(|x| x[*column]).collect();
-            if correlation(&cause, &draws).abs() < RELATED {
+            let cause: Vec<f64> = self.unprojected.iter().map(|x| x[*column]).collect();
+            if correlation(&cause, &draws).abs() < MIN_CORRELATION {
                 continue;
             }
             let own = draws.iter().zip(at).filter(|(_, at)| **at).map(|(x, _)| *x);
@@ -222,9 +226,9 @@ impl ProjectedDraws {
         }
     }
 
-    /// Puts onto their limit the values that a draw left within [`TOUCHING`] of it: the method
-    /// of the fit comes to a limit from inside and stops short of it.
-    fn settle(
+    /// Moves values within [`LIMIT_DEVIATIONS`] of a limit onto it, since the interior-point
+    /// method of the fit stops shortly before a limit; records the uncertain limits in `touched`.
+    fn snap_to_limits(
         &mut self,
         combinations: &BaseMap,
         layout: &ParameterLayout,
@@ -239,7 +243,7 @@ impl ProjectedDraws {
                 f64::NEG_INFINITY
             };
             let (lowest, highest) = own.map_or((sign, f64::INFINITY), |b| (b.lowest, b.highest));
-            // the base parameter that is this one alone, if there is one
+            // the index of the base parameter that consists of this parameter alone, if any
             let rows = combinations.rows().iter();
             let alone = rows
                 .clone()
@@ -248,7 +252,7 @@ impl ProjectedDraws {
                 Some(k) => deviations.sigma(k) / combinations.rows()[k][j].abs(),
                 None => Spread::new(0.0, self.of_all(j)).scatter(),
             };
-            let near = |x: f64, limit: f64| (x - limit).abs() <= TOUCHING * sigma;
+            let near = |x: f64, limit: f64| (x - limit).abs() <= LIMIT_DEVIATIONS * sigma;
             let mut at = vec![false; self.phi.len()];
             let draws = self.phi.iter_mut().zip(&mut self.beta).zip(&mut at);
             for ((phi, beta), at) in draws {
@@ -267,18 +271,22 @@ impl ProjectedDraws {
                 }
             }
             let part = at.iter().filter(|at| **at).count() as f64 / at.len().max(1) as f64;
-            if let (Some(column), true) = (alone, OPEN < part && part < 1.0 - OPEN) {
+            if let (Some(column), true) = (
+                alone,
+                UNCERTAIN_LIMIT_PART < part && part < 1.0 - UNCERTAIN_LIMIT_PART,
+            ) {
                 self.touched.push((column, at));
             }
         }
     }
 
+    /// The draws of parameter k.
     pub(crate) fn of_all(&self, k: usize) -> Vec<f64> {
         self.phi.iter().filter_map(|x| x.get(k).copied()).collect()
     }
 }
 
-/// Draws least-squares parameters and projects them.
+/// Draws least-squares parameters and projects them onto the constraints.
 pub(crate) fn replicate(
     data: LeastSquares<'_>,
     combinations: &BaseMap,
@@ -293,7 +301,7 @@ pub(crate) fn replicate(
         deviations,
     } = data;
     let n = factor.columns();
-    // what the data leave open is not looked at, and no draw is to be proven the optimum
+    // undetermined parameters are not used, and the optimality of a draw need not be proven
     let options = &Options {
         rough: true,
         ..options.clone()
@@ -303,22 +311,22 @@ pub(crate) fn replicate(
         phi: Vec::with_capacity(replicates),
         beta: Vec::with_capacity(replicates),
         failed: 0,
-        unbound: Vec::with_capacity(replicates),
+        unprojected: Vec::with_capacity(replicates),
         touched: Vec::new(),
     };
-    // samples that leave nothing to spare say nothing of deviations: there are no draws
+    // without more equations than parameters there are no standard deviations to draw from
     if deviations.root().iter().any(|x| !x.is_finite()) {
         return Ok(out);
     }
     let mut step = vec![0.0; n];
     let mut error = None;
-    // what the data leave open has no interval: it need not be chosen
+    // undetermined parameters have no interval, so their values need not be chosen
     let options = &Options {
         rough: true,
         ..options.clone()
     };
     for k in 0..replicates {
-        // every other draw is the one before it on the other side: their mean is then right
+        // every other draw mirrors the one before it, so that the mean of the draws is exact
         if k.is_multiple_of(2) {
             step = random.step(deviations, n);
         } else {
@@ -327,12 +335,12 @@ pub(crate) fn replicate(
             }
         }
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
-        let factor = moved_to(factor, &moved)?;
+        let factor = factor_with_solution(factor, &moved)?;
         match identify(&factor, combinations, layout, options) {
             Ok(found) => {
                 out.phi.push(found.phi);
                 out.beta.push(found.beta);
-                out.unbound.push(moved);
+                out.unprojected.push(moved);
             }
             Err(why) => {
                 out.failed += 1;
@@ -341,7 +349,7 @@ pub(crate) fn replicate(
         }
         progress(k + 1);
     }
-    out.settle(combinations, layout, options, deviations);
+    out.snap_to_limits(combinations, layout, options, deviations);
     match error {
         Some(why) if 10 * out.failed > replicates => Err(why),
         _ => Ok(out),
@@ -363,8 +371,8 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-/// The factor of data that least squares would have found these parameters in.
-fn moved_to(factor: &QrFactor, values: &[f64]) -> Result<QrFactor, FeasibilityError> {
+/// The QR factor of data whose least-squares solution is `values`.
+fn factor_with_solution(factor: &QrFactor, values: &[f64]) -> Result<QrFactor, FeasibilityError> {
     let n = factor.columns();
     let mut z = vec![0.0; n];
     for (column, value) in factor.r().chunks_exact(n.max(1)).zip(values) {
@@ -381,7 +389,7 @@ fn moved_to(factor: &QrFactor, values: &[f64]) -> Result<QrFactor, FeasibilityEr
     )?)
 }
 
-/// Which of all parameters the data and what is known besides determine.
+/// Which of the p parameters the data and the equality constraints determine.
 pub(crate) fn determined(
     combinations: &BaseMap,
     layout: &ParameterLayout,
@@ -389,7 +397,7 @@ pub(crate) fn determined(
 ) -> Result<Vec<bool>, FeasibilityError> {
     let p = layout.len();
     let mut rows: Vec<Vec<f64>> = combinations.rows().to_vec();
-    let mut tell = |entries: &[(usize, f64)]| {
+    let mut add_row = |entries: &[(usize, f64)]| {
         let mut row = vec![0.0; p];
         for (k, x) in entries {
             row[*k] += x;
@@ -397,21 +405,21 @@ pub(crate) fn determined(
         rows.push(row);
     };
     for (label, _) in &options.known {
-        tell(&[(layout.find(label)?, 1.0)]);
+        add_row(&[(layout.find(label)?, 1.0)]);
     }
     for bodies in &options.identical {
         let of = |label: &String| layout.bodies().iter().find(|b| b.label == *label);
         let columns: Vec<_> = bodies.iter().filter_map(of).collect();
         for pair in columns.windows(2) {
             for (a, b) in pair[0].columns.iter().zip(&pair[1].columns) {
-                tell(&[(*a, 1.0), (*b, -1.0)]);
+                add_row(&[(*a, 1.0), (*b, -1.0)]);
             }
         }
     }
     for total in &options.totals {
         let places = total.parameters.iter().map(|label| layout.find(label));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
-        tell(&places.iter().map(|k| (*k, 1.0)).collect::<Vec<_>>());
+        add_row(&places.iter().map(|k| (*k, 1.0)).collect::<Vec<_>>());
     }
     let matrix = DMatrix::from_fn(rows.len(), p, |i, j| {
         let size = rows[i].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -427,12 +435,12 @@ pub(crate) fn determined(
         let inside = pairs.filter(|(_, s)| **s > 1e-10 * largest);
         inside.map(|(i, _)| v[(i, k)].powi(2)).sum()
     };
-    Ok((0..p).map(|k| seen(k) > 1.0 - DETERMINED).collect())
+    Ok((0..p).map(|k| seen(k) > 1.0 - UNDETERMINED_PART).collect())
 }
 
-/// A seed from the digits of parameters (FNV-1a).
+/// A seed from the decimals of the parameters (FNV-1a hash).
 fn seed(values: &[f64]) -> u64 {
-    let texts = values.iter().map(|x| format!("{x:.DIGITS$e}"));
+    let texts = values.iter().map(|x| format!("{x:.SEED_DECIMALS$e}"));
     texts
         .flat_map(String::into_bytes)
         .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
@@ -440,7 +448,7 @@ fn seed(values: &[f64]) -> u64 {
         })
 }
 
-/// Normal numbers, the same on every machine (SplitMix64; Box and Muller).
+/// Generator of random numbers that are the same on every machine (SplitMix64; Box and Muller).
 struct Random(u64);
 
 impl Random {
@@ -452,7 +460,7 @@ impl Random {
         x ^ (x >> 31)
     }
 
-    /// Between 0 and 1, neither included.
+    /// A uniform number between 0 and 1, neither included.
     fn part(&mut self) -> f64 {
         ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
@@ -462,10 +470,10 @@ impl Random {
         radius * libm::cos(core::f64::consts::TAU * self.part())
     }
 
-    /// What another log would have moved least squares by: of Student's distribution, as the
-    /// covariance is itself an estimate.
+    /// A draw of the difference between another log's least-squares parameters and these, from
+    /// Student's distribution, as the covariance is itself an estimate.
     fn step(&mut self, deviations: &Deviations, n: usize) -> Vec<f64> {
-        // beyond a hundred it is normal
+        // with more than a hundred degrees of freedom it is almost normal
         let freedom = deviations.terms.clamp(1, 100);
         let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
         let by = (freedom as f64 / squares).sqrt();

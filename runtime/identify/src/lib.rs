@@ -1,12 +1,13 @@
 //! Dynamic parameters of a robot from logs of its motion.
 //!
-//! A log becomes samples ([`data`]), samples become states of motion ([`signals`]), states become
-//! equations in the base parameters ([`identify`]), equations become a triangular factor and an
-//! estimate with its deviations ([`estimate`]). [`feasibility`] finds parameters of bodies that can
-//! exist, [`friction`] laws that are not linear, [`identifiability`] what a motion lets one
-//! identify, [`intervals`] the deviations of what no formula gives.
+//! The steps: [`data`] reads samples from a log, [`signals`] differentiates them to states of
+//! motion, [`identify`] sets up the equations in the base parameters, [`estimate`] reduces them to
+//! a QR factor and solves for the parameters and their standard deviations. [`feasibility`] finds
+//! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
+//! [`identifiability`] says which parameters a motion can identify, and [`intervals`] computes
+//! confidence intervals of estimates under constraints, which no formula gives.
 //!
-//! It works on any [`BaseModel`](regen_runtime::BaseModel), generated or interpreted.
+//! The crate works on any [`BaseModel`](regen_runtime::BaseModel), generated or interpreted.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel

@@ -1,5 +1,4 @@
-//! The model that was identified: one set of values, and the one prediction that all commands
-//! make with it.
+//! The result of an identification, and the prediction of efforts with it that all commands use.
 
 use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
@@ -7,44 +6,46 @@ use crate::friction::{JointEfforts, JointFit};
 use crate::identify::{EquationBuilder, EquationKind, Source, equations};
 use regen_runtime::{BaseModel, SizeError};
 
-/// What an estimator says of how uncertain its value is.
+/// Standard deviation and confidence interval of an estimated value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The standard deviation, in the value's unit.
     pub sigma: f64,
-    /// The same as if the residuals were white; NaN where the estimator has none.
+    /// The standard deviation under the assumption of white residuals; NaN where the estimator
+    /// has none.
     pub sigma_white: f64,
-    /// The confidence interval, of the level that was asked for.
+    /// The lower end of the confidence interval, of the requested level.
     pub low: f64,
-    /// See `low`.
+    /// The upper end of the confidence interval.
     pub high: f64,
 }
 
-/// The intervals of a model's values, each by the estimator that gave the value.
+/// The confidence intervals of a model's values, each by the estimator that gave the value.
 ///
-/// A list that is empty says that this estimator gives no intervals of these values.
+/// An empty list means that the estimator gives no intervals of these values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Intervals {
-    /// Of the r base parameters; `None` where a value was left out or has no interval.
+    /// Intervals of the r base parameters; `None` where a value was left out or has no interval.
     pub base: Vec<Option<Interval>>,
-    /// Of all p parameters.
+    /// Intervals of all p parameters.
     pub physical: Vec<Option<Interval>>,
-    /// Of the friction that has no columns: for each joint its coefficients.
+    /// Intervals of the coefficients of nonlinear friction, joint by joint.
     pub friction: Vec<Vec<Option<Interval>>>,
-    /// How they were found, in words.
+    /// How the intervals were computed, in words.
     pub method: String,
 }
 
 impl Intervals {
     /// The intervals of a least-squares estimate.
     ///
-    /// - `white`, `used`: the estimate with the covariance for white residuals, and with the one
-    ///   that counts.
+    /// - `white`, `used`: the estimate with the covariance for white residuals, and with the
+    ///   covariance of the intervals;
+    /// - `confidence`: the level of the intervals, in (0, 1).
     pub fn of(white: &Estimate, used: &Estimate, confidence: f64, method: String) -> Self {
         let one = |k: usize| {
             let (value, sigma) = (*used.values.get(k)?, used.sigma(k));
             let half = used.half_width(k, confidence);
-            // without a spare equation nothing is known of the noise
+            // without more equations than parameters the noise is not known
             (sigma.is_finite() && half.is_finite()).then(|| Interval {
                 sigma,
                 sigma_white: white.sigma(k),
@@ -63,58 +64,58 @@ impl Intervals {
 /// Where an identified model came from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Provenance {
-    /// The digest of the model that it belongs to, as [`digest`](crate::identify::digest) has it;
-    /// empty where it is not known.
+    /// The [`digest`](crate::identify::digest) of the robot's model; empty where it is not known.
     pub model: String,
-    /// The logs by the names of their files without folder and ending, in alphabetical order.
+    /// The names of the log files without folder and ending, in alphabetical order.
     pub logs: Vec<String>,
-    /// When it was identified, as the caller states it.
+    /// The date of the identification, as the caller gives it.
     pub date: Option<String>,
 }
 
-/// A model that was identified, whatever by.
+/// The identified values of a model, by any of the estimators.
 #[derive(Clone, Debug, Default)]
 pub struct IdentifiedModel {
-    /// The method that found it: `least squares`, `feasible`, `reduced`, ...
+    /// The estimator: `least squares`, `feasible`, `reduced`, ...
     pub name: String,
-    /// Its r base parameters, SI.
+    /// The r base parameters, SI.
     pub beta: Vec<f64>,
-    /// All p parameters, SI, where it is physical; their base parameters are `beta`.
+    /// All p parameters, SI, of a physically feasible model; their base parameters are `beta`.
     pub phi: Option<Vec<f64>>,
     /// Friction that has no columns among the base parameters.
     pub friction: Vec<JointFit>,
-    /// The places of base parameters that were left out of it on purpose; their values are zero.
+    /// The indices of base parameters that were left out on purpose; their values are zero.
     pub left_out: Vec<usize>,
-    /// What is known of its feasibility.
+    /// The verdict on the physical feasibility, in words.
     pub feasibility: String,
-    /// The masses that only a limit far beyond this robot bounds, as labels: they want bounds of
-    /// their own, or nominal values.
+    /// The labels of masses whose only bound is far beyond this robot: they need bounds of their
+    /// own, or nominal values.
     pub unbounded: Vec<String>,
-    /// By what part of itself the objective can be above the optimum at most, where it is physical.
+    /// The relative amount by which the objective of a physically feasible model can at most be
+    /// above the optimum.
     pub gap: Option<f64>,
-    /// How uncertain its values are.
+    /// The confidence intervals of the values.
     pub intervals: Intervals,
-    /// Where it came from.
+    /// The model and the logs that the values were identified from.
     pub provenance: Provenance,
 }
 
-/// A sample's equations with what a model predicts for them.
+/// The equations of one sample: their measured right-hand sides and the model's predictions.
 pub struct Predicted<'a> {
     /// Time, s.
     pub time: f64,
-    /// Whether it follows the sample before it.
+    /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
-    /// The right side as measured, N or N m; J where energy is balanced.
+    /// The measured right-hand sides, N or N m; J for energy balances.
     pub measured: &'a [f64],
-    /// The same as the model predicts it.
+    /// The right-hand sides that the model predicts, in the same units.
     pub fitted: &'a [f64],
-    /// Which of the equations count: those of joints at rest do not.
+    /// Which of the equations are used: those with weight 0, such as of joints at rest, are not.
     pub used: &'a [bool],
 }
 
 impl IdentifiedModel {
-    /// All p parameters, SI: those that were found physical, or any that have these base
-    /// parameters.
+    /// All p parameters, SI: the physical ones if a feasible fit found them, otherwise any that
+    /// have these base parameters.
     ///
     /// # Errors
     /// When the number of base parameters is not the model's.
@@ -128,10 +129,10 @@ impl IdentifiedModel {
         Ok(phi)
     }
 
-    /// Takes over the intervals of another model that has the same base parameters: where no
-    /// constraint is active, a feasible fit is least squares, and as uncertain.
+    /// Copies the intervals of another model if both have the same base parameters: where no
+    /// constraint is active, a feasible fit equals least squares and has its intervals.
     pub fn inherit(&mut self, other: &Self) {
-        /// Values that differ by less than this part of a deviation are the same.
+        /// Values that differ by less than this part of a standard deviation are the same.
         const SAME: f64 = 1e-6;
         let same = self.beta.len() == other.beta.len()
             && self.friction.is_empty()
@@ -149,7 +150,7 @@ impl IdentifiedModel {
             return;
         }
         self.intervals = other.intervals.clone();
-        // an interval lies around its own value, to the last digit
+        // shift the intervals by the rounding difference between the values
         let moved = self.beta.iter().zip(&other.beta).map(|(a, b)| a - b);
         for (interval, by) in self.intervals.base.iter_mut().zip(moved) {
             if let Some(interval) = interval {
@@ -159,13 +160,14 @@ impl IdentifiedModel {
         }
     }
 
-    /// Predicts the right side of every equation that a log gives.
+    /// Predicts the right-hand side of every equation of a log, and passes the predictions to
+    /// `each`, sample by sample.
     ///
-    /// Every prediction from what was identified comes through here: tables, reports, validation.
+    /// Tables, reports and validation all use this prediction.
     ///
     /// # Errors
-    /// [`DataError::FrictionOfEnergy`] for nonlinear friction in a balance of energy; what reading
-    /// the log finds.
+    /// [`DataError::FrictionOfEnergy`] for nonlinear friction in an energy balance; errors of
+    /// reading the log.
     pub fn predict<M, S>(
         &self,
         model: &M,
@@ -181,7 +183,7 @@ impl IdentifiedModel {
             return Err(DataError::FrictionOfEnergy);
         }
         let mut columns = JointEfforts::new(model, &self.friction)?;
-        // the column of friction counts as it is
+        // the column of nonlinear friction has the factor 1
         let factors: Vec<f64> = self.beta.iter().copied().chain([1.0]).collect();
         let mut fitted = Vec::new();
         let mut used = Vec::new();
@@ -208,10 +210,10 @@ impl IdentifiedModel {
         Ok(())
     }
 
-    /// What the prediction leaves of a log's efforts.
+    /// The statistics of the residuals of a log: measured minus predicted right-hand sides.
     ///
     /// - `means`: of the efforts on this log, for eps_RA (Eq. 33);
-    /// - `lags`: how many autocorrelations are found.
+    /// - `lags`: the number of autocorrelations to compute.
     ///
     /// # Errors
     /// As [`predict`](Self::predict).
@@ -239,7 +241,7 @@ impl IdentifiedModel {
     }
 }
 
-/// Adds a column times a value.
+/// Adds `value` times a column to the sums.
 fn add(sums: &mut [f64], column: &[f64], value: f64) {
     for (sum, entry) in sums.iter_mut().zip(column) {
         *sum += entry * value;

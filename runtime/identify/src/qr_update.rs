@@ -1,16 +1,17 @@
-//! The update of a triangle by further rows, by Householder reflections.
+//! Updates a QR factor by further rows with Householder reflections.
 
 /// Rows reduced at a time: with some 40 columns they fit the second-level cache.
 pub(crate) const BLOCK: usize = 256;
 
-/// Reduces the rows of `[block | side]` into the triangle `[r | z]`; returns the sum of squares
-/// of what is left of `side`.
+/// Reduces the rows of `[block | side]` into the triangle `[r | z]`; returns the residual sum of
+/// squares that these rows add.
 ///
-/// - `r`: n x n, upper triangular, column-major; its diagonal is left non-negative.
-/// - `block`: n columns of `rows` entries each, `side`: one; both are overwritten.
+/// - `r`: n x n, upper triangular, column-major; its diagonal becomes non-negative.
+/// - `block`: n columns of `rows` entries each, column-major; `side`: one column; both are
+///   overwritten.
 ///
-/// A reflection for column k touches row k of the triangle and the block, none of the rows
-/// between: the zeros of the triangle cost nothing.
+/// The reflection for column k changes only row k of the triangle and the block, so the zeros of
+/// the triangle cost nothing.
 pub(crate) fn reduce(
     r: &mut [f64],
     z: &mut [f64],
@@ -36,7 +37,7 @@ pub(crate) fn reduce(
             continue;
         }
         let norm = alpha.mul_add(alpha, tail).sqrt();
-        // away from alpha, so that nothing cancels; the sign is turned back below
+        // of the sign opposite to alpha, so that nothing cancels; `flip` restores the sign below
         let beta = if alpha > 0.0 { -norm } else { norm };
         // the reflection is 1 - u u^T / h with u = (alpha - beta, v)
         let head = alpha - beta;
@@ -72,7 +73,7 @@ pub(crate) fn reduce(
     dot(side, side)
 }
 
-/// Turns the sign of row k.
+/// Changes the sign of row k of the triangle.
 fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
     let n = z.len();
     for column in k..n {
@@ -81,7 +82,7 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
     z[k] = -z[k];
 }
 
-/// Independent sums, for the compiler to keep in vector registers.
+/// Number of independent sums, which the compiler keeps in vector registers.
 const LANES: usize = 8;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -97,7 +98,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// The products of v with two columns, reading v once.
+/// The dot products of `v` with two columns, reading `v` once.
 fn dots(v: &[f64], a: &[f64], b: &[f64]) -> (f64, f64) {
     let (v, v_rest) = v.as_chunks::<LANES>();
     let (a, a_rest) = a.as_chunks::<LANES>();
@@ -131,7 +132,7 @@ fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
     }
 }
 
-/// Solves R x = z from below; `None` where a diagonal entry is zero.
+/// Solves R x = z by back substitution; `None` if a diagonal entry is zero.
 pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     let n = z.len();
     let mut x = z.to_vec();

@@ -2,7 +2,7 @@
 
 use crate::qr_update::reduce;
 
-/// Singular values, largest first, and the right singular vectors that belong to them.
+/// Singular values and right singular vectors of a matrix with n columns, the largest value first.
 ///
 /// ```
 /// use regen_identify::SingularValues;
@@ -14,15 +14,16 @@ use crate::qr_update::reduce;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingularValues {
-    /// Largest first.
+    /// The n singular values, largest first.
     pub values: Vec<f64>,
-    /// n x n: vector k starts at `k * n`.
+    /// The right singular vectors in the same order, n x n: vector k starts at `k * n`.
     pub vectors: Vec<f64>,
 }
 
 impl SingularValues {
-    /// Those of a matrix with `n` columns, column-major. Reflections reduce it to a triangle, then
-    /// one-sided rotations (Hestenes, 1958) find small values as exactly as large ones.
+    /// Decomposes a matrix with `n` columns, column-major. Householder reflections reduce it to a
+    /// triangle, then one-sided rotations (Hestenes, 1958) find small values with the same relative
+    /// accuracy as large ones.
     pub fn new(w: &[f64], n: usize) -> Self {
         let rows = w.len().checked_div(n).unwrap_or(0);
         let mut r = vec![0.0; n * n];
@@ -31,7 +32,7 @@ impl SingularValues {
         Self::of_square(r, n)
     }
 
-    /// Those of a square matrix of n columns, column-major.
+    /// Decomposes a square matrix of n columns, column-major.
     pub(crate) fn of_square(mut r: Vec<f64>, n: usize) -> Self {
         let mut v = vec![0.0; n * n];
         for k in 0..n {
@@ -57,7 +58,8 @@ impl SingularValues {
         }
     }
 
-    /// Largest over smallest; infinite where the smallest is 0.
+    /// The condition number: the largest singular value over the smallest; infinite where the
+    /// smallest is 0.
     pub fn condition(&self) -> f64 {
         match (self.values.first(), self.values.last()) {
             (Some(&largest), Some(&smallest)) if smallest > 0.0 => largest / smallest,
@@ -66,7 +68,7 @@ impl SingularValues {
     }
 }
 
-/// Makes each two columns orthogonal in turn; whether any two were not.
+/// Makes each pair of columns orthogonal in turn; returns whether any pair was not.
 fn sweep(u: &mut [f64], v: &mut [f64], n: usize) -> bool {
     let mut turned = false;
     for p in 0..n {

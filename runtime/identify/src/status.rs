@@ -1,53 +1,54 @@
-//! What is said of each identified parameter: how much it contributes, and how well it is known.
+//! Rates each identified parameter: how much it contributes to the efforts, and how well it is
+//! determined.
 
 use core::fmt;
 
 use crate::estimate::QrFactor;
 use serde::{Deserialize, Serialize};
 
-/// Deviations below this part of a value, in percent, are of well identified parameters (section
+/// Standard deviation in percent of the value below which a parameter is well identified (section
 /// 5.3).
 pub const WELL: f64 = crate::identifiability::WELL;
-/// A value within so many deviations of zero may be zero.
-const NEAR: f64 = 2.0;
-/// What such a deviation may contribute to the efforts, in percent, for the parameter to be known
-/// to be negligible.
-const NEGLIGIBLE: f64 = 1.0;
+/// A value within this many standard deviations of zero may be zero.
+const NEAR_ZERO_DEVIATIONS: f64 = 2.0;
+/// Contribution of the standard deviation of such a value to the efforts, in percent, below which
+/// the parameter is known to be negligible.
+const NEGLIGIBLE_DEVIATION_PERCENT: f64 = 1.0;
 
-/// Less than this part of the efforts, in percent, is nothing: no effort is measured to a
-/// ten-thousandth, and what differentiation and sampling leave, which no deviation knows of, is
-/// more.
-const NOTHING: f64 = 0.01;
-/// Columns below this part of the longest are rounding.
-const ROUNDING: f64 = 1e-12;
+/// Contribution to the efforts, in percent, below which a parameter has no effect: no effort is
+/// measured to a ten-thousandth, and the errors of differentiation and sampling, which no standard
+/// deviation includes, are larger.
+const NO_EFFECT_PERCENT: f64 = 0.01;
+/// Columns whose norm is below this part of the largest norm are rounding errors.
+const RELATIVE_ROUNDING: f64 = 1e-12;
 
-/// How well a parameter is known.
+/// How well a parameter is identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Status {
-    /// Its deviation is below 15 % of its value.
+    /// The parameter's standard deviation is below 15 % of its value.
     #[serde(rename = "well")]
     Well,
-    /// It may be zero, and what its deviation leaves open is below 1 % of the efforts: it is known
-    /// to be negligible. Or it is not well identified, and all that it may be moves less than
-    /// 0.01 % of the efforts.
+    /// The parameter may be zero, and its standard deviation contributes less than 1 % of the
+    /// efforts: it is known to be negligible. Or it is not well identified, and no value within
+    /// its uncertainty contributes more than 0.01 % of the efforts.
     #[serde(rename = "zero within its error")]
     Zero,
-    /// The data leave it open, and it may matter.
+    /// The data do not determine the parameter, and it may matter.
     #[serde(rename = "poor")]
     Poor,
-    /// Its column counts for nothing in these data.
+    /// The parameter's column is zero in these data.
     #[serde(rename = "unseen")]
     Unseen,
-    /// It was left out of the model on purpose.
+    /// The parameter was left out of the model on purpose.
     #[serde(rename = "left out")]
     LeftOut,
-    /// The estimator gives no deviation of it.
+    /// The estimator gives no standard deviation of the parameter.
     #[serde(rename = "no deviation")]
     Unknown,
 }
 
 impl Status {
-    /// All of them, in the order in which they are counted.
+    /// All statuses, in the order in which they are counted.
     pub const ALL: [Self; 6] = [
         Self::Well,
         Self::Zero,
@@ -80,7 +81,7 @@ impl fmt::Display for Status {
     }
 }
 
-/// How many there are of each status, in words: `23 well, 2 zero within their error`.
+/// The number of parameters of each status, in words: `23 well, 2 zero within their error`.
 pub fn counted(statuses: impl Iterator<Item = Status>) -> String {
     let statuses: Vec<Status> = statuses.collect();
     let parts: Vec<String> = Status::ALL
@@ -93,10 +94,10 @@ pub fn counted(statuses: impl Iterator<Item = Status>) -> String {
     parts.join(", ")
 }
 
-/// What columns and efforts weigh in the data of a fit.
+/// The contributions of parameters to the efforts in the data of a fit.
 ///
-/// All efforts count with the weights of the fit, which are the inverse of their noise unless they
-/// are weighted alike: so N and N m can be summed, and an effort counts by how well it is measured.
+/// All efforts have the weights of the fit, which are the inverse of their noise unless all weights
+/// are equal: so N and N m can be summed, and an effort counts by how well it is measured.
 #[derive(Clone, Debug)]
 pub struct Shares {
     /// The root mean squares of the columns, each in the efforts' units over the parameter's.
@@ -106,22 +107,28 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of a fit's weighted factor.
+    /// The contributions in the data of a fit's weighted QR factor.
     pub fn of(factor: &QrFactor) -> Self {
         let rows = factor.rows().max(1) as f64;
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         let norms = factor.column_norms();
         let longest = norms.iter().copied().fold(0.0, f64::max);
-        // what is shorter is rounding
-        let seen = |norm: f64| if norm > ROUNDING * longest { norm } else { 0.0 };
+        // shorter columns are rounding errors
+        let seen = |norm: f64| {
+            if norm > RELATIVE_ROUNDING * longest {
+                norm
+            } else {
+                0.0
+            }
+        };
         Self {
             columns: norms.iter().map(|n| seen(*n) / rows.sqrt()).collect(),
             efforts: (squares / rows).sqrt(),
         }
     }
 
-    /// What a value of a parameter contributes: the root mean square of its column times the value
-    /// over that of the efforts, in percent. NaN where there is no such column.
+    /// The contribution of a parameter with this value to the efforts: the root mean square of its
+    /// column times the value over that of the efforts, in percent. NaN if there is no such column.
     pub fn percent(&self, parameter: usize, value: f64) -> f64 {
         let column = self.columns.get(parameter).copied().unwrap_or(f64::NAN);
         if value == 0.0 || column == 0.0 {
@@ -130,7 +137,8 @@ impl Shares {
         100.0 * column * value.abs() / self.efforts
     }
 
-    /// The status of a value with this standard deviation; NaN where none is known.
+    /// The status of a parameter with this value and this standard deviation `sigma`, which is NaN
+    /// where none is known.
     pub fn status(&self, parameter: usize, value: f64, sigma: f64) -> Status {
         let column = self.columns.get(parameter).copied().unwrap_or(f64::NAN);
         if column == 0.0 {
@@ -139,8 +147,10 @@ impl Shares {
             Status::Unknown
         } else if 100.0 * sigma < WELL * value.abs() {
             Status::Well
-        } else if value.abs() <= NEAR * sigma && self.percent(parameter, sigma) < NEGLIGIBLE
-            || self.percent(parameter, value.abs() + NEAR * sigma) < NOTHING
+        } else if value.abs() <= NEAR_ZERO_DEVIATIONS * sigma
+            && self.percent(parameter, sigma) < NEGLIGIBLE_DEVIATION_PERCENT
+            || self.percent(parameter, value.abs() + NEAR_ZERO_DEVIATIONS * sigma)
+                < NO_EFFECT_PERCENT
         {
             Status::Zero
         } else {
@@ -169,12 +179,12 @@ mod tests {
         for (parameter, value, sigma, status) in [
             (0, 1.0, 0.149, Status::Well),
             (0, 1.0, 0.151, Status::Poor),
-            // 1 % of the efforts is a deviation of 0.01 here
+            // a standard deviation of 0.01 is 1 % of the efforts here
             (0, 0.015, 0.009, Status::Zero),
             (0, 0.019, 0.009, Status::Poor),
             (0, 0.015, 0.011, Status::Poor),
             (1, 0.5, 0.9, Status::Zero),
-            // far from zero by its deviation, but less than 0.01 % of the efforts
+            // many standard deviations from zero, but less than 0.01 % of the efforts
             (0, 5e-5, 1e-5, Status::Zero),
             (0, 9e-5, 2e-5, Status::Poor),
             (0, 5e-5, 1e-6, Status::Well),

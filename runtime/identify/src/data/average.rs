@@ -1,14 +1,15 @@
-//! Runs of a periodic trajectory, averaged.
+//! The mean over several runs of a periodic trajectory.
 
 use super::columns::ColumnLayout;
 
-/// Degrees of freedom of a spread: that of one sample over few runs alone would make absurd
-/// weights, so that neighbours on both sides are taken along.
-const FREEDOM: f64 = 40.0;
-/// The smallest variance of an effort as a part of the usual one.
-const QUIETEST: f64 = 1e-4;
+/// Degrees of freedom that the variance of an effort is estimated with: one sample over few runs
+/// would give absurd weights, so the samples on both sides are pooled with it.
+const DEGREES_OF_FREEDOM: f64 = 40.0;
+/// The smallest variance of an effort relative to its mean variance over the period; bounds the
+/// weights.
+const MIN_RELATIVE_VARIANCE: f64 = 1e-4;
 
-/// Means and spreads (Welford) over the runs at each sample of the period.
+/// Means and variances over the runs (Welford's method) at each sample of the period.
 pub(super) struct Average {
     step: f64,
     period: f64,
@@ -17,13 +18,14 @@ pub(super) struct Average {
     samples: Vec<Phase>,
 }
 
-/// A row of means, and the weights of its efforts.
+/// A row of means over the runs, and the weights of its efforts.
 pub(super) type Averaged = (Vec<f64>, Vec<f64>);
 
 #[derive(Clone)]
 struct Phase {
     runs: f64,
     means: Vec<f64>,
+    /// Sums of squared deviations from the means.
     squares: Vec<f64>,
 }
 
@@ -33,7 +35,7 @@ impl Average {
         if !(2.0..1e8).contains(&samples) {
             return Err(format!("a period of {period} s has no samples of {step} s"));
         }
-        // more would be half a step after some runs
+        // a larger rest would add up to half a step after some runs
         if (samples - period / step).abs() > 0.05 {
             return Err(format!(
                 "the period of {period} s is not a whole number of steps of {step} s: runs cannot \
@@ -72,8 +74,8 @@ impl Average {
         }
     }
 
-    /// The mean run, each row with the weights of its efforts: 1 over the standard deviation of
-    /// the mean, relative to the usual one.
+    /// The mean run, each row with the weights of its efforts: the usual standard deviation of
+    /// the mean over that of this row.
     pub(super) fn finish(self) -> Result<Vec<Averaged>, String> {
         if self.samples.iter().any(|phase| phase.runs < 2.0) {
             return Err(format!(
@@ -96,7 +98,7 @@ impl Average {
         let most = self.samples.iter().map(|p| p.runs).fold(0.0, f64::max);
         let n = self.samples.len();
         #[allow(clippy::cast_sign_loss, reason = "every sample was run twice or more")]
-        let aside = (0.5 * FREEDOM / (most - 1.0)).ceil() as usize;
+        let aside = (0.5 * DEGREES_OF_FREEDOM / (most - 1.0)).ceil() as usize;
         let aside = aside.min(n / 2);
         let rows = self.samples.iter().enumerate().map(|(k, phase)| {
             let mut values = phase.means.clone();
@@ -106,7 +108,7 @@ impl Average {
             let weights = self.efforts.clone().zip(&usual).map(|(e, usual)| {
                 let variance = around().map(|p| p.squares[e]).sum::<f64>() / spare;
                 if *usual > 0.0 {
-                    let part = (variance / usual).max(QUIETEST);
+                    let part = (variance / usual).max(MIN_RELATIVE_VARIANCE);
                     (phase.runs / most / part).sqrt()
                 } else {
                     1.0

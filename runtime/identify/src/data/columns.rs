@@ -1,22 +1,22 @@
-//! Which column of a log is what.
+//! Assigns the columns of a log to times, positions, velocities, accelerations and efforts.
 
 use core::fmt;
 use core::str::FromStr;
 
 use regen_runtime::Info;
 
-/// What a column holds.
+/// The physical quantity of a log's column.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Time, s.
     Time,
-    /// A coordinate, rad or m.
+    /// The position of the named coordinate, rad or m.
     Position(String),
-    /// Its velocity.
+    /// The velocity of the named coordinate, rad/s or m/s.
     Velocity(String),
-    /// Its acceleration.
+    /// The acceleration of the named coordinate, rad/s^2 or m/s^2.
     Acceleration(String),
-    /// Its effort, N or N m.
+    /// The effort at the named coordinate, N m or N.
     Effort(String),
 }
 
@@ -32,7 +32,7 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A column that a user names: `QUANTITY=COLUMN[:UNIT][*FACTOR]`.
+/// A user's assignment of a quantity to a column: `QUANTITY=COLUMN[:UNIT][*FACTOR]`.
 ///
 /// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
 /// are `s ms us rad deg m mm N Nm A` and the like; the factor is a torque constant (Eq. 30), a
@@ -52,26 +52,26 @@ impl fmt::Display for Quantity {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
-    /// What the column holds.
+    /// The quantity that is in the column.
     pub quantity: Quantity,
-    /// Its header.
+    /// The column's header.
     pub column: String,
-    /// What its entries are multiplied by to be in SI.
+    /// The factor that converts the column's entries to SI: that of the unit times `gain`.
     pub factor: f64,
-    /// The unit that was given.
+    /// The unit, if one was given.
     pub unit: Option<&'static str>,
-    /// The factor that was given beside the unit, or without one.
+    /// The `FACTOR` of the text, if one was given.
     pub gain: Option<f64>,
 }
 
 impl Assignment {
-    /// Whether an effort is given as a current, whose torque constant belongs to the joint.
+    /// Whether the column is an effort given as a current, which needs the joint's torque constant.
     pub fn is_current(&self) -> bool {
         matches!(self.quantity, Quantity::Effort(_)) && matches!(self.unit, Some("A" | "mA"))
     }
 }
 
-/// Why a text assigns no column.
+/// Error for a text that is not a valid [`Assignment`], with the reason as a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AssignmentError(String);
 
@@ -83,7 +83,7 @@ impl fmt::Display for AssignmentError {
 
 impl core::error::Error for AssignmentError {}
 
-/// Units with what makes them SI.
+/// Units with their factors to SI.
 const UNITS: [(&str, f64); 20] = [
     ("s", 1.0),
     ("ms", 1e-3),
@@ -163,42 +163,47 @@ impl FromStr for Assignment {
     }
 }
 
-/// A column's place in a file and its factor.
+/// The index of a column in its file, and its factor to SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Channel {
     pub(super) index: usize,
     pub(super) factor: f64,
 }
 
-/// Where everything stands in the rows of one file.
+/// The columns of one file that are read, and their order in a row.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ColumnLayout {
     pub(super) header: Vec<String>,
     /// Coordinates that are measured, as indices into `Info::coordinates`.
     pub(super) measured: Vec<usize>,
-    /// Columns in the order in which rows are kept: time, positions, then velocities and
-    /// accelerations if these are measured, then efforts.
+    /// The columns in the order of [`LogRow::values`](super::reader::LogRow::values): time,
+    /// positions, then velocities and accelerations if these are measured, then efforts.
     pub(super) channels: Vec<Channel>,
     /// Whether velocities and accelerations are measured.
     pub(super) derivatives: bool,
+    /// The number of efforts.
     pub(super) efforts: usize,
 }
 
-/// Titles that are listed in a message, and characters of each.
-const LISTED: usize = 40;
+/// Most titles in a message, and most characters of each.
+const MAX_LISTED: usize = 40;
 
-/// A text that fits into a message.
+/// Cuts a text to a length that fits into a message.
 pub(super) fn shortened(text: &str) -> String {
-    match text.char_indices().nth(LISTED) {
+    match text.char_indices().nth(MAX_LISTED) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text.to_owned(),
     }
 }
 
-/// The titles of a header, as many as can be looked through.
+/// Lists the titles of a header for a message, at most [`MAX_LISTED`].
 fn listed(header: &[String]) -> String {
-    let titles: Vec<String> = header.iter().take(LISTED).map(|t| shortened(t)).collect();
-    let more = header.len().saturating_sub(LISTED);
+    let titles: Vec<String> = header
+        .iter()
+        .take(MAX_LISTED)
+        .map(|t| shortened(t))
+        .collect();
+    let more = header.len().saturating_sub(MAX_LISTED);
     let tail = if more > 0 {
         format!(" and {more} more")
     } else {
@@ -279,7 +284,7 @@ impl ColumnLayout {
             .into());
         }
         let place = |name: &str| header.iter().position(|h| h == name);
-        // Which of two columns of the same name is meant, nobody knows.
+        // two columns of the same name are ambiguous
         let once = |index: usize| -> Result<usize, String> {
             let name = header.get(index).map_or("", String::as_str);
             if header.iter().skip(index + 1).any(|h| h == name) {
@@ -325,7 +330,7 @@ impl ColumnLayout {
             rates.push(velocity.zip(acceleration));
         }
         if measured.len() < info.dof() {
-            // the actuated ones are what a robot measures
+            // name the actuated coordinates, as robots usually measure these
             let wanted: Vec<&str> = info
                 .actuated
                 .iter()
@@ -365,16 +370,17 @@ impl ColumnLayout {
         })
     }
 
-    /// The places of positions, velocities, accelerations and efforts in a kept row.
+    /// The indices of the positions in a row; velocities and accelerations follow them if measured.
     pub(super) fn positions(&self) -> core::ops::Range<usize> {
         1..1 + self.measured.len()
     }
 
+    /// The indices of the efforts in a row.
     pub(super) fn efforts(&self) -> core::ops::Range<usize> {
         self.channels.len() - self.efforts..self.channels.len()
     }
 
-    /// The header over a kept entry.
+    /// The header of the column of a row's entry.
     pub(super) fn title(&self, entry: usize) -> String {
         let index = self.channels.get(entry).map(|c| c.index);
         let title = index.and_then(|i| self.header.get(i));

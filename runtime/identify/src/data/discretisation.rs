@@ -1,5 +1,6 @@
-//! What the way from positions to derivatives does to an estimate: derivatives from samples or of
-//! a fitted series are not those of the motion, and no residual says so.
+//! Estimates the error of the parameters that comes from differentiating the positions:
+//! derivatives from samples or of a fitted series differ from those of the motion, and no
+//! residual reveals it.
 
 use super::logs::{Log, Logs};
 use super::problem::DataError;
@@ -9,33 +10,37 @@ use crate::identify::{Completed, Completion};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 use regen_runtime::BaseModel;
 
-/// Rows of each file that are looked at, in so many stretches.
-const ROWS: usize = 8192;
+/// Rows of each file that are differentiated in both ways, unless a filter needs more.
+const SAMPLED_ROWS: usize = 8192;
+/// Number of stretches that these rows are divided into.
 const STRETCHES: usize = 8;
-/// States of each file that equations are made of.
-const STATES: usize = 500;
-/// Of the filter that a series is compared with.
-const ORDER: usize = 4;
-/// How much the whole log counts where the states that were looked at say little.
-const HELD: f64 = 1e-3;
-/// How many times as wide the regression is that one is compared with.
-const WIDER: f64 = 1.5;
+/// Approximate number of states of each file that equations are set up for.
+const SAMPLED_STATES: usize = 500;
+/// Order of the Butterworth filter that a series is compared with.
+const FILTER_ORDER: usize = 4;
+/// Weight of the whole log's QR factor against the equations of the sampled states: it decides
+/// only where these contain little information.
+const WHOLE_LOG_WEIGHT: f64 = 1e-3;
+/// Half width of the regression that a local regression is compared with, over its own.
+const WIDER_REGRESSION: f64 = 1.5;
 
 impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
-    /// By how much each base parameter would change if derivatives were taken in another way: what is
-    /// not known of the motion, and what no residual tells. r entries, SI.
+    /// Estimates by how much each base parameter would change if the positions were differentiated
+    /// in another way: an error of the motion that no residual reveals. Returns r entries, SI.
     ///
-    /// Differences, of filtered positions too, are compared with those over one neighbour on either
-    /// side (Eq. 31), a regression with a wider one, a series (Eq. 25) with what a filter of three
-    /// times its highest frequency leaves of the positions. Zero where derivatives are measured, or
-    /// where noise decided for one neighbour.
+    /// Differences, also of filtered positions, are compared with those over one neighbour on
+    /// either side (Eq. 31), a local regression with a wider one, and a series (Eq. 25) with the
+    /// positions behind a filter of three times its highest frequency. The change is zero where
+    /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
-    /// To first order the change solves `W d = tau - tau_1` (Eq. 12) by least squares, where `tau_1`
-    /// are the efforts of the parameters with the other derivatives. Some hundred states of each file
-    /// stand for all; the factor of all keeps `d` small where these say little.
+    /// To first order the change `d` solves `W d = tau - tau_1` (Eq. 12) by least squares, where
+    /// `tau_1` are the efforts that the parameters predict with the other derivatives. Some hundred
+    /// states of each file represent the whole file; the factor of all states keeps `d` small where
+    /// these contain little information.
     ///
-    /// - `beta`: the parameters found, SI; `weights`: those of the equations by effort;
-    /// - `factor`: weighted, that the parameters are the solution of.
+    /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a
+    ///   state;
+    /// - `factor`: the weighted QR factor whose solution the parameters are.
     ///
     /// # Errors
     /// When a file cannot be read.
@@ -64,7 +69,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let whole: Vec<f64> = factor
             .r()
             .iter()
-            .map(|x| (HELD * part).sqrt() * x)
+            .map(|x| (WHOLE_LOG_WEIGHT * part).sqrt() * x)
             .collect();
         let solved = changes.factor.push_block(&whole, &vec![0.0; r]);
         Ok(match solved.and_then(|()| changes.factor.solve()) {
@@ -73,24 +78,24 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         })
     }
 
-    /// Adds the equations of one file.
+    /// Adds the equations of one file with `rows` good rows.
     fn changes(&self, log: &Log, rows: usize, out: &mut Changes<'_>) -> Result<(), DataError> {
         let measured = &log.file.layout.measured;
         let mut completions = Completions {
             usual: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
             other: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
         };
-        // a filter settles within a part of each stretch only
+        // long enough for states between the ends of a stretch, where the filter settles
         let step = log.survey.step();
-        let slower = another(self.settings.method, step).support(step);
+        let slower = comparison_method(self.settings.method, step).support(step);
         let slower = slower.ok().flatten().unwrap_or(0).min(rows);
-        let length = (ROWS / STRETCHES).max(4 * slower);
+        let length = (SAMPLED_ROWS / STRETCHES).max(4 * slower);
         let (count, length) = if rows <= STRETCHES * length {
             (1, rows)
         } else {
             (STRETCHES, length)
         };
-        let every = (count * length).div_ceil(STATES).max(1);
+        let every = (count * length).div_ceil(SAMPLED_STATES).max(1);
         let mut stretch: Vec<LogRow> = Vec::new();
         let mut place = 0;
         log.file
@@ -108,7 +113,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         self.stretch(log, &mut stretch, every, &mut completions, out)
     }
 
-    /// Adds the equations of rows that follow each other, and empties them.
+    /// Adds the equations of consecutive rows, and clears the rows.
     fn stretch(
         &self,
         log: &Log,
@@ -124,8 +129,9 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let (mut usual, mut other) = (Vec::new(), Vec::new());
         for (place, entry) in log.file.layout.positions().enumerate() {
             let positions: Vec<f64> = rows.iter().map(|r| r.values[entry]).collect();
-            // a stretch that is too short gives nothing
-            let Ok((a, b)) = both(log, method, place, &times, &positions) else {
+            // a stretch that is too short gives no equations
+            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &positions)
+            else {
                 return Ok(());
             };
             for found in [&a, &b] {
@@ -138,7 +144,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let (mut w, mut tau, mut changed) = (vec![0.0; n * r], vec![0.0; n], vec![0.0; n]);
         for k in valid.step_by(every) {
             let same = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
-            // where a velocity changes its sign, friction differs by more than derivatives do
+            // where a velocity's sign depends on the method, friction would change more than the
+            // derivatives do
             if !usual.iter().zip(&other).all(same) {
                 continue;
             }
@@ -174,8 +181,8 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     }
 }
 
-/// The method that the one of the logs is compared with.
-fn another(method: Method, step: f64) -> Method {
+/// The method that a log's method is compared with.
+fn comparison_method(method: Method, step: f64) -> Method {
     match (method, method.of_states(step)) {
         (
             Method::Fourier {
@@ -184,20 +191,20 @@ fn another(method: Method, step: f64) -> Method {
             },
             _,
         ) => Method::Butterworth {
-            order: ORDER,
+            order: FILTER_ORDER,
             cutoff: frequency * harmonics as f64,
         }
         .of_states(step),
         (_, filter @ Method::Butterworth { .. }) => filter,
         (_, Method::Local { half_width }) => Method::Local {
-            half_width: WIDER * half_width,
+            half_width: WIDER_REGRESSION * half_width,
         },
         _ => Method::Central,
     }
 }
 
-/// The derivatives of a position that are used, and those of another method.
-fn both(
+/// The derivatives of a position by the log's method, and by the method it is compared with.
+fn derivatives_by_both_methods(
     log: &Log,
     method: Method,
     place: usize,
@@ -226,9 +233,9 @@ fn both(
         }
         _ => method.of_states(step).differentiate(times, positions)?,
     };
-    let other = another(method, step).differentiate(times, positions)?;
+    let other = comparison_method(method, step).differentiate(times, positions)?;
     let other = match method {
-        // a stronger filter would differ by the noise that it takes away
+        // a stronger filter would differ also by the noise that it removes
         Method::Butterworth { .. } => differences(times, &other.value, 1).map(|d| Derivatives {
             valid: other.valid,
             ..d
@@ -238,13 +245,13 @@ fn both(
     Ok((usual, other))
 }
 
-/// The closures of both kinds of states, each of which goes on from its last one.
+/// Closures of the states with either method's derivatives; each starts from its last state.
 struct Completions<'m, M: ?Sized> {
     usual: Completion<'m, M>,
     other: Completion<'m, M>,
 }
 
-/// Equations of the changes.
+/// The equations of the parameters' changes, as a QR factor.
 struct Changes<'a> {
     beta: &'a [f64],
     weights: &'a [f64],
@@ -252,7 +259,8 @@ struct Changes<'a> {
 }
 
 impl Changes<'_> {
-    /// Adds those of one state: its regressor, and its efforts with both derivatives.
+    /// Adds the equations of one state: `w` is its regressor (n x r, column-major; weighted in
+    /// place), `tau` and `changed` are its n efforts with either method's derivatives.
     fn push(&mut self, w: &mut [f64], tau: &[f64], changed: &[f64]) {
         let n = tau.len();
         let weight = |i: usize| self.weights.get(i).copied().unwrap_or(1.0);
@@ -263,7 +271,7 @@ impl Changes<'_> {
         }
         let pairs = tau.iter().zip(changed).enumerate();
         let side: Vec<f64> = pairs.map(|(i, (a, b))| weight(i) * (a - b)).collect();
-        // what is not finite says nothing
+        // equations that are not finite are left out
         let _ = self.factor.push_block(w, &side);
     }
 }

@@ -1,4 +1,5 @@
-//! Logs as a source of rows: read in windows, differentiated, completed by the closure.
+//! Reads logs window by window, differentiates the positions and closes the loops, as a
+//! [`Source`] of states.
 
 use std::path::PathBuf;
 
@@ -14,28 +15,28 @@ use crate::identify::{Completion, Filtering, Row, Source, Standstill};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
 use regen_runtime::{Info, Model};
 
-/// How logs are read.
+/// Settings for reading logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Columns whose headers do not say what they are.
+    /// Assignments of columns whose headers do not name their quantities.
     pub columns: Vec<Assignment>,
     /// How positions are differentiated, unless velocities and accelerations are measured.
     pub method: Method,
-    /// What is done with rows that cannot be used.
+    /// What is done with faulty rows.
     pub policy: Policy,
-    /// Of the states found, each how many-th gives equations; at least 1.
+    /// Decimation ratio: one of this many states gives equations; at least 1.
     pub decimation: usize,
-    /// The period in s of a trajectory that is run several times: the runs are averaged, their
-    /// spread becomes the rows' weights.
+    /// The period in s of a trajectory that is run several times: the runs are averaged, and their
+    /// variance gives the rows' weights.
     pub period: Option<f64>,
-    /// Standard deviations of positions by coordinate, where more is measured than needed; 1
-    /// for those not named.
+    /// Standard deviations of positions by coordinate, rad or m, where more coordinates are
+    /// measured than needed; 1 for those not named.
     pub deviations: Vec<(String, f64)>,
     /// What is done with equations of coordinates that rest: whose raw positions stay within the
-    /// encoder's step or noise for 0.2 s, or whose velocities are within two deviations of zero or
-    /// turn round within the samples that they are made of.
+    /// encoder's step or noise for 0.2 s, or whose velocities are within two standard deviations of
+    /// zero or reverse within the samples that they are computed from.
     pub standstill: Standstill,
-    /// Velocities below this, rad/s or m/s, count as rest too.
+    /// The speed below which a coordinate counts as resting too, rad/s or m/s.
     pub rest_speed: f64,
     /// By how many seconds efforts are logged after the motion that they belong to, by
     /// coordinate; 0 for those not named.
@@ -58,40 +59,42 @@ impl Default for Settings {
     }
 }
 
-/// What was read of a file.
+/// Summary of reading one file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileReport {
     /// The file.
     pub file: String,
-    /// Good rows.
+    /// The number of rows that can be used.
     pub rows: usize,
-    /// The usual step, s.
+    /// The median time step, s.
     pub step: f64,
-    /// States that gave equations.
+    /// The number of states in the last pass; 0 before.
     pub states: usize,
-    /// Whether velocities and accelerations were read from it, not found from the positions.
+    /// Whether velocities and accelerations were read from the file, not computed from the
+    /// positions.
     pub derivatives: bool,
-    /// The measured coordinates that never move in it.
+    /// The names of the measured coordinates that never move.
     pub still: Vec<String>,
-    /// What is wrong with it.
+    /// The faulty rows.
     pub problems: Problems,
-    /// What was done with the rows that this is about.
+    /// What was done with the faulty rows.
     pub policy: Policy,
 }
 
+/// One opened log file, with the results of its first passes.
 pub(super) struct Log {
     pub(super) file: LogFile,
     pub(super) survey: Survey,
-    /// The series, where it is fitted; from the first pass on.
+    /// The Fourier series of the positions, with [`Method::Fourier`].
     pub(super) series: Option<Fourier>,
-    /// What is known of each measured position's encoder.
+    /// The resolution and noise of each measured position's encoder.
     pub(super) encoders: Vec<Encoder>,
 }
 
-/// A filter that needs more rows than this on either side is none for windows.
-const WIDEST: usize = 1_000_000;
+/// Most rows on either side that a filter may need, as a window with them is held in memory.
+const MAX_SUPPORT_ROWS: usize = 1_000_000;
 
-/// Log files of one robot, as a [`Source`]: memory does not grow with their length.
+/// Log files of one robot, as a [`Source`] of states; memory does not grow with their length.
 ///
 /// ```
 /// # mod models {
@@ -100,7 +103,7 @@ const WIDEST: usize = 1_000_000;
 /// # }
 /// # use models::Pendulum;
 /// use regen_identify::data::{Logs, Settings};
-/// use regen_identify::identify::{Kind, Options, identify};
+/// use regen_identify::identify::{EquationKind, Options, identify};
 /// use regen_identify::signals::Method;
 ///
 /// // angles and torques of a pendulum of 0.5 kg m^2 and 2 kg m, moved as q = sin(2 pi t)
@@ -118,7 +121,7 @@ const WIDEST: usize = 1_000_000;
 ///     ..Settings::default()
 /// };
 /// let mut logs = Logs::open(&Pendulum, &[path.clone()], &settings)?;
-/// let found = identify(&Pendulum, Kind::Forces, &Options::default(), &mut logs)?;
+/// let found = identify(&Pendulum, EquationKind::Forces, &Options::default(), &mut logs)?;
 /// assert!((found.estimate.values[0] - 0.5).abs() < 1e-8);
 /// assert_eq!(logs.reports()[0].states, 200);
 /// # std::fs::remove_file(path)?;
@@ -132,11 +135,12 @@ pub struct Logs<'m, M: ?Sized> {
 }
 
 impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
-    /// Opens files, reads each once for its sampling and twice where it is checked for
-    /// [`Policy::Fail`].
+    /// Opens files and reads each twice: first for the statistics of the whole file, then for its
+    /// faulty rows, its encoders' resolution and its Fourier series.
     ///
     /// # Errors
-    /// When a file cannot be read, lacks columns, or has rows that cannot be used.
+    /// When a file cannot be read, lacks columns, has fewer than two usable rows, or has faulty
+    /// rows under [`Policy::Fail`].
     pub fn open(model: &'m M, paths: &[PathBuf], settings: &Settings) -> Result<Self, DataError> {
         let info = model.info();
         let mut files = Vec::with_capacity(paths.len());
@@ -223,7 +227,8 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         })
     }
 
-    /// What was read of each file; states and their problems after a pass.
+    /// Summaries of the files, in the order of the paths; the number of states and the states that
+    /// do not close are those of the last pass.
     pub fn reports(&self) -> &[FileReport] {
         &self.reports
     }
@@ -252,7 +257,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
             };
             let measured = &log.file.layout.measured;
             let deviations: Vec<f64> = measured.iter().map(deviation).collect();
-            // states found by an earlier pass are told once
+            // problems of states replace those of an earlier pass
             let mut fresh = Problems::default();
             let mut window = Window {
                 log,
@@ -260,7 +265,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 completion: Completion::new(self.model, measured, &deviations)?,
                 model: self.model,
                 support: support(log, &self.settings)?,
-                unsure: unsure(log, &self.settings)?,
+                sign_thresholds: sign_thresholds(log, &self.settings)?,
                 delays: delays(&info, &self.settings),
                 rows: Vec::new(),
                 weights: Vec::new(),
@@ -333,9 +338,9 @@ fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
     info.actuated.iter().map(of).collect()
 }
 
-/// The velocity of each measured coordinate below which its direction is not sure: noise of the
-/// encoder through the differentiation, twice its deviation.
-fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
+/// The speed of each measured coordinate below which noise may turn its sign, rad/s or m/s: twice
+/// the standard deviation of the differentiated encoder noise, and at least `rest_speed`.
+fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
     let gain = if log.file.layout.derivatives || log.series.is_some() {
         0.0
     } else {
@@ -346,7 +351,7 @@ fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
             .rate_gain(step)
             .map_err(|why| signal(&log.file, why))?
     };
-    // differences over more neighbours take up more noise
+    // differences over more neighbours pass more noise
     let more = |encoder: &Encoder| match (settings.method, encoder.neighbours) {
         (Method::Central, 2) => 130_f64.sqrt() / 72_f64.sqrt(),
         (Method::Central, 3) => 4214_f64.sqrt() / 1800_f64.sqrt(),
@@ -358,7 +363,7 @@ fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
         .collect())
 }
 
-/// How many rows on either side a state depends on.
+/// The number of rows on either side that a state depends on.
 fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     let step = log.survey.step();
     let longest = settings
@@ -375,7 +380,7 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     if log.file.layout.derivatives || log.series.is_some() {
         return Ok(least);
     }
-    // what was asked for is refused in its own words
+    // check the method as the user gave it first, so that an error names the user's own numbers
     let asked = settings.method.support(step);
     asked.map_err(|why| signal(&log.file, why))?;
     let support = settings
@@ -388,7 +393,7 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
         _ => support,
     };
     match support.map(|rows| rows.max(least)) {
-        Some(rows) if rows <= WIDEST => Ok(rows),
+        Some(rows) if rows <= MAX_SUPPORT_ROWS => Ok(rows),
         _ => Err(signal(
             &log.file,
             SignalError::Setting("the filter is too slow for this sampling: raise its cutoff"),

@@ -1,4 +1,4 @@
-//! Logs from CSV and Parquet files: columns, checks, and the way to whole states of motion.
+//! Logs from CSV and Parquet files: assigns columns, checks rows and computes states of motion.
 
 mod average;
 mod columns;

@@ -1,4 +1,4 @@
-//! Rows of a Parquet file, a row group's pages at a time.
+//! Reads the rows of a Parquet file, one row group after another.
 
 mod format;
 mod guard;
@@ -17,17 +17,17 @@ use super::columns::ColumnLayout;
 use super::problem::{DataError, Fault, Problem};
 use super::reader::LogRow;
 
-/// Rows read at a time.
+/// Rows decoded at a time.
 const BATCH: usize = 4096;
-/// Longest footer: that of hundreds of columns in thousands of row groups.
-const FOOTER: u64 = 1 << 24;
-/// Groups of columns within groups, at most.
-const NESTED: usize = 32;
-/// Rows that a byte of a file may stand for, at most: equal numbers and equal steps are written
-/// in a few bytes, but time and forces differ from row to row.
-const DENSEST: u64 = 1000;
+/// Longest footer in bytes: enough for hundreds of columns in thousands of row groups.
+const MAX_FOOTER_BYTES: u64 = 1 << 24;
+/// Deepest nesting of groups of columns.
+const MAX_NESTING: usize = 32;
+/// Most rows per byte of a file: equal numbers and equal steps are encoded in a few bytes, but
+/// time and forces differ from row to row.
+const MAX_ROWS_PER_BYTE: u64 = 1000;
 
-/// What a row becomes.
+/// Callback that receives each row, or why it cannot be used.
 pub(super) type RowSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
@@ -42,7 +42,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
         file.seek(SeekFrom::End(-8)).map_err(io)?;
         file.read_exact(&mut tail).map_err(io)?;
         let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
-        if footer > FOOTER {
+        if footer > MAX_FOOTER_BYTES {
             return Err(broken(path, &format!("its footer claims {footer} bytes")));
         }
         if let Some(start) = (size - 8).checked_sub(footer) {
@@ -50,8 +50,9 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
             file.seek(SeekFrom::Start(start)).map_err(io)?;
             let mut text = file.by_ref().take(footer);
             text.read_to_end(&mut bytes).map_err(io)?;
-            if pages::nesting(&bytes).is_none_or(|deep| deep > NESTED) {
-                let why = format!("its footer is none, or has groups nested deeper than {NESTED}");
+            if pages::nesting(&bytes).is_none_or(|deep| deep > MAX_NESTING) {
+                let why =
+                    format!("its footer is none, or has groups nested deeper than {MAX_NESTING}");
                 return Err(broken(path, &why));
             }
         }
@@ -73,14 +74,14 @@ fn failed(path: &Path, error: &ParquetError) -> DataError {
     }
 }
 
-/// The names of the columns.
+/// Reads the names of the columns.
 pub(super) fn header(path: &Path) -> Result<Vec<String>, DataError> {
     let reader = open(path)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     Ok(schema.columns().iter().map(|c| c.path().string()).collect())
 }
 
-/// A column's batch: a number or nothing for each row.
+/// A batch of a column: for each row its number, or `None` for null.
 type Entries = Vec<Option<f64>>;
 
 fn typed<T: DataType>(
@@ -91,7 +92,7 @@ fn typed<T: DataType>(
 ) -> Result<Entries, ParquetError> {
     let (mut levels, mut values) = (Vec::new(), Vec::new());
     let mut out = Vec::with_capacity(rows);
-    // a page ends a call
+    // one call reads at most to the end of a page
     while out.len() < rows {
         levels.clear();
         values.clear();
@@ -132,7 +133,7 @@ fn batch(
     }))
 }
 
-/// The rows of each group, once its pages claim nothing that cannot be.
+/// The number of rows of each row group, after a check that its pages' headers are plausible.
 fn rows(
     path: &Path,
     reader: &SerializedFileReader<File>,
@@ -150,10 +151,12 @@ fn rows(
         let rows = u64::try_from(group.num_rows())
             .map_err(|_| broken(path, "it claims less than no rows"))?;
         total = total.saturating_add(rows);
-        if total > size.saturating_mul(DENSEST) {
+        if total > size.saturating_mul(MAX_ROWS_PER_BYTE) {
             return Err(broken(
                 path,
-                &format!("{size} bytes claim {total} rows; the limit is {DENSEST} rows a byte"),
+                &format!(
+                    "{size} bytes claim {total} rows; the limit is {MAX_ROWS_PER_BYTE} rows a byte"
+                ),
             ));
         }
         for (entry, channel) in layout.channels.iter().enumerate() {
@@ -175,7 +178,7 @@ fn rows(
     Ok(out)
 }
 
-/// Hands over all rows in order, counted from 1.
+/// Passes all rows to `each` in order, numbered from 1.
 pub(super) fn records(
     path: &Path,
     layout: &ColumnLayout,
@@ -221,14 +224,14 @@ pub(super) fn records(
             }
             for row in 0..count {
                 line += 1;
-                each(kept(layout, line, entries.iter().map(|e| e[row])))?;
+                each(to_row(layout, line, entries.iter().map(|e| e[row])))?;
             }
         }
     }
     Ok(())
 }
 
-fn kept(
+fn to_row(
     layout: &ColumnLayout,
     line: u64,
     entries: impl Iterator<Item = Option<f64>>,

@@ -1,4 +1,4 @@
-//! What is wrong with a log, with its rows.
+//! Faults of a log's rows, what to do with them, and the errors of reading logs.
 
 use core::fmt;
 
@@ -13,86 +13,86 @@ use regen_runtime::{ClosureError, SizeError};
 pub struct Problem {
     /// The line of a CSV file, from 1, its header being line 1; the row of a Parquet file, from 1.
     pub row: u64,
-    /// What is wrong there.
+    /// The fault of this row.
     pub what: Fault,
 }
 
-/// What is wrong with a row.
+/// A fault of a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
-    /// More or fewer entries than the header.
+    /// The row has more or fewer entries than the header.
     Entries {
-        /// Entries there are.
+        /// The number of entries of the row.
         found: usize,
-        /// Entries of the header.
+        /// The number of entries of the header.
         expected: usize,
     },
-    /// An entry that is no number, NaN, infinite, empty or null.
+    /// An entry is no number, NaN, infinite, empty or null.
     NotANumber {
-        /// The column.
+        /// The header of the column.
         column: String,
-        /// What stands there.
+        /// The text of the entry.
         text: String,
     },
-    /// The time of the row before.
+    /// The row has the same time as the row before.
     Duplicate {
         /// The time, s.
         time: f64,
     },
-    /// A time before that of the row before.
+    /// The time of the row is earlier than that of the row before.
     Unsorted {
         /// The time, s.
         time: f64,
     },
-    /// A time far before that of the row before: a clock that was set.
+    /// The time of the row is far earlier than that of the row before: the clock was set back.
     ClockBack {
-        /// How far, s.
+        /// By how much time goes back, s.
         step: f64,
     },
-    /// A step much longer than usual before this row.
+    /// The time step before this row is much longer than usual.
     Gap {
-        /// The step, s.
+        /// The step before this row, s.
         step: f64,
-        /// The usual step, s.
+        /// The median step of the log, s.
         usual: f64,
     },
-    /// A value far from those around it.
+    /// A position is far from those in the rows around it.
     Outlier {
-        /// The column.
+        /// The header of the column.
         column: String,
         /// The value in SI.
         value: f64,
         /// The median of the values around it.
         around: f64,
     },
-    /// One of several rows in which an effort stands still at its largest or smallest value.
+    /// An effort stays at its largest or smallest value over several rows, of which this is one.
     Saturated {
-        /// The column.
+        /// The header of the column.
         column: String,
         /// The value in SI.
         value: f64,
     },
-    /// The first of several rows in which a position stands exactly still though it was moving
-    /// before, or moves on in a jump: the encoder was stuck.
+    /// A position repeats exactly over several rows, of which this is the first, although it was
+    /// moving before or then goes on with a jump: the encoder was stuck.
     Stuck {
-        /// The column.
+        /// The header of the column.
         column: String,
         /// The value in SI.
         value: f64,
         /// The last of the rows.
         until: u64,
     },
-    /// A last row that ends without an end of line within its last number.
+    /// The last row has no end of line, and its last number is shorter than in the rows before.
     Cut {
-        /// The column.
+        /// The header of the last column.
         column: String,
-        /// What stands there.
+        /// The text of the last entry.
         text: String,
     },
-    /// A state that does not close the loops or is singular.
+    /// The loops cannot be closed at this row's state, or the state is singular.
     Open {
-        /// Why.
+        /// The reason, as a sentence.
         why: String,
     },
 }
@@ -156,7 +156,7 @@ impl fmt::Display for Problem {
 }
 
 impl Problem {
-    /// How many rows it is about.
+    /// The number of rows with this fault; more than one only for a stuck encoder.
     pub fn rows(&self) -> usize {
         match &self.what {
             Fault::Stuck { until, .. } => {
@@ -167,11 +167,12 @@ impl Problem {
     }
 }
 
-/// The kinds of faults whose rows are numbers in the order of time all the same.
-const NUMBERS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
+/// The kinds of faults whose rows have only numbers and are in order of time, so that they can be
+/// used all the same.
+const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
 
 impl Fault {
-    /// Its kind, for counting.
+    /// The name of the kind of fault, for counting.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Entries { .. } => "wrong number of entries",
@@ -189,23 +190,23 @@ impl Fault {
     }
 }
 
-/// What a user wants done with rows that cannot be used.
+/// What to do with faulty rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Policy {
-    /// To be told of all of them, and nothing computed.
+    /// Report all faults as an error, and compute nothing.
     #[default]
     Fail,
-    /// To go on without them; the log is cut there.
+    /// Leave out the faulty rows; the log is divided into segments there.
     Drop,
-    /// To go on with them where they are numbers in the order of time: outliers, saturated efforts
-    /// and encoders that look stuck count as any row. What is no number is left out.
+    /// Use outliers, saturated efforts and positions of encoders that look stuck like any row;
+    /// leave out rows that have no numbers or are not in order of time.
     Keep,
-    /// As `Keep`, and to be told of all of them.
+    /// As `Keep`, and report all faults.
     Tell,
 }
 
 impl Policy {
-    /// Whether rows are used though something is said of them.
+    /// Whether outliers, saturated efforts and positions of stuck encoders are used.
     ///
     /// ```
     /// use regen_identify::data::Policy;
@@ -218,17 +219,17 @@ impl Policy {
     }
 }
 
-/// Problems of a log: the first ones, and how many of each kind.
+/// Problems of a log: the first 20, and the number of rows of each kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Problems {
-    /// The first ones.
+    /// The first problems found, at most 20.
     pub first: Vec<Problem>,
-    /// Kinds with their numbers, in order of appearance.
+    /// The kinds of faults with their numbers of rows, in order of appearance.
     pub counts: Vec<(String, usize)>,
 }
 
-/// Problems that are told one by one.
-const TOLD: usize = 20;
+/// Most problems that are listed one by one.
+const MAX_LISTED_PROBLEMS: usize = 20;
 
 impl Problems {
     pub(super) fn add(&mut self, problem: Problem) {
@@ -237,12 +238,12 @@ impl Problems {
             Some((_, count)) => *count += problem.rows(),
             None => self.counts.push((kind.to_owned(), problem.rows())),
         }
-        if self.first.len() < TOLD {
+        if self.first.len() < MAX_LISTED_PROBLEMS {
             self.first.push(problem);
         }
     }
 
-    /// Replaces what an earlier pass said of states that do not close.
+    /// Replaces the problems of states that do not close by those of a later pass.
     pub(super) fn replace_open(&mut self, fresh: &Self) {
         let open = Fault::Open { why: String::new() }.kind();
         self.counts.retain(|(kind, _)| kind != open);
@@ -251,12 +252,13 @@ impl Problems {
         self.first.extend(fresh.first.iter().cloned());
     }
 
-    /// How many there are.
+    /// The number of rows with problems, over all kinds.
     pub fn total(&self) -> usize {
         self.counts.iter().map(|(_, count)| count).sum()
     }
 
-    /// The kinds of those that a policy leaves out, with their numbers, in order of appearance.
+    /// The kinds of faults whose rows a policy leaves out, with their numbers of rows, in order of
+    /// appearance.
     ///
     /// ```
     /// use regen_identify::data::{Policy, Problems};
@@ -271,8 +273,8 @@ impl Problems {
     pub fn left_out(&self, policy: Policy) -> Vec<(&str, usize)> {
         let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
         counts
-            // the rows on both sides of a gap are there
-            .filter(|(kind, _)| *kind != "gap" && !(policy.keeps() && NUMBERS.contains(kind)))
+            // a gap leaves out no row
+            .filter(|(kind, _)| *kind != "gap" && !(policy.keeps() && USABLE_KINDS.contains(kind)))
             .collect()
     }
 }
@@ -294,7 +296,7 @@ impl fmt::Display for Problems {
     }
 }
 
-/// Why a log was not read.
+/// Error of reading logs and of computing states and equations from them.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum DataError {
@@ -302,46 +304,47 @@ pub enum DataError {
     Io {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         why: String,
     },
-    /// The file is no log of this robot.
+    /// The columns do not fit this robot.
     ColumnLayout {
         /// The file.
         file: String,
-        /// Why, and what to do.
+        /// The reason, and what to do.
         why: String,
     },
-    /// Columns that the file does not name as the robot does.
+    /// The file does not name its columns as the robot names its coordinates.
     Columns {
         /// The file.
         file: String,
-        /// Why: a sentence that ends with the assignment.
+        /// The reason: a sentence that ends with the assignment.
         why: String,
-        /// The [`Assignment`](super::Assignment) that would help, as it is written.
+        /// The [`Assignment`](super::Assignment) that would help, in its text form.
         assignment: String,
     },
-    /// Rows that cannot be used, under [`Policy::Fail`].
+    /// The file has faulty rows, under [`Policy::Fail`].
     Problems {
         /// The file.
         file: String,
-        /// They.
+        /// The faulty rows.
         problems: Problems,
     },
-    /// Positions that cannot be differentiated.
+    /// The positions cannot be differentiated.
     Signal {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         why: SignalError,
     },
-    /// A model that cannot be closed, or does not fit.
+    /// The model's loops cannot be closed, or its sizes do not fit.
     Model(ClosureError),
-    /// Equations that do not fit or do not determine the parameters.
+    /// The equations do not fit or do not determine the parameters.
     Estimate(EstimateError),
-    /// A balance of energy was asked of parameters with nonlinear friction, which predict forces.
+    /// Parameters with nonlinear friction, which predict forces, were to be used in an energy
+    /// balance.
     FrictionOfEnergy,
-    /// Nonlinear friction that does not fit the model.
+    /// The nonlinear friction does not fit the model.
     Feasibility(crate::feasibility::FeasibilityError),
 }
 
@@ -412,7 +415,7 @@ impl From<SizeError> for DataError {
     }
 }
 
-/// A median of few values; NaN of none.
+/// The median; NaN of an empty slice.
 pub(super) fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

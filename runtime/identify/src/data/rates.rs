@@ -1,15 +1,17 @@
-//! Measured velocities against the positions they should be velocities of.
+//! Checks measured velocities against the changes of the measured positions.
 
-/// Rows over which a velocity is integrated: noise of single rows averages out.
-const ROWS: usize = 64;
-/// Stretches that are needed for a judgement.
-const FEWEST: f64 = 8.0;
-/// Correlation of what was moved with the velocity's integral: less is another signal.
-const ALIKE: f64 = 0.7;
-/// A slope outside 1/TWICE .. TWICE is another unit.
-const TWICE: f64 = 2.0;
+/// Rows of a stretch over which a velocity is integrated: noise of single rows averages out.
+const STRETCH_ROWS: usize = 64;
+/// Number of stretches below which nothing is reported.
+const MIN_STRETCHES: f64 = 8.0;
+/// Correlation of a position's change with its velocity's integral: below it, the column holds
+/// another signal.
+const MIN_CORRELATION: f64 = 0.7;
+/// Ratio of a velocity's integral to the position's change: outside `1/MAX_RATIO ..
+/// MAX_RATIO`, the column is in another unit.
+const MAX_RATIO: f64 = 2.0;
 
-/// Sums over stretches of each position's change and of each velocity's integral.
+/// Sums of products of the positions' changes and the velocities' integrals over stretches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rates {
     start: Vec<f64>,
@@ -17,18 +19,19 @@ pub(super) struct Rates {
     last: Vec<f64>,
     rows: usize,
     stretches: f64,
-    /// Squares of changes, squares of integrals, and products of a change (row) with an integral.
-    moved: Vec<f64>,
-    said: Vec<f64>,
+    /// Sums of squared changes, of squared integrals, and of products of the change of position k
+    /// with the integral of velocity j, at k * m + j.
+    change_squares: Vec<f64>,
+    integral_squares: Vec<f64>,
     products: Vec<f64>,
 }
 
 impl Rates {
-    /// The next row: time, `m` positions, `m` velocities.
+    /// Adds the next row: time, `m` positions, `m` velocities.
     pub(super) fn push(&mut self, m: usize, row: &[f64]) {
-        if self.moved.len() != m {
-            self.moved = vec![0.0; m];
-            self.said = vec![0.0; m];
+        if self.change_squares.len() != m {
+            self.change_squares = vec![0.0; m];
+            self.integral_squares = vec![0.0; m];
             self.products = vec![0.0; m * m];
         }
         if self.rows == 0 {
@@ -42,52 +45,54 @@ impl Rates {
         }
         self.last = row.to_vec();
         self.rows += 1;
-        if self.rows <= ROWS {
+        if self.rows <= STRETCH_ROWS {
             return;
         }
         self.rows = 0;
         self.stretches += 1.0;
         for k in 0..m {
             let moved = row[1 + k] - self.start[1 + k];
-            self.moved[k] += moved * moved;
-            self.said[k] += self.integral[k] * self.integral[k];
+            self.change_squares[k] += moved * moved;
+            self.integral_squares[k] += self.integral[k] * self.integral[k];
             for j in 0..m {
                 self.products[k * m + j] += moved * self.integral[j];
             }
         }
     }
 
-    /// The rows that come do not follow.
+    /// Starts a new stretch: the next row does not follow the last one.
     pub(super) fn pause(&mut self) {
         self.rows = 0;
     }
 
-    /// What does not fit, in a sentence, with titles of positions and velocities.
+    /// A sentence on the first velocity column that does not fit its position, with the column
+    /// titles; `None` if all fit.
     pub(super) fn judge(&self, titles: &dyn Fn(usize) -> String) -> Option<String> {
-        let m = self.moved.len();
-        if self.stretches < FEWEST {
+        let m = self.change_squares.len();
+        if self.stretches < MIN_STRETCHES {
             return None;
         }
-        let alike =
-            |k: usize, j: usize| self.products[k * m + j] / (self.moved[k] * self.said[j]).sqrt();
+        let correlation = |k: usize, j: usize| {
+            self.products[k * m + j] / (self.change_squares[k] * self.integral_squares[j]).sqrt()
+        };
         for k in 0..m {
-            let own = alike(k, k);
-            // a position or a velocity that is always 0 says nothing
+            let own = correlation(k, k);
+            // a position that never changes, or a velocity that is always 0, has no correlation
             if !own.is_finite() {
                 continue;
             }
             let (position, velocity) = (titles(1 + k), titles(1 + m + k));
             let head = format!(
-                "column `{velocity}` is not the velocity of column `{position}`: over {ROWS} rows \
-                 its integral has the correlation {own:.2} with what that moved"
+                "column `{velocity}` is not the velocity of column `{position}`: over \
+                 {STRETCH_ROWS} rows its integral has the correlation {own:.2} with what that moved"
             );
-            if own < -ALIKE {
+            if own < -MIN_CORRELATION {
                 return Some(format!(
                     "{head}; its sign is flipped, give it the factor -1"
                 ));
             }
-            if own < ALIKE {
-                let other = (0..m).find(|j| *j != k && alike(*j, k) > ALIKE);
+            if own < MIN_CORRELATION {
+                let other = (0..m).find(|j| *j != k && correlation(*j, k) > MIN_CORRELATION);
                 return Some(match other {
                     Some(j) => {
                         format!(
@@ -95,11 +100,11 @@ impl Rates {
                             titles(1 + j)
                         )
                     }
-                    None => format!("{head}; at least {ALIKE} is expected"),
+                    None => format!("{head}; at least {MIN_CORRELATION} is expected"),
                 });
             }
-            let slope = self.products[k * m + k] / self.moved[k];
-            if !(1.0 / TWICE..TWICE).contains(&slope) {
+            let slope = self.products[k * m + k] / self.change_squares[k];
+            if !(1.0 / MAX_RATIO..MAX_RATIO).contains(&slope) {
                 return Some(format!(
                     "column `{velocity}` is {slope:.3} times the velocity of column \
                      `{position}`: give their units"
@@ -114,8 +119,8 @@ impl Rates {
 mod tests {
     use super::*;
 
-    /// What is told of two joints whose columns are changed: q1, q2, qd1, qd2.
-    fn told(change: impl Fn([f64; 4]) -> [f64; 4]) -> Option<String> {
+    /// The verdict on two joints whose columns (q1, q2, qd1, qd2) `change` has altered.
+    fn verdict(change: impl Fn([f64; 4]) -> [f64; 4]) -> Option<String> {
         let mut rates = Rates::default();
         for k in 0..3000 {
             let t = f64::from(k) * 2e-3;
@@ -135,22 +140,22 @@ mod tests {
 
     #[test]
     fn velocities_of_others_are_told() {
-        assert_eq!(told(|row| row), None);
-        let flipped = told(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
+        assert_eq!(verdict(|row| row), None);
+        let flipped = verdict(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
         assert!(
             flipped.contains("`qd_q2`") && flipped.contains("factor -1"),
             "{flipped}"
         );
-        let swapped = told(|[a, b, c, d]| [a, b, d, c]).unwrap_or_default();
+        let swapped = verdict(|[a, b, c, d]| [a, b, d, c]).unwrap_or_default();
         assert!(swapped.contains("fits column `q2`"), "{swapped}");
-        let degrees = told(|[a, b, c, d]| [a, b, c.to_degrees(), d]).unwrap_or_default();
+        let degrees = verdict(|[a, b, c, d]| [a, b, c.to_degrees(), d]).unwrap_or_default();
         assert!(
             degrees.contains("57.") && degrees.contains("units"),
             "{degrees}"
         );
-        let other = told(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
+        let other = verdict(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
         assert!(other.contains("at least 0.7"), "{other}");
-        // a joint that is held
-        assert_eq!(told(|[a, _, c, _]| [a, 0.3, c, 0.0]), None);
+        // a joint that does not move
+        assert_eq!(verdict(|[a, _, c, _]| [a, 0.3, c, 0.0]), None);
     }
 }

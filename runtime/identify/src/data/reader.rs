@@ -1,4 +1,4 @@
-//! Rows of one file, checked as they pass.
+//! Reads the rows of one file and checks them for faults.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -20,39 +20,40 @@ pub(super) struct LogRow {
     pub(super) values: Vec<f64>,
 }
 
-/// What is known of a whole file before its rows are used.
+/// Statistics of a whole log file, gathered in a first pass before its rows are used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Survey {
+    /// The median time step, s.
     step: f64,
     /// The smallest and largest value of each effort.
     extremes: Vec<(f64, f64)>,
-    /// Where encoders were stuck, by the first row.
+    /// The rows in which encoders were stuck, by the first of them.
     stuck: BTreeMap<u64, Vec<Stuck>>,
-    /// How each position changes between rows.
+    /// The sizes of each position's changes between rows.
     steps: Vec<Steps>,
 }
 
 impl Survey {
-    /// The usual step, s.
+    /// The median time step, s.
     pub(super) fn step(&self) -> f64 {
         self.step
     }
 }
 
-/// Steps from which the usual one is found.
-const STEPS: usize = 1001;
-/// A step longer than this many usual ones is a gap.
-const GAP: f64 = 1.5;
-/// Rows around a value that tell whether it is an outlier, on either side.
-const AROUND: usize = 3;
-/// How many usual changes between rows a value may be away from the median of those around it:
-/// smooth motion and noise stay within a few.
-const OUTLIER: f64 = 30.0;
-/// How many steps of the encoder a value may be away from those around it: one that rests between
-/// two steps tells now the one and now the other.
-const FLICKER: f64 = 2.0;
-/// Rows at an extreme from which on an effort counts as saturated.
-const STUCK: usize = 4;
+/// Number of first rows from whose times the median step is computed.
+const STEP_ROWS: usize = 1001;
+/// A time step longer than this many median ones is a gap.
+const GAP_STEPS: f64 = 1.5;
+/// Rows on either side of a value that decide whether it is an outlier.
+const OUTLIER_NEIGHBOURS: usize = 3;
+/// How far a value may be from the median of those around it, in median changes between those
+/// rows: smooth motion and noise stay within a few.
+const OUTLIER_CHANGES: f64 = 30.0;
+/// How far a value may be from the median of those around it, in steps of the encoder: at rest
+/// between two steps, an encoder changes between both.
+const OUTLIER_ENCODER_STEPS: f64 = 2.0;
+/// Number of consecutive rows at an extreme from which on an effort counts as saturated.
+const SATURATED_ROWS: usize = 4;
 
 /// One file with its columns.
 #[derive(Clone, Debug)]
@@ -60,22 +61,24 @@ pub(super) struct LogFile {
     pub(super) path: PathBuf,
     pub(super) layout: ColumnLayout,
     parquet: bool,
-    /// Whether rows that are told are used where they are numbers.
+    /// Whether outliers, saturated efforts and rows of stuck encoders are used.
     pub(super) keep: bool,
-    /// The length in bytes of a text whose last line has no end.
+    /// The length in bytes of a CSV file whose last line has no end of line.
     unended: Option<u64>,
 }
 
-/// What a Parquet file starts with.
+/// First bytes of a Parquet file.
 const MAGIC: [u8; 4] = *b"PAR1";
 
-/// Whether a file is Parquet, by its first bytes; what cannot be read is told later.
+/// Whether a file is Parquet, by its first bytes; false if it cannot be read, which a later read
+/// reports.
 fn is_parquet(path: &Path) -> bool {
     let mut start = [0; 4];
     File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok()) && start == MAGIC
 }
 
-/// The length of a file whose last line has no end; what cannot be read is told later.
+/// The length in bytes of a file whose last line has no end of line; `None` for other files and
+/// where it cannot be read, which a later read reports.
 fn unended(path: &Path) -> Option<u64> {
     let mut file = File::open(path).ok()?;
     let length = file.seek(SeekFrom::End(0)).ok()?;
@@ -134,7 +137,7 @@ impl LogFile {
         })
     }
 
-    /// Reads the file once for what needs all of it.
+    /// Reads the file once for the statistics of all its rows.
     pub(super) fn survey(&self) -> Result<Survey, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
@@ -148,7 +151,7 @@ impl LogFile {
                 return Ok(());
             };
             {
-                if let (true, Some(&time)) = (times.len() < STEPS, row.values.first()) {
+                if let (true, Some(&time)) = (times.len() < STEP_ROWS, row.values.first()) {
                     times.push(time);
                 }
                 for (extreme, value) in extremes.iter_mut().zip(&row.values[self.layout.efforts()])
@@ -195,6 +198,7 @@ impl LogFile {
         })
     }
 
+    /// Passes each row, or why it cannot be used, to `each`.
     fn records(
         &self,
         each: &mut dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError>,
@@ -270,8 +274,8 @@ impl LogFile {
         Ok(LogRow { line, values })
     }
 
-    /// Hands over the good rows, each with whether it follows the one before without a break;
-    /// problems go to the other hand.
+    /// Passes the good rows to `each`, each with whether it follows the one before without a gap,
+    /// and the faulty ones to `problem`.
     pub(super) fn rows(
         &self,
         survey: &Survey,
@@ -281,14 +285,14 @@ impl LogFile {
         let mut cleaner = Cleaner {
             layout: &self.layout,
             survey,
-            queue: VecDeque::with_capacity(SPAN + 1),
+            queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
             last: None,
-            broken: true,
-            known: true,
-            raw: None,
-            jumped: false,
+            segment_ended: true,
+            gap_reported: true,
+            previous_time: None,
+            clock_set_back: false,
             until: 0,
-            lost: false,
+            rows_skipped: false,
             stuck: vec![0; self.layout.efforts],
             keep: self.keep,
         };
@@ -297,10 +301,10 @@ impl LogFile {
                 Ok(row) => cleaner.take(row, problem),
                 Err(found) => {
                     problem(found);
-                    cleaner.known = true;
+                    cleaner.gap_reported = true;
                 }
             }
-            if cleaner.queue.len() > SPAN {
+            if cleaner.queue.len() > OUTLIER_ROWS {
                 cleaner.release(problem, each)?;
             }
             Ok(())
@@ -312,63 +316,66 @@ impl LogFile {
     }
 }
 
-/// Rows that are looked at together.
-const SPAN: usize = 2 * AROUND + 1;
+/// Number of rows that an outlier is searched in: a value and its neighbours.
+const OUTLIER_ROWS: usize = 2 * OUTLIER_NEIGHBOURS + 1;
 
-/// A row that waits for those after it.
+/// A row in the look-ahead buffer: it is judged once the next rows have been read.
 struct PendingRow {
     row: LogRow,
-    /// Whether time goes on without a gap from the row before.
+    /// Whether there is no gap between the row before and this one.
     follows: bool,
     fault: Option<Fault>,
 }
 
 #[allow(
     clippy::struct_excessive_bools,
-    reason = "each is about one thing and any may hold with any"
+    reason = "the flags are independent of each other"
 )]
+/// Look-ahead buffer that checks rows for faults as they pass.
 struct Cleaner<'a> {
     layout: &'a ColumnLayout,
     survey: &'a Survey,
     queue: VecDeque<PendingRow>,
+    /// The time of the last row in order of time.
     last: Option<f64>,
-    /// Whether the next row that is released starts anew.
-    broken: bool,
-    /// Whether a gap before the next row is due to one that was told already.
-    known: bool,
-    /// The time of the row before, kept or not.
-    raw: Option<f64>,
+    /// Whether the next row that is released does not follow the last one released.
+    segment_ended: bool,
+    /// Whether a gap before the next row comes from a row that was already reported.
+    gap_reported: bool,
+    /// The time of the row before, whether it is used or not.
+    previous_time: Option<f64>,
     /// The last row in which an encoder is stuck.
     until: u64,
     /// Whether rows before this one were left out.
-    lost: bool,
-    /// Whether the clock has been set back and has not caught up.
-    jumped: bool,
-    /// Rows since which each effort has stood at an extreme.
+    rows_skipped: bool,
+    /// Whether the clock was set back and has not yet caught up.
+    clock_set_back: bool,
+    /// For how many rows each effort has been at an extreme.
     stuck: Vec<usize>,
-    /// Whether rows that are told are used.
+    /// Whether outliers, saturated efforts and rows of stuck encoders are used.
     keep: bool,
 }
 
 impl Cleaner<'_> {
+    /// Checks the time of a row and adds it to the buffer.
     fn take(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
-        let mut tell = |what| {
+        let mut report = |what| {
             problem(Problem {
                 row: row.line,
                 what,
             });
         };
         let mut follows = true;
-        let raw = self.raw.replace(time).unwrap_or(time);
+        let previous_time = self.previous_time.replace(time).unwrap_or(time);
         if let Some(before) = self.last {
             let step = time - before;
             if step <= 0.0 {
-                let far = GAP * self.survey.step;
-                // a clock that was set goes on from there, and that was told
-                if !(self.jumped && (0.0..=far).contains(&(time - raw))) {
-                    self.jumped = -step > far;
-                    tell(if self.jumped {
+                let far = GAP_STEPS * self.survey.step;
+                // after a clock was set back, which is reported, it goes on from there
+                if !(self.clock_set_back && (0.0..=far).contains(&(time - previous_time))) {
+                    self.clock_set_back = -step > far;
+                    report(if self.clock_set_back {
                         Fault::ClockBack { step: -step }
                     } else if step < 0.0 {
                         Fault::Unsorted { time }
@@ -376,15 +383,15 @@ impl Cleaner<'_> {
                         Fault::Duplicate { time }
                     });
                 }
-                // a row that should have stood here is not missed again
-                self.known = true;
+                // the gap that this row leaves is not reported as well
+                self.gap_reported = true;
                 return;
             }
-            if step > GAP * self.survey.step {
+            if step > GAP_STEPS * self.survey.step {
                 follows = false;
-                if !self.known {
+                if !self.gap_reported {
                     let usual = self.survey.step;
-                    tell(Fault::Gap { step, usual });
+                    report(Fault::Gap { step, usual });
                 }
             }
         }
@@ -392,24 +399,24 @@ impl Cleaner<'_> {
             if !self.keep {
                 self.until = self.until.max(stuck.last);
             }
-            tell(Fault::Stuck {
+            report(Fault::Stuck {
                 column: self.layout.title(stuck.entry),
                 value: row.values[stuck.entry],
                 until: stuck.last,
             });
         }
         if row.line <= self.until {
-            // a gap is told no more, and the rows after it start anew
-            self.known = true;
+            // the gap that these rows leave is not reported, and the next row starts a segment
+            self.gap_reported = true;
             self.last = Some(time);
-            self.lost = true;
+            self.rows_skipped = true;
             return;
         }
-        if core::mem::take(&mut self.lost) {
+        if core::mem::take(&mut self.rows_skipped) {
             follows = false;
         }
-        self.known = false;
-        self.jumped = false;
+        self.gap_reported = false;
+        self.clock_set_back = false;
         self.last = Some(time);
         let efforts = self.layout.efforts();
         let standing = self.standing(&row.values[efforts.clone()]);
@@ -419,8 +426,12 @@ impl Cleaner<'_> {
             fault: None,
         });
         for (k, count) in standing {
-            // when it is known to be stuck, so are the rows that led there
-            let back = if count == STUCK { STUCK } else { 1 };
+            // the first time the limit is reached, all rows up to here are saturated
+            let back = if count == SATURATED_ROWS {
+                SATURATED_ROWS
+            } else {
+                1
+            };
             for waiting in self.queue.iter_mut().rev().take(back) {
                 waiting.fault = Some(Fault::Saturated {
                     column: self.layout.title(efforts.start + k),
@@ -428,12 +439,13 @@ impl Cleaner<'_> {
                 });
             }
         }
-        if self.queue.len() >= SPAN {
+        if self.queue.len() >= OUTLIER_ROWS {
             self.judge();
         }
     }
 
-    /// The efforts that have stood at an extreme for too long, with the number of rows.
+    /// The efforts that have been at an extreme for [`SATURATED_ROWS`] or more, with the number of
+    /// rows.
     fn standing(&mut self, values: &[f64]) -> Vec<(usize, usize)> {
         let mut out = Vec::new();
         let extremes = self.survey.extremes.iter();
@@ -443,16 +455,16 @@ impl Cleaner<'_> {
             let (low, high) = *extreme;
             let at = (*value >= high || *value <= low) && low < high;
             *count = if at { *count + 1 } else { 0 };
-            if *count >= STUCK {
+            if *count >= SATURATED_ROWS {
                 out.push((k, *count));
             }
         }
         out
     }
 
-    /// Looks for outliers among the positions in the middle of the last rows.
+    /// Checks the positions of the row in the middle of the last [`OUTLIER_ROWS`] for outliers.
     fn judge(&mut self) {
-        let start = self.queue.len() - SPAN;
+        let start = self.queue.len() - OUTLIER_ROWS;
         for entry in self.layout.positions() {
             let values: Vec<f64> = self
                 .queue
@@ -460,8 +472,8 @@ impl Cleaner<'_> {
                 .skip(start)
                 .map(|w| w.row.values[entry])
                 .collect();
-            let middle = values[AROUND];
-            // what a straight line through the neighbours leaves, so that motion is no spread
+            let middle = values[OUTLIER_NEIGHBOURS];
+            // relative to the median change between these rows, so that fast motion is no outlier
             let steps: Vec<f64> = values
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).abs())
@@ -469,12 +481,13 @@ impl Cleaner<'_> {
             let usual = median(&steps);
             let around = median(&values);
             let steps = self.survey.steps.get(entry - self.layout.positions().start);
-            // nor is what the robot moves between two rows anywhere else
-            let allowed = steps.map_or(0.0, |s| (FLICKER * s.encoder).max(s.regular));
-            let allowed = allowed.max(OUTLIER * usual.max(f64::EPSILON * middle.abs()));
-            // steps are sums of rounded numbers
+            // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
+            // are allowed too
+            let allowed = steps.map_or(0.0, |s| (OUTLIER_ENCODER_STEPS * s.encoder).max(s.regular));
+            let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
+            // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
-                self.queue[start + AROUND].fault = Some(Fault::Outlier {
+                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Fault::Outlier {
                     column: self.layout.title(entry),
                     value: middle,
                     around,
@@ -483,7 +496,7 @@ impl Cleaner<'_> {
         }
     }
 
-    /// Lets the oldest row go.
+    /// Removes the oldest row from the buffer and passes it on.
     fn release(
         &mut self,
         problem: &mut dyn FnMut(Problem),
@@ -498,20 +511,21 @@ impl Cleaner<'_> {
                 what,
             });
             if !self.keep {
-                self.broken = true;
+                self.segment_ended = true;
                 return Ok(());
             }
         }
-        let follows = waiting.follows && !self.broken;
-        self.broken = false;
+        let follows = waiting.follows && !self.segment_ended;
+        self.segment_ended = false;
         each(waiting.row, follows)
     }
 }
 
-/// Rows before an unended one that tell how long its last entry should be.
-const ROWS: usize = 20;
+/// Least number of rows before a last line without an end of line that show the usual length of
+/// its last entry.
+const MIN_ROWS_BEFORE_CUT: usize = 20;
 
-/// The lengths of the last column's entries.
+/// The number of rows and the shortest last entry among them, in bytes.
 #[derive(Default)]
 struct LastColumn {
     rows: usize,
@@ -535,9 +549,9 @@ impl LastColumn {
         self.rows += 1;
     }
 
-    /// Whether an entry that nothing ends is shorter than all before it.
+    /// Whether the last entry of a row without an end of line is shorter than all before it.
     fn cut(&self, record: &ByteRecord) -> bool {
-        self.rows >= ROWS && Self::length(record) < self.shortest
+        self.rows >= MIN_ROWS_BEFORE_CUT && Self::length(record) < self.shortest
     }
 }
 

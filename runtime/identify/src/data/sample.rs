@@ -1,5 +1,5 @@
-//! Some states of a log as they were measured, before the loops are closed: for what looks at a
-//! log as a whole and needs few of them.
+//! Takes a sample of a log's measured states, before the loops are closed, for checks of the
+//! whole log that need few states.
 
 use super::logs::{Log, Logs};
 use super::problem::DataError;
@@ -8,14 +8,15 @@ use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
 
-/// Rows that are kept at most.
-const ROWS: usize = 16_384;
-/// Stretches of a longer log that are taken.
+/// Rows of a log that are differentiated for its sample; more only where a filter needs longer
+/// stretches.
+const SAMPLED_ROWS: usize = 16_384;
+/// Number of stretches that a longer log's sample consists of.
 const BLOCKS: usize = 8;
 
 impl<M: Model<f64> + ?Sized> Logs<'_, M> {
-    /// States of one of the files, spread over it, at most about twice as many as
-    /// [`STATES`]; a stretch that cannot be differentiated gives none.
+    /// Takes states of the file with index `file`, spread evenly over it, at most about twice as
+    /// many as [`STATES`]; a stretch that cannot be differentiated gives none.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -26,8 +27,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let support = self.settings.method.support(log.survey.step());
         let support = support.ok().flatten().unwrap_or(0);
         let rows = report.rows;
-        // a filter may reach farther than any log is long
-        let length = (ROWS / BLOCKS).max(4 * support.min(rows));
+        // a filter may need more rows than the log has
+        let length = (SAMPLED_ROWS / BLOCKS).max(4 * support.min(rows));
         let (count, length) = if rows <= BLOCKS * length {
             (1, rows)
         } else {
@@ -62,12 +63,12 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             })?;
         self.states(log, &mut segment, every, &mut out);
         if log.series.is_some() {
-            out.left = spread.left();
+            out.left = spread.relative_residuals();
         }
         Ok(out)
     }
 
-    /// Makes states of rows that follow each other, and empties them.
+    /// Adds the states of consecutive rows to the sample, and clears the rows.
     fn states(&self, log: &Log, rows: &mut Vec<LogRow>, every: usize, out: &mut Sample) {
         let layout = &log.file.layout;
         let rows = core::mem::take(rows);
@@ -114,13 +115,13 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     }
 }
 
-/// Sums over positions and over what a series leaves of them.
+/// Sums over the positions and over their residuals from the fitted Fourier series.
 struct Spread {
     rows: f64,
     first: Vec<f64>,
     sums: Vec<f64>,
     squares: Vec<f64>,
-    left: Vec<f64>,
+    residual_squares: Vec<f64>,
 }
 
 impl Spread {
@@ -130,7 +131,7 @@ impl Spread {
             first: Vec::new(),
             sums: vec![0.0; count],
             squares: vec![0.0; count],
-            left: vec![0.0; count],
+            residual_squares: vec![0.0; count],
         }
     }
 
@@ -145,20 +146,21 @@ impl Spread {
             let off = value - self.first[k];
             self.sums[k] += off;
             self.squares[k] += off * off;
-            self.left[k] += (value - series.at(k, row.values[0])[0]).powi(2);
+            self.residual_squares[k] += (value - series.at(k, row.values[0])[0]).powi(2);
         }
     }
 
-    /// What the series leaves over what moves; 0 where nothing moves.
-    fn left(&self) -> Vec<f64> {
+    /// The rms residual of the series over the rms of the position about its mean; 0 for a
+    /// position that does not move.
+    fn relative_residuals(&self) -> Vec<f64> {
         let one = |k: usize| {
             let spread = self.squares[k] - self.sums[k] * self.sums[k] / self.rows;
             if spread > 0.0 {
-                (self.left[k] / spread).sqrt()
+                (self.residual_squares[k] / spread).sqrt()
             } else {
                 0.0
             }
         };
-        (0..self.left.len()).map(one).collect()
+        (0..self.residual_squares.len()).map(one).collect()
     }
 }

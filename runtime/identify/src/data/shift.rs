@@ -1,14 +1,15 @@
-//! A signal read at other times than its samples'.
+//! Shifts sampled signals in time by interpolation.
 
 use core::ops::Range;
 
-/// Samples beside a time that its value is interpolated from, on either side.
+/// Number of samples on either side of a time from which its value is interpolated.
 pub(super) const NEIGHBOURS: usize = 2;
 
-/// Replaces each value by that of the signal `delay` seconds later, by cubic interpolation
-/// between the samples around that time; returns the samples that have all of these.
+/// Replaces each value by the signal's value `delay` seconds later, by cubic interpolation
+/// between the samples around that time; returns the range of samples whose interpolation had
+/// all its neighbours.
 ///
-/// - `times`: s, increasing; `values`: one for each.
+/// - `times`: s, increasing; `values`: one for each time.
 pub(super) fn later(times: &[f64], values: &mut [f64], delay: f64) -> Range<usize> {
     let n = times.len();
     let samples = values.to_vec();
@@ -29,7 +30,7 @@ pub(super) fn later(times: &[f64], values: &mut [f64], delay: f64) -> Range<usiz
     valid.unwrap_or(0..0)
 }
 
-/// The polynomial through all points, at a time.
+/// Evaluates at time `t` the polynomial through all points (Lagrange).
 fn lagrange(times: &[f64], values: &[f64], t: f64) -> f64 {
     let mut sum = 0.0;
     for (i, (own, value)) in times.iter().zip(values).enumerate() {

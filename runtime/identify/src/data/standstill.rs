@@ -1,70 +1,73 @@
-//! Coordinates that rest, by what their encoders say.
+//! Finds the rows in which a coordinate rests, from the resolution and noise of its encoder.
 
 use std::collections::VecDeque;
 
-/// How long a position must stay within its encoder's step, or its noise, to rest, s.
-const SPAN: f64 = 0.2;
-/// Rows that it takes at least.
-const ROWS: usize = 8;
-/// Deviations of the noise within which a resting position stays over that many rows.
-const SPREAD: f64 = 6.0;
-/// Differences that are remembered of each position, spread over the whole log.
-const REMEMBERED: usize = 8192;
+/// How long a position must stay within its encoder's step or noise to count as resting, s.
+const MIN_REST_SECONDS: f64 = 0.2;
+/// The least number of rows of a rest.
+const MIN_REST_ROWS: usize = 8;
+/// Range of a resting position over that many rows, in standard deviations of the noise.
+const REST_BAND_DEVIATIONS: f64 = 6.0;
+/// Most differences that are stored of each position, spread over the whole log.
+const MAX_DIFFERENCES: usize = 8192;
 /// Values whose distance is below this part of their range are the same.
-const SAME: f64 = 1e-9;
-/// Distances of neighbouring values up to this many steps tell whether there are steps: so many
-/// of them must be whole numbers of steps, within a tenth of one.
-const NEAR: f64 = 100.0;
-const WHOLE: f64 = 0.9;
-const ROUNDING: f64 = 0.1;
-/// Differences of order 4 and 8 of white noise have sqrt(70) and sqrt(12870) times its deviation;
-/// half of normal values are within 0.6745 of theirs.
-const FOURTH: f64 = 8.366_600_265_340_756;
-const EIGHTH: f64 = 113.446_022_405_434_56;
-const HALF: f64 = 0.674_489_750_196_082;
-/// For second derivatives from 1, 2 and 3 neighbours on either side: by what part of the difference
-/// of order 4, 6 and 8 they are off, and how many times the noise of a sample they have, both over
-/// the square of the step.
+const RELATIVE_TOLERANCE: f64 = 1e-9;
+/// Only distances of neighbouring values up to this many times the smallest one are checked for
+/// being whole numbers of steps.
+const MAX_GAP_STEPS: f64 = 100.0;
+/// The part of those distances that must be whole numbers of steps.
+const MIN_WHOLE_PART: f64 = 0.9;
+/// How far a distance may be from a whole number of steps, in steps: rounding of decimals.
+const WHOLE_STEP_TOLERANCE: f64 = 0.1;
+/// Standard deviation of the fourth difference of white noise over that of the noise: sqrt(70).
+const FOURTH_DIFFERENCE_GAIN: f64 = 8.366_600_265_340_756;
+/// The same for the difference of order 8: sqrt(12870).
+const EIGHTH_DIFFERENCE_GAIN: f64 = 113.446_022_405_434_56;
+/// Median of the absolute value of a standard normal variable.
+const NORMAL_ABSOLUTE_MEDIAN: f64 = 0.674_489_750_196_082;
+/// For second derivatives from 1, 2 and 3 neighbours on either side: their truncation error as a
+/// part of the difference of order 4, 6 and 8, and their noise as a multiple of that of a sample,
+/// both over the square of the step.
 const STENCILS: [(f64, f64); 3] = [
     (1.0 / 12.0, 2.449_489_742_783_178),
     (1.0 / 90.0, 3.131_559_967_662_478),
     (1.0 / 560.0, 3.457_675_614_816_774),
 ];
-/// Samples that differences of order 8 take.
-const TAKEN: usize = 9;
+/// Number of samples in a difference of order 8.
+const DIFFERENCE_SAMPLES: usize = 9;
 
-/// What is known of an encoder.
+/// Resolution and noise of an encoder, estimated from a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Encoder {
-    /// Its step, rad or m; 0 where none shows.
+    /// Its resolution, rad or m; 0 where the positions show no steps.
     pub(super) step: f64,
-    /// The standard deviation of its noise, steps included, rad or m.
+    /// The standard deviation of its noise, that of quantisation included, rad or m.
     pub(super) noise: f64,
-    /// Whether it never changes.
+    /// Whether the position never changes.
     pub(super) constant: bool,
-    /// How many neighbours on either side give the best second derivative, 1 to 3: more follow
-    /// the motion better but take up more noise. 0 where the log is too short to tell.
+    /// How many neighbours on either side give the best second derivative, 1 to 3: more neighbours
+    /// follow the motion better but pass more noise. 0 where the log is too short to find out.
     pub(super) neighbours: usize,
 }
 
 impl Encoder {
-    /// How far a resting position wanders.
+    /// The range within which a resting position stays, rad or m.
     fn band(self) -> f64 {
-        // rounding of decimals makes steps a little unequal
-        ((1.0 + ROUNDING) * self.step).max(SPREAD * self.noise)
+        // rounding of decimals makes the steps slightly unequal
+        ((1.0 + WHOLE_STEP_TOLERANCE) * self.step).max(REST_BAND_DEVIATIONS * self.noise)
     }
 }
 
-/// Differences of one position on its way through a log.
+/// Values and differences of one position, gathered row by row through a log.
 #[derive(Clone, Debug)]
 pub(super) struct Differences {
     recent: VecDeque<f64>,
     values: Vec<f64>,
-    /// The sizes of differences of order 4, 6 and 8.
+    /// Absolute values of the differences of order 4, 6 and 8.
     sizes: [Vec<f64>; 3],
-    /// Of the differences, each how many-th is remembered.
+    /// One of this many differences is stored.
     every: usize,
-    seen: usize,
+    count: usize,
 }
 
 impl Default for Differences {
@@ -74,39 +77,39 @@ impl Default for Differences {
             values: vec![],
             sizes: [vec![], vec![], vec![]],
             every: 1,
-            seen: 0,
+            count: 0,
         }
     }
 }
 
 impl Differences {
-    /// The next value, and whether it follows the last one.
+    /// Adds the next value; `follows` says whether it comes after the last one without a gap.
     pub(super) fn push(&mut self, value: f64, follows: bool) {
         if !follows {
             self.recent.clear();
         }
         self.recent.push_back(value);
-        if self.recent.len() < TAKEN {
+        if self.recent.len() < DIFFERENCE_SAMPLES {
             return;
         }
-        let seen = self.seen;
-        self.seen += 1;
-        if seen.is_multiple_of(self.every) {
+        let count = self.count;
+        self.count += 1;
+        if count.is_multiple_of(self.every) {
             self.values.extend(self.recent.back());
             let mut differences: Vec<f64> = self.recent.iter().copied().collect();
-            for order in 1..TAKEN {
-                for k in 0..TAKEN - order {
+            for order in 1..DIFFERENCE_SAMPLES {
+                for k in 0..DIFFERENCE_SAMPLES - order {
                     differences[k] = differences[k + 1] - differences[k];
                 }
-                // of the differences of each order, that in the middle
+                // of the differences of each order, only the middle one is stored
                 if let (true, Some(sizes)) = (
                     order >= 4 && order.is_multiple_of(2),
                     self.sizes.get_mut((order / 2).saturating_sub(2)),
                 ) {
-                    sizes.push(differences[(TAKEN - 1 - order) / 2].abs());
+                    sizes.push(differences[(DIFFERENCE_SAMPLES - 1 - order) / 2].abs());
                 }
             }
-            if self.values.len() == REMEMBERED {
+            if self.values.len() == MAX_DIFFERENCES {
                 self.every *= 2;
                 let [a, b, c] = &mut self.sizes;
                 for list in [&mut self.values, a, b, c] {
@@ -121,7 +124,7 @@ impl Differences {
         self.recent.pop_front();
     }
 
-    /// What they say of the encoder.
+    /// Estimates the encoder's resolution and noise from the differences.
     pub(super) fn finish(mut self) -> Encoder {
         if self.values.is_empty() {
             return Encoder::default();
@@ -130,10 +133,12 @@ impl Differences {
         let constant = self.values.first() == self.values.last();
         let [fourth, sixth, eighth] = self.sizes.map(median);
         let counted = step / 12.0_f64.sqrt();
-        // slow differences are of the motion, which only those of high order do not know
-        let noise = counted.max(eighth / (HALF * EIGHTH));
+        // low-order differences contain the motion; those of order 8 are mostly noise
+        let noise = counted.max(eighth / (NORMAL_ABSOLUTE_MEDIAN * EIGHTH_DIFFERENCE_GAIN));
         let errors = [fourth, sixth, eighth].into_iter().zip(STENCILS);
-        let error = |(of, (part, gain)): (f64, (f64, f64))| (part * of / HALF).hypot(gain * noise);
+        let error = |(of, (part, gain)): (f64, (f64, f64))| {
+            (part * of / NORMAL_ABSOLUTE_MEDIAN).hypot(gain * noise)
+        };
         let mut best = (f64::INFINITY, 0);
         for (k, pair) in errors.enumerate() {
             let error = error(pair);
@@ -144,7 +149,7 @@ impl Differences {
         Encoder {
             step,
             constant,
-            noise: counted.max(fourth / (HALF * FOURTH)),
+            noise: counted.max(fourth / (NORMAL_ABSOLUTE_MEDIAN * FOURTH_DIFFERENCE_GAIN)),
             neighbours: best.1,
         }
     }
@@ -155,8 +160,8 @@ fn median(mut sizes: Vec<f64>) -> f64 {
     sizes.get(sizes.len() / 2).copied().unwrap_or_default()
 }
 
-/// The distance of neighbouring values of which all others are whole multiples; 0 where there is
-/// none.
+/// The smallest distance of neighbouring values, if nearly all others are whole multiples of it;
+/// 0 otherwise.
 fn step(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     let range = values
@@ -164,25 +169,28 @@ fn step(values: &mut [f64]) -> f64 {
         .zip(values.first())
         .map_or(0.0, |(a, b)| a - b);
     let gaps = values.windows(2).map(|pair| pair[1] - pair[0]);
-    let gaps: Vec<f64> = gaps.filter(|gap| *gap > SAME * range).collect();
+    let gaps: Vec<f64> = gaps
+        .filter(|gap| *gap > RELATIVE_TOLERANCE * range)
+        .collect();
     let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-    let near = gaps.iter().filter(|gap| **gap <= NEAR * smallest);
+    let near = gaps.iter().filter(|gap| **gap <= MAX_GAP_STEPS * smallest);
     let (mut all, mut whole) = (0.0, 0.0);
     for gap in near {
         let steps = gap / smallest;
         all += 1.0;
-        whole += f64::from((steps - steps.round()).abs() <= ROUNDING);
+        whole += f64::from((steps - steps.round()).abs() <= WHOLE_STEP_TOLERANCE);
     }
-    // two or three values always are multiples of something
-    if all >= 8.0 && whole >= WHOLE * all {
+    // two or three distances are always near multiples of something
+    if all >= 8.0 && whole >= MIN_WHOLE_PART * all {
         smallest
     } else {
         0.0
     }
 }
 
-/// Where a position rests: it is within a stretch of at least [`SPAN`] seconds and [`ROWS`] rows
-/// in which the raw values stay within the encoder's step or noise.
+/// Whether the position rests, for each row: the row lies in a stretch of at least
+/// [`MIN_REST_SECONDS`] and [`MIN_REST_ROWS`] in which the raw values stay within the encoder's
+/// step or noise.
 pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
     let band = encoder.band();
     let mut out = vec![false; raw.len()];
@@ -209,9 +217,10 @@ pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool>
                 lowest.pop_front();
             }
         }
-        // half a row, as times are rounded
-        let long = k + 1 - start >= ROWS
-            && times[k] - times[start] >= SPAN * (1.0 - 1e-9) - 0.5 * (times[k] - times[k - 1]);
+        // half a row less, as times are rounded
+        let long = k + 1 - start >= MIN_REST_ROWS
+            && times[k] - times[start]
+                >= MIN_REST_SECONDS * (1.0 - 1e-9) - 0.5 * (times[k] - times[k - 1]);
         if long {
             out[marked.max(start)..=k].fill(true);
             marked = k + 1;
@@ -220,14 +229,14 @@ pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool>
     out
 }
 
-/// Rows on either side that are looked at most, however small steps are.
-const WIDEST: usize = 100_000;
+/// Most rows of context on either side, however small the time step is.
+const MAX_CONTEXT_ROWS: usize = 100_000;
 
-/// Rows on either side that tell whether a row is at rest.
+/// Number of rows on either side that decide whether a row is at rest; `step`: s.
 pub(super) fn context(step: f64) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "steps are positive")]
-    let rows = (SPAN / step).ceil() as usize;
-    rows.clamp(ROWS, WIDEST) + 1
+    let rows = (MIN_REST_SECONDS / step).ceil() as usize;
+    rows.clamp(MIN_REST_ROWS, MAX_CONTEXT_ROWS) + 1
 }
 
 #[cfg(test)]
@@ -254,7 +263,7 @@ mod tests {
             let found = encoder(&values);
             assert!((found.step / step - 1.0).abs() < 1e-3, "{found:?}");
         }
-        // what is not counted in steps has none
+        // a smooth signal has no step
         let smooth: Vec<f64> = (0..20_000).map(|k| (f64::from(k) * 0.01).sin()).collect();
         assert!(encoder(&smooth).step <= 0.0);
     }

@@ -1,65 +1,67 @@
-//! Encoders: their step, and when they stop telling.
+//! Finds the resolution of encoders, and the rows in which an encoder was stuck.
 //!
-//! A position that stands exactly still is no fault: robots rest, and stiction stops a slow motion
-//! within a row. It is one where the position then jumps to where the motion has gone meanwhile,
-//! or where a fast motion ends within a row and never comes back.
+//! A position that repeats exactly is no fault in itself: robots rest, and stiction stops a slow
+//! motion within a row. It is a fault if the position then jumps to where the motion has gone
+//! meanwhile, or if a fast motion ends within a row and the position never changes again.
 
-/// Rows that must be exactly alike.
-const ALIKE: usize = 8;
-/// Rows that must be alike at the end of a log.
-const NEVER: usize = 32;
-/// Changes before them that tell how fast the position was.
-const BEFORE: usize = 4;
-/// Of the change before, what is left in the next row if it goes on as the last ones did: a
-/// motion that is braked has none.
-const UNBRAKED: f64 = 0.5;
-/// Slower than this part of the usual change between rows, a motion may be stopped by friction.
-const MOVING: f64 = 0.5;
+/// Least number of consecutive rows with exactly the same position.
+const MIN_REPEATED_ROWS: usize = 8;
+/// The same for rows up to the end of a log.
+const MIN_REPEATED_ROWS_AT_END: usize = 32;
+/// Number of changes before the repeated rows from which the speed there is computed.
+const SPEED_CHANGES: usize = 4;
+/// Least ratio of the change that the last ones extrapolate to, over their mean, at which a motion
+/// is not braked: one that is braked to rest has 0.
+const MIN_UNBRAKED_RATIO: f64 = 0.5;
+/// Least speed of a motion that friction does not stop, in usual changes between rows.
+const MIN_SPEED_CHANGES: f64 = 0.5;
 /// The same in steps of the encoder.
-const STEPS: f64 = 4.0;
-/// What was lost, by going on as before or by the jump at the end, in usual changes and in steps
-/// of the encoder: a coarse encoder that is turned slowly loses one.
-const LOST: f64 = 8.0;
-/// A motion that starts is faster in the next row; an encoder that wakes jumps by what several
-/// rows have moved. So much larger the jump is than the next change.
-const JUMP: f64 = 4.0;
-/// Changes that are looked at.
-const CHANGES: usize = 4001;
-/// Stretches that are remembered until the usual change is known.
-const REMEMBERED: usize = 4096;
+const MIN_SPEED_STEPS: f64 = 4.0;
+/// Least jump at the end of repeated rows, in usual changes and in steps of the encoder: a coarse
+/// encoder that is turned slowly jumps by one step.
+const MIN_JUMP: f64 = 8.0;
+/// Least ratio of the jump of an encoder that was stuck to the next change: the jump is the motion
+/// of several rows, while a motion that starts from rest is faster in the next row.
+const MIN_JUMP_RATIO: f64 = 4.0;
+/// Most changes that are stored for the statistics.
+const MAX_CHANGES: usize = 4001;
+/// Most stretches of repeated rows that are stored until the usual change is known.
+const MAX_STRETCHES: usize = 4096;
 /// A change below this part of the position is rounding of a number and no step.
-const ROUNDING: f64 = 1e-10;
-/// Changes alike within this part are the same number of steps.
-const SAME: f64 = 1e-3;
-/// Changes that must be alike, so that they are a step.
-const OFTEN: usize = 5;
-/// How far a whole number of steps may be from one: rounding of decimals.
-const WHOLE: f64 = 0.1;
-/// The part of the changes of a moving robot that are not larger than the one it makes regularly.
-const REGULAR: f64 = 0.9;
+const RELATIVE_ROUNDING: f64 = 1e-10;
+/// Changes that differ by less than this part are the same number of steps.
+const RELATIVE_TOLERANCE: f64 = 1e-3;
+/// Number of equal changes that are needed to take them for a step.
+const MIN_EQUAL_CHANGES: usize = 5;
+/// How far a change may be from a whole number of steps, in steps: rounding of decimals.
+const WHOLE_STEP_TOLERANCE: f64 = 0.1;
+/// The quantile of the changes of a moving joint up to which they count as regular.
+const REGULAR_QUANTILE: f64 = 0.9;
 
-/// How a position changes between rows.
+/// Sizes of the changes of a position between rows, rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Steps {
-    /// The encoder's: the smallest change that is frequent; 0 where none is.
+    /// The encoder's step: the smallest change that is frequent; 0 where none is.
     pub(super) encoder: f64,
-    /// What nine of ten changes of a moving joint are not above.
+    /// The size that nine of ten changes do not exceed.
     pub(super) regular: f64,
-    /// Their median.
+    /// The median of the changes.
     usual: f64,
 }
 
 impl Steps {
-    /// Of changes that are not zero.
+    /// The statistics of changes that are not zero.
     fn of(changes: &[f64]) -> Self {
         let mut sorted = changes.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let alike = |k: &usize| sorted[k + OFTEN - 1] <= sorted[*k] * (1.0 + SAME);
-        let encoder = (0..(sorted.len() + 1).saturating_sub(OFTEN)).find(alike);
-        // a motion that repeats itself has changes that are alike, and are no multiples of one
+        let repeats = |k: &usize| {
+            sorted[k + MIN_EQUAL_CHANGES - 1] <= sorted[*k] * (1.0 + RELATIVE_TOLERANCE)
+        };
+        let encoder = (0..(sorted.len() + 1).saturating_sub(MIN_EQUAL_CHANGES)).find(repeats);
+        // a periodic motion repeats its changes too, but they are no multiples of one step
         let encoder = encoder.filter(|k| counted(&sorted, sorted[*k]));
         #[allow(clippy::cast_sign_loss, reason = "a part of a length")]
-        let regular = (REGULAR * sorted.len() as f64) as usize;
+        let regular = (REGULAR_QUANTILE * sorted.len() as f64) as usize;
         Self {
             encoder: encoder.map_or(0.0, |k| sorted[k]),
             regular: sorted.get(regular).copied().unwrap_or(0.0),
@@ -76,34 +78,36 @@ impl Steps {
 fn counted(changes: &[f64], step: f64) -> bool {
     let whole = |change: &&f64| {
         let steps = **change / step;
-        (steps - steps.round()).abs() <= WHOLE
+        (steps - steps.round()).abs() <= WHOLE_STEP_TOLERANCE
     };
-    changes.iter().filter(whole).count() as f64 >= REGULAR * changes.len() as f64
+    changes.iter().filter(whole).count() as f64 >= REGULAR_QUANTILE * changes.len() as f64
 }
 
-/// Rows over which a position stood still though the robot did not.
+/// Rows over which an encoder repeated its position while the joint moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stuck {
-    /// The entry of the kept rows.
+    /// The index of the position in [`LogRow::values`](super::reader::LogRow::values).
     pub(super) entry: usize,
-    /// The first row that repeats its forerunner.
+    /// The first row that repeats the position of the row before.
     pub(super) first: u64,
+    /// The last such row.
     pub(super) last: u64,
 }
 
-/// One position on its way through a file.
+/// Statistics of one position, updated row by row through a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PositionHistory {
     value: Option<f64>,
     /// The last changes.
-    recent: [f64; BEFORE],
-    /// Rows that repeat `value`, the first and the last of them, and the speed before.
-    alike: usize,
+    recent: [f64; SPEED_CHANGES],
+    /// Number of rows that repeat `value`, the first and the last of them, and the change per row
+    /// before.
+    repeats: usize,
     span: (u64, u64),
     speed: f64,
     changes: Vec<f64>,
     stretches: Vec<RepeatedRows>,
-    /// Whether the last stretch waits for the change behind its jump.
+    /// Whether the change after the last stretch's jump is still to come.
     waking: bool,
 }
 
@@ -111,61 +115,62 @@ pub(super) struct PositionHistory {
 struct RepeatedRows {
     rows: usize,
     span: (u64, u64),
-    /// Change per row before, all in one direction and not braked; 0 otherwise.
+    /// Change per row before the stretch if the motion had one direction and was not braked; 0
+    /// otherwise.
     speed: f64,
-    /// Change at the end; `None` where nothing follows.
+    /// Change at the end of the stretch; `None` where no row follows.
     jump: Option<f64>,
-    /// The change after that.
+    /// The change after the jump.
     next: f64,
 }
 
 impl PositionHistory {
-    /// The next row.
+    /// Adds the next row.
     pub(super) fn push(&mut self, line: u64, value: f64) {
         let Some(before) = self.value.replace(value) else {
             return;
         };
         let change = value - before;
-        let moved = change.abs() > ROUNDING * value.abs();
+        let moved = change.abs() > RELATIVE_ROUNDING * value.abs();
         if core::mem::take(&mut self.waking)
             && let Some(last) = self.stretches.last_mut()
         {
             last.next = change.abs();
         }
         if change == 0.0 {
-            if self.alike == 0 {
+            if self.repeats == 0 {
                 self.span.0 = line;
                 let one_way =
                     self.recent.iter().all(|c| *c > 0.0) || self.recent.iter().all(|c| *c < 0.0);
-                let mean = self.recent.iter().sum::<f64>() / BEFORE as f64;
+                let mean = self.recent.iter().sum::<f64>() / SPEED_CHANGES as f64;
                 let [first, .., last] = self.recent;
-                let next = last + (last - first) / (BEFORE - 1) as f64;
-                let unbraked = next / mean >= UNBRAKED;
+                let next = last + (last - first) / (SPEED_CHANGES - 1) as f64;
+                let unbraked = next / mean >= MIN_UNBRAKED_RATIO;
                 self.speed = if one_way && unbraked { mean.abs() } else { 0.0 };
             }
-            self.alike += 1;
+            self.repeats += 1;
             self.span.1 = line;
         } else {
             self.close(Some(change.abs()));
-            if moved && self.changes.len() < CHANGES {
+            if moved && self.changes.len() < MAX_CHANGES {
                 self.changes.push(change.abs());
             }
         }
         self.recent.rotate_left(1);
-        self.recent[BEFORE - 1] = change;
+        self.recent[SPEED_CHANGES - 1] = change;
     }
 
-    /// Nothing follows what came, or not without a gap.
+    /// Ends the current stretch: no row follows, or only after a gap.
     pub(super) fn pause(&mut self) {
         self.close(None);
         self.value = None;
         self.waking = false;
-        self.recent = [0.0; BEFORE];
+        self.recent = [0.0; SPEED_CHANGES];
     }
 
     fn close(&mut self, jump: Option<f64>) {
-        let rows = core::mem::take(&mut self.alike);
-        if rows + 1 >= ALIKE && self.stretches.len() < REMEMBERED {
+        let rows = core::mem::take(&mut self.repeats);
+        if rows + 1 >= MIN_REPEATED_ROWS && self.stretches.len() < MAX_STRETCHES {
             self.waking = jump.is_some();
             self.stretches.push(RepeatedRows {
                 rows,
@@ -177,19 +182,21 @@ impl PositionHistory {
         }
     }
 
-    /// The stretches in which the encoder was stuck, and how it steps.
+    /// The stretches in which the encoder was stuck, and the statistics of its changes.
     pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, Steps) {
         self.pause();
         let steps = Steps::of(&self.changes);
-        let lost = LOST * steps.usual.max(steps.encoder);
+        let lost = MIN_JUMP * steps.usual.max(steps.encoder);
         let mut out = vec![];
         for stretch in &self.stretches {
             let stuck = match stretch.jump {
-                Some(jump) => jump > lost && jump > JUMP * stretch.next,
+                Some(jump) => jump > lost && jump > MIN_JUMP_RATIO * stretch.next,
                 None => {
-                    stretch.rows >= NEVER
+                    stretch.rows >= MIN_REPEATED_ROWS_AT_END
                         && stretch.speed > 0.0
-                        && stretch.speed >= (MOVING * steps.usual).max(STEPS * steps.encoder)
+                        && stretch.speed
+                            >= (MIN_SPEED_CHANGES * steps.usual)
+                                .max(MIN_SPEED_STEPS * steps.encoder)
                 }
             };
             if stuck {
@@ -233,12 +240,12 @@ mod tests {
                         row
                     })
                 };
-                let told = found((0..500).map(value));
+                let stuck = found((0..500).map(value));
                 let lost = (swing(start + rows) - swing(start)).abs();
-                // nothing was lost where the swing comes back to the place
+                // no jump is visible where the swing comes back to the same position
                 if lost > 0.3 || start == 97 {
                     let (first, last) = (start as u64 + 1, (start + rows) as u64 - 1);
-                    assert_eq!(told, [(first, last)], "{start} {rows}");
+                    assert_eq!(stuck, [(first, last)], "{start} {rows}");
                 }
             }
         }
@@ -262,14 +269,14 @@ mod tests {
         let moved = |k: usize| eased((k as f64 / 300.0 - 1.0).clamp(0.0, 1.0));
         assert_eq!(found((0..1000).map(moved)), []);
         assert_eq!(found((0..1000).map(|k| (moved(k) * 4096.0).round())), []);
-        // a joint that is held
+        // a joint that does not move
         assert_eq!(found((0..1000).map(|_| 0.3)), []);
         assert_eq!(found((0..5000).map(|_| 0.3 * 0.022_222)), []);
     }
 
     #[test]
     fn stiction_that_stops_a_slow_motion_is_no_fault() {
-        // a swing whose slow ends stand still, as a joint with stiction does, and then goes on
+        // a swing that stiction stops at its slow ends, and that then goes on
         let stopped = |row: usize| {
             let slow = swing(row).abs() > 0.9;
             if slow {
@@ -287,7 +294,7 @@ mod tests {
         coarse.extend((1..6).map(|k| last + 10.0 + 4.0 * f64::from(k)));
         let coarse = coarse.into_iter().map(|counts| counts * 0.003);
         assert_eq!(found(coarse), []);
-        // the same lift at rest until the log ends
+        // a slow lift that comes to rest until the log ends
         let lift = |k: usize| 3e-3 * 0.01 * k.min(200) as f64 + 1e-5 * swing(k.min(200));
         assert_eq!(found((0..285).map(lift)).len(), 0);
     }

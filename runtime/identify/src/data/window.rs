@@ -1,4 +1,4 @@
-//! The way from rows of a log to whole states of motion, in windows.
+//! Computes states of motion from the rows of a log, one window of rows after another.
 
 use super::logs::{Log, Settings, signal};
 use super::problem::{DataError, Fault, Policy, Problem, Problems};
@@ -10,37 +10,39 @@ use crate::identify::{Completed, Completion, Row};
 use crate::signals::{Method, SignalError, Smoothing, differences};
 use regen_runtime::{Model, Outcome};
 
-/// Rows read at a time, beside what filters need on both sides.
-const WINDOW: usize = 8192;
-/// The time in which a filter follows a jump, in periods of its cutoff.
-const RISE: f64 = 0.3;
+/// Rows that are differentiated at a time, without those that filters need on both sides.
+const WINDOW_ROWS: usize = 8192;
+/// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
+const RISE_TIME_PERIODS: f64 = 0.3;
 
-/// Rows of one file on their way to states.
+/// The current window of rows of one file, and what is needed to compute states from it.
 pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) log: &'a Log,
     pub(super) settings: &'a Settings,
     pub(super) completion: Completion<'m, M>,
     pub(super) model: &'m M,
+    /// Rows on either side of a row that its state depends on.
     pub(super) support: usize,
-    /// Velocities of measured coordinates below which their direction is not sure.
-    pub(super) unsure: Vec<f64>,
-    /// Of each actuated joint's effort, s.
+    /// The speed of each measured coordinate below which noise may turn its sign, rad/s or m/s.
+    pub(super) sign_thresholds: Vec<f64>,
+    /// The delay of each actuated joint's effort, s.
     pub(super) delays: Vec<f64>,
     pub(super) rows: Vec<LogRow>,
     pub(super) weights: Vec<Option<Vec<f64>>>,
-    /// Rows at the start that are there for the filter only; 0 at the start of a segment.
+    /// Number of rows at the start that only the filter needs; 0 at the start of a segment.
     pub(super) before: usize,
-    /// States of the segment so far, for decimation.
+    /// Number of valid rows of the segment so far, for decimation.
     pub(super) count: usize,
-    /// Whether the next state follows the last.
+    /// Whether the next state follows the last one without a gap.
     pub(super) follows: bool,
     pub(super) states: usize,
     pub(super) problems: &'a mut Problems,
+    /// Receives each state.
     pub(super) each: &'a mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
 }
 
 impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
-    /// Takes the next row, and whether it follows the last one.
+    /// Adds the next row; `follows` says whether it comes after the last one without a gap.
     pub(super) fn take(
         &mut self,
         row: LogRow,
@@ -52,18 +54,19 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
         self.rows.push(row);
         self.weights.push(weights);
-        if self.rows.len() >= self.before + WINDOW + self.support {
+        if self.rows.len() >= self.before + WINDOW_ROWS + self.support {
             self.process(false)?;
         }
         Ok(())
     }
 
-    /// Makes states of what is left.
+    /// Computes the states of the rows that remain.
     pub(super) fn finish(&mut self) -> Result<(), DataError> {
         self.process(true)
     }
 
-    /// Whether the method sees over a gap: a series does, and a regression over short ones.
+    /// Whether rows on both sides of a gap are differentiated together: only a local regression
+    /// does so, over gaps shorter than half its half width.
     fn bridged(&self, row: &LogRow) -> bool {
         let Some(last) = self.rows.last() else {
             return true;
@@ -75,21 +78,23 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
     }
 
-    /// For how long around a turn derivatives are those of neither side, s: as long as they reach
-    /// before and after a sample, and a step at least, as the turn itself is between samples.
+    /// The time before and after a reversal of a coordinate, s, within which its derivatives mix
+    /// both directions: as far as the differentiation reaches to either side of a sample, and at
+    /// least one step, as the reversal itself lies between samples.
     fn reach(&self, encoder: Encoder) -> f64 {
         let step = self.log.survey.step();
         if self.log.file.layout.derivatives || self.log.series.is_some() {
             return step;
         }
         match self.settings.method.of_states(step) {
-            Method::Butterworth { cutoff, .. } => (RISE / cutoff).max(2.0 * step),
+            Method::Butterworth { cutoff, .. } => (RISE_TIME_PERIODS / cutoff).max(2.0 * step),
             Method::Local { half_width } => (0.5 * half_width).max(2.0 * step),
             _ => encoder.neighbours.max(1) as f64 * step,
         }
     }
 
-    /// Makes states of the rows that have all they need; `end` of a segment or of a window.
+    /// Computes the states of all rows that have enough neighbours; `end` tells the end of a
+    /// segment from that of a window.
     fn process(&mut self, end: bool) -> Result<(), DataError> {
         let n = self.rows.len();
         let layout = &self.log.file.layout;
@@ -120,7 +125,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 };
                 match found {
                     Ok(found) => {
-                        // at a window's edge the support says what is valid
+                        // within a segment the support already bounds the valid rows
                         let start = if self.before > 0 {
                             0
                         } else {
@@ -130,7 +135,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                         valid = valid.start.max(start)..valid.end.min(stop);
                         motion.push([found.value, found.rate, found.acceleration]);
                     }
-                    // a piece between two faults may be too short, a log may not
+                    // a segment between two faults may be too short, a whole log may not
                     Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
                         valid = 0..0;
                         break;
@@ -142,7 +147,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         for (effort, delay) in efforts.iter_mut().zip(&self.delays) {
             if *delay != 0.0 && !valid.is_empty() {
                 let inside = shift::later(&times, effort, *delay);
-                // at a window's edge the support says what is valid
+                // within a segment the support already bounds the valid rows
                 let start = if self.before > 0 { 0 } else { inside.start };
                 let stop = if end { inside.end } else { n };
                 valid = valid.start.max(start)..valid.end.min(stop);
@@ -157,15 +162,19 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                     (rate[k], acceleration[k]) = (0.0, 0.0);
                 }
             }
-            let slowest = self.unsure.get(still.len()).copied().unwrap_or(0.0);
+            let slowest = self
+                .sign_thresholds
+                .get(still.len())
+                .copied()
+                .unwrap_or(0.0);
             let reach = self.reach(*encoder);
             for ((rests, rate), acceleration) in rests.iter_mut().zip(rate).zip(acceleration) {
-                // derivatives from samples on both sides of a turn are those of neither
+                // near a reversal the derivatives mix samples of both directions
                 *rests |= rate.abs() < slowest.max(acceleration.abs() * reach);
             }
             still.push(rests);
         }
-        // equations that pass a filter are decimated behind it
+        // where the equations are filtered, they are decimated after the filter instead
         let every = match self.settings.method.smoothing() {
             Smoothing::None => self.settings.decimation.max(1),
             _ => 1,
@@ -226,7 +235,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             return Ok(());
         }
         let info = self.model.info();
-        // the spread of an effort weighs the equation of its own coordinate
+        // the weight of an effort applies to the equation of the same coordinate
         let weight = |c: &usize| {
             let given = self.weights[k].as_ref();
             let place = info.actuated.iter().position(|a| a == c);
@@ -236,7 +245,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 .unwrap_or(1.0)
         };
         let weights: Vec<f64> = info.independent.iter().map(weight).collect();
-        // what is not measured rests where all that is measured does
+        // a coordinate that is not measured rests where all measured ones do
         let all = still.iter().all(|rests| rests[k]);
         let mut rests = vec![all; info.coordinates.len()];
         for (c, own) in self.log.file.layout.measured.iter().zip(still) {

@@ -1,4 +1,4 @@
-//! Identified parameters as Rust constants for a controller.
+//! Writes identified parameters as Rust constants for a controller.
 
 use std::fmt::Write as _;
 
@@ -9,11 +9,11 @@ use crate::feasibility::{self, ParameterLayout, unit};
 use crate::identify::digest;
 use crate::model::IdentifiedModel;
 
-/// Constants of an identified model: base parameters, physical ones where they are known, and
-/// friction that has no columns.
+/// Writes Rust source with the constants of an identified model: base parameters, all parameters
+/// of a physically feasible model, and nonlinear friction.
 ///
-/// - `module`: the path of the robot's generated module. The constants compile beside the module
-///   of this model only: its `DIGEST` is compared at compile time.
+/// - `module`: the path of the robot's generated module. The constants compile only together with
+///   the module of this model: its `DIGEST` is compared at compile time.
 ///
 /// # Errors
 /// When parameters of the model have labels that no body or joint has.
@@ -25,7 +25,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     let info = model.info();
     let base = model.base_info().base;
     let mut out = String::new();
-    // a String takes everything
+    // writing to a String cannot fail
     if let Some(module) = module {
         let _ = write!(
             out,
@@ -74,7 +74,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// A coordinate's name in a constant's.
+/// A coordinate's name as part of a constant's name.
 fn constant(name: &str, info: &Info<'_>) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() {
@@ -84,7 +84,7 @@ fn constant(name: &str, info: &Info<'_>) -> String {
         }
     };
     let made: String = name.chars().map(plain).collect();
-    // names that only differ in what a constant cannot hold are told apart by their place
+    // names that differ only in characters that a constant cannot have get their index
     let same = |other: &&&str| other.chars().map(plain).collect::<String>() == made;
     if info.coordinates.iter().filter(same).count() > 1 {
         return format!("{made}_{}", info.index_of(name).unwrap_or_default());

@@ -1,4 +1,4 @@
-//! What keeps a file of parameters from being read or written.
+//! Errors of reading and writing files of parameters.
 
 use core::fmt;
 
@@ -6,36 +6,36 @@ use regen_runtime::SizeError;
 
 use crate::feasibility::FeasibilityError;
 
-/// Why a file of parameters was not read or written.
+/// Error of reading or writing a file of parameters.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FileError {
-    /// A text that breaks its format: why, with the place.
+    /// The text is not valid JSON or YAML: the reason, with line and column.
     Syntax(String),
-    /// Neither a file of identified parameters, for this reason, nor an object of labels with
-    /// numbers.
+    /// The content is neither a file of identified parameters, for this reason, nor an object of
+    /// labels with numbers.
     NoParameters(String),
-    /// Parameters of another model.
+    /// The parameters belong to another model.
     Digest {
         /// The robot that the file names.
         robot: String,
         /// The digest in the file.
         found: String,
-        /// The digest of the model at hand.
+        /// The digest of the given model.
         expected: String,
     },
-    /// Base parameters without a value, by their labels.
+    /// Base parameters have no value; their labels.
     Missing(Vec<String>),
-    /// Friction of a joint that is no friction of any law.
+    /// The friction of a joint has an unknown law or lacks a coefficient.
     Friction {
         /// The joint.
         joint: String,
-        /// What is wrong with it.
+        /// The reason.
         why: String,
     },
-    /// Parameters whose labels no body or joint has.
+    /// The model's parameters have labels that no body or joint has.
     ParameterLayout(FeasibilityError),
-    /// Values whose number does not fit the model.
+    /// The number of values does not fit the model.
     Size(SizeError),
 }
 

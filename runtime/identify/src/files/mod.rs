@@ -1,5 +1,5 @@
-//! Files of identified parameters: what is written of an identified model, and read again. States
-//! of motion are read too, with the places of mistakes.
+//! Reads and writes files of identified parameters, and reads states of motion; errors have the
+//! places of mistakes.
 
 mod constants;
 mod error;
@@ -25,7 +25,7 @@ use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
 use crate::status::{Shares, Status};
 
-/// How a file writes its values.
+/// The format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// JSON.
@@ -35,7 +35,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// YAML where a file's name ends in `.yaml` or `.yml`, JSON otherwise.
+    /// The format by a file's name: YAML if it ends in `.yaml` or `.yml`, JSON otherwise.
     ///
     /// ```
     /// use regen_identify::files::Format;
@@ -51,10 +51,10 @@ impl Format {
         }
     }
 
-    /// A text's content.
+    /// Parses a text of this format.
     ///
     /// # Errors
-    /// What the text breaks of the format, with its place.
+    /// [`FileError::Syntax`], with the line and column of the mistake.
     pub fn value(self, text: &str) -> Result<Value, FileError> {
         match self {
             Self::Yaml => yaml::value(text).map_err(FileError::Syntax),
@@ -63,10 +63,11 @@ impl Format {
         }
     }
 
-    /// A value's text, with a line end behind it.
+    /// Writes a value as text of this format, with a final end of line.
     ///
     /// # Errors
-    /// A value that has no text: a map whose keys are no strings.
+    /// [`FileError::Syntax`] for a value that the format cannot represent, such as a map whose keys
+    /// are no strings.
     pub fn text<T: Serialize>(self, value: &T) -> Result<String, FileError> {
         match self {
             Self::Yaml => yaml::text(value).map_err(FileError::Syntax),
@@ -77,39 +78,39 @@ impl Format {
     }
 }
 
-/// A file of identified parameters. All lists are of the one model that was adopted, but for
+/// The content of a file of identified parameters. All lists belong to the adopted model, except
 /// `least_squares`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ParameterFile {
     /// The robot's name.
     pub robot: String,
-    /// The model's digest.
+    /// The [`digest`] of the robot's model.
     pub model: String,
-    /// What kind of model it is: `least squares`, `feasible`, ...
+    /// The estimator: `least squares`, `feasible`, ...
     pub method: String,
-    /// The logs that it was identified from.
+    /// The names of the logs that the values were identified from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub logs: Vec<String>,
-    /// When, as the caller stated it.
+    /// The date of the identification, as the caller gave it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub date: Option<String>,
-    /// What is known of its feasibility.
+    /// The verdict on the physical feasibility, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feasibility: Option<String>,
-    /// The level of the confidence intervals.
+    /// The level of the confidence intervals, in (0, 1).
     pub confidence: f64,
-    /// How the deviations were found.
+    /// How the standard deviations were computed, in words.
     #[serde(default)]
     pub deviations: String,
     /// The base parameters.
     pub parameters: Vec<ParameterRow>,
-    /// What least squares found before, where another model was adopted.
+    /// The least-squares parameters, where another model was adopted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub least_squares: Vec<LeastSquaresRow>,
-    /// Friction that has no columns.
+    /// Nonlinear friction, which is not among the base parameters.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub friction: Vec<FrictionRow>,
-    /// All parameters, where they are physical.
+    /// All parameters of a physically feasible model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub physical: Vec<PhysicalRow>,
     /// The bodies as in a spec, by label.
@@ -121,11 +122,11 @@ pub struct ParameterFile {
 }
 
 impl ParameterFile {
-    /// The file of an identified model.
+    /// Builds the file's content from an identified model.
     ///
-    /// - `shares`: of the fit's data, by the places of the base parameters;
-    /// - `least`: what least squares found, where that is another model;
-    /// - `confidence`: the level of the model's intervals.
+    /// - `shares`: the contributions of the base parameters to the efforts of the fit;
+    /// - `least`: the least-squares parameters, where they are another model;
+    /// - `confidence`: the level of the model's intervals, in (0, 1).
     ///
     /// # Errors
     /// When parameters of the model have labels that no body or joint has.
@@ -184,7 +185,7 @@ impl ParameterFile {
     }
 }
 
-/// What is read of a file; deviations may be unknown, and are not needed.
+/// The part of a file's content that is read: values without standard deviations.
 #[derive(Deserialize)]
 struct Read {
     robot: String,
@@ -213,7 +214,8 @@ impl IdentifiedModel {
     /// of all parameters, or of all base parameters, as keys and SI values.
     ///
     /// # Errors
-    /// [`FileError::Digest`] for parameters of another model; values that are missing.
+    /// [`FileError::Digest`] for parameters of another model; [`FileError::Missing`] for missing
+    /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`].
     ///
     /// ```
     /// # mod models {
@@ -271,7 +273,7 @@ impl IdentifiedModel {
         let labels = info.labels();
         let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
         let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
-        // a file of base parameters has those in its list, even where all parameters are base
+        // a file with `physical` lists base parameters, even if these are all parameters
         if physical.is_empty()
             && let Some(phi) = all(&values, &labels)
         {

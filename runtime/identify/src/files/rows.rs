@@ -1,4 +1,4 @@
-//! The rows of identified parameters in files and in JSON.
+//! The rows of identified parameters in files of JSON and YAML.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -14,42 +14,42 @@ use crate::status::Status;
 
 use super::FileError;
 
-/// One base parameter of the adopted model. Deviations are those of the estimator that gave the
-/// value, and null where it gives none.
+/// One base parameter of the adopted model. Standard deviations are those of the estimator that
+/// gave the value, and null where it gives none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ParameterRow {
     /// The label.
     pub label: String,
-    /// The combination that it stands for, its factors in all their digits.
+    /// The linear combination of parameters that it is, its factors in all their digits.
     pub combination: String,
     /// The unit.
     pub unit: String,
     /// The value, SI.
     pub value: f64,
-    /// The standard deviation; see the file's `deviations` for how it was found.
-    #[serde(deserialize_with = "perhaps")]
+    /// The standard deviation; see the file's `deviations` for how it was computed.
+    #[serde(deserialize_with = "number_or_nan")]
     pub sigma: f64,
     /// The standard deviation for white residuals.
-    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    #[serde(default = "nan", deserialize_with = "number_or_nan")]
     pub sigma_white: f64,
-    /// `sigma` in percent of the value's size.
-    #[serde(deserialize_with = "perhaps")]
+    /// `sigma` in percent of the absolute value.
+    #[serde(deserialize_with = "number_or_nan")]
     pub sigma_percent: f64,
-    /// The confidence interval.
-    #[serde(deserialize_with = "perhaps")]
+    /// The lower end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub low: f64,
-    /// See `low`.
-    #[serde(deserialize_with = "perhaps")]
+    /// The upper end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub high: f64,
-    /// What it contributes to the efforts, in percent: the root mean square of its column times
-    /// the value over that of the efforts, all efforts with the weights of the fit.
-    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    /// The contribution to the efforts, in percent: the root mean square of the parameter's column
+    /// times the value over that of the efforts, all efforts with the weights of the fit.
+    #[serde(default = "nan", deserialize_with = "number_or_nan")]
     pub share: f64,
-    /// How well it is known.
+    /// How well the parameter is identified.
     pub status: Status,
 }
 
-/// What least squares found of a base parameter, where another model was adopted.
+/// The least-squares value of a base parameter, where another model was adopted.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LeastSquaresRow {
     /// The label.
@@ -59,25 +59,25 @@ pub struct LeastSquaresRow {
     /// The value, SI.
     pub value: f64,
     /// The standard deviation.
-    #[serde(deserialize_with = "perhaps")]
+    #[serde(deserialize_with = "number_or_nan")]
     pub sigma: f64,
     /// The standard deviation for white residuals.
-    #[serde(deserialize_with = "perhaps")]
+    #[serde(deserialize_with = "number_or_nan")]
     pub sigma_white: f64,
-    /// The confidence interval.
-    #[serde(deserialize_with = "perhaps")]
+    /// The lower end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub low: f64,
-    /// See `low`.
-    #[serde(deserialize_with = "perhaps")]
+    /// The upper end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub high: f64,
 }
 
-/// A number, or null for one that is not finite.
-fn perhaps<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+/// Reads a number, or NaN for null.
+fn number_or_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
-fn unknown() -> f64 {
+fn nan() -> f64 {
     f64::NAN
 }
 
@@ -86,11 +86,11 @@ fn unknown() -> f64 {
 pub struct FrictionRow {
     /// The coordinate's name.
     pub joint: String,
-    /// The law's name.
+    /// The name of the friction law.
     pub law: String,
-    /// Its values by symbol, SI.
+    /// The coefficients of the law by symbol, SI.
     pub coefficients: BTreeMap<String, f64>,
-    /// Deviations and intervals of coefficients that have them.
+    /// Standard deviations and intervals of the coefficients that have them, by symbol.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub intervals: BTreeMap<String, IntervalRow>,
 }
@@ -99,17 +99,17 @@ pub struct FrictionRow {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct IntervalRow {
     /// The standard deviation.
-    #[serde(deserialize_with = "perhaps")]
+    #[serde(deserialize_with = "number_or_nan")]
     pub sigma: f64,
-    /// The confidence interval.
-    #[serde(deserialize_with = "perhaps")]
+    /// The lower end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub low: f64,
-    /// See `low`.
-    #[serde(deserialize_with = "perhaps")]
+    /// The upper end of the confidence interval.
+    #[serde(deserialize_with = "number_or_nan")]
     pub high: f64,
 }
 
-/// One of all parameters.
+/// One of all p parameters of a physically feasible model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PhysicalRow {
     /// The label.
@@ -119,13 +119,13 @@ pub struct PhysicalRow {
     /// The unit.
     pub unit: String,
     /// The standard deviation.
-    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    #[serde(default = "nan", deserialize_with = "number_or_nan")]
     pub sigma: f64,
-    /// The confidence interval.
-    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    /// The lower end of the confidence interval.
+    #[serde(default = "nan", deserialize_with = "number_or_nan")]
     pub low: f64,
-    /// See `low`.
-    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    /// The upper end of the confidence interval.
+    #[serde(default = "nan", deserialize_with = "number_or_nan")]
     pub high: f64,
 }
 
@@ -136,12 +136,13 @@ pub struct BodyRow {
     pub mass: f64,
     /// The centre of mass in the body's frame, m.
     pub com: [f64; 3],
-    /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about it, kg m^2.
+    /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass, in the axes of the body's frame,
+    /// kg m^2.
     pub inertia: [f64; 6],
 }
 
 impl ParameterRow {
-    /// The row of a value.
+    /// Builds the row of a base parameter; `share`: percent of the efforts.
     pub fn new(
         parameter: &BaseParameter<'_>,
         info: &Info<'_>,
@@ -168,7 +169,7 @@ impl ParameterRow {
 }
 
 impl LeastSquaresRow {
-    /// The rows of an estimate with the intervals that belong to it.
+    /// Builds the rows of all parameters of an estimate from its intervals.
     pub fn all(estimate: &Estimate, intervals: &[Option<Interval>], info: &Info<'_>) -> Vec<Self> {
         let labels = estimate.labels.iter().zip(&estimate.values).enumerate();
         labels
@@ -190,7 +191,7 @@ impl LeastSquaresRow {
 }
 
 impl PhysicalRow {
-    /// The row of a value.
+    /// Builds the row of a parameter.
     pub fn new(label: &str, info: &Info<'_>, value: f64, interval: Option<Interval>) -> Self {
         Self {
             label: label.to_owned(),
@@ -203,7 +204,7 @@ impl PhysicalRow {
     }
 }
 
-/// The friction of a model that has no columns.
+/// The rows of a model's nonlinear friction, which is not among the base parameters.
 pub(super) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
     let joints = found.friction.iter().enumerate();
     joints
@@ -232,7 +233,7 @@ pub(super) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
 }
 
 impl FrictionRow {
-    /// The row of a value.
+    /// Builds the row of a joint's friction, without intervals.
     pub fn new(joint: &JointFit) -> Self {
         let symbols = joint.friction.symbols().iter();
         let pairs = symbols.zip(&joint.values);
@@ -244,10 +245,10 @@ impl FrictionRow {
         }
     }
 
-    /// The friction that a row stands for.
+    /// Converts the row to the friction of a joint.
     ///
     /// # Errors
-    /// [`FileError::Friction`] for a law of another name, or a value that is missing.
+    /// [`FileError::Friction`] for an unknown law, or a missing coefficient.
     pub fn joint(&self) -> Result<JointFit, FileError> {
         let wrong = |why: String| FileError::Friction {
             joint: self.joint.clone(),
@@ -271,7 +272,7 @@ impl FrictionRow {
     }
 }
 
-/// Each body's mass, centre of mass and inertia about it, by label.
+/// Each body's mass, centre of mass and inertia about the centre of mass, by label.
 pub(super) fn bodies(layout: &ParameterLayout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
     let of = |column: usize| phi.get(column).copied().unwrap_or_default();
     let bodies = layout.bodies().iter();
@@ -280,7 +281,7 @@ pub(super) fn bodies(layout: &ParameterLayout, phi: &[f64]) -> BTreeMap<String, 
         .collect()
 }
 
-/// Each joint's linear friction and rotor inertia, by symbol: all that are no body's.
+/// Each joint's linear friction and rotor inertia, by symbol: all parameters that are not a body's.
 pub(super) fn joints(
     parameters: &[Parameter<'_>],
     phi: &[f64],
@@ -296,7 +297,8 @@ pub(super) fn joints(
 }
 
 impl BodyRow {
-    /// By the parallel axis theorem.
+    /// Converts the ten inertial parameters of a body (Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the
+    /// frame's origin, mx, my, mz, m) by the parallel axis theorem.
     fn of(ten: &[f64; 10]) -> Self {
         let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *ten;
         let [x, y, z] = if m > 0.0 {
@@ -319,7 +321,7 @@ impl BodyRow {
     }
 }
 
-/// A combination with its factors in all their digits.
+/// Writes a base parameter's linear combination with its factors in all their digits.
 fn combination(parameter: &BaseParameter<'_>) -> String {
     let mut out = String::new();
     for (k, term) in parameter.terms.iter().enumerate() {

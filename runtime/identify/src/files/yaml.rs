@@ -1,11 +1,12 @@
-//! Parameter files in YAML. Specs of robots are read by `regen_codegen`, with places of its own.
+//! Reads and writes parameter files in YAML. Specs of robots are read by `regen_codegen`, which
+//! reports places in them by itself.
 
 use serde::Serialize;
 use serde_json::Value;
 use serde_saphyr::options::NonFiniteFloatPolicy;
 
-/// The content of a YAML text, with scalars as the core schema of YAML 1.2 has them: `on` and
-/// `010` are text. What is no number, `.nan`, is null, as in JSON.
+/// Parses a YAML text, with scalars by the core schema of YAML 1.2: `on` and `010` are text. The
+/// number `.nan` becomes null, as in JSON.
 pub(super) fn value(text: &str) -> Result<Value, String> {
     let options = serde_saphyr::options! {
         strict_booleans: true,
@@ -17,7 +18,7 @@ pub(super) fn value(text: &str) -> Result<Value, String> {
     serde_saphyr::from_str_with_options(text, options).map_err(|error| error.to_string())
 }
 
-/// A value as YAML text.
+/// Writes a value as YAML text.
 pub(super) fn text<T: Serialize>(value: &T) -> Result<String, String> {
     serde_saphyr::to_string(value).map_err(|error| error.to_string())
 }

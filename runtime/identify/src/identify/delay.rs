@@ -1,4 +1,4 @@
-//! By how much efforts are logged behind the motion that they belong to.
+//! Estimates the delays of logged efforts relative to the motion that they belong to.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,35 +13,38 @@ use regen_runtime::BaseModel;
 pub struct Delay {
     /// The effort's name.
     pub effort: String,
-    /// By how much it is logged after the motion that it belongs to, s; negative where before.
+    /// The time by which the effort is logged after the motion that it belongs to, s; negative if
+    /// it is logged before.
     pub seconds: f64,
-    /// Its standard deviation, which knows of the residuals' correlation in time, s.
+    /// The standard deviation of the delay, s; it accounts for the residuals' correlation in time.
     pub sigma: f64,
 }
 
 impl Delay {
-    /// Whether it differs from zero by more than three of its deviations.
+    /// Whether the delay differs from zero by more than three standard deviations.
     pub fn is_significant(&self) -> bool {
         self.seconds.abs() > 3.0 * self.sigma
     }
 }
 
-/// The delays of all efforts, and of all alike.
+/// The delays of all efforts, one by one and in common.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Delays {
-    /// Of each effort by itself.
+    /// The delay of each effort.
     pub efforts: Vec<Delay>,
-    /// The one delay of all efforts that fits best; `None` without efforts that change.
+    /// The common delay of all efforts that fits best; `None` if no effort determines a delay.
     pub common: Option<Delay>,
 }
 
-/// Estimates delays beside the parameters: an effort that is logged late by d is
+/// Estimates the delays together with the parameters: an effort that is logged late by d is
 /// `tau(t - d) = tau(t) - d dtau/dt` to first order, so minus the rate of the predicted effort is
-/// one column more.
+/// an additional column of the regressor.
 ///
-/// - `values`: the parameters that predict; `weights`: of each effort.
+/// - `labels`, `values`: the base parameters, with which the efforts are predicted;
+/// - `names`, `weights`: those of the efforts;
+/// - `bandwidth`: the number of samples in which the residuals are correlated.
 ///
-/// Where the data do not determine the delays there are none.
+/// Returns no delays where the data do not determine them.
 pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     labels: &[String],
@@ -61,7 +64,7 @@ pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             if weight > 0.0 {
                 let row = found.w.iter().skip(e).step_by(found.tau.len());
                 block.push(row, (e, -rates[e]), efforts, *tau, weight);
-                block.flush(&mut factor, FULL)?;
+                block.flush(&mut factor, BLOCK_ROWS)?;
             }
         }
         Ok(())
@@ -108,8 +111,8 @@ pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     })
 }
 
-/// The weighted mean of the delays, each by the inverse of its variance, with the deviation that
-/// their covariance gives it.
+/// The mean of the delays, each weighted by the inverse of its variance, with the standard
+/// deviation that follows from their covariance.
 fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<Delay> {
     let parts: Vec<f64> = delays
         .iter()
@@ -142,10 +145,10 @@ fn solve(factor: &QrFactor) -> Option<(Vec<f64>, QrFactor)> {
     Some((values, factor.clone()))
 }
 
-/// Rows that are reduced at a time.
-const FULL: usize = 256;
+/// Number of rows that are reduced into the QR factor at a time.
+const BLOCK_ROWS: usize = 256;
 
-/// Rows on their way into a factor.
+/// Rows that are still to be reduced into a QR factor.
 #[derive(Default)]
 struct Block {
     rows: Vec<Vec<f64>>,
@@ -183,10 +186,10 @@ impl Block {
     }
 }
 
-/// A sample's equations with the rates of the efforts that are predicted there.
+/// Callback that receives a sample's equations and the time derivatives of its predicted efforts.
 type EquationRateSink<'a> = dyn FnMut(&Equations<'_>, &[f64]) -> Result<(), EstimateError> + 'a;
 
-/// Equations kept for their neighbours.
+/// A copy of a sample's equations, for differences with its neighbours.
 #[derive(Default)]
 struct BufferedEquations {
     time: f64,
@@ -196,8 +199,8 @@ struct BufferedEquations {
     predicted: Vec<f64>,
 }
 
-/// Visits every sample that has one on both sides, with the rates of its predicted efforts by
-/// central differences.
+/// Passes every sample that has neighbours on both sides to `each`, with the time derivatives of
+/// its predicted efforts by central differences.
 fn with_rates<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     values: &[f64],

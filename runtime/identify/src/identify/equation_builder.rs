@@ -1,4 +1,4 @@
-//! From states of motion to equations: the forces' and the energy's.
+//! Sets up the equations of a state of motion: equations of motion or energy balances.
 
 use crate::estimate::{EstimateError, Origin};
 use regen_runtime::{BaseModel, Status};
@@ -23,29 +23,29 @@ pub struct Row<'a> {
     /// Whether each coordinate rests, or moves so slowly that noise decides on the direction of
     /// its friction; empty where that is not known.
     pub still: &'a [bool],
-    /// What each effort's equation is multiplied by, beside the weight of the effort.
+    /// The weight of each equation in this row, which multiplies the weight of the effort.
     pub weights: &'a [f64],
-    /// Whether it follows the row before it in time.
+    /// Whether the row follows the one before it without a gap.
     pub follows: bool,
 }
 
-/// Which equations a sample gives.
+/// The kind of equations that are set up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum EquationKind {
     /// The equations of motion (Eq. 20), one for each independent coordinate.
     #[default]
     Forces,
-    /// The balance of energy over windows of this length in s, which needs no accelerations: the
+    /// The energy balance over windows of this length, which needs no accelerations: the
     /// work of the efforts is the change of kinetic energy plus the work against gravity and
     /// friction.
     Energy {
-        /// The windows' length, s.
+        /// The length of the windows, s.
         window: f64,
     },
 }
 
 impl EquationKind {
-    /// Its name in files.
+    /// The name of the kind in files.
     ///
     /// ```
     /// use regen_identify::identify::EquationKind;
@@ -66,27 +66,28 @@ impl EquationKind {
 pub struct Equations<'a> {
     /// The sample's time, s.
     pub time: f64,
-    /// The matrix, column-major: one row for each entry of `tau`.
+    /// The regressor, column-major: one row for each entry of `tau`.
     pub w: &'a [f64],
-    /// The right side; empty where a sample gives no equation.
+    /// The right-hand sides, N or N m, or J; empty where the sample gives no equation.
     pub tau: &'a [f64],
-    /// What each equation is multiplied by; 0 where it is left out.
+    /// The factor on each equation; 0 where it is left out.
     pub weights: &'a [f64],
-    /// Whether the sample follows the one before it in time.
+    /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
 }
 
-/// A part of the velocity so small that what is quadratic in it vanishes, while the signs that
-/// friction goes by stay.
-const CREEP: f64 = 1e-150;
+/// Factor on the velocities so small that terms quadratic in them vanish, while their signs, on
+/// which friction depends, remain.
+const VANISHING_VELOCITY: f64 = 1e-150;
 
-/// Makes equations of samples.
+/// Sets up the equations of samples.
 #[derive(Debug)]
 pub struct EquationBuilder<'m, M: ?Sized> {
     model: &'m M,
     kind: EquationKind,
-    /// For each base parameter, the dynamic parameters that have it alone, with their values: the
-    /// kept one, and those that the spec's choices about the base tie to it.
+    /// For each base parameter, dynamic parameters for which it is 1 and all others are 0, as
+    /// indices and values: the one it is named by, and those that the spec's choices about the
+    /// base tie to it.
     alone: Vec<Vec<(usize, f64)>>,
     w: Vec<f64>,
     tau: Vec<f64>,
@@ -95,27 +96,32 @@ pub struct EquationBuilder<'m, M: ?Sized> {
     singular: usize,
 }
 
-/// A window of the balance of energy.
+/// The current window of the energy balance.
 #[derive(Clone, Debug)]
 struct Balance {
+    /// The time at the start, s.
     start: f64,
+    /// The row of the kinetic energy at the start.
     kinetic: Vec<f64>,
-    /// Integrals from the start: of the power row, and of the efforts' power.
+    /// Integrals from the start: of `Power::row`, and of the efforts' power in J.
     dissipated: Vec<f64>,
     work: f64,
     last: Power,
     weights: f64,
 }
 
+/// The power at one sample.
 #[derive(Clone, Debug)]
 struct Power {
     time: f64,
+    /// The row of the power against gravity and friction in the base parameters.
     row: Vec<f64>,
+    /// The power of the efforts, W.
     efforts: f64,
 }
 
 impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
-    /// Prepares for a model.
+    /// Prepares the equations of a model.
     pub fn new(model: &'m M, kind: EquationKind) -> Self {
         let base = model.base_info();
         let size = model.info().parameters.len();
@@ -126,7 +132,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             if let Some(one) = unit.get_mut(k) {
                 *one = 1.0;
             }
-            // all lengths are the model's own
+            // the lengths are the model's own, so this does not fail
             match model.parameters_from_base(&unit, &free, &mut phi) {
                 Ok(()) => phi.into_iter().enumerate().filter(|x| x.1 != 0.0).collect(),
                 Err(_) => Vec::new(),
@@ -144,7 +150,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         }
     }
 
-    /// What files say of equations from this observer.
+    /// The robot, the model and the kind of these equations, as files of QR factors record them.
     pub fn origin(&self) -> Origin {
         let info = self.model.info();
         let efforts = match self.kind {
@@ -170,7 +176,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         self.singular
     }
 
-    /// The equations that a sample gives, or completes.
+    /// Sets up the equations of a sample; an energy balance at the sample that ends its window.
     ///
     /// # Errors
     /// When a length does not fit the model.
@@ -241,7 +247,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
                 weights,
             },
         };
-        // a window ends at the sample nearest to its length, whatever the rounding of times
+        // a window ends at the first sample that completes its length, but for rounding of times
         if balance.last.time - balance.start >= window * (1.0 - 1e-9) {
             let gained = kinetic.iter().zip(&balance.kinetic).map(|(a, b)| a - b);
             let lost = gained.zip(&balance.dissipated).map(|(g, d)| g + d);
@@ -261,7 +267,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(true)
     }
 
-    /// The kinetic energy's row and the power at a sample; `None` where A_e is singular.
+    /// The row of the kinetic energy and the power at a sample; `None` where A_e is singular.
     fn power(&self, row: &Row<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
         let info = self.model.info();
         let (dof, n) = (info.dof(), info.coordinates.len());
@@ -270,13 +276,13 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         let still = vec![0.0; n];
         let none = vec![0.0; dof];
         let (mut moved, mut rest, mut slow) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
-        // from rest, accelerations obey what velocities do: W(q, 0, qd) - W(q, 0, 0) is the
-        // momentum's row, 2 T = qd_i^T of it
+        // at rest, accelerations fulfil the same closure equations as velocities, so that
+        // W(q, 0, qd) - W(q, 0, 0) is the regressor of the momentum; times qd_i^T it gives 2 T
         let c = self.model.regressor(row.q, &still, row.qd, &mut moved)?;
         let _ = self.model.regressor(row.q, &still, &still, &mut rest)?;
-        // creeping with full reference velocities: gravity and friction alone
-        let creep: Vec<f64> = row.qd.iter().map(|v| CREEP * v).collect();
-        // the same A_e as above
+        // vanishing velocities with full reference velocities leave gravity and friction only
+        let creep: Vec<f64> = row.qd.iter().map(|v| VANISHING_VELOCITY * v).collect();
+        // its condition is that of the same A_e as above
         let _ = self
             .model
             .adaptive_regressor(row.q, &creep, &qd_i, &none, &mut slow)?;

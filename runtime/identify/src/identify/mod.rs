@@ -1,4 +1,5 @@
-//! From logs to parameters: states of motion, equations, and the passes over them.
+//! Identifies base parameters: completes states of motion, sets up equations, solves for the
+//! parameters in passes over the log.
 
 mod delay;
 mod equation_builder;
@@ -21,6 +22,7 @@ pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
+/// Returns an error unless a length is the expected one.
 fn require(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
     if expected == got {
         return Ok(());
@@ -32,14 +34,14 @@ fn require(what: &'static str, expected: usize, got: usize) -> Result<(), Estima
     })
 }
 
-/// Digits that count in a digest: compiled and interpreted models agree in more.
-const DIGITS: usize = 9;
+/// Decimals of numbers that enter a digest: compiled and interpreted models agree in more.
+const DIGEST_DECIMALS: usize = 9;
 
-/// What tells models apart: a hash (FNV-1a, 64 bits, in hexadecimal) of the names, of the base
-/// combinations, and of the regressor at one state.
+/// The digest of a model, by which files are matched with models: a hash (FNV-1a, 64 bits, in
+/// hexadecimal) of the names, of the base combinations, and of the regressor at one state.
 ///
-/// Two descriptions with the same names and other lengths have different digests; comments and
-/// layout do not count.
+/// Two robots with the same names and different lengths have different digests; comments and
+/// layout of the description have no effect.
 pub fn digest<M: BaseModel<f64> + ?Sized>(model: &M) -> String {
     let info = model.info();
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
@@ -61,7 +63,7 @@ pub fn digest<M: BaseModel<f64> + ?Sized>(model: &M) -> String {
             hash.number(term.value);
         }
     }
-    // home moved a little, so that lengths show; not closed, which does not matter
+    // a state near home, so that lengths affect the regressor; its loops need not be closed
     let n = info.coordinates.len();
     let off = |k: usize, scale: f64| scale * (1.0 + 0.1 * k as f64);
     let q: Vec<f64> = info
@@ -91,8 +93,8 @@ impl Hash {
     }
 
     fn number(&mut self, value: f64) {
-        // what is zero but for rounding is zero in one of the two only
+        // a zero with rounding errors may be exactly zero in the other kind of model
         let value = if value.abs() < 1e-12 { 0.0 } else { value };
-        self.text(&format!("{value:.DIGITS$e}"));
+        self.text(&format!("{value:.DIGEST_DECIMALS$e}"));
     }
 }

@@ -1,32 +1,36 @@
-//! Whole states of motion from what is measured.
+//! Completes measured coordinates to whole states of motion by the closure equations.
 
 use crate::qr_update::{reduce, substitute};
 use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError, State};
 
-/// Gauss-Newton steps at most; two or three do.
-const STEPS: usize = 30;
-/// A step this small ends the iteration: rounding of angles and metres.
-const SETTLED: f64 = 1e-13;
-/// Pivots below this part of the largest mean that a motion is not measured.
-const UNMEASURED: f64 = 1e-9;
+/// Most Gauss-Newton steps; usually two or three suffice.
+const MAX_STEPS: usize = 30;
+/// A step below this, rad or m, ends the iteration: rounding of angles and metres.
+const STEP_TOLERANCE: f64 = 1e-13;
+/// A pivot below this part of the largest means that the measured coordinates do not determine
+/// the motion.
+const MIN_PIVOT_RATIO: f64 = 1e-9;
 
-/// All coordinates with their derivatives from measured ones, sample by sample on one assembly
-/// branch.
+/// Computes all coordinates and their derivatives from measured ones, sample by sample on one
+/// assembly branch.
 ///
 /// Measured coordinates may be the independent ones, others that determine them, or more than
-/// needed: these are then fused by least squares, each divided by its standard deviation.
+/// needed. Unless they are the independent ones, they are fused by least squares, each divided by
+/// its standard deviation.
 #[derive(Debug)]
 pub struct Completion<'m, M: ?Sized> {
     model: &'m M,
     closure: LoopClosure<'m, M>,
     measured: Vec<usize>,
     weights: Vec<f64>,
-    /// Where each independent coordinate stands among the measured ones, if they are the same.
+    /// For each independent coordinate, its index among the measured ones; `None` unless exactly
+    /// the independent coordinates are measured.
     direct: Option<Vec<usize>>,
+    /// The independent coordinates of the last state, rad or m.
     last: Vec<f64>,
 }
 
-/// What became of a sample.
+/// Result of completing a sample.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Completed {
     /// All coordinates, velocities and accelerations.
@@ -38,7 +42,10 @@ pub enum Completed {
 }
 
 impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
-    /// Prepares for coordinates measured with these standard deviations (rad or m).
+    /// Prepares the completion of a model's states.
+    ///
+    /// - `measured`: the measured coordinates, as indices into `Info::coordinates`;
+    /// - `deviations`: the standard deviation of each, rad or m.
     ///
     /// # Errors
     /// When the lists differ in length, a coordinate does not exist or is given twice, fewer
@@ -89,15 +96,15 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         })
     }
 
-    /// Starts from home again: for the next log.
+    /// Starts from the home position again, for the next log.
     pub fn restart(&mut self) {
         self.closure.restart();
         let info = self.model.info();
         self.last = info.independent.iter().map(|&c| info.home[c]).collect();
     }
 
-    /// The state at measured positions, velocities and accelerations, in the order of the
-    /// measured coordinates; follows the branch from the last state.
+    /// Computes the state at measured positions, velocities and accelerations (rad or m, per s and
+    /// per s^2), in the order of the measured coordinates, on the branch of the last state.
     ///
     /// # Errors
     /// When a length does not fit or a value is not finite.
@@ -127,10 +134,11 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         self.fuse(q, qd, qdd)
     }
 
+    /// Finds the independent coordinates by Gauss-Newton steps, then their derivatives.
     fn fuse(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, ClosureError> {
         let mut q_i = self.last.clone();
         let mut solution = self.closure.track(&q_i)?;
-        for _ in 0..STEPS {
+        for _ in 0..MAX_STEPS {
             if !solution.outcome.is_closed() {
                 return Ok(Completed::Open(solution.outcome));
             }
@@ -147,7 +155,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
                 *value += step;
             }
             solution = self.closure.track(&q_i)?;
-            if step.iter().all(|s| s.abs() < SETTLED) {
+            if step.iter().all(|s| s.abs() < STEP_TOLERANCE) {
                 break;
             }
         }
@@ -161,7 +169,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         let n = solution.q.len();
         let mut all = vec![0.0; n];
         let mut without = vec![0.0; n];
-        // `track` has judged the condition of these solves
+        // `track` has already checked the condition of these solves
         let _ = self.model.velocities(&solution.q, &qd_i, &mut all)?;
         let still = vec![0.0; q_i.len()];
         let _ = self
@@ -183,7 +191,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         })
     }
 
-    /// How the measured coordinates move with each independent one, weighted; column-major.
+    /// The weighted Jacobian of the measured coordinates by the independent ones, column-major.
     fn columns(&self, q: &[f64]) -> Result<Vec<f64>, ClosureError> {
         let dof = self.last.len();
         let mut out = Vec::with_capacity(dof * self.measured.len());
@@ -206,7 +214,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         reduce(&mut r, &mut z, &mut block, &mut side, rows);
         let pivots = (0..dof).map(|k| r[k * dof + k]);
         let largest = pivots.clone().fold(0.0, f64::max);
-        if pivots.into_iter().any(|p| p <= UNMEASURED * largest) {
+        if pivots.into_iter().any(|p| p <= MIN_PIVOT_RATIO * largest) {
             return None;
         }
         substitute(&r, &z)

@@ -1,4 +1,4 @@
-//! Passes over a log: to a factor, to an estimate, and to what its residuals say.
+//! Passes over a log that compute QR factors, estimates, residuals and covariances.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
@@ -15,34 +15,34 @@ use regen_runtime::BaseModel;
 
 /// A log that can be read any number of times.
 pub trait Source {
-    /// What can go wrong in reading it.
+    /// The error of reading the log.
     type Error: From<EstimateError>;
 
-    /// Hands over all rows in order.
+    /// Passes all rows to `each` in order of time.
     ///
     /// # Errors
-    /// Its own, and those of `each`.
+    /// When the log cannot be read, and the errors of `each`.
     fn visit(
         &mut self,
         each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
 
-    /// What happens to the equations of its rows before they count.
+    /// How the equations of the rows are filtered, decimated and left out at standstill.
     fn filtering(&self) -> Filtering;
 }
 
-/// How an estimate is made.
+/// Options of a least-squares estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// How efforts are weighted against each other.
     pub weighting: Weighting,
-    /// Huber's bound in standard deviations, beyond which residuals count linearly: 1.345 keeps
-    /// 95 % of the efficiency on normal noise. `None`: plain least squares.
+    /// Huber's bound in standard deviations, beyond which the cost of a residual is linear: 1.345
+    /// keeps 95 % of the efficiency on normal noise. `None`: plain least squares.
     pub huber: Option<f64>,
-    /// Autocorrelations that are found of the residuals.
+    /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
-    /// Samples in which residuals are correlated: the covariance is then Newey and West's (1987)
-    /// with this bandwidth. `None`: [`Deviations`] says how it is found.
+    /// Number of samples in which residuals are correlated: the covariance is then Newey and
+    /// West's (1987) with this bandwidth. `None`: the covariance of [`Deviations`].
     pub bandwidth: Option<usize>,
 }
 
@@ -57,43 +57,44 @@ impl Default for Options {
     }
 }
 
-/// An estimate with what the residuals say of it.
+/// An estimate with its residuals' statistics and its covariance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identified {
-    /// Values, and the covariance for white residuals.
+    /// The parameters, with the covariance for white residuals.
     pub estimate: Estimate,
-    /// The factor that it is the solution of: all efforts with their weights, and Huber's.
+    /// The QR factor whose solution the estimate is: all efforts with their weights, and Huber's.
     pub factor: QrFactor,
-    /// The covariance that knows of the residuals' correlation.
+    /// The standard deviations that account for the residuals' correlation in time.
     pub deviations: Deviations,
-    /// What it was made of, for estimates of some of the parameters only.
+    /// The scores that the deviations are computed from, for estimates of some of the parameters
+    /// only.
     pub blocks: Blocks,
-    /// The samples that it counts as correlated: as many as are as good as one, or what
-    /// [`Options::bandwidth`] says.
+    /// The number of samples that count as correlated: as many as carry the information of one
+    /// independent sample, or [`Options::bandwidth`] if that is given.
     pub bandwidth: usize,
     /// The errors of each effort.
     pub errors: Vec<EffortError>,
     /// eps_RA over all efforts, percent (Eq. 33).
     pub relative_absolute: f64,
-    /// What gave no equation, and why.
+    /// The samples and equations that were left out, by reason.
     pub left_out: LeftOut,
-    /// By how much efforts are logged behind the motion; none where equations are of energy.
+    /// The delays of the logged efforts behind the motion; none for energy balances.
     pub delays: Delays,
 }
 
 impl Identified {
-    /// The estimate with the covariance that knows of the residuals' correlation.
+    /// The estimate with the covariance that accounts for the residuals' correlation in time.
     pub fn correlated(&self) -> Estimate {
         self.estimate.with_deviations(&self.deviations)
     }
 }
 
-/// Passes of Huber's reweighting at most.
-const PASSES: usize = 50;
-/// Parameters that change by less than this part of their deviation have settled.
-const SETTLED: f64 = 1e-6;
+/// Most passes of Huber's reweighting.
+const MAX_HUBER_PASSES: usize = 50;
+/// The reweighting ends once no parameter changes by more than this many standard deviations.
+const HUBER_TOLERANCE_DEVIATIONS: f64 = 1e-6;
 
-/// What Huber's weights are taken from.
+/// The estimate that Huber's weights are computed from.
 struct Huber<'a> {
     values: &'a [f64],
     sigmas: &'a [f64],
@@ -101,7 +102,7 @@ struct Huber<'a> {
 }
 
 impl Huber<'_> {
-    /// The weight of a residual.
+    /// Huber's weight of a residual: 1 within the bound, less beyond.
     fn weight(&self, effort: usize, residual: f64) -> f64 {
         let sigma = self.sigmas.get(effort).copied().unwrap_or(1.0);
         let size = residual.abs() / sigma;
@@ -113,7 +114,7 @@ impl Huber<'_> {
     }
 }
 
-/// Reduces a log to its factors; also returns what gave no equation.
+/// Reduces a log to one QR factor for each effort; also returns what was left out.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model.
@@ -127,7 +128,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((set, replay.left().clone()))
 }
 
-/// The factors, and the sums of squares of the bounded residuals of each effort.
+/// The QR factors, and for each effort the sum of the squared residuals times Huber's weights.
 fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     huber: Option<&Huber<'_>>,
@@ -157,15 +158,16 @@ fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((rows.finish()?, squares))
 }
 
-/// The effort that base parameters predict, N or N m.
+/// The right-hand side of equation `effort` that base parameters predict, N or N m.
 pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]) -> f64 {
     let stride = equations.tau.len().max(1);
     let entries = equations.w.iter().skip(effort).step_by(stride);
     entries.zip(values).map(|(w, x)| w * x).sum()
 }
 
-/// Identifies base parameters from a log: estimate, residuals, and the covariance that knows
-/// of their correlation. Reads the log three times; with Huber's weights once more per pass.
+/// Identifies base parameters from a log: the estimate, its residuals, and the covariance that
+/// accounts for their correlation. Several passes over the equations; logs whose equations do not
+/// fit into memory are read in each.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model, or leaves parameters undetermined.
@@ -206,7 +208,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
-        for _ in 0..PASSES {
+        for _ in 0..MAX_HUBER_PASSES {
             let (next, own) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
@@ -214,7 +216,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 m.max((a - b).abs() / deviation(k))
             });
             (estimate, factor) = (next, own);
-            if moved < SETTLED {
+            if moved < HUBER_TOLERANCE_DEVIATIONS {
                 break;
             }
         }
@@ -247,7 +249,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let scale = if unit > 0.0 { variance / unit } else { 0.0 };
         estimate.covariance = gram.covariance.iter().map(|c| c * scale).collect();
     }
-    let bandwidth = given.unwrap_or_else(|| automatic(&efforts, rows));
+    let bandwidth = given.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
     let delays = match kind {
         EquationKind::Forces => {
             let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
@@ -268,7 +270,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors: efforts,
         estimate,
         factor,
-        bandwidth: given.unwrap_or_else(|| memory(&blocks)),
+        bandwidth: given.unwrap_or_else(|| samples_per_independent_one(&blocks)),
         deviations,
         blocks,
         left_out,
@@ -276,8 +278,8 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     })
 }
 
-/// A step of Huber's estimate of values and scales (his second proposal): the scales are such
-/// that the bounded residuals have the variance they have in normal noise.
+/// One step of Huber's estimate of values and scales (his second proposal): the scales are such
+/// that the bounded residuals have the variance they would have for normal noise.
 fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     last: &Estimate,
@@ -324,9 +326,11 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((next, factor))
 }
 
-/// The residuals of given parameters on a log.
+/// Computes the residuals of given parameters on a log.
 ///
-/// - `means`: of the efforts on this log, for eps_RA; see [`FactorSet::means`].
+/// - `values`: base parameters, SI;
+/// - `means`: of the efforts on this log, for eps_RA; see [`FactorSet::means`];
+/// - `lags`: the number of autocorrelations to compute.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model.
@@ -367,7 +371,7 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok(out)
 }
 
-/// Sums of psi over standardised residuals.
+/// Sums over the weighted residuals bounded by Huber (psi), and how many are within the bound.
 #[derive(Default)]
 struct Spread {
     squares: f64,
@@ -375,8 +379,8 @@ struct Spread {
     rows: usize,
 }
 
-/// The errors of an estimate, and what its weighted residuals are like as noise, bounded where
-/// Huber bounds them.
+/// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
+/// bounded where Huber bounds them.
 fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
@@ -407,7 +411,7 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((errors, fits.collect()))
 }
 
-/// The residuals at a sample as they count in scores.
+/// The weighted and bounded residuals of one sample, as scores need them.
 struct Weighed<'a> {
     estimate: &'a Estimate,
     bound: f64,
@@ -457,8 +461,8 @@ impl<'a> Weighed<'a> {
     }
 }
 
-/// The sums over scores, for the covariance that knows of correlation; for a stated bandwidth also
-/// those of Newey and West.
+/// The sums over scores for the covariance that accounts for correlation; for a given bandwidth
+/// also those of Newey and West.
 fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
@@ -513,21 +517,21 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((out.finish(&estimate.values)?, stated, spread))
 }
 
-/// The samples that are as good as one, as a number of samples.
-fn memory(blocks: &Blocks) -> usize {
+/// How many consecutive samples carry the information of one independent sample, rounded.
+fn samples_per_independent_one(blocks: &Blocks) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
     let samples = blocks.memory().round() as usize;
     samples
 }
 
-/// Bartlett's bandwidth by the autocorrelation at lag 1 (Andrews, 1991), for the effort with
-/// most of it; 1 for white residuals.
-fn automatic(efforts: &[EffortError], rows: usize) -> usize {
+/// Bartlett's bandwidth from the autocorrelation at lag 1 (Andrews, 1991), for the effort with
+/// the strongest one; 1 for white residuals.
+fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
     let strongest = efforts
         .iter()
         .filter_map(|e| e.autocorrelation.first())
         .fold(0.0, |m: f64, r| m.max(r.abs()));
-    // beyond this a sum over all samples would be taken
+    // a larger correlation would make the bandwidth as long as the log
     let rho = strongest.min(0.999);
     let alpha = 4.0 * rho * rho / (1.0 - rho * rho).powi(2);
     let lags = 1.1447 * (alpha * rows as f64).cbrt();

@@ -1,9 +1,9 @@
-//! A log in memory.
+//! Logs held in memory.
 
 use super::{Filtering, Row, Source};
 use crate::estimate::EstimateError;
 
-/// Rows kept in memory, as a [`Source`].
+/// A log whose rows are held in memory, as a [`Source`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     rows: Vec<RecordedSample>,
@@ -22,20 +22,21 @@ struct RecordedSample {
 }
 
 impl Recorded {
-    /// A log without rows.
+    /// Creates a log without rows.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The same log, whose equations are filtered so.
+    /// The same log with other settings for filtering its equations.
     #[must_use]
     pub fn filtered(self, filtering: Filtering) -> Self {
         Self { filtering, ..self }
     }
 
-    /// Adds a row that follows the last one, with weights of 1.
+    /// Adds a row that follows the last one without a gap, with weights of 1.
     ///
-    /// - `q`, `qd`, `qdd`: all coordinates; `tau`: dof efforts, as in [`Row`].
+    /// - `time`: s; `q`, `qd`, `qdd`: all coordinates and their derivatives; `tau`: dof efforts,
+    ///   as in [`Row`].
     pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
         self.rows.push(RecordedSample {
             time,
@@ -66,7 +67,7 @@ impl Recorded {
         self.rows.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Equations that several passes go over.
+//! Stores a log's equations for repeated passes over them.
 
 use super::equation_builder::{EquationKind, Equations};
 use super::passes::Source;
@@ -6,11 +6,11 @@ use super::stream::{LeftOut, NoColumns, equations};
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
-/// Numbers that are kept at most: 64 MiB. Longer logs are read anew in each pass, so that memory
+/// Most numbers that are stored: 64 MiB. Longer logs are read again in each pass, so that memory
 /// does not grow with them.
-const MOST: usize = 1 << 23;
+const MAX_NUMBERS: usize = 1 << 23;
 
-/// The equations of a log, which are made once where they fit into bounded memory.
+/// The equations of a log: computed in the first pass and stored, unless there are too many.
 pub(super) struct Replay<'a, M: ?Sized, S: ?Sized> {
     model: &'a M,
     kind: EquationKind,
@@ -19,10 +19,11 @@ pub(super) struct Replay<'a, M: ?Sized, S: ?Sized> {
     left: LeftOut,
 }
 
+/// Stored equations.
 #[derive(Default)]
 struct ReplayBlock {
     state: State,
-    /// Equation by equation: `w`, `tau`, `weights`.
+    /// Sample by sample: `w`, `tau`, `weights`.
     values: Vec<f64>,
     samples: Vec<Sample>,
 }
@@ -37,7 +38,9 @@ enum State {
 
 struct Sample {
     time: f64,
+    /// The number of equations.
     rows: usize,
+    /// The end of the sample's numbers in `values`.
     end: usize,
     follows: bool,
 }
@@ -50,7 +53,7 @@ impl ReplayBlock {
         if self.state == State::TooMany {
             return;
         }
-        if self.values.len() + w.len() + 2 * tau.len() > MOST {
+        if self.values.len() + w.len() + 2 * tau.len() > MAX_NUMBERS {
             self.state = State::TooMany;
             (self.values, self.samples) = (vec![], vec![]);
             return;
@@ -86,12 +89,12 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.kind
     }
 
-    /// What the last pass over the log left out.
+    /// The samples and equations that the last pass over the log left out.
     pub(super) fn left(&self) -> &LeftOut {
         &self.left
     }
 
-    /// Visits all equations in order of time.
+    /// Passes the equations of all samples to `each` in order of time.
     pub(super) fn visit(
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,

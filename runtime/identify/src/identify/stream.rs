@@ -1,4 +1,4 @@
-//! The equations of a log as one stream: observed at every state, filtered, decimated.
+//! Streams the equations of a log: set up at every state, then filtered and decimated.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,36 +8,36 @@ use crate::estimate::EstimateError;
 use crate::signals::{SignalError, Smoothing};
 use regen_runtime::{BaseModel, Friction};
 
-/// What is done with equations of coordinates that rest, or move so slowly that noise decides
-/// on the direction of their friction.
+/// How to treat equations of coordinates that rest, or move so slowly that noise determines
+/// the direction of their friction.
 ///
-/// A joint at rest is held by static friction of any size up to its limit, which no column
-/// explains; so its equation is of no use where the joint has friction that depends on the
+/// Static friction of any size up to its limit acts on a joint at rest, which no column
+/// explains; so its equation cannot be used where the joint has friction that depends on the
 /// direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Standstill {
     /// Equations at standstill are left out.
     #[default]
     Drop,
-    /// Equations at standstill count as all others do.
+    /// Equations at standstill are used like all others.
     Keep,
-    /// Each counts by the part of the filter's memory in which its coordinate moved.
+    /// Each equation is weighted by the part of the filter's window in which its coordinate moved.
     Weigh,
 }
 
-/// What happens to equations between the states of a log and least squares.
+/// How equations are processed between the states of a log and least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filtering {
-    /// The filter that efforts and regressor pass.
+    /// The filter of efforts and regressor.
     pub smoothing: Smoothing,
-    /// Of the filtered equations, each how many-th is taken; at least 1.
+    /// Decimation ratio: one of this many filtered equations is used; at least 1.
     pub decimation: usize,
     /// What is done with equations at standstill.
     pub standstill: Standstill,
 }
 
 impl Default for Filtering {
-    /// Nothing is filtered, all is taken, equations at standstill are left out.
+    /// No filter, no decimation, and equations at standstill are left out.
     fn default() -> Self {
         Self {
             smoothing: Smoothing::None,
@@ -47,29 +47,29 @@ impl Default for Filtering {
     }
 }
 
-/// What a pass over equations left out.
+/// How many samples and equations a pass used and left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeftOut {
-    /// Samples that gave equations.
+    /// The number of samples that gave equations.
     pub samples: usize,
-    /// Samples that gave none because A_e is singular there.
+    /// The number of samples without equations because A_e is singular there.
     pub singular: usize,
-    /// Samples at the ends of runs, where the filter has not settled.
+    /// The number of samples at the ends of runs, where the filter has not settled.
     pub unsettled: usize,
-    /// Of each effort, equations that were left out because its coordinate rested.
+    /// For each effort, the number of equations left out because its coordinate rested.
     pub resting: Vec<usize>,
 }
 
-/// Columns beside those of the base parameters, such as nonlinear friction's. They are filled at
-/// every state and pass the same filter as efforts and regressor.
+/// Columns in addition to those of the base parameters, such as those of nonlinear friction. They
+/// are filled at every state and filtered like efforts and regressor.
 pub trait Columns {
-    /// How many there are.
+    /// The number of these columns.
     fn count(&self) -> usize;
 
     /// Fills the columns at a state.
     ///
-    /// - `w`: the base regressor there, dof x r, column by column;
-    /// - `out`: dof x [`count`](Self::count), column by column;
+    /// - `w`: the base regressor at the state, dof x r, column-major;
+    /// - `out`: dof x [`count`](Self::count), column-major;
     /// - returns: whether the state is regular; otherwise it gives no equation.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ pub trait Columns {
     fn fill(&mut self, row: &Row<'_>, w: &[f64], out: &mut [f64]) -> Result<bool, EstimateError>;
 }
 
-/// No further columns.
+/// No additional columns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoColumns;
 
@@ -91,15 +91,16 @@ impl Columns for NoColumns {
     }
 }
 
-/// Rows filtered at a time, beside what the filter needs on both sides.
-const BLOCK: usize = 2048;
-/// The part of the filter's memory in which a coordinate must have moved for its equation to
-/// be taken: with less, more than a tenth of the static friction would be in the residual.
-const MOVED: f64 = 0.9;
+/// Rows filtered at a time, without those that the filter needs on both sides.
+const BLOCK_ROWS: usize = 2048;
+/// The part of the filter's window in which a coordinate must have moved for its equation to
+/// be used: with less, more than a tenth of the static friction would be in the residual.
+const MIN_MOVED_PART: f64 = 0.9;
 
-/// Visits the equations of a log in order of time: the base regressor at every state, further
-/// columns beside it, all filtered as [`Source::filtering`] says (balances of energy pass no
-/// filter: their integrals smooth them already), equations at standstill with the weight 0.
+/// Passes the equations of a log to `each` in order of time: the base regressor at every state,
+/// then the additional columns, all filtered according to [`Source::filtering`] (energy balances
+/// are not filtered: their integrals smooth them already). Equations at standstill have the weight
+/// 0.
 ///
 /// # Errors
 /// When the log cannot be read, does not fit the model, or is sampled in a way that does not suit
@@ -121,30 +122,32 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok(left)
 }
 
-/// What takes an equation.
+/// Callback that receives the equations of each sample.
 type EquationSink<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> + 'a;
 
+/// Filter and decimation of equations, with the samples that the filter still needs.
 struct Stream<'m, M: ?Sized> {
     observer: EquationBuilder<'m, M>,
     kind: EquationKind,
     filtering: Filtering,
     friction: Direction,
     dof: usize,
-    /// Columns beside the base regressor's.
+    /// The number of columns in addition to those of the base regressor.
     extra: usize,
-    /// Entries of a sample in `values`: columns, efforts, and what moved, dof each.
+    /// The number of entries of a sample in `values`: for each column, for the efforts and for the
+    /// flags of moving coordinates, dof each.
     width: usize,
     times: Vec<f64>,
     values: Vec<f64>,
     weights: Vec<f64>,
     filtered: Vec<f64>,
-    /// The filter's reach and settling at this run's sampling, once that is known.
+    /// The filter's support and settling in samples at this run's sampling, once that is known.
     reach: Option<(usize, usize)>,
-    /// Samples at the start of `times` that are there for the filter only.
+    /// The number of samples at the start of `times` that only the filter needs.
     before: usize,
-    /// Settled samples of the run so far, for decimation.
+    /// The number of settled samples of the run so far, for decimation.
     count: usize,
-    /// Whether the next sample follows the last one that was handed over.
+    /// Whether the next sample follows the last one that was passed on.
     follows: bool,
     taken: usize,
     settled: usize,
@@ -171,7 +174,7 @@ impl Direction {
         }
     }
 
-    /// Whether each independent coordinate's equation is free of friction at rest: 1 or 0.
+    /// Appends for each independent coordinate 1, or 0 if friction at rest affects its equation.
     fn moved(&self, still: &[bool], out: &mut Vec<f64>) {
         let rests = |c: usize| still.get(c).copied().unwrap_or(false);
         // a dependent coordinate rests with certainty only where all independent ones do
@@ -239,11 +242,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             self.weights.clear();
             return Ok(());
         }
-        if self.times.len() <= BLOCK {
+        if self.times.len() <= BLOCK_ROWS {
             return Ok(());
         }
         let (support, settling) = self.reach()?;
-        if self.times.len() < self.before + BLOCK + support {
+        if self.times.len() < self.before + BLOCK_ROWS + support {
             return Ok(());
         }
         let n = self.times.len();
@@ -257,7 +260,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         Ok(())
     }
 
-    /// Adds the equations at a state to those that wait; whether there are any.
+    /// Adds the equations at a state to the buffer; returns whether there are any.
     fn observe(&mut self, row: &Row<'_>, columns: &mut dyn Columns) -> Result<bool, EstimateError> {
         let equations = self.observer.observe(row)?;
         if equations.tau.is_empty() {
@@ -285,7 +288,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         Ok(true)
     }
 
-    /// The equations of energy pass by as they are.
+    /// Passes an energy balance on unfiltered.
     fn balance(&mut self, row: &Row<'_>, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
         let equations = self.observer.observe(row)?;
         if !equations.tau.is_empty() {
@@ -294,7 +297,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         each(&equations)
     }
 
-    /// How many samples the filter reaches, and how many it takes to settle.
+    /// The number of samples that the filter depends on, and that it needs to settle.
     fn reach(&mut self) -> Result<(usize, usize), EstimateError> {
         if let Some(reach) = self.reach {
             return Ok(reach);
@@ -308,10 +311,10 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         Ok(reach)
     }
 
-    /// Hands over what is left of a run of samples that follow each other.
+    /// Filters and passes on the rest of a run of consecutive samples.
     fn end_run(&mut self, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
         let n = self.times.len();
-        // a single sample has no step
+        // a single sample has no time step
         if n > 1 {
             let (_, settling) = self.reach()?;
             let start = self.before.max(if self.before == 0 { settling } else { 0 });
@@ -327,7 +330,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         Ok(())
     }
 
-    /// Filters all samples that wait and hands over some of them.
+    /// Filters all buffered samples and passes on those of a range.
     fn filter(
         &mut self,
         range: core::ops::Range<usize>,
@@ -354,7 +357,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         range: core::ops::Range<usize>,
         each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
-        // without a filter the log is decimated where it is read
+        // without a filter, the states of the log are already decimated
         let every = match self.filtering.smoothing {
             Smoothing::None => 1,
             _ => self.filtering.decimation.max(1),
@@ -373,7 +376,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
                 let part = match self.filtering.standstill {
                     Standstill::Weigh => moved.clamp(0.0, 1.0),
-                    _ => f64::from(*moved >= MOVED),
+                    _ => f64::from(*moved >= MIN_MOVED_PART),
                 };
                 *weight = own[e] * part;
                 self.left.resting[e] += usize::from(*weight == 0.0);

@@ -1,4 +1,4 @@
-//! Models compared on logs, as in the chapter's Table 4.
+//! Compares models on logs, as in the chapter's Table 4.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use crate::estimate::Residuals;
 use crate::identify;
 use crate::model::IdentifiedModel;
 
-/// A model's error on a log.
+/// The error of a model on one log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogError {
     /// The log's file.
@@ -19,10 +19,10 @@ pub struct LogError {
     pub relative_absolute: f64,
 }
 
-/// eps_RA of each model on each log: a list for each model.
+/// Computes eps_RA of each model on each log; returns a list for each model.
 ///
 /// # Errors
-/// What keeps a log from being read or predicted.
+/// When a log cannot be read or predicted.
 pub fn compare<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
@@ -45,10 +45,11 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// What a model leaves of the efforts of all logs together, with so many autocorrelations.
+/// Computes the residuals' statistics of a model on all logs together, with `lags`
+/// autocorrelations.
 ///
 /// # Errors
-/// What keeps a log from being read or predicted.
+/// When a log cannot be read or predicted.
 pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],

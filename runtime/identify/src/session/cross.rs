@@ -1,4 +1,4 @@
-//! Cross-validation: each log predicted from all others.
+//! Cross-validation: predicts each log with the parameters identified from all others.
 
 use std::path::PathBuf;
 
@@ -9,21 +9,21 @@ use super::{Session, SessionError};
 use crate::estimate::{EffortError, Estimate, FactorSet};
 use crate::identify;
 
-/// A log predicted from the others.
+/// The errors of the prediction of one log with the parameters from all others.
 #[derive(Clone, Debug, Serialize)]
 pub struct CrossValidation {
     /// The log's file.
     pub file: String,
     /// eps_RA in percent (Eq. 33).
     pub relative_absolute: f64,
-    /// Effort by effort.
+    /// The errors of each effort.
     pub efforts: Vec<EffortError>,
 }
 
-/// Each log predicted by least squares from all others.
+/// Predicts each log with the least-squares parameters of all others.
 ///
 /// # Errors
-/// [`SessionError::OneLog`] for fewer than two; what keeps a log from being read.
+/// [`SessionError::OneLog`] for fewer than two logs; when a log cannot be read.
 pub fn cross<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
@@ -33,7 +33,7 @@ pub fn cross<M: BaseModel<f64> + ?Sized>(
     }
     let (model, kind) = (session.model, session.kind);
     let one = |path: &PathBuf| session.open(std::slice::from_ref(path));
-    // without Huber's weights a log's factor is all that is needed of it
+    // without Huber's weights, the QR factors of the logs suffice
     let mut sets = Vec::with_capacity(logs.len());
     for path in logs {
         sets.push(identify::observe(model, kind, &mut one(path)?)?.0);

@@ -1,4 +1,4 @@
-//! Delays of efforts behind the motion that they belong to, corrected until none is significant.
+//! Estimates and corrects the delays of efforts behind the motion, until none is significant.
 
 use std::path::PathBuf;
 
@@ -7,15 +7,16 @@ use regen_runtime::BaseModel;
 use super::{Session, SessionError};
 use crate::identify::{self, EquationKind, Options};
 
-/// Rounds in which delays are corrected at most; two or three settle them.
-const ROUNDS: usize = 6;
+/// Most rounds of correcting delays; usually two or three suffice.
+const MAX_ROUNDS: usize = 6;
 
-/// The delays that logs show, s, by the names of efforts: those of the session's reading, and
-/// what differs from zero by more than three deviations. As the estimate of a delay is of first
-/// order, it is repeated until nothing significant is left.
+/// Estimates the delays of efforts in logs; returns names of efforts and delays in s. To the delays
+/// in the session's settings, those are added that differ from zero by more than three standard
+/// deviations. As the estimate of a delay is of first order, it is repeated with corrected efforts
+/// until no further delay is significant.
 ///
 /// # Errors
-/// [`SessionError::DelayOfEnergy`] where energy is balanced; what keeps a log from being read.
+/// [`SessionError::DelayOfEnergy`] for energy balances; when a log cannot be read.
 pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
@@ -35,7 +36,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
         confidence: session.confidence,
         watch: session.watch,
     };
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let mut opened = session.open(logs)?;
         let found = identify::identify(session.model, session.kind, &options, &mut opened)?;
         let late = found.delays.efforts.iter().filter(|d| d.is_significant());

@@ -1,4 +1,4 @@
-//! What keeps an identification from its end.
+//! Errors of an identification session.
 
 use core::fmt;
 
@@ -8,32 +8,32 @@ use crate::data::DataError;
 use crate::estimate::EstimateError;
 use crate::feasibility::FeasibilityError;
 
-/// Why an identification did not reach its end.
+/// Error of an identification session.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// Logs that cannot be used, or equations that do not determine the parameters.
+    /// The logs cannot be used, or their equations do not determine the parameters.
     Data(DataError),
-    /// Physical parameters that were not found.
+    /// The physically feasible parameters were not found.
     Feasibility(FeasibilityError),
-    /// A robot without nominal values, which were to be believed in; its name.
+    /// The robot of this name has no nominal values that could be priors.
     NoNominal(String),
-    /// A robot without a joint of nonlinear friction, which was to be identified; its name.
+    /// The robot of this name has no joint with nonlinear friction that could be identified.
     NoNonlinearFriction(String),
-    /// Fewer than two logs, which were to predict each other.
+    /// Fewer than two logs were given for cross-validation.
     OneLog,
-    /// Factors of another model.
+    /// QR factors belong to another model.
     Digest {
-        /// The place of the factors among those given.
+        /// The index of the factors among those given.
         place: usize,
         /// The robot that the file names.
         robot: String,
         /// The digest in the file.
         found: String,
-        /// The digest of the model at hand.
+        /// The digest of the given model.
         expected: String,
     },
-    /// Delays were to be found from a balance of energy, which has none.
+    /// Delays were to be estimated from energy balances, which do not determine them.
     DelayOfEnergy,
     /// No base parameter is well identified.
     NoneWell,

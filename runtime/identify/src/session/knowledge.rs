@@ -1,42 +1,43 @@
-//! What is known of a robot besides its logs.
+//! Prior knowledge of a robot: known values, bounds, and confidence in nominal values.
 
 use regen_runtime::Info;
 
 use super::SessionError;
 use crate::feasibility::{Body, Bound, Options, ParameterLayout, Prior, SYMBOLS, Total};
 
-/// How far nominal values are believed in.
+/// How strongly an estimate is drawn to the nominal values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Trust {
-    /// Only where the data leave parameters open.
+    /// Nominal values are used only for parameters that the data do not determine.
     #[default]
     Open,
-    /// With deviations of this part of the values.
+    /// Nominal values are priors with standard deviations of this part of their size.
     Weighted(f64),
-    /// By the divergence of pseudo-inertias, with this weight.
+    /// The divergence of the pseudo-inertias from the nominal ones is added to the objective with
+    /// this weight.
     Entropic(f64),
 }
 
-/// What is known of a robot besides its logs.
+/// Knowledge of a robot in addition to its logs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PriorKnowledge {
-    /// Bodies that are alike: lists of labels.
+    /// Groups of identical bodies: lists of labels.
     pub identical: Vec<Vec<String>>,
-    /// Parameters that are known, SI.
+    /// Known parameters: label and value, SI.
     pub known: Vec<(String, f64)>,
     /// Bounds of parameters, SI.
     pub bounds: Vec<Bound>,
     /// Sums of parameters, SI.
     pub totals: Vec<Total>,
-    /// How far nominal values are believed in.
+    /// How strongly the estimate is drawn to the nominal values.
     pub trust: Trust,
 }
 
 impl PriorKnowledge {
-    /// As options of a fit among physical parameters of this layout.
+    /// Converts the knowledge to options of a physically feasible fit with this parameter layout.
     ///
     /// # Errors
-    /// [`SessionError::NoNominal`] where nominal values are believed in and there are none.
+    /// [`SessionError::NoNominal`] if nominal values are to be used as priors and there are none.
     pub fn options(
         &self,
         info: &Info<'_>,
@@ -65,7 +66,7 @@ impl PriorKnowledge {
                 options.entropic = weight;
             }
             Trust::Weighted(part) => {
-                options.priors = beliefs(layout, &options.reference, part);
+                options.priors = nominal_priors(layout, &options.reference, part);
                 if options.priors.is_empty() {
                     return Err(SessionError::NoNominal(info.name.to_owned()));
                 }
@@ -75,9 +76,9 @@ impl PriorKnowledge {
     }
 }
 
-/// Nominal values with deviations: a part of the value, or of what is usual for the body where
-/// the value is small.
-fn beliefs(layout: &ParameterLayout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
+/// Nominal values as priors. Each standard deviation is a part of a typical size: for parameters
+/// of bodies from the body's mass and moments of inertia, for others the value itself.
+fn nominal_priors(layout: &ParameterLayout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
     let of = |k: usize| nominal.get(k).copied().flatten();
     let mut out = Vec::new();
     let mut push = |k: usize, size: f64| {

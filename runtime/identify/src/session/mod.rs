@@ -1,5 +1,5 @@
-//! One identification, from logs to the model that is adopted: what all estimators share, and the
-//! models that are found from one start.
+//! An identification session from logs to the adopted model: the settings that all estimators
+//! share, and the estimators that go on from one least-squares start.
 
 mod compare;
 mod cross;
@@ -28,27 +28,27 @@ pub use reduction::{adopt, reduction};
 pub use start::{Start, describe, from_factors, from_logs, with_friction};
 pub use watch::{Monitor, MonitoredLogs, Silent};
 
-/// What every step of an identification shares.
+/// Model and settings that all steps of an identification share.
 pub struct Session<'a, M: ?Sized> {
     /// The model.
     pub model: &'a M,
-    /// How logs are read.
+    /// The settings for reading logs.
     pub reading: Settings,
-    /// Which equations are used.
+    /// The kind of equations.
     pub kind: EquationKind,
-    /// How least squares is solved.
+    /// The options of least squares.
     pub options: Options,
-    /// The level of confidence intervals.
+    /// The level of confidence intervals, in (0, 1).
     pub confidence: f64,
-    /// Who follows long work.
+    /// Receives the progress of long work.
     pub watch: &'a dyn Monitor,
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
-    /// Opens logs, which are checked first; passes over them are watched.
+    /// Opens and checks logs; passes over them report their progress to `watch`.
     ///
     /// # Errors
-    /// What keeps a log from being read.
+    /// When a log cannot be read, see [`Logs::open`].
     pub fn open(&self, paths: &[PathBuf]) -> Result<MonitoredLogs<'a, M>, DataError> {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
         self.watch.work(&format!("checking {}", names.join(", ")));

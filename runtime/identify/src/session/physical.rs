@@ -1,5 +1,5 @@
-//! Physical parameters of a start: the verdict on least squares, the constrained fit, nonlinear
-//! friction.
+//! Physically feasible parameters from a start: the verdict on least squares, the constrained fit,
+//! and nonlinear friction.
 
 use std::fmt::Write as _;
 
@@ -14,8 +14,8 @@ use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
 use crate::intervals::{LeastSquares, Spread, constrained};
 use crate::model::{IdentifiedModel, Interval, Intervals};
 
-/// The layout and combinations of a model.
-pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
+/// The parameter layout of a model, and the map from its parameters to base parameters.
+pub(super) fn layout_and_base_map<M: BaseModel<f64> + ?Sized>(
     model: &M,
 ) -> Result<(ParameterLayout, BaseMap), SessionError> {
     let layout = ParameterLayout::of(model.info().parameters)?;
@@ -23,15 +23,16 @@ pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
     Ok((layout, combinations))
 }
 
-/// The models of a start: least squares with its verdict, and the physical one.
+/// Computes the models of a start: least squares with its verdict, the physically feasible model,
+/// and, where a joint has nonlinear friction, the feasible model with that friction.
 ///
-/// The parameters of the start behind the base parameters are of linear friction at joints whose
-/// friction is not linear.
+/// In the latter case, the parameters of the start after the base parameters are linear friction
+/// at those joints.
 ///
-/// - `draws`: how many fits the intervals are made of; 0 for none.
+/// - `draws`: the number of fits that the intervals are computed from; 0 for no intervals.
 ///
 /// # Errors
-/// Constraints that contradict each other or name what is not there.
+/// When constraints contradict each other, or name parameters or bodies that do not exist.
 pub fn physical<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     knowledge: &PriorKnowledge,
@@ -42,7 +43,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     let info = model.info();
     let (factor, values) = (&start.factor, start.estimate.values.as_slice());
     let data = start.data.as_ref();
-    let (plain_layout, plain) = frame(model)?;
+    let (plain_layout, plain) = layout_and_base_map(model)?;
     let r = plain.labels().len();
     let more = factor.labels().get(r..).unwrap_or_default();
     let joints = data.map_or(&[][..], FrictionData::joints);
@@ -63,7 +64,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         beta: values.get(..r).unwrap_or_default().to_vec(),
         phi: None,
         friction: linear(joints, values.get(r..).unwrap_or_default()),
-        feasibility: told(&judged),
+        feasibility: describe_verdict(&judged),
         ..IdentifiedModel::default()
     }];
     let linear_fit = identify(factor, &combinations, &layout, &options)?;
@@ -100,7 +101,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             base: found.base.iter().map(one).collect(),
             physical: found.physical.iter().map(|s| one(s.as_ref()?)).collect(),
             friction: Vec::new(),
-            method: drawn(found.replicates, &known),
+            method: describe_draws(found.replicates, &known),
         }
     };
     out.push(IdentifiedModel {
@@ -112,7 +113,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
-        feasibility: cost(&linear_fit, &layout),
+        feasibility: describe_fit(&linear_fit, &layout),
         unbounded: unbounded(&linear_fit, &layout),
         gap: Some(linear_fit.gap),
         intervals,
@@ -127,7 +128,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         let mut text = format!(
             "physical; {:.3} % of the linear model's squared residuals; with these shapes {}",
             100.0 * found.squared_residual / found.linear,
-            proven(found.gap)
+            describe_gap(found.gap)
         );
         if !found.converged {
             text.push_str("; the search for the shapes had not settled");
@@ -158,7 +159,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 friction: spread.joints.iter().map(of_joint).collect(),
                 method: format!(
                     "linearised at the optimum; {}{short}",
-                    drawn(spread.replicates, &describe(&spread.deviations))
+                    describe_draws(spread.replicates, &describe(&spread.deviations))
                 ),
             }
         };
@@ -176,14 +177,12 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// How intervals under constraints were found.
-fn drawn(replicates: usize, known: &str) -> String {
+/// Describes how intervals under constraints were computed; `known` describes the deviations.
+fn describe_draws(replicates: usize, known: &str) -> String {
     format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
 }
 
-/// What draws say of a value.
-///
-/// There is none where nothing could be drawn.
+/// The interval of a value from its draws; `None` if there are no draws.
 fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
     let (low, high) = spread.interval(confidence);
     low.is_finite().then_some(Interval {
@@ -194,7 +193,9 @@ fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
     })
 }
 
-/// Units near those of the robot, by its size and its base parameters.
+/// Units of mass and length near those of the robot, from its size and its base parameters.
+///
+/// - `beta`: base parameters, SI.
 ///
 /// # Errors
 /// When the model's home is not closed.
@@ -208,8 +209,8 @@ pub fn scale<M: BaseModel<f64> + ?Sized>(
     Ok(Scale::near(layout, combinations, beta, length))
 }
 
-/// A verdict in words.
-fn told(judged: &Verdict) -> String {
+/// Describes a verdict in words.
+fn describe_verdict(judged: &Verdict) -> String {
     match judged {
         Verdict::Feasible { margin, .. } => {
             format!("feasible: a physical robot has them (smallest eigenvalue {margin:.2e})")
@@ -228,8 +229,8 @@ fn told(judged: &Verdict) -> String {
     }
 }
 
-/// What the gap to the optimum says.
-fn proven(gap: f64) -> String {
+/// Describes in words whether the gap to the optimum proves optimality.
+fn describe_gap(gap: f64) -> String {
     if gap <= OPTIMAL {
         format!("the optimum, proven to {gap:.1e}")
     } else {
@@ -237,16 +238,17 @@ fn proven(gap: f64) -> String {
     }
 }
 
-/// What being physical costs, and how far the result can be from the optimum.
-fn cost(found: &Physical, layout: &ParameterLayout) -> String {
+/// Describes a physically feasible fit: how much the constraints increase the residual, and how far
+/// the result can be from the optimum.
+fn describe_fit(found: &Physical, layout: &ParameterLayout) -> String {
     let how = match found.outcome {
         Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
-        Outcome::Constrained => format!("physical, {}", proven(found.gap)),
+        Outcome::Constrained => format!("physical, {}", describe_gap(found.gap)),
     };
     let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
     let mut text = format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)");
     if !found.limited.is_empty() {
-        // a String takes everything
+        // writing to a String cannot fail
         let _ = write!(
             text,
             "; the fit wants {} heavier than any robot of this size: bound their masses",
@@ -265,43 +267,44 @@ fn cost(found: &Physical, layout: &ParameterLayout) -> String {
     text
 }
 
-/// A body beyond this part of its generous limit, which is a thousand times what is known of the
-/// robot, is told.
-const HEAVY: f64 = 0.1;
+/// Bodies heavier than this part of their generous mass limit are reported; the limit is a thousand
+/// times what is known of the robot.
+const MAX_LIMIT_PART: f64 = 0.1;
 
-/// The masses that are far from any that the robot can have, of bodies that the fit does not ask to
-/// be so heavy.
+/// The labels of masses far above any that the robot can have, without bodies that reach their
+/// limit.
 fn heavy(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
     let bodies = layout.bodies().iter().zip(&found.sizes);
     let heavy = bodies.filter(|(body, size)| {
         let mass = body.columns.last().and_then(|c| found.phi.get(*c));
-        !found.limited.contains(&body.label) && mass.is_some_and(|m| *m > HEAVY * size.mass)
+        !found.limited.contains(&body.label)
+            && mass.is_some_and(|m| *m > MAX_LIMIT_PART * size.mass)
     });
     heavy
         .map(|(body, _)| format!("m({})", body.label))
         .collect()
 }
 
-/// The bodies whose masses nothing bounds that matters to the fit, as labels of masses.
+/// The labels of masses that neither the data nor a meaningful limit bounds.
 fn unbounded(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
     let limited = found.limited.iter().map(|body| format!("m({body})"));
     limited.chain(heavy(found, layout)).collect()
 }
 
-/// Linear friction at joints whose law is another: Fc and Fv of each.
+/// Linear friction at joints with nonlinear friction, from values Fc, Fv of each.
 fn linear(joints: &[FrictionJoint], values: &[f64]) -> Vec<JointFit> {
     let pairs = joints.iter().zip(values.chunks_exact(2));
     pairs
         .map(|(joint, own)| JointFit {
             name: joint.name.clone(),
             friction: Friction::Linear,
-            // the symbols are Fv, Fc
+            // the symbols of linear friction are in the order Fv, Fc
             values: own.iter().rev().copied().collect(),
         })
         .collect()
 }
 
-/// Least-squares parameters apart: base parameters, and linear friction at these joints.
+/// Splits least-squares parameters into base parameters and linear friction at these joints.
 pub(super) fn linear_part<M: BaseModel<f64> + ?Sized>(
     model: &M,
     joints: &[FrictionJoint],

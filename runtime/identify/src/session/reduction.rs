@@ -1,4 +1,4 @@
-//! From all base parameters of a start to those that the data determine well.
+//! Reduces the base parameters of a start to those that the data determine well.
 
 use std::path::PathBuf;
 
@@ -14,11 +14,14 @@ use crate::model::{IdentifiedModel, Intervals};
 /// Equations of the logs that a model is validated on, in memory.
 struct Equations {
     columns: usize,
+    /// Regressor and right-hand side of each sample.
     rows: Vec<(Vec<f64>, Vec<f64>)>,
+    /// The means of the efforts.
     means: Vec<f64>,
 }
 
 impl Equations {
+    /// eps_RA of these base parameters in percent (Eq. 33).
     fn relative_absolute(&self, beta: &[f64]) -> f64 {
         let (mut absolute, mut spread) = (0.0, 0.0);
         for (w, tau) in &self.rows {
@@ -34,12 +37,12 @@ impl Equations {
     }
 }
 
-/// Reduces the base parameters of a start; the steps, and the last of them over all r.
+/// Reduces the base parameters of a start step by step; returns all steps.
 ///
-/// - `against`: logs that each step is judged by too; may be empty.
+/// - `against`: further logs that each step is validated on; may be empty.
 ///
 /// # Errors
-/// What keeps a log from being read; a start that is not determined.
+/// When a log cannot be read, or the start does not determine the parameters.
 pub fn reduction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &Start,
@@ -47,7 +50,7 @@ pub fn reduction<M: BaseModel<f64> + ?Sized>(
 ) -> Result<Reduction, SessionError> {
     let (model, kind) = (session.model, session.kind);
     let (factor, efforts) = (&start.factor, &start.estimate.efforts);
-    let (layout, combinations) = super::physical::frame(model)?;
+    let (layout, combinations) = super::physical::layout_and_base_map(model)?;
     let against = match against {
         [] => None,
         paths => {
@@ -98,13 +101,15 @@ fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
     Ok(out)
 }
 
-/// Takes the last step over: what was left out is zero in the forces.
+/// Builds an identified model from the result of a reduction; parameters that were left out are
+/// zero.
 ///
 /// - `columns`: r, the number of base parameters;
-/// - `correlated`: whether the steps know of the residuals' correlation.
+/// - `confidence`: the level of the intervals, in (0, 1);
+/// - `correlated`: whether the steps account for the residuals' correlation.
 ///
 /// # Errors
-/// [`SessionError::NoneWell`] where no parameter was kept.
+/// [`SessionError::NoneWell`] if the reduction has no result.
 pub fn adopt(
     reduction: &Reduction,
     columns: usize,

@@ -1,5 +1,5 @@
-//! Least squares, by which every identification starts: from logs, from factors, or with linear
-//! friction in place of friction that is not linear.
+//! Least squares, with which every identification starts: from logs, from QR factors, or with
+//! linear friction in place of nonlinear friction.
 
 use std::path::PathBuf;
 
@@ -14,40 +14,42 @@ use crate::friction::{FrictionData, collect, nonlinear_joints};
 use crate::identify::{self, Delays, EquationKind, Identified, LeftOut, digest};
 use crate::model::{IdentifiedModel, Intervals};
 
-/// What least squares found, and what goes on from it.
+/// The result of least squares, and the data that further estimators need.
 pub struct Start {
-    /// Which equations were used, in words.
+    /// The kind of equations, in words.
     pub kind: String,
-    /// The weighted factor that the values are the solution of.
+    /// The weighted QR factor whose solution the values are.
     pub factor: QrFactor,
-    /// The estimate.
+    /// The estimate, with the covariance for white residuals.
     pub estimate: Estimate,
-    /// The intervals of the estimate's values.
+    /// The confidence intervals of the estimate's values.
     pub intervals: Intervals,
-    /// The deviations that they are made of.
+    /// The standard deviations of the estimate, as draws of the parameters need them.
     pub deviations: Deviations,
-    /// The estimate with the covariance that the intervals come from.
+    /// The estimate with the covariance of the intervals.
     pub used: Estimate,
-    /// The scores of the logs in order of time; none where factors are all that is known.
+    /// The scores of the logs in order of time; `None` for a start from QR factors or with
+    /// nonlinear friction.
     pub blocks: Option<Blocks>,
-    /// The samples, where friction is not linear.
+    /// The samples, for nonlinear friction.
     pub data: Option<FrictionData>,
-    /// What is left of each effort; empty where no logs are known.
+    /// The residuals' statistics of each effort; empty for a start from QR factors.
     pub errors: Vec<EffortError>,
-    /// eps_RA in percent (Eq. 33), where logs are known.
+    /// eps_RA in percent (Eq. 33); `None` for a start from QR factors.
     pub relative_absolute: Option<f64>,
-    /// Samples in which residuals count as correlated, where logs are known.
+    /// The number of samples in which residuals count as correlated; `None` where they count as
+    /// white.
     pub bandwidth: Option<usize>,
-    /// Samples and equations that were left out, where logs are known.
+    /// The samples and equations that were left out; `None` for a start from QR factors.
     pub left_out: Option<LeftOut>,
-    /// By how much efforts are logged behind the motion, where logs are known.
+    /// The delays of efforts behind the motion; empty unless the start is from logs.
     pub delays: Delays,
-    /// What was read of the logs.
+    /// The summaries of the logs; empty for a start from QR factors.
     pub reports: Vec<FileReport>,
 }
 
 impl Start {
-    /// The start as a model that was identified.
+    /// The least-squares parameters as an identified model.
     pub fn model(&self) -> IdentifiedModel {
         IdentifiedModel {
             name: "least squares".to_owned(),
@@ -59,15 +61,16 @@ impl Start {
     }
 }
 
-/// A deviation grows by this part at least where it is said that it does.
-const GROWN: f64 = 0.1;
-/// Passes that find the efforts' noise; two settle it to a percent.
-const PASSES: usize = 3;
+/// Least relative growth of a standard deviation by the sampling error at which the error is
+/// mentioned.
+const MIN_MENTIONED_GROWTH: f64 = 0.1;
+/// Passes that estimate the efforts' noise; two settle it to a percent.
+const NOISE_PASSES: usize = 3;
 
-/// Least squares from logs.
+/// Solves least squares from logs.
 ///
 /// # Errors
-/// What keeps the logs from being read, or parameters that they do not determine.
+/// When the logs cannot be read, or do not determine the parameters.
 pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &mut MonitoredLogs<'_, M>,
@@ -75,7 +78,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     let (model, kind) = (session.model, session.kind);
     let mut found = identify::identify(model, kind, &session.options, logs)?;
     let sampled = match kind {
-        EquationKind::Forces => sampling(&mut found, logs)?,
+        EquationKind::Forces => add_sampling_error(&mut found, logs)?,
         EquationKind::Energy { .. } => "",
     };
     let used = found.correlated();
@@ -102,9 +105,9 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Adds what the sampling of the positions does to parameters to their deviations; says so where
-/// that is much.
-fn sampling<M: BaseModel<f64> + ?Sized>(
+/// Adds the error that comes from the sampling of the positions to the parameters' standard
+/// deviations; returns a text that mentions it where it is large.
+fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
     found: &mut Identified,
     logs: &MonitoredLogs<'_, M>,
 ) -> Result<&'static str, SessionError> {
@@ -117,7 +120,8 @@ fn sampling<M: BaseModel<f64> + ?Sized>(
     let changed = found.deviations.with_change(&change);
     let before = std::mem::replace(&mut found.deviations, changed);
     found.blocks = blocks;
-    let grown = |k: usize| found.deviations.sigma(k) > (1.0 + GROWN) * before.sigma(k);
+    let grown =
+        |k: usize| found.deviations.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * before.sigma(k);
     Ok(if (0..change.len()).any(grown) {
         "; and what sampling leaves unknown of the motion"
     } else {
@@ -125,7 +129,7 @@ fn sampling<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// How deviations that know of correlation were found, in words.
+/// Describes in words how the standard deviations account for the residuals' correlation.
 pub fn describe(deviations: &Deviations) -> String {
     format!(
         "residuals correlated in time ({:.0} samples are as good as one; {} cosines of whitened \
@@ -134,10 +138,11 @@ pub fn describe(deviations: &Deviations) -> String {
     )
 }
 
-/// Least squares from factors of logs, merged.
+/// Solves least squares from the QR factors of one or more logs.
 ///
 /// # Errors
-/// [`SessionError::Digest`] for factors of another model; parameters that they do not determine.
+/// [`SessionError::Digest`] for factors of another model; when the factors do not determine the
+/// parameters.
 pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     sets: Vec<FactorSet>,
@@ -164,7 +169,7 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     ))
 }
 
-/// A start whose residuals count as white.
+/// Builds a start whose intervals assume white residuals.
 fn white<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     kind: String,
@@ -190,11 +195,12 @@ fn white<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// Reads logs into memory and solves the model with linear friction at the joints whose friction
-/// is not linear.
+/// Reads logs into memory and solves least squares with linear friction at the joints with
+/// nonlinear friction.
 ///
 /// # Errors
-/// [`SessionError::NoNonlinearFriction`]; what keeps the logs from being read.
+/// [`SessionError::NoNonlinearFriction`] for a robot without such joints; when the logs cannot be
+/// read.
 pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
@@ -215,7 +221,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     let mut factor = data.linear_factor()?;
     let mut estimate = Estimate::of(&factor)?;
     let mut errors = None;
-    for _ in 0..PASSES {
+    for _ in 0..NOISE_PASSES {
         let (beta, friction) = physical::linear_part(model, &joints, &estimate.values);
         let linear = IdentifiedModel {
             beta,
@@ -225,7 +231,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         let found = linear.residuals(model, EquationKind::Forces, &mut logs, &means, 1)?;
         let efforts = found.efforts();
         if session.options.weighting == Weighting::PerEffort {
-            // efforts without any noise are not told apart
+            // a lower bound on the noise, so that the weights are finite
             let largest = efforts.iter().fold(f64::MIN_POSITIVE, |m, e| m.max(e.rms));
             let next: Vec<f64> = efforts
                 .iter()
@@ -239,7 +245,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         errors = Some(found);
     }
-    // the intervals are those of the estimate as it is weighted, without the efforts' figures
+    // the efforts' figures are added after the intervals, which must not depend on them
     let mut start = white(session, EquationKind::Forces.name(), factor, estimate);
     if let Some(found) = errors {
         let pairs = found.efforts().into_iter().zip(&weights);

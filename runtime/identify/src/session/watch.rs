@@ -1,4 +1,4 @@
-//! Who follows long work: a bar on a terminal, or nobody.
+//! Progress reports of long work, for example to a progress bar on a terminal.
 
 use regen_runtime::BaseModel;
 
@@ -6,22 +6,21 @@ use crate::data::{DataError, Logs};
 use crate::estimate::EstimateError;
 use crate::identify::{Filtering, Row, Source};
 
-/// Rows between two reports of a pass.
-const EVERY: u64 = 64;
+/// Number of rows between two reports of a pass.
+const REPORT_INTERVAL_ROWS: u64 = 64;
 
-/// Follows long work.
+/// Receives the progress of long work.
 pub trait Monitor {
-    /// Called when work of unknown length begins or comes to its next step; `what` says in words
-    /// what is done.
+    /// Called when work of unknown length begins or reaches its next step; `what` describes the
+    /// work in words.
     fn work(&self, what: &str);
     /// Called when the work that [`work`](Self::work) or [`rows`](Self::rows) reported has ended.
     fn rest(&self);
-    /// Called while a pass over logs runs, when it has read `done` of `all` rows; `pass` counts
-    /// from 1.
+    /// Called during a pass over logs when it has read `done` of `all` rows; `pass` counts from 1.
     fn rows(&self, pass: usize, done: u64, all: u64);
 }
 
-/// Follows nothing.
+/// A monitor that ignores all reports.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
@@ -31,7 +30,7 @@ impl Monitor for Silent {
     fn rows(&self, _pass: usize, _done: u64, _all: u64) {}
 }
 
-/// Logs whose passes are followed.
+/// Logs whose passes report their progress to a monitor.
 pub struct MonitoredLogs<'a, M: ?Sized> {
     logs: Logs<'a, M>,
     watch: &'a dyn Monitor,
@@ -40,7 +39,7 @@ pub struct MonitoredLogs<'a, M: ?Sized> {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> MonitoredLogs<'a, M> {
-    /// Follows logs whose states are taken with this decimation.
+    /// Adds progress reports to logs; `decimation`: one of this many rows becomes a state.
     pub fn new(logs: Logs<'a, M>, decimation: usize, watch: &'a dyn Monitor) -> Self {
         let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
         Self {
@@ -73,7 +72,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
         let (mut rows, watch, passes, all) = (0, self.watch, self.passes, self.all);
         let result = self.logs.visit(&mut |row| {
             rows += 1;
-            if rows % EVERY == 0 {
+            if rows % REPORT_INTERVAL_ROWS == 0 {
                 watch.rows(passes, rows, all);
             }
             each(row)

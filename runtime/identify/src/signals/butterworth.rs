@@ -4,20 +4,21 @@ use std::f64::consts::PI;
 
 use super::SignalError;
 
-/// Part of a start that is left when it is called settled.
-const SETTLED: f64 = 1e-3;
-/// Part of a sample that is left where it is called forgotten.
-const FORGOTTEN: f64 = 1e-16;
+/// The part of an initial error to which the filter has decayed once it counts as settled.
+const SETTLED_PART: f64 = 1e-3;
+/// The part of a sample to which its effect has decayed once it counts as rounding.
+const FORGOTTEN_PART: f64 = 1e-16;
 
-/// A section of order two (or one, with zeros last): numerator b, denominator 1, a.
+/// A filter section of order two (or one, where the last coefficients are 0): numerator
+/// `b[0] + b[1] z^-1 + b[2] z^-2`, denominator `1 + a[0] z^-1 + a[1] z^-2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Section {
     b: [f64; 3],
     a: [f64; 2],
 }
 
-/// A digital low-pass Butterworth filter in sections, by the bilinear transformation with its
-/// frequency corrected.
+/// A digital low-pass Butterworth filter in second-order sections, by the bilinear transformation
+/// with a prewarped cutoff frequency.
 ///
 /// ```
 /// use regen_identify::signals::Butterworth;
@@ -31,14 +32,15 @@ struct Section {
 pub struct Butterworth {
     order: usize,
     sections: Vec<Section>,
-    /// The size of the slowest pole.
+    /// The magnitude of the slowest pole.
     slowest: f64,
 }
 
 impl Butterworth {
     /// Designs a filter.
     ///
-    /// - `cutoff`: where one pass has lost 3 dB, Hz; `step`: the time between samples, s.
+    /// - `cutoff`: the cutoff frequency of one pass (-3 dB), Hz; `step`: the time between samples,
+    ///   s.
     ///
     /// # Errors
     /// When the order is not 1 to 20, or the cutoff is not between 0 and half the sampling rate.
@@ -88,13 +90,14 @@ impl Butterworth {
         })
     }
 
-    /// Filters forward and backward, so that nothing is delayed; the order counts twice.
+    /// Filters forward and backward, so that the signal is not delayed; both passes together have
+    /// twice the order.
     ///
-    /// Both ends are continued by 3 (order + 1) samples, mirrored at the end point, and each
+    /// Both ends are extended by 3 (order + 1) samples, mirrored at the end point, and each
     /// pass starts in the steady state of its first sample.
     ///
     /// # Errors
-    /// When there are not more samples than the continuation takes.
+    /// When there are not more samples than one such extension has.
     pub fn zero_phase(&self, values: &[f64]) -> Result<Vec<f64>, SignalError> {
         let mut all = values.to_vec();
         self.zero_phase_channels(&mut all, 1)?;
@@ -135,14 +138,15 @@ impl Butterworth {
         Ok(())
     }
 
-    /// One pass over samples of several channels, from the steady state of the first sample.
+    /// Runs the filter once over samples of several channels, from the steady state of the first
+    /// sample.
     fn pass<'v>(&self, samples: impl Iterator<Item = &'v mut [f64]>, channels: usize) {
         // by section: the two states of direct form 2 transposed, of all channels
         let mut states: Vec<(Vec<f64>, Vec<f64>)> = Vec::with_capacity(self.sections.len());
         for sample in samples {
             if states.is_empty() {
                 for Section { b, a } in &self.sections {
-                    // each section passes a constant as it is
+                    // each section has gain 1 for a constant
                     let second: Vec<f64> = sample.iter().map(|x| (b[2] - a[1]) * x).collect();
                     let pairs = sample.iter().zip(&second);
                     let first = pairs.map(|(x, s)| (b[1] - a[0]) * x + s).collect();
@@ -164,19 +168,20 @@ impl Butterworth {
 
     /// The number of samples after which a sample has no effect, to rounding.
     pub fn support(&self) -> usize {
-        self.reach(FORGOTTEN)
+        self.reach(FORGOTTEN_PART)
     }
 
-    /// The number of samples at either end that are governed by how the filter starts.
+    /// The number of samples at either end that the filter's initial state dominates.
     pub fn settling(&self) -> usize {
-        self.reach(SETTLED)
+        self.reach(SETTLED_PART)
     }
 
+    /// The number of samples after which the filter's response has decayed to this part.
     fn reach(&self, part: f64) -> usize {
         if self.slowest <= 0.0 {
             return 3 * (self.order + 1);
         }
-        // both passes and equal sizes of poles make the decay a little slower than the pole's
+        // two passes and poles of equal magnitude make the decay slightly slower than the pole's
         let samples = 1.2 * part.ln() / self.slowest.ln();
         #[allow(clippy::cast_sign_loss, reason = "both logarithms are negative")]
         let samples = samples.ceil() as usize;

@@ -15,8 +15,10 @@ pub struct Fourier {
 }
 
 impl Fourier {
-    /// A series from its coefficients as in Eq. 25: q0, then a_j and b_j for each signal, which
-    /// multiply the velocity's cosines and sines.
+    /// Builds a series from its coefficients as in Eq. 25: for each signal q0, a_j and b_j, where
+    /// a_j and b_j multiply the velocity's cosines and sines.
+    ///
+    /// - `frequency`: of the fundamental, Hz.
     ///
     /// # Errors
     /// When the frequency is not positive or the lengths differ.
@@ -58,8 +60,9 @@ impl Fourier {
         })
     }
 
-    /// A series from the coefficients of the positions: for each signal its constant, then the
-    /// factors of the cosines and of the sines, `q0 + sum_k c_k cos(2 pi f k t) + s_k sin(...)`.
+    /// Builds a series from the coefficients of the positions: for each signal its constant, then
+    /// the factors of the cosines and of the sines,
+    /// `q0 + sum_k c_k cos(2 pi f k t) + s_k sin(...)`.
     ///
     /// - `frequency`: f, Hz.
     ///
@@ -78,7 +81,7 @@ impl Fourier {
         frequency: f64,
         signals: &[(f64, Vec<f64>, Vec<f64>)],
     ) -> Result<Self, SignalError> {
-        // checks the lengths
+        // `new` checks the frequency and the lengths
         let mut series = Self::new(frequency, signals)?;
         for (row, (_, cosine, sine)) in series.coefficients.iter_mut().zip(signals) {
             let pairs = cosine.iter().zip(sine).flat_map(|(c, s)| [*c, *s]);
@@ -88,8 +91,8 @@ impl Fourier {
         Ok(series)
     }
 
-    /// A signal's constant, and the factors of its cosines and sines; NaN and none if there is
-    /// no such signal.
+    /// The coefficients of a signal's positions: its constant, and the factors of the cosines and
+    /// of the sines; NaN and empty lists if there is no such signal.
     pub fn coefficients(&self, signal: usize) -> (f64, Vec<f64>, Vec<f64>) {
         let row = self.coefficients.get(signal);
         let (constant, rest) = row.and_then(|row| row.split_first()).unzip();
@@ -106,7 +109,7 @@ impl Fourier {
         self.frequency
     }
 
-    /// A signal's value and its first and second derivative at a time in s; NaN if there is no
+    /// A signal's value and its first and second derivative at `time` in s; NaN if there is no
     /// such signal.
     pub fn at(&self, signal: usize, time: f64) -> [f64; 3] {
         let Some(c) = self.coefficients.get(signal) else {
@@ -129,17 +132,19 @@ impl Fourier {
     }
 }
 
-/// A fit of Fourier series in progress: any number of samples in fixed memory.
+/// A least-squares fit of Fourier series, to which samples are added one by one in fixed memory.
 #[derive(Clone, Debug)]
 pub struct FourierFit {
     frequency: f64,
     harmonics: usize,
     signals: usize,
-    /// The triangle of basis and signals side by side.
+    /// The QR factor of the observation matrix, with the signals as its last columns; n x n,
+    /// column-major.
     r: Vec<f64>,
     samples: usize,
     /// Rows not reduced yet, column-major with a stride of [`BLOCK`].
     pending: Vec<f64>,
+    /// The number of these rows.
     waiting: usize,
 }
 
@@ -149,7 +154,7 @@ impl FourierFit {
     /// - `frequency`: of the fundamental, Hz.
     ///
     /// # Errors
-    /// When the frequency is not positive or there is no harmonic.
+    /// When the frequency is not positive or the number of harmonics is not 1 to 200.
     pub fn new(frequency: f64, harmonics: usize, signals: usize) -> Result<Self, SignalError> {
         if !(frequency > 0.0 && frequency.is_finite()) {
             return Err(SignalError::Setting("the frequency must be positive"));
@@ -174,6 +179,8 @@ impl FourierFit {
     }
 
     /// Adds a sample of all signals.
+    ///
+    /// - `time`: s; `values`: one for each signal.
     ///
     /// # Errors
     /// When the number of values does not fit or one is not finite.
@@ -220,13 +227,13 @@ impl FourierFit {
             .chunks_exact(BLOCK)
             .flat_map(|column| column[..rows].iter().copied())
             .collect();
-        // no right side: the signals are columns
+        // the right-hand side is empty, as the signals are columns of the matrix
         let (mut z, mut side) = (vec![0.0; n], vec![0.0; rows]);
         reduce(&mut self.r, &mut z, &mut block, &mut side, rows);
         self.waiting = 0;
     }
 
-    /// The series of least squares.
+    /// Solves for the series by least squares.
     ///
     /// # Errors
     /// When the samples do not determine the coefficients: too few, or too short a part of the

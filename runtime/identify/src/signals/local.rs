@@ -3,11 +3,12 @@
 use super::{Derivatives, SignalError, vec_of};
 use crate::qr_update::{reduce, substitute};
 
-/// Coefficients of a cubic polynomial, and samples it takes to leave some freedom.
+/// Number of coefficients of a cubic polynomial.
 const TERMS: usize = 4;
-const LEAST: usize = TERMS + 1;
+/// Least number of samples of a window: one more than the coefficients.
+const MIN_SAMPLES: usize = TERMS + 1;
 
-/// Fits all samples; valid are those whose window lies within the data.
+/// Fits a polynomial around each sample; samples whose window lies within the data are valid.
 pub(super) fn fit(
     half_width: f64,
     times: &[f64],
@@ -20,7 +21,7 @@ pub(super) fn fit(
     let (Some(&start), Some(&end)) = (times.first(), times.last()) else {
         return Err(SignalError::TooFew {
             samples: 0,
-            needed: LEAST,
+            needed: MIN_SAMPLES,
         });
     };
     let mut out = Derivatives {
@@ -29,7 +30,7 @@ pub(super) fn fit(
         acceleration: vec_of(n),
         valid: 0..0,
     };
-    // a window that ends at a sample has it, whatever the rounding of times
+    // a window that ends at a sample includes it in spite of rounded times
     let slack = 1e-9 * half_width;
     let valid = |t: f64| t - half_width >= start - slack && t + half_width <= end + slack;
     let first = times.iter().position(|t| valid(*t)).unwrap_or(n);
@@ -73,9 +74,9 @@ pub(super) fn fit(
         }
         let few = SignalError::TooFew {
             samples: inside,
-            needed: LEAST,
+            needed: MIN_SAMPLES,
         };
-        if inside < LEAST {
+        if inside < MIN_SAMPLES {
             return Err(few);
         }
         let (mut r, mut z) = (vec![0.0; TERMS * TERMS], vec![0.0; TERMS]);
@@ -89,7 +90,7 @@ pub(super) fn fit(
     Ok(out)
 }
 
-/// The value that the cubic polynomial around each sample has there, of several channels alike.
+/// Smooths several channels: each value becomes that of the cubic polynomial around its sample.
 ///
 /// - `values`: sample by sample, `channels` entries each.
 ///
@@ -133,7 +134,7 @@ pub(super) fn smooth(
     Ok(out)
 }
 
-/// What each sample of a window counts in the fitted polynomial's value at `t`.
+/// The weight of each sample of a window in the fitted polynomial's value at `t`.
 fn kernel(
     half_width: f64,
     t: f64,
@@ -158,9 +159,9 @@ fn kernel(
     }
     let few = SignalError::TooFew {
         samples: inside,
-        needed: LEAST,
+        needed: MIN_SAMPLES,
     };
-    if inside < LEAST {
+    if inside < MIN_SAMPLES {
         return Err(few);
     }
     let (mut r, mut z) = (vec![0.0; TERMS * TERMS], vec![0.0; TERMS]);

@@ -1,7 +1,7 @@
 //! Velocities and accelerations from sampled positions (section 5.1).
 //!
-//! Four ways with one interface: central differences (Eq. 31), differences behind a zero-phase
-//! Butterworth filter (Gautier et al., 1995), the finite Fourier series refitted, with its
+//! Four methods with one interface: central differences (Eq. 31), differences of positions after
+//! a zero-phase Butterworth filter (Gautier et al., 1995), a fitted finite Fourier series with its
 //! analytic derivatives (Eq. 25; Swevers et al., 1996), and local cubic regression (Page et al.,
 //! 2006).
 
@@ -20,17 +20,16 @@ pub use smoothing::Smoothing;
 /// How positions are differentiated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Central differences of the positions as they are (Eq. 31), for any sampling. Where a log
-    /// is read, positions with so little noise that the motion's own changes between samples
-    /// matter more are differentiated over two or three neighbours on either side,
-    /// see [`differences`].
+    /// Central differences of the unfiltered positions (Eq. 31), for any sampling. When a log is
+    /// read, positions whose noise is small against the truncation error of these differences are
+    /// differentiated over two or three neighbours on either side, see [`differences`].
     Central,
     /// A low-pass Butterworth filter run forward and backward, then central differences. Needs
     /// uniform sampling.
     Butterworth {
         /// The filter's order.
         order: usize,
-        /// Where one pass has lost 3 dB, Hz.
+        /// The cutoff frequency of one pass (-3 dB), Hz.
         cutoff: f64,
     },
     /// The finite Fourier series (Eq. 25) fitted by least squares, for any sampling.
@@ -42,77 +41,77 @@ pub enum Method {
     },
     /// A cubic polynomial fitted around each sample with tricube weights, for any sampling.
     Local {
-        /// How far samples count, s on either side.
+        /// The half width of the window around each sample, s.
         half_width: f64,
     },
 }
 
-/// How many times as wide the filter of the states is as that of the equations.
+/// Ratio of the cutoff frequency of the states' filter to that of the equations' filter.
 pub const WIDER: f64 = 3.0;
-/// The highest cutoff of a filter of states, of the sampling rate.
-const WIDEST: f64 = 0.4;
-/// The narrowest half width of a regression over states, in samples.
-const NARROWEST: f64 = 4.0;
+/// The highest cutoff frequency of a filter of states over the sampling rate.
+const MAX_CUTOFF_RATIO: f64 = 0.4;
+/// The smallest half width of a local regression over states, in samples.
+const MIN_HALF_WIDTH_SAMPLES: f64 = 4.0;
 
-/// A signal with its derivatives, as long as the samples.
+/// A smoothed signal and its derivatives; each list has one entry for each sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// The signal, smoothed by the method.
     pub value: Vec<f64>,
-    /// Its first derivative, per s.
+    /// The first derivative of the signal, per s.
     pub rate: Vec<f64>,
-    /// Its second derivative, per s^2.
+    /// The second derivative of the signal, per s^2.
     pub acceleration: Vec<f64>,
-    /// The samples that have all that the method needs on both sides; elsewhere entries mean
-    /// little.
+    /// The samples that have enough neighbours for the method on both sides; the entries of other
+    /// samples must not be used.
     pub valid: Range<usize>,
 }
 
-/// Why a signal was not differentiated.
+/// Error of differentiating or filtering a signal.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SignalError {
-    /// Times and values of different lengths.
+    /// The lists of times and values have different lengths.
     Length {
-        /// Times.
+        /// The number of times.
         times: usize,
-        /// Values.
+        /// The number of values.
         values: usize,
     },
-    /// A time or a value that is NaN or infinite.
+    /// A time or a value is NaN or infinite.
     NotFinite {
-        /// The sample.
+        /// The index of the sample.
         sample: usize,
     },
-    /// A time that is not after the one before.
+    /// A time is not after the one before.
     NotIncreasing {
-        /// The sample.
+        /// The index of the sample.
         sample: usize,
     },
-    /// A step that differs from the mean step by more than a tenth.
+    /// A time step differs from the mean step by more than a tenth.
     NotUniform {
-        /// The sample at its end.
+        /// The index of the sample at the end of the step.
         sample: usize,
         /// The step, s.
         step: f64,
         /// The mean step, s.
         mean: f64,
     },
-    /// Too few samples for the method.
+    /// There are too few samples for the method.
     TooFew {
-        /// Samples there are, in all or in a window.
+        /// The number of samples, in all or in a window.
         samples: usize,
-        /// Samples the method needs there.
+        /// The number of samples that the method needs there.
         needed: usize,
     },
-    /// A filter's cutoff that the sampling does not allow.
+    /// The filter's cutoff frequency is not between 0 and half the sampling rate.
     Cutoff {
-        /// The cutoff, Hz.
+        /// The cutoff frequency, Hz.
         cutoff: f64,
         /// Half the sampling rate, Hz.
         most: f64,
     },
-    /// A setting that cannot be.
+    /// A setting is out of its range; the text says which.
     Setting(&'static str),
 }
 
@@ -141,7 +140,7 @@ impl fmt::Display for SignalError {
                 f,
                 "the cutoff of {cutoff} Hz must be above 0 and below half the sampling rate, \
                  {} Hz",
-                // the rate comes from clocks
+                // rounded, as the sampling rate is computed from measured times
                 (most * 1e6).round() / 1e6
             ),
             Self::Setting(what) => f.write_str(what),
@@ -152,12 +151,13 @@ impl fmt::Display for SignalError {
 impl core::error::Error for SignalError {}
 
 impl Method {
-    /// The signal smoothed, with its first and second derivative.
+    /// Smooths a signal and computes its first and second derivative.
     ///
-    /// - `times`: s, increasing; `values`: one for each.
+    /// - `times`: s, increasing; `values`: one for each time.
     ///
     /// # Errors
-    /// When lengths differ, times do not increase, or the method needs more or other samples.
+    /// When the lengths differ, the times do not increase, or the method needs more samples or
+    /// uniform ones.
     ///
     /// ```
     /// use regen_identify::signals::Method;
@@ -176,10 +176,10 @@ impl Method {
             Self::Central => differences(times, values, 1),
             Self::Butterworth { order, cutoff } => {
                 let filter = Butterworth::new(order, cutoff, mean_step(times)?)?;
-                // what the filter leaves is smooth from sample to sample
+                // filtered samples have little noise: more neighbours reduce the truncation error
                 let mut out = differences(times, &filter.zero_phase(values)?, NEIGHBOURS)?;
                 let margin = filter.settling().min(times.len() / 2);
-                // the filter's start and end are guesses: what it does there is not data
+                // at both ends the filter's initial state is guessed, so its output is not valid
                 out.valid = out.valid.start.max(margin)..out.valid.end.min(times.len() - margin);
                 Ok(out)
             }
@@ -204,8 +204,8 @@ impl Method {
         }
     }
 
-    /// The filter that efforts and the columns of the regressor pass where positions are
-    /// differentiated so: a Fourier series and central differences leave both as they are.
+    /// The filter that is applied to the efforts and to the columns of the regressor with this
+    /// method: none with a Fourier series and with central differences.
     pub fn smoothing(&self) -> Smoothing {
         match *self {
             Self::Butterworth { order, cutoff } => Smoothing::Butterworth { order, cutoff },
@@ -214,14 +214,14 @@ impl Method {
         }
     }
 
-    /// The method for the states that a regressor is made of, where the equations pass
+    /// The method that computes the states of the regressor, where the equations are filtered by
     /// [`smoothing`](Self::smoothing) afterwards.
     ///
     /// A filter changes the motion that it smooths, and a regressor of a changed motion is
     /// biased: products and signs of filtered states are not the filtered products and signs. So
-    /// the states pass a filter that is [`WIDER`] times as wide, which leaves the motion as it is
-    /// and takes away what is far above it; what remains of the noise is left to the filter of the
-    /// equations (Gautier's parallel filtering and decimation).
+    /// the states pass a filter with [`WIDER`] times the cutoff frequency, which does not change
+    /// the motion and removes noise of far higher frequency; the filter of the equations removes
+    /// the rest of the noise (Gautier's parallel filtering and decimation).
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -230,7 +230,7 @@ impl Method {
     ///
     /// let asked = Method::Butterworth { order: 4, cutoff: 5.0 };
     /// assert_eq!(asked.of_states(0.01), Method::Butterworth { order: 4, cutoff: 15.0 });
-    /// // a series has no noise to speak of
+    /// // a series averages the noise away and needs no filter
     /// let series = Method::Fourier { frequency: 0.1, harmonics: 5 };
     /// assert_eq!(series.of_states(0.01), series);
     /// ```
@@ -239,16 +239,19 @@ impl Method {
         match *self {
             Self::Butterworth { order, cutoff } => Self::Butterworth {
                 order,
-                cutoff: (WIDER * cutoff).min(WIDEST / step).max(cutoff),
+                cutoff: (WIDER * cutoff).min(MAX_CUTOFF_RATIO / step).max(cutoff),
             },
             Self::Local { half_width } => Self::Local {
-                half_width: (half_width / WIDER).max(NARROWEST * step).min(half_width),
+                half_width: (half_width / WIDER)
+                    .max(MIN_HALF_WIDTH_SAMPLES * step)
+                    .min(half_width),
             },
             Self::Central | Self::Fourier { .. } => *self,
         }
     }
 
-    /// How many samples on either side a result depends on, to rounding; `None`: on all.
+    /// The number of samples on either side that a result depends on, to rounding; `None` if it
+    /// depends on all.
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -270,8 +273,8 @@ impl Method {
         })
     }
 
-    /// The standard deviation of the first derivative where the samples have white noise of
-    /// deviation 1; 0 for a series, which averages over all samples.
+    /// The standard deviation of the first derivative, in 1/s, where the samples have white noise
+    /// of standard deviation 1; 0 for a series, which averages over all samples.
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -319,7 +322,8 @@ fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
     }
 }
 
-/// By how much a step may differ from the mean where sampling is to be uniform: clocks jitter.
+/// By what part of the mean step a step may differ from it where sampling must be uniform: clocks
+/// jitter.
 const JITTER: f64 = 0.1;
 
 fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
@@ -342,22 +346,22 @@ fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
     }
 }
 
-/// The most neighbours on either side that derivatives are taken from.
+/// The largest number of neighbours on either side that [`differences`] uses.
 pub const NEIGHBOURS: usize = 3;
 
 /// Central differences over `neighbours` samples on either side, at least one and at most
 /// [`NEIGHBOURS`]: the derivatives of the polynomial through 3, 5 or 7 samples.
 ///
-/// Three are Eq. 31, in the form that is of second order for unequal steps too. Where steps `h` are
-/// alike, second derivatives of a motion of angular frequency `w` are off by `(w h)^2 / 12`,
-/// `(w h)^4 / 90` and `(w h)^6 / 560` of their size; white noise of the samples gets into them 2.4,
-/// 3.1 and 3.5 times over `h^2` (Fornberg, 1988, has the weights for any sampling).
+/// With three samples this is Eq. 31, in the form that is of second order for unequal steps too.
+/// With equal steps `h`, second derivatives of a motion of angular frequency `w` have relative
+/// errors of `(w h)^2 / 12`, `(w h)^4 / 90` and `(w h)^6 / 560`, and white noise of the samples is
+/// amplified by 2.4, 3.1 and 3.5 over `h^2` (Fornberg, 1988, has the weights for any sampling).
 ///
-/// - `times`: s, increasing; `values`: one for each. Fewer neighbours are taken where there are not
-///   samples enough for one state.
+/// - `times`: s, increasing; `values`: one for each time. Fewer neighbours are used where there are
+///   too few samples for a single result.
 ///
 /// # Errors
-/// When lengths differ, times do not increase, or there are less than three samples.
+/// When the lengths differ, the times do not increase, or there are less than three samples.
 ///
 /// ```
 /// use regen_identify::signals::differences;
@@ -411,12 +415,12 @@ pub fn differences(
     })
 }
 
-/// The first and second derivative of the polynomial through samples, at the one in the middle:
+/// The first and second derivative of the polynomial through all samples, at the middle sample:
 /// divided differences (Newton's form), nearest samples first.
 fn polynomial(times: &[f64], values: &[f64], middle: usize) -> (f64, f64) {
-    const MOST: usize = 2 * NEIGHBOURS + 1;
-    let n = times.len().min(MOST);
-    let (mut at, mut divided) = ([0.0; MOST], [0.0; MOST]);
+    const MAX_SAMPLES: usize = 2 * NEIGHBOURS + 1;
+    let n = times.len().min(MAX_SAMPLES);
+    let (mut at, mut divided) = ([0.0; MAX_SAMPLES], [0.0; MAX_SAMPLES]);
     for (k, (at, divided)) in at.iter_mut().zip(&mut divided).enumerate().take(n) {
         // the middle, then one to the left, one to the right, two to the left, and so on
         let away = k.div_ceil(2);
@@ -426,7 +430,7 @@ fn polynomial(times: &[f64], values: &[f64], middle: usize) -> (f64, f64) {
             middle + away
         };
         *at = times[place] - times[middle];
-        // differences from the middle keep the digits of small motions
+        // relative to the middle value, so that small motions lose no digits
         *divided = values[place] - values[middle];
     }
     for order in 1..n {

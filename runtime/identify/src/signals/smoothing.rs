@@ -1,12 +1,13 @@
-//! Filters that many channels pass alike: the efforts and every column of the regressor.
+//! Filters that are applied equally to many channels: the efforts and all columns of the
+//! regressor.
 
 use super::{Butterworth, SignalError, local};
 
 /// A zero-phase filter of equations.
 ///
-/// Measured efforts `tau` and the regressor `W` fulfil `tau = W x` (Eq. 12) at every instant; a
-/// linear filter `F` that passes over both keeps that true, `F tau = (F W) x`, also for columns
-/// that are not smooth, such as the sign of a velocity (Gautier's parallel filtering).
+/// Measured efforts `tau` and the regressor `W` fulfil `tau = W x` (Eq. 12) at every instant. The
+/// same holds after a linear filter `F` of both sides, `F tau = (F W) x`, also for columns that
+/// are not smooth, such as the sign of a velocity (Gautier's parallel filtering).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Smoothing {
     /// Nothing is filtered.
@@ -16,23 +17,23 @@ pub enum Smoothing {
     Butterworth {
         /// The filter's order.
         order: usize,
-        /// The frequency at which one pass has lost 3 dB, Hz.
+        /// The cutoff frequency of one pass (-3 dB), Hz.
         cutoff: f64,
     },
     /// The value of a cubic polynomial fitted around each sample with tricube weights.
     Local {
-        /// How far samples count, s on either side.
+        /// The half width of the window around each sample, s.
         half_width: f64,
     },
 }
 
 impl Smoothing {
-    /// Whether it changes anything.
+    /// Whether there is no filter.
     pub fn is_none(&self) -> bool {
         *self == Self::None
     }
 
-    /// How many samples on either side a filtered value depends on, to rounding.
+    /// The number of samples on either side that a filtered value depends on, to rounding.
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -46,8 +47,8 @@ impl Smoothing {
         })
     }
 
-    /// How many samples at either end of a run mean little, as the filter starts there with a
-    /// guess.
+    /// The number of samples at either end of a run that must not be used, as the filter starts
+    /// there with a guessed state.
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -63,10 +64,10 @@ impl Smoothing {
         })
     }
 
-    /// Filters channels side by side.
+    /// Filters several channels in place.
     ///
     /// - `times`: s, increasing, one for each sample;
-    /// - `values`: sample by sample, `channels` entries each; filtered in place.
+    /// - `values`: sample by sample, `channels` entries each.
     ///
     /// # Errors
     /// When the sampling does not suit the filter, or there are too few samples for it.
@@ -138,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_filter_keeps_sums_of_columns() {
-        // linearity is what parallel filtering rests on: F(W x) = (F W) x
+        // parallel filtering needs linearity: F(W x) = (F W) x
         let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
         let x = [0.7, -2.0];
         let filter = Smoothing::Butterworth {
@@ -154,7 +155,7 @@ mod tests {
         filter.apply(&times, &mut w, 2).unwrap();
         filter.apply(&times, &mut tau, 1).unwrap();
         for (w, tau) in w.chunks_exact(2).zip(&tau) {
-            // rounding of three sections, run twice over values near 2
+            // rounding of the filter's sections, run twice over values near 2
             assert!((w[0] * x[0] + w[1] * x[1] - tau).abs() < 1e-12);
         }
     }

@@ -1,4 +1,4 @@
-//! A broken Parquet file is an error, whatever the library that decodes it makes of it.
+//! Turns panics of the Parquet library on broken files into errors.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
@@ -10,13 +10,13 @@ std::thread_local! {
     static DECODING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Calls the library; a panic in it, of which broken files cause several, is an error. Nothing
-/// that it was working on is used again.
+/// Calls the library and returns an error if it panics, as it does on some broken files. Nothing
+/// that the call was working on may be used again after a panic.
 pub(super) fn solve_guarded<T>(
     call: impl FnOnce() -> Result<T, ParquetError>,
 ) -> Result<T, ParquetError> {
     static QUIET: Once = Once::new();
-    // what is caught is told as an error, not as a panic beside it
+    // a caught panic is reported as an error, so its message is not printed as well
     QUIET.call_once(|| {
         let before = take_hook();
         set_hook(Box::new(move |info| {

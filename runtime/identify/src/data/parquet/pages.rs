@@ -1,4 +1,4 @@
-//! What a Parquet file claims of its pages, checked before memory is given for it.
+//! Checks the sizes in a Parquet file's page headers before memory is reserved for them.
 //!
 //! A page's header says how large the page is when decompressed, and how many values a
 //! dictionary has; the library that decodes pages reserves that much. A few bytes could claim
@@ -11,20 +11,20 @@ use parquet::file::metadata::ColumnChunkMetaData;
 
 use super::format::{BYTE, LIST, Root, STRUCTURE};
 
-/// Longest header of a page: some numbers, and statistics of two values.
-const HEADER: u64 = 1 << 16;
-/// Snappy makes at most 64 bytes of 3.
-const RATIO: i64 = 32;
-/// A page that is small in any case.
-const SMALL: i64 = 1 << 10;
-/// Bytes of the smallest number.
-const NUMBER: i64 = 4;
-/// Largest number of a field: readers count in 16 bits and may begin anew.
-const MOST: i64 = 1000;
-/// Structures within structures; the format has eight.
-const DEEPEST: usize = 16;
+/// Longest header of a page in bytes: some numbers, and statistics of two values.
+const MAX_HEADER_BYTES: u64 = 1 << 16;
+/// Most decompressed bytes per compressed one: Snappy makes at most 64 bytes of 3.
+const MAX_COMPRESSION_RATIO: i64 = 32;
+/// Decompressed bytes that any page may have, however short it is.
+const SMALL_PAGE_BYTES: i64 = 1 << 10;
+/// Bytes of the smallest type of number.
+const MIN_NUMBER_BYTES: i64 = 4;
+/// Largest field number: readers count in 16 bits and may wrap around.
+const MAX_FIELD_NUMBER: i64 = 1000;
+/// Deepest nesting of structures; the format has eight.
+const MAX_DEPTH: usize = 16;
 
-/// How many values the pages of a column have, once they claim nothing that cannot be.
+/// The number of values in the pages of a column; an error if a page's header is implausible.
 pub(super) fn values(
     file: &mut File,
     size: u64,
@@ -47,9 +47,10 @@ pub(super) fn values(
     let mut bytes = Vec::new();
     while at < end {
         bytes.clear();
-        let read = file
-            .seek(SeekFrom::Start(at))
-            .and_then(|_| file.take(HEADER.min(end - at)).read_to_end(&mut bytes));
+        let read = file.seek(SeekFrom::Start(at)).and_then(|_| {
+            file.take(MAX_HEADER_BYTES.min(end - at))
+                .read_to_end(&mut bytes)
+        });
         read.map_err(|error| format!("{error}"))?;
         let (page, length) = Page::read(&bytes).ok_or("a page's header is broken")?;
         at += length;
@@ -58,13 +59,15 @@ pub(super) fn values(
             return Err("a page is longer than its column".to_owned());
         };
         at += body;
-        if !(0..=page.compressed * RATIO + SMALL).contains(&page.decompressed) {
+        if !(0..=page.compressed * MAX_COMPRESSION_RATIO + SMALL_PAGE_BYTES)
+            .contains(&page.decompressed)
+        {
             return Err(format!(
                 "a page of {} bytes claims {} when decompressed",
                 page.compressed, page.decompressed
             ));
         }
-        if !(0..=page.decompressed / NUMBER).contains(&page.dictionary) {
+        if !(0..=page.decompressed / MIN_NUMBER_BYTES).contains(&page.dictionary) {
             return Err(format!(
                 "a dictionary of {} bytes claims {} numbers",
                 page.decompressed, page.dictionary
@@ -75,22 +78,22 @@ pub(super) fn values(
     Ok(values)
 }
 
-/// How deep groups of columns are nested; none of what is no footer.
+/// How deep groups of columns are nested; `None` if the bytes are not a valid footer.
 ///
-/// The library builds the tree of groups, and forgets it, by recursion; and it passes over fields
-/// that it does not know without asking whether their elements are there.
+/// The library builds and drops the tree of groups by recursion, and it skips the elements of
+/// unknown fields without checking that they exist.
 pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
     let mut input = Compact {
         bytes: footer,
         at: 0,
         root: Root::Footer,
     };
-    // children that are still to come, from the root inwards
+    // number of children still to be read of each open group, from the root inwards
     let mut open: Vec<i64> = Vec::new();
     let mut deepest = 0;
     let mut children = 0;
     input.fields(&mut Vec::new(), &mut |path, value| match path {
-        // elements of the schema, each group before its children
+        // schema elements, each group before its children
         [2, 5] => children = value,
         [2, END] => {
             while open.last().is_some_and(|left| *left <= 0) {
@@ -110,19 +113,19 @@ pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
     Some(deepest)
 }
 
-/// What a page's header says.
+/// The sizes in a page's header.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Page {
     compressed: i64,
     decompressed: i64,
-    /// Numbers of a dictionary.
+    /// Number of values in a dictionary page.
     dictionary: i64,
-    /// Values of a data page.
+    /// Number of values in a data page.
     values: i64,
 }
 
 impl Page {
-    /// A header and its length in bytes; none of what is no header.
+    /// Reads a header, and returns it with its length in bytes; `None` if it is invalid.
     fn read(bytes: &[u8]) -> Option<(Self, u64)> {
         let mut page = Self::default();
         let mut input = Compact {
@@ -133,7 +136,7 @@ impl Page {
         input.fields(&mut Vec::new(), &mut |path, value| match path {
             [2] => page.decompressed = value,
             [3] => page.compressed = value,
-            // data pages of either version
+            // data pages of versions 1 and 2
             [5 | 8, 1] => page.values = value,
             [7, 1] => page.dictionary = value,
             _ => {}
@@ -142,11 +145,11 @@ impl Page {
     }
 }
 
-/// Stands for the end of a structure among the numbers of its fields, which are never negative.
+/// Marks the end of a structure in a path of field numbers, which are never negative.
 const END: i64 = -1;
 
-/// Thrift's compact protocol: every integer is a varint, every structure a list of fields that
-/// ends with 0.
+/// Reader of Thrift's compact protocol: every integer is a varint, every structure a list of
+/// fields that ends with 0.
 struct Compact<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -172,18 +175,18 @@ impl Compact<'_> {
         None
     }
 
-    /// A signed integer: 0, -1, 1, -2, ...
+    /// Reads a signed integer in zigzag encoding: 0, -1, 1, -2, ...
     fn integer(&mut self) -> Option<i64> {
         let value = self.varint()?;
         Some((value >> 1).cast_signed() ^ -(value & 1).cast_signed())
     }
 
-    fn pass(&mut self, count: u64) -> Option<()> {
+    fn skip(&mut self, count: u64) -> Option<()> {
         let at = self.at.checked_add(usize::try_from(count).ok()?)?;
         (at <= self.bytes.len()).then(|| self.at = at)
     }
 
-    /// The kind and the number of a list's elements.
+    /// Reads the head of a list: the type and the number of its elements.
     fn list(&mut self) -> Option<(u8, u64)> {
         let head = self.byte()?;
         let count = match head >> 4 {
@@ -192,16 +195,16 @@ impl Compact<'_> {
         };
         let left = self.bytes.len().saturating_sub(self.at) as u64;
         let kind = head & 0x0f;
-        // An element has a byte or more. The format has no lists of truths, of which some readers
-        // say that they have no byte, and none of lists, which could be nested without end.
+        // An element has a byte or more. The format has no lists of booleans, which some readers
+        // take to have no bytes, and no lists of lists, which could be nested without end.
         let known = (BYTE..LIST).contains(&kind) || kind == STRUCTURE;
         (count == 0 || (known && count <= left)).then_some((kind, count))
     }
 
-    /// Reads a structure, telling its integers by the numbers of the fields that lead to them,
-    /// and where it ends.
-    fn fields(&mut self, path: &mut Vec<i64>, tell: &mut dyn FnMut(&[i64], i64)) -> Option<()> {
-        if path.len() >= DEEPEST {
+    /// Reads a structure and calls `visit` with the path of field numbers and the value of each of
+    /// its integers, and at its end.
+    fn fields(&mut self, path: &mut Vec<i64>, visit: &mut dyn FnMut(&[i64], i64)) -> Option<()> {
+        if path.len() >= MAX_DEPTH {
             return None;
         }
         let mut field = 0_i64;
@@ -210,7 +213,7 @@ impl Compact<'_> {
             let kind = head & 0x0f;
             if kind == 0 {
                 path.push(END);
-                tell(path, 0);
+                visit(path, 0);
                 path.pop();
                 return Some(());
             }
@@ -219,10 +222,10 @@ impl Compact<'_> {
                 step => field.checked_add(i64::from(step))?,
             };
             path.push(field);
-            if !(0..=MOST).contains(&field) || !self.root.fits(path, kind) {
+            if !(0..=MAX_FIELD_NUMBER).contains(&field) || !self.root.fits(path, kind) {
                 return None;
             }
-            self.value(kind, path, tell)?;
+            self.value(kind, path, visit)?;
             path.pop();
         }
     }
@@ -231,29 +234,29 @@ impl Compact<'_> {
         &mut self,
         kind: u8,
         path: &mut Vec<i64>,
-        tell: &mut dyn FnMut(&[i64], i64),
+        visit: &mut dyn FnMut(&[i64], i64),
     ) -> Option<()> {
         match kind {
-            // a truth is in its kind
+            // the value of a boolean is its type
             1 | 2 => {}
             3 => drop(self.byte()?),
             4..=6 => {
                 let value = self.integer()?;
-                tell(path, value);
+                visit(path, value);
             }
-            7 => self.pass(8)?,
+            7 => self.skip(8)?,
             8 => {
                 let length = self.varint()?;
-                self.pass(length)?;
+                self.skip(length)?;
             }
-            12 => self.fields(path, tell)?,
+            12 => self.fields(path, visit)?,
             LIST | 10 => {
                 let (kind, count) = self.list()?;
-                if count > 0 && !self.root.lists(path, kind) {
+                if count > 0 && !self.root.fits_elements(path, kind) {
                     return None;
                 }
                 for _ in 0..count {
-                    self.value(kind, path, tell)?;
+                    self.value(kind, path, visit)?;
                 }
             }
             // the format has no maps
@@ -270,7 +273,7 @@ mod tests {
 
     #[test]
     fn a_header_is_read_with_the_fields_in_its_structures() {
-        // type 0, 100 bytes, 40 compressed, data page {8 values, ...}, v2 left out
+        // type 0, 100 bytes, 40 compressed, data page {8 values, ...}, without a v2 header
         let bytes = [
             0x15, 0x00, 0x15, 0xc8, 0x01, 0x15, 0x50, 0x2c, 0x15, 0x10, 0x15, 0x00, 0x00, 0x00, 9,
         ];
@@ -281,7 +284,7 @@ mod tests {
             values: 8,
         };
         assert_eq!(Page::read(&bytes), Some((page, 14)));
-        // cut anywhere, it is no header
+        // a header that is cut anywhere is invalid
         for end in 0..14 {
             assert_eq!(Page::read(&bytes[..end]), None, "{end}");
         }
@@ -289,7 +292,7 @@ mod tests {
 
     #[test]
     fn groups_in_groups_are_counted() {
-        // version 1, a schema: the root of two, a group of one, a number in it, a number
+        // version 1; schema: a root of two children, a group of one, a number in it, a number
         let element = |children: u8| -> Vec<u8> {
             match children {
                 0 => vec![0x15, 0x0a, 0x38, 1, b'x', 0],
@@ -307,7 +310,7 @@ mod tests {
         ]
         .concat();
         assert_eq!(nesting(&chain), Some(100));
-        // a field that nobody knows, of billions of truths
+        // an unknown field with billions of booleans
         let bomb = [0xf9, 0xf1, 0xff, 0xff, 0xff, 0xff, 0x07, 0];
         let footer = [&footer[..footer.len() - 1], &bomb].concat();
         assert_eq!(nesting(&footer), None);

@@ -1,4 +1,5 @@
-//! Covariances of both estimates and of their difference, and the test by it.
+//! The covariances of the estimate by instrumental variables and of its difference to least
+//! squares, and the test whether both differ.
 
 use std::collections::VecDeque;
 
@@ -11,30 +12,32 @@ use crate::identify::passes::{Source, predicted};
 use crate::qr_update::substitute;
 use regen_runtime::BaseModel;
 
-/// Of correlated differences, those that others foretell up to this part are left out of the test.
-const FORETOLD: f64 = 1e-6;
-/// The order of the autoregression that whitens scores at most.
-const ORDER: usize = 6;
-/// White noise that is added to the autocovariance, as a part of the variance: a filter leaves next
-/// to nothing at high frequencies.
-const FLOOR: f64 = 1e-3;
-/// What an autoregression leaves of a constant at least (Andrews and Monahan, 1992): below that
-/// it would claim to know correlations longer than the log.
-const ROOT: f64 = 0.03;
+/// Differences of which the others explain all but this part of the variance are left out of the
+/// test.
+const MIN_UNEXPLAINED_PART: f64 = 1e-6;
+/// The highest order of the autoregression that whitens scores.
+const MAX_ORDER: usize = 6;
+/// White noise that is added to the autocovariance, as a part of the variance: filtered residuals
+/// have almost no noise at high frequencies.
+const WHITE_NOISE_PART: f64 = 1e-3;
+/// Least value of 1 minus the sum of the autoregression's coefficients (Andrews and Monahan,
+/// 1992): below that it would imply correlations longer than the log.
+const MIN_WHITENED_CONSTANT: f64 = 0.03;
 
 pub(super) struct Covariances {
     pub(super) instrumental: Vec<f64>,
-    /// Of least squares less instrumental variables.
+    /// The covariance of least squares minus instrumental variables, r x r.
     pub(super) difference: Vec<f64>,
 }
 
-/// The covariances from scores `w e` and `z e`, with `e = tau - W beta` at the estimate by
-/// instrumental variables, whose error is consistent: `(Z^T W)^-1 sum z e` is what that estimate is
-/// off by, `(W^T W)^-1 sum w e` what least squares is off by where it is consistent.
+/// Computes the covariances from scores `w e` and `z e`, with `e = tau - W beta` at the consistent
+/// estimate by instrumental variables: `(Z^T W)^-1 sum z e` is the error of that estimate,
+/// `(W^T W)^-1 sum w e` the error of least squares where it is consistent.
 ///
-/// Scores are whitened by the residuals' autoregression before their long-run sum is found, which
-/// is coloured again (Andrews and Monahan, 1992): second differences of encoder noise are so
-/// strongly correlated that the sum alone would be several times too large.
+/// Scores are whitened by the residuals' autoregression before their long-run covariance is
+/// computed, which is then coloured again (Andrews and Monahan, 1992): second differences of
+/// encoder noise are so strongly correlated that without whitening it would be several times too
+/// large.
 pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     log: &mut Log<'_, M, S>,
     found: &RoundResult,
@@ -59,7 +62,7 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 continue;
             }
             let psi = weight * weight * (tau - predicted(equations, e, &solution.values));
-            // both halves: W, then Z
+            // the scores of W, then those of Z
             let row = equations.w.iter().skip(e).step_by(count);
             for (sum, x) in score.iter_mut().zip(row) {
                 *sum += x * psi;
@@ -75,7 +78,7 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         past.truncate(noise.len());
         scores.push(&score)
     })?;
-    // with the triangle 1 the long-run sum is left as it is, up to a known factor
+    // with the identity as QR factor, the covariance is the long-run sum times a known factor
     let mut unit = QrFactor::new(vec![String::new(); 2 * r]);
     let mut identity = vec![0.0; 4 * r * r];
     for k in 0..2 * r {
@@ -84,10 +87,10 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     unit.push_block(&identity, &vec![0.0; 2 * r])?;
     let rows = solution.factor.rows() as f64;
     let spare = solution.factor.rows().saturating_sub(r).max(1) as f64;
-    let whitened = (1.0 - noise.iter().sum::<f64>()).max(ROOT);
+    let whitened = (1.0 - noise.iter().sum::<f64>()).max(MIN_WHITENED_CONSTANT);
     let scale = rows / spare / (2 * r).max(1) as f64 / (whitened * whitened);
     let sums = scores.covariance(&unit)?;
-    // rows of (Z^T W)^-1, and of (W^T W)^-1 by the triangle
+    // rows of (Z^T W)^-1, and of (W^T W)^-1 from the QR factor
     let gram = inverse_gram(&solution.factor)?;
     let both = |i: usize, difference: bool| -> Vec<f64> {
         let mut out = vec![0.0; 2 * r];
@@ -144,14 +147,15 @@ fn inverse_gram(factor: &QrFactor) -> Result<Vec<f64>, EstimateError> {
     Ok(out)
 }
 
-/// The autoregression of the residuals of all efforts together (Levinson and Durbin), of the order
-/// with the least final prediction error (Akaike, 1969); its coefficients, the last sample's first.
+/// Fits an autoregression to the residuals of all efforts together (Levinson and Durbin), of the
+/// order with the least final prediction error (Akaike, 1969); returns its coefficients, that of
+/// the most recent sample first.
 fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
     let samples: usize = efforts.iter().map(|e| e.samples).sum();
     let lags = efforts.iter().map(|e| e.autocorrelation.len()).min();
     let at = |lag: usize| -> f64 {
         if lag == 0 {
-            return 1.0 + FLOOR;
+            return 1.0 + WHITE_NOISE_PART;
         }
         let parts = efforts
             .iter()
@@ -165,11 +169,11 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
     let (mut best, mut coefficients): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let mut left = at(0);
     let mut least = criterion(left, 0);
-    for order in 1..=ORDER.min(lags.unwrap_or(0)) {
+    for order in 1..=MAX_ORDER.min(lags.unwrap_or(0)) {
         let known = coefficients.iter().enumerate();
-        let foretold: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
-        let reflection = (at(order) - foretold) / left;
-        // NaN too
+        let predicted_part: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
+        let reflection = (at(order) - predicted_part) / left;
+        // also ends for NaN
         if reflection.is_nan() || reflection.abs() >= 1.0 {
             break;
         }
@@ -188,15 +192,15 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
     best
 }
 
-/// The test, from both estimates and the covariance of their difference.
+/// Computes the test from both estimates and the covariance of their difference.
 ///
-/// - `stretches`: how many independent stretches of the log the covariance was found from: 1.5
-///   samples over the bandwidth, for Bartlett's weights (Priestley, 1981, table 6.2).
+/// - `stretches`: the number of independent stretches of the log that the covariance was computed
+///   from: 1.5 samples over the bandwidth, for Bartlett's weights (Priestley, 1981, table 6.2).
 pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretches: f64) -> Hausman {
     let n = least.len();
     let differences: Vec<f64> = least.iter().zip(found).map(|(a, b)| a - b).collect();
     let sigma = |k: usize| covariance[k * n + k].max(0.0).sqrt();
-    // what differs by rounding only has no deviation to speak of
+    // a difference that is only rounding has no meaningful standard deviation
     let rounding = |k: usize| 1e-9 * (least[k].abs() + found[k].abs());
     let counts: Vec<usize> = (0..n).filter(|&k| sigma(k) > rounding(k)).collect();
     let ratios: Vec<f64> = (0..n)
@@ -208,7 +212,7 @@ pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretche
             }
         })
         .collect();
-    // the correlations' triangle, the largest pivot first
+    // Cholesky factorisation of the correlation matrix, the largest pivot first
     let m = counts.len();
     let mut matrix = vec![0.0; m * m];
     for (i, a) in counts.iter().enumerate() {
@@ -224,7 +228,7 @@ pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretche
     {
         let k = left.remove(place);
         let pivot = matrix[k * m + k];
-        if pivot.is_nan() || pivot <= FORETOLD {
+        if pivot.is_nan() || pivot <= MIN_UNEXPLAINED_PART {
             break;
         }
         wald += side[k] * side[k] / pivot;

@@ -1,4 +1,4 @@
-//! The equations of a log with instruments beside them.
+//! The equations of a log with instruments as additional columns.
 
 use super::Motion;
 use crate::estimate::EstimateError;
@@ -12,7 +12,7 @@ struct InstrumentRegressor<'a, 'm, M: ?Sized> {
     model: &'m M,
     closure: LoopClosure<'m, M>,
     motion: &'a Motion,
-    /// Where the last sample was found.
+    /// The index of the last sample in `motion`.
     last: Option<usize>,
 }
 
@@ -46,15 +46,15 @@ impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, '_, M> {
     }
 }
 
-/// Numbers that are kept at most: 64 MiB; longer logs are read anew in each pass.
-const MOST: usize = 1 << 23;
+/// Most numbers that are stored: 64 MiB; longer logs are read again in each pass.
+const MAX_NUMBERS: usize = 1 << 23;
 
 /// A log with its instruments: equations with 2 r columns, W and then Z.
 pub(super) struct Log<'a, M: ?Sized, S: ?Sized> {
     model: &'a M,
     source: &'a mut S,
     motion: Motion,
-    /// The samples, once all are known and are not too many.
+    /// All samples after the first pass, unless there are too many.
     kept: Vec<Sample>,
     pub(super) left: LeftOut,
 }
@@ -78,13 +78,13 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
         }
     }
 
-    /// Takes the instruments from another motion.
+    /// Computes the instruments from another motion from now on.
     pub(super) fn change(&mut self, motion: Motion) {
         self.motion = motion;
         self.kept.clear();
     }
 
-    /// Visits all equations; their columns are those of W, and then those of Z.
+    /// Passes all equations to `each`; their columns are those of W, and then those of Z.
     pub(super) fn visit(
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
@@ -122,7 +122,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
                     return Ok(());
                 }
                 numbers += found.w.len() + 2 * found.tau.len();
-                if numbers <= MOST {
+                if numbers <= MAX_NUMBERS {
                     kept.push(Sample {
                         time: found.time,
                         w: found.w.to_vec(),
@@ -134,7 +134,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
                 each(found)
             },
         )?;
-        if numbers <= MOST {
+        if numbers <= MAX_NUMBERS {
             self.kept = kept;
         }
         Ok(())

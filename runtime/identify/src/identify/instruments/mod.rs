@@ -1,7 +1,7 @@
-//! Instrumental variables: estimates that errors of the regressor do not bias.
+//! Instrumental variables: estimates without bias from errors of the regressor.
 //!
-//! Positions are measured with noise, and their derivatives more so; least squares takes the
-//! regressor W as exact and is biased by what is not. With instruments Z of the same size, which
+//! Positions are measured with noise, and their derivatives have more; least squares takes the
+//! regressor W as exact and is biased by its errors. With instruments Z of the same size, which
 //! are correlated with the true regressor and not with the noise,
 //!
 //! ```text
@@ -11,7 +11,7 @@
 //! is consistent. Here Z is the regressor at another motion, which the caller gives for the
 //! present estimate: that of a simulation of the robot under control (IDIM-IV: Janot, Vandanjon
 //! and Gautier, A generic instrumental variable approach for industrial robot identification,
-//! 2014), or the measured one refitted ([`Motion::smoothed`]). Z passes the filter that W passes.
+//! 2014), or the measured one after smoothing ([`Motion::smoothed`]). Z is filtered like W.
 
 mod hausman;
 mod log;
@@ -30,16 +30,17 @@ use super::stream::LeftOut;
 use crate::estimate::{EffortError, Estimate, Residuals, Weighting};
 use regen_runtime::BaseModel;
 
-/// How an estimate by instrumental variables is made.
+/// Options of an estimate by instrumental variables.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstrumentOptions {
     /// How efforts are weighted against each other.
     pub weighting: Weighting,
-    /// Rounds of instruments and estimate at most.
+    /// Most rounds of instruments and estimate.
     pub rounds: usize,
-    /// Autocorrelations that are found of the residuals.
+    /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
-    /// Samples in which whitened scores are correlated; `None`: 3/4 of the cube root of the samples.
+    /// Number of samples in which whitened scores are correlated; `None`: 1 plus 3/4 of the cube
+    /// root of the number of samples.
     pub bandwidth: Option<usize>,
 }
 
@@ -54,18 +55,18 @@ impl Default for InstrumentOptions {
     }
 }
 
-/// Whether least squares differs from instrumental variables by more than chance: the test of
-/// Durbin, Wu and Hausman, with a covariance that knows of the residuals' correlation.
+/// Result of the test of Durbin, Wu and Hausman: whether least squares differs from instrumental
+/// variables by more than chance. Its covariance accounts for the residuals' correlation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hausman {
-    /// Of each parameter, least squares less instrumental variables over the deviation of this
-    /// difference; 0 where the two are the same to rounding.
+    /// For each parameter, least squares minus instrumental variables over the standard deviation
+    /// of this difference; 0 where the two are the same to rounding.
     pub ratios: Vec<f64>,
-    /// The probability of differences at least as large where the regressor has no errors.
+    /// The probability of differences at least as large if the regressor has no errors.
     pub probability: f64,
-    /// Whether that is of all differences together (a Wald test, as an F test with the
-    /// independent stretches of the log); else of the largest among them (Bonferroni), where
-    /// there are too few stretches.
+    /// Whether the probability is that of all differences together (a Wald test, as an F test with
+    /// the independent stretches of the log); if not, it is that of the largest difference
+    /// (Bonferroni), as there are too few stretches.
     pub joint: bool,
 }
 
@@ -83,19 +84,20 @@ impl Hausman {
 /// An estimate by instrumental variables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instrumental {
-    /// Values, with the covariance that knows of the residuals' correlation. The residuals hold
-    /// the errors of the regressor beside those of the efforts.
+    /// The parameters, with the covariance that accounts for the residuals' correlation. The
+    /// residuals include the errors of the regressor and those of the efforts.
     pub estimate: Estimate,
-    /// Least squares of the same equations with the same weights.
+    /// The least-squares parameters of the same equations with the same weights, SI.
     pub least_squares: Vec<f64>,
-    /// Whether the two differ.
+    /// The test whether both estimates differ.
     pub test: Hausman,
-    /// The correlation of each instrument with the column it stands for: 1 at best, weak far
-    /// below.
+    /// The correlation of each instrument with its column of the regressor: 1 at best, much less
+    /// for weak instruments.
     pub relevance: Vec<f64>,
-    /// Rounds that were taken.
+    /// The number of rounds.
     pub rounds: usize,
-    /// Whether the last one changed the estimate by less than a thousandth of its deviations.
+    /// Whether the last round changed the estimate by less than a thousandth of its standard
+    /// deviations.
     pub settled: bool,
     /// The errors of each effort at the measured motion.
     pub errors: Vec<EffortError>,
@@ -103,15 +105,15 @@ pub struct Instrumental {
     pub relative_absolute: f64,
     /// The same with efforts predicted at the motion of the instruments, which has less noise.
     pub at_instruments: f64,
-    /// The samples in which whitened scores count as correlated.
+    /// The number of samples in which whitened scores count as correlated.
     pub bandwidth: usize,
-    /// What gave no equation.
+    /// The samples and equations that were left out, by reason.
     pub left_out: LeftOut,
 }
 
 impl Instrumental {
-    /// The parameter whose instrument has the least correlation with its column, the first one
-    /// where several have; `None` where there are no parameters.
+    /// The index of the parameter whose instrument has the smallest correlation with its column,
+    /// the first of several; `None` if there are no parameters.
     pub fn weakest(&self) -> Option<usize> {
         let all = self.relevance.iter().enumerate();
         let least = all.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
@@ -123,28 +125,29 @@ impl Instrumental {
     pub fn is_weak(&self, parameter: usize) -> bool {
         let equations: usize = self.estimate.efforts.iter().map(|e| e.rows).sum();
         let square = self.relevance.get(parameter).map_or(0.0, |r| r * r);
-        square / (1.0 - square) * (equations as f64) < WEAK
+        square / (1.0 - square) * (equations as f64) < WEAK_F_STATISTIC
     }
 }
 
-/// An F statistic of an instrument and its column below which it is called weak (Staiger and
+/// An instrument is called weak if the F statistic of its regression is below this (Staiger and
 /// Stock, 1997).
-const WEAK: f64 = 10.0;
-/// A round that changes the estimate by less than this part of its deviations is the last one.
-const SETTLED: f64 = 1e-3;
+const WEAK_F_STATISTIC: f64 = 10.0;
+/// A round that changes the estimate by less than this many standard deviations is the last one.
+const TOLERANCE_DEVIATIONS: f64 = 1e-3;
 
-/// Gives the motion of the instruments for base parameters, or none where it is the last one again.
+/// Callback that returns the motion of the instruments for base parameters, or `None` if it is the
+/// same as in the last call.
 pub type Motions<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
 
 /// Identifies base parameters by instrumental variables.
 ///
-/// - `start`: base parameters to begin with, those of least squares;
-/// - `motion`: gives the motion of the instruments for base parameters; `None` where it is the
-///   last one again. Samples that it does not have give no equation.
+/// - `start`: base parameters to begin with, those of least squares, SI;
+/// - `motion`: returns the motion of the instruments for base parameters; `None` if it is the
+///   same as in the last call. Samples of the log that it lacks give no equation.
 ///
 /// # Errors
-/// When the log cannot be read or does not fit the model, or the instruments leave parameters
-/// undetermined; those of `motion`.
+/// When the log cannot be read or does not fit the model, or the instruments do not determine all
+/// parameters; the errors of `motion`.
 pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     options: &InstrumentOptions,
@@ -186,8 +189,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             weights: own,
             efforts,
         };
-        // weights follow the residuals of the round before: the first is never the last
-        let settled = rounds > 1 && moved < SETTLED;
+        // weights come from the residuals of the round before, so the first is never the last
+        let settled = rounds > 1 && moved < TOLERANCE_DEVIATIONS;
         if settled || rounds >= options.rounds.max(1) {
             break (now, round, settled);
         }
@@ -195,7 +198,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         sums = Some(now);
     };
     let rows = found.efforts.iter().map(|e| e.samples).max().unwrap_or(0);
-    // whitened scores need little: Stock and Watson's rule
+    // whitened scores need a short bandwidth only: Stock and Watson's rule
     #[allow(clippy::cast_sign_loss, reason = "a cube root of a count")]
     let whitened = 1 + (0.75 * (rows as f64).cbrt()) as usize;
     let bandwidth = options.bandwidth.unwrap_or(whitened).clamp(1, rows.max(1));
@@ -231,7 +234,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     })
 }
 
-/// What the last round came to.
+/// The estimate of one round, with its weights and errors.
 struct RoundResult {
     solution: Solution,
     weights: Vec<f64>,

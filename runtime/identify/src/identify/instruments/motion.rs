@@ -1,35 +1,37 @@
-//! The motion that instruments are taken at.
+//! The motion at which the instruments are computed.
 
 use crate::estimate::EstimateError;
 use crate::identify::{Source, require};
 use crate::signals::{Butterworth, Method, SignalError};
 use regen_runtime::Model;
 
-/// The order of the filter that smooths a measured motion; it passes twice.
-const ORDER: usize = 4;
-/// Samples that a run needs to be smoothed: the filter continues both ends.
-const SHORTEST: usize = 3 * (ORDER + 1) + 2;
-/// From one cutoff that is tried to the next: four to an octave.
-const NEXT: f64 = 1.189_207_115_002_721;
-/// What a smoothing removes may have this much more variance than the noise of the positions,
-const MORE: f64 = 1.1;
-/// and this part of a coordinate's standard deviation beside it: instruments that follow the motion
-/// to this part are as good as exact ones, and the lower the cutoff the less noise stays in them.
-const PART: f64 = 0.005;
+/// The order of the filter that smooths a measured motion; it runs forward and backward.
+const FILTER_ORDER: usize = 4;
+/// Least number of samples of a run that can be smoothed: the filter extends both ends.
+const MIN_RUN_SAMPLES: usize = 3 * (FILTER_ORDER + 1) + 2;
+/// Ratio of one tried cutoff frequency to the one before: four to an octave.
+const CUTOFF_RATIO: f64 = 1.189_207_115_002_721;
+/// Allowed variance of what smoothing removes, over that of the noise of the positions.
+const REMOVED_NOISE_RATIO: f64 = 1.1;
+/// Allowed standard deviation of what smoothing removes in addition, over that of the coordinate:
+/// instruments that follow the motion to this part are as good as exact ones, and a lower cutoff
+/// leaves less noise in them.
+const REMOVED_MOTION_PART: f64 = 0.005;
 
-/// Independent coordinates with their derivatives, sample by sample.
+/// The motion of the independent coordinates: positions, velocities and accelerations, sample by
+/// sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     dof: usize,
     times: Vec<f64>,
-    /// Whether each sample follows the one before it.
+    /// Whether each sample follows the one before it without a gap.
     follows: Vec<bool>,
-    /// For each sample: positions, velocities, accelerations.
+    /// For each sample: dof positions, dof velocities, dof accelerations.
     values: Vec<f64>,
 }
 
 impl Motion {
-    /// Without samples, of a robot with this many independent coordinates.
+    /// Creates a motion without samples, of a robot with `dof` independent coordinates.
     pub fn new(dof: usize) -> Self {
         Self {
             dof,
@@ -42,7 +44,8 @@ impl Motion {
     /// Adds a sample.
     ///
     /// - `time`: s, after that of the sample it follows;
-    /// - `q_i`, `qd_i`, `qdd_i`: the independent coordinates and their derivatives, dof each.
+    /// - `q_i`, `qd_i`, `qdd_i`: the independent coordinates and their derivatives, dof each;
+    /// - `follows`: whether the sample follows the one before it without a gap.
     ///
     /// # Errors
     /// When a length is not dof.
@@ -63,7 +66,7 @@ impl Motion {
         Ok(())
     }
 
-    /// The motion of a log as it was measured.
+    /// Reads the measured motion of a log.
     ///
     /// # Errors
     /// When the log cannot be read.
@@ -84,12 +87,12 @@ impl Motion {
         Ok(out)
     }
 
-    /// How many samples there are.
+    /// The number of samples.
     pub fn len(&self) -> usize {
         self.times.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.times.is_empty()
     }
@@ -99,12 +102,13 @@ impl Motion {
         &self.times
     }
 
-    /// Whether a sample follows the one before it.
+    /// Whether a sample follows the one before it without a gap.
     pub fn follows(&self, at: usize) -> bool {
         self.follows.get(at).copied().unwrap_or(false)
     }
 
-    /// Positions, velocities and accelerations of a sample (dof each); empty where there is none.
+    /// Positions, velocities and accelerations of a sample (dof each); empty if there is no such
+    /// sample.
     pub fn state(&self, at: usize) -> [&[f64]; 3] {
         let start = 3 * self.dof * at;
         [0, 1, 2].map(|d| {
@@ -113,18 +117,18 @@ impl Motion {
         })
     }
 
-    /// Where the sample of a time is, which comes after the sample `last`.
+    /// The index of the sample at a time, searched after the sample `last`.
     pub(super) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
         let from = last.map_or(0, |k| k + 1);
         let rest = self.times.get(from..)?;
-        // times of one file are read alike in every pass
+        // every pass reads the same times from a file
         let place = rest
             .iter()
             .position(|t| (t - time).abs() <= 1e-9 * (1.0 + time.abs()))?;
         Some(from + place)
     }
 
-    /// The runs of samples that follow each other.
+    /// The runs of consecutive samples.
     pub fn runs(&self) -> Vec<core::ops::Range<usize>> {
         let mut out = Vec::new();
         let mut start = 0;
@@ -137,18 +141,19 @@ impl Motion {
         out
     }
 
-    /// One coordinate of a run.
+    /// The positions of one coordinate in a run.
     fn positions(&self, run: &core::ops::Range<usize>, coordinate: usize) -> Vec<f64> {
         let places = run.clone().map(|k| 3 * self.dof * k + coordinate);
         places.filter_map(|k| self.values.get(k).copied()).collect()
     }
 
-    /// The motion with its positions smoothed by a zero-phase filter and differentiated, and the
-    /// filter's cutoff in Hz. Runs too short for the filter are left out.
+    /// Smooths the positions by a zero-phase filter and differentiates them; returns this motion,
+    /// and the filter's cutoff frequency in Hz. Runs too short for the filter are left out.
     ///
-    /// Without a cutoff it is the lowest that leaves out little but noise: what the filter
-    /// removes has no more variance than white noise of the size that the fourth differences of
-    /// the positions tell (Morozov's discrepancy principle), and half a percent of the motion.
+    /// Without a given cutoff, the lowest one that removes little but noise is chosen: what the
+    /// filter removes has no more variance than white noise of the size that the fourth
+    /// differences of the positions show (Morozov's discrepancy principle), and half a percent of
+    /// the motion.
     ///
     /// # Errors
     /// When the sampling is not uniform, no run is long enough, or the cutoff does not suit it.
@@ -173,22 +178,22 @@ impl Motion {
     pub fn smoothed(&self, cutoff: Option<f64>) -> Result<(Self, f64), SignalError> {
         let runs = self.runs();
         let longest = runs.iter().max_by_key(|run| run.len());
-        let Some(longest) = longest.filter(|run| run.len() >= SHORTEST) else {
+        let Some(longest) = longest.filter(|run| run.len() >= MIN_RUN_SAMPLES) else {
             return Err(SignalError::TooFew {
                 samples: longest.map_or(0, core::ops::Range::len),
-                needed: SHORTEST,
+                needed: MIN_RUN_SAMPLES,
             });
         };
         let cutoff = match cutoff {
             Some(given) => given,
-            None => self.lowest(longest)?,
+            None => self.lowest_cutoff(longest)?,
         };
         let method = Method::Butterworth {
-            order: ORDER,
+            order: FILTER_ORDER,
             cutoff,
         };
         let mut out = Self::new(self.dof);
-        for run in runs.iter().filter(|run| run.len() >= SHORTEST) {
+        for run in runs.iter().filter(|run| run.len() >= MIN_RUN_SAMPLES) {
             let Some(times) = self.times.get(run.clone()) else {
                 continue;
             };
@@ -211,8 +216,8 @@ impl Motion {
         Ok((out, cutoff))
     }
 
-    /// The lowest cutoff that leaves out little but noise, Hz.
-    fn lowest(&self, run: &core::ops::Range<usize>) -> Result<f64, SignalError> {
+    /// The lowest cutoff frequency that removes little but noise, Hz.
+    fn lowest_cutoff(&self, run: &core::ops::Range<usize>) -> Result<f64, SignalError> {
         let times = self.times.get(run.clone()).unwrap_or_default();
         let span = times.last().zip(times.first());
         let span = span.map_or(f64::NAN, |(last, first)| last - first);
@@ -223,9 +228,9 @@ impl Motion {
         let lowest = (4.0 / span).min(highest);
         let mut cutoff = lowest;
         while cutoff < highest {
-            let filter = Butterworth::new(ORDER, cutoff, step)?;
+            let filter = Butterworth::new(FILTER_ORDER, cutoff, step)?;
             let pad = padding(times, cutoff)?;
-            // how both ends go on is a guess: it says nothing of the motion
+            // the extension of both ends is a guess, so the samples near them are not compared
             let inside = if 4 * pad < times.len() {
                 pad..times.len() - pad
             } else {
@@ -238,7 +243,8 @@ impl Motion {
                 let squares = pairs.map(|(a, b)| (a - b) * (a - b));
                 let squares: f64 = squares.skip(inside.start).take(inside.len()).sum();
                 let part = 1.0 - 2.0 * cutoff * step;
-                let allowed = MORE * part * noise + PART * PART * variance(x);
+                let allowed = REMOVED_NOISE_RATIO * part * noise
+                    + REMOVED_MOTION_PART * REMOVED_MOTION_PART * variance(x);
                 if squares / inside.len() as f64 > allowed {
                     enough = false;
                     break;
@@ -247,22 +253,22 @@ impl Motion {
             if enough {
                 return Ok(cutoff);
             }
-            cutoff *= NEXT;
+            cutoff *= CUTOFF_RATIO;
         }
         Ok(highest)
     }
 }
 
-/// How many samples both ends are continued by: until the filter has forgotten how it started.
+/// The number of samples by which both ends are extended: until the filter has settled.
 fn padding(times: &[f64], cutoff: f64) -> Result<usize, SignalError> {
     let span = times.last().zip(times.first());
     let span = span.map_or(f64::NAN, |(last, first)| last - first);
     let most = times.len().saturating_sub(1);
-    let filter = Butterworth::new(ORDER, cutoff, span / most as f64)?;
+    let filter = Butterworth::new(FILTER_ORDER, cutoff, span / most as f64)?;
     Ok(filter.settling().clamp(1, most.max(1)))
 }
 
-/// Samples with both ends continued by their mirror image about the end point.
+/// Samples with both ends extended by their mirror image about the end point.
 fn mirrored(x: &[f64], pad: usize) -> Vec<f64> {
     let (Some(first), Some(last)) = (x.first(), x.last()) else {
         return Vec::new();
@@ -278,7 +284,7 @@ fn variance(x: &[f64]) -> f64 {
     x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count
 }
 
-/// The variance of white noise by fourth differences, of which the squared weights add up to 70.
+/// The variance of white noise from fourth differences, whose squared weights add up to 70.
 fn noise(x: &[f64]) -> f64 {
     let fourth = |w: &[f64]| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4];
     let squares: f64 = x.windows(5).map(|w| fourth(w) * fourth(w)).sum();

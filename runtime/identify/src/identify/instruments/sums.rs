@@ -6,18 +6,19 @@ use crate::identify::passes::Source;
 use crate::qr_update::{reduce, substitute};
 use regen_runtime::BaseModel;
 
-/// Pivots below this part of the largest: the instruments do not determine the parameters.
-const IRRELEVANT: f64 = 1e-10;
+/// A pivot below this part of the largest means that the instruments do not determine the
+/// parameters.
+const MIN_PIVOT_RATIO: f64 = 1e-10;
 
-/// What a pass over all equations adds up, effort by effort.
+/// Sums over all equations of a log, effort by effort.
 pub(super) struct Sums {
-    /// Triangles of W.
+    /// QR factors of W.
     pub(super) factors: FactorSet,
     /// `Z^T W`, r x r, entry (i, j) of z_i and w_j at `i * r + j`.
     products: Vec<Vec<f64>>,
     /// `Z^T tau`.
     sides: Vec<Vec<f64>>,
-    /// The squares of each instrument.
+    /// The sum of squares of each instrument.
     squares: Vec<Vec<f64>>,
 }
 
@@ -84,7 +85,7 @@ impl Sums {
         let mut side = summed(&self.sides);
         let norms = factor.column_norms();
         let own: Vec<f64> = summed(&self.squares).iter().map(|x| x.sqrt()).collect();
-        // columns and instruments of length 1, whatever their units
+        // scales columns and instruments to length 1, as their units differ
         let unit = |x: f64| if x > 0.0 { x } else { 1.0 };
         for (i, line) in product.chunks_exact_mut(r.max(1)).enumerate() {
             let by = unit(own[i]);
@@ -118,19 +119,20 @@ impl Sums {
     }
 }
 
+/// The estimates by instrumental variables and by least squares.
 pub(super) struct Solution {
     pub(super) values: Vec<f64>,
     pub(super) least_squares: Vec<f64>,
     pub(super) relevance: Vec<f64>,
     /// `(Z^T W)^-1`, row by row.
     pub(super) inverse: Vec<f64>,
-    /// Of W, weighted.
+    /// The QR factor of the weighted W.
     pub(super) factor: QrFactor,
 }
 
 impl Solution {
-    /// By how much the values differ from others, in deviations that white residuals of the
-    /// weights' size would give: the root of the mean square over all directions.
+    /// The difference of the values to others, in standard deviations for white residuals whose
+    /// size is the inverse of the weights: the root mean square over all directions.
     pub(super) fn change_from(&self, others: &[f64]) -> Result<f64, EstimateError> {
         let n = self.values.len();
         let changes: Vec<f64> = self.values.iter().zip(others).map(|(a, b)| a - b).collect();
@@ -148,21 +150,21 @@ impl Solution {
     }
 }
 
-/// A square matrix by its triangle.
+/// A square matrix, solved by its QR factor.
 struct Square<'a> {
     rows: &'a [f64],
     n: usize,
 }
 
 impl<'a> Square<'a> {
-    /// - `rows`: n x n, row by row.
+    /// - `rows`: n x n, row-major; `labels`: of the parameters, for the error.
     fn new(rows: &'a [f64], n: usize, labels: &[String]) -> Result<Self, EstimateError> {
         let found = Self { rows, n };
         let (r, _) = found.reduced(&vec![0.0; n]);
         let pivots: Vec<f64> = (0..n).map(|k| r[k * n + k].abs()).collect();
         let largest = pivots.iter().copied().fold(0.0, f64::max);
         let least = pivots.iter().copied().fold(f64::INFINITY, f64::min);
-        let floor = IRRELEVANT * largest;
+        let floor = MIN_PIVOT_RATIO * largest;
         let small = |pivot: f64| pivot.is_nan() || pivot <= floor;
         if small(least) {
             let weak = |k: &usize| small(pivots[*k]);

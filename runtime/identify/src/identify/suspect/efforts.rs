@@ -1,36 +1,40 @@
-//! Hypotheses on the columns of efforts: exchanged, turned round, in another unit, shifted.
+//! Hypotheses on the columns of efforts: exchanged, with flipped signs, in another unit, with an
+//! offset.
 
 use super::grams::{Fit, Grams};
 use super::{Change, EXPLAINED, HALF, Reading, SHIFTED, facts, nonsense, quality};
 use regen_runtime::BaseModel;
 
-/// Errors below this are as expected; nothing is looked for.
-const GOOD: f64 = 0.1;
-/// Fits this much worse than the best are as good as it: what they weigh tells them apart.
-const ALIKE: f64 = 1.05;
-/// Changes one after the other at most.
-const ROUNDS: usize = 3;
-/// A factor is looked for that makes errors this much smaller; it may have any value.
-const FACTOR: f64 = 3.0;
-/// A gain nearer to 1 than this factor is within what geometry and friction explain.
-const NEAR: f64 = 2.0;
-/// Turned signs may make errors this much larger, where they end nonsense.
-const AS_GOOD: f64 = 1.2;
-/// Factors between units: a factor near one of them is it.
+/// Relative errors of the equations below this are normal, and no change is searched.
+const GOOD_ERROR: f64 = 0.1;
+/// Fits whose product of errors is within this factor of the best count as equally good; their
+/// plausibility decides between them.
+const EQUIVALENT_RATIO: f64 = 1.05;
+/// Most changes one after the other.
+const MAX_ROUNDS: usize = 3;
+/// A free factor on an effort must reduce the product of errors by this factor.
+const MIN_GAIN_OF_FACTOR: f64 = 3.0;
+/// Factors on an effort between 1 over this and this may come from geometry and friction, and are
+/// not reported.
+const MIN_REPORTED_FACTOR: f64 = 2.0;
+/// Flipped signs may increase an error by this factor if the parameters become plausible.
+const MAX_LOSS_OF_SIGNS: f64 = 1.2;
+/// Factors between units: a factor within 10 % of one of them is set to it.
 const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
 
-/// A way to read the efforts.
+/// A hypothesis on how the efforts are to be read.
 #[derive(Clone)]
 struct Candidate {
     read: Vec<Reading>,
+    /// The efforts with an offset.
     offsets: Vec<usize>,
     /// The efforts that it changes.
     touched: Vec<usize>,
-    /// By how much the product of errors must fall.
+    /// The factor by which the product of errors must fall.
     needed: f64,
 }
 
-/// The best change of effort columns.
+/// Finds the best change of effort columns, if any.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -42,9 +46,9 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut offsets: Vec<usize> = Vec::new();
     let mut now = start.clone();
     let mut touched: Vec<usize> = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let worst = now.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
-        if worst < GOOD {
+        if worst < GOOD_ERROR {
             break;
         }
         let mut fits = Vec::new();
@@ -58,7 +62,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             }
         }
         let top = fits.iter().fold(0.0, |m: f64, f| m.max(f.0));
-        let mut alike = fits.into_iter().filter(|f| f.0 * ALIKE >= top);
+        let mut alike = fits.into_iter().filter(|f| f.0 * EQUIVALENT_RATIO >= top);
         let Some(mut best) = alike.next() else { break };
         let mut weight = (nonsense(model, grams, &best.1), best.2.touched.len());
         for other in alike {
@@ -88,6 +92,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     Some(change)
 }
 
+/// The offsets of all efforts; 0 for those without one.
 fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64> {
     let mut out = vec![0.0; count];
     for (k, value) in offsets.iter().zip(&fit.values[grams.columns()..]) {
@@ -96,7 +101,8 @@ fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64>
     out
 }
 
-/// Whether the efforts that a candidate changes are explained then, and an offset is worth a word.
+/// Whether a candidate explains the efforts that it changes, and its offsets are large enough to be
+/// reported.
 fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
     let equations = (0..grams.rows()).filter(|&i| match grams.alone(i) {
         Some(k) => candidate.touched.contains(&k),
@@ -111,6 +117,7 @@ fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
     shifted && equations.all(|e| *e < EXPLAINED)
 }
 
+/// All hypotheses that change one or two efforts further.
 fn candidates(
     grams: &Grams,
     read: &[Reading],
@@ -121,7 +128,7 @@ fn candidates(
 ) -> Vec<Candidate> {
     let bad = |k: usize| {
         let alone = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k));
-        alone.is_none_or(|i| now.errors[i] > GOOD)
+        alone.is_none_or(|i| now.errors[i] > GOOD_ERROR)
     };
     let with = |changes: &[(usize, Reading)], needed: f64| {
         let mut read = read.to_vec();
@@ -145,7 +152,7 @@ fn candidates(
         if let Some(factor) = gain(grams, read, offsets, k, now)
             && !touched.contains(&k)
         {
-            out.push(with(&[(k, times(k, factor))], FACTOR));
+            out.push(with(&[(k, times(k, factor))], MIN_GAIN_OF_FACTOR));
         }
         if !offsets.contains(&k) && bad(k) {
             let mut shifted = with(&[], HALF);
@@ -154,7 +161,7 @@ fn candidates(
             out.push(shifted);
         }
         for l in (0..k).filter(|l| bad(*l) || bad(k)) {
-            // a torque constant is the motor's, whatever the column
+            // a torque constant belongs to the motor and stays when columns are exchanged
             let constant =
                 |a: usize, b: usize| own.get(a).zip(own.get(b)).map_or(1.0, |(a, b)| a / b);
             for (a, b) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
@@ -175,7 +182,7 @@ fn candidates(
     out
 }
 
-/// The factor of one effort that makes the product of errors least, where it is far from 1.
+/// The factor on one effort that minimises the product of errors, if it is far from 1.
 fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit) -> Option<f64> {
     let with = |factor: f64| -> f64 {
         let mut read = read.to_vec();
@@ -195,7 +202,7 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
             }
         }
     }
-    // no step was better than none
+    // no factor reduced the errors
     if (best.1 - 1.0).abs() < f64::EPSILON {
         return None;
     }
@@ -212,10 +219,11 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
     let factor = best.1;
     let unit = UNITS.iter().find(|u| (factor / **u - 1.0).abs() < 0.1);
     let factor = unit.copied().unwrap_or(factor);
-    (!(1.0 / NEAR..NEAR).contains(&factor)).then_some(factor)
+    (!(1.0 / MIN_REPORTED_FACTOR..MIN_REPORTED_FACTOR).contains(&factor)).then_some(factor)
 }
 
-/// Signs of efforts that, turned, make driving friction brake with a fit as good as before.
+/// Flips the signs of the efforts whose friction drives the joint; returns the readings if friction
+/// then brakes and the fit is as good as before.
 fn turned<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -229,7 +237,7 @@ fn turned<M: BaseModel<f64> + ?Sized>(
     for (coordinate, _) in &before {
         let k = info.actuated.iter().position(|a| a == coordinate)?;
         let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k))?;
-        // the weights of the bodies know better
+        // the nominal bodies confirm the sign of this effort
         let nominal = grams.nominal.then(|| grams.against(model, equation, read));
         if nominal.flatten().is_some_and(|(c, _, _)| c > 0.5) {
             return None;
@@ -244,12 +252,12 @@ fn turned<M: BaseModel<f64> + ?Sized>(
         .errors
         .iter()
         .zip(&now.errors)
-        .any(|(a, b)| *a > AS_GOOD * b.max(0.01));
+        .any(|(a, b)| *a > MAX_LOSS_OF_SIGNS * b.max(0.01));
     let fewer = nonsense(model, grams, &fit) < nonsense(model, grams, now);
     (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((turned, fit))
 }
 
-/// Signs alone, where nothing else is wrong.
+/// A change of signs only, for a log whose errors are normal.
 pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,

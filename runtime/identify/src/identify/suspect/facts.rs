@@ -1,59 +1,61 @@
-//! What a fit says that no robot can be: friction that drives, and weights that contradict.
+//! Checks a fit for results that are physically impossible: friction that drives a joint, efforts
+//! that contradict the nominal bodies, negative friction or rotor inertia.
 
 use super::grams::{Fit, Grams, named};
 use super::{Reading, SHIFTED, Sample};
 use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 
-/// Friction that gives this part of the efforts' power to a joint drives it.
-const DRIVES: f64 = 0.05;
-/// A motion this many times faster than its limits is none of the robot's.
-const ABSURD: f64 = 5.0;
-/// A value this many deviations below zero is negative.
-const CERTAIN: f64 = 6.0;
-/// A negative value whose absence makes an effort's error this much larger matters.
-const MATTERS: f64 = 1.5;
+/// Friction drives a joint if its power into the joint is more than this part of the efforts'
+/// power.
+const DRIVING_POWER_PART: f64 = 0.05;
+/// A position or velocity of more than this many times its limit is not of this robot.
+const MAX_LIMIT_RATIO: f64 = 5.0;
+/// A value more than this many standard deviations below zero is certainly negative.
+const CERTAIN_DEVIATIONS: f64 = 6.0;
+/// A negative parameter matters if a fit without it has an error larger by this factor.
+const MIN_ERROR_RATIO: f64 = 1.5;
 
-/// The efforts of one equation against those that the nominal bodies need.
+/// Comparison of the effort of one equation with the effort that the nominal bodies need.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nominal {
     /// The equation: an index into `Info::independent`.
     pub equation: usize,
     /// The effort that acts on it: an index into `Info::actuated`.
     pub effort: usize,
-    /// Their correlation, friction and constants left aside.
+    /// The correlation of both, without the parts that friction and constants explain.
     pub correlation: f64,
-    /// What the nominal bodies' effort is multiplied by to be that measured.
+    /// The factor by which the nominal bodies' effort fits the measured one best.
     pub factor: f64,
     /// The part of the effort's rms that is neither friction nor constant.
     pub part: f64,
 }
 
-/// A base parameter that cannot be negative and is.
+/// A base parameter that is identified as negative although it cannot be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NegativeParameter {
-    /// Its label.
+    /// The parameter's label.
     pub label: String,
-    /// Its value.
+    /// The identified value, SI.
     pub value: f64,
-    /// Its deviation.
+    /// The standard deviation of the value.
     pub sigma: f64,
 }
 
-/// What friction that brakes in one direction and drives in the other looks like: a constant in
-/// the joint's effort beside friction that is the same in both.
+/// A constant offset of a joint's effort, as friction suggests that brakes in one direction and
+/// drives in the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shift {
     /// The effort: an index into `Info::actuated`.
     pub effort: usize,
     /// The constant, N or N m.
     pub offset: f64,
-    /// No less than its deviation.
+    /// An upper bound of the offset's standard deviation.
     pub sigma: f64,
-    /// The friction of the two directions.
+    /// The Coulomb friction of both directions, N or N m: forward, backward.
     pub friction: [f64; 2],
 }
 
-/// Whether the motion is far beyond the limits of the robot.
+/// Whether positions or velocities are far beyond the limits of the robot.
 pub(super) fn absurd<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
     let info = model.info();
     let beyond = |(k, c): (usize, &usize)| {
@@ -67,13 +69,14 @@ pub(super) fn absurd<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> 
             .any(|(limit, d)| {
                 let bound = limit[0].abs().max(limit[1].abs());
                 let most = sample.states.iter().filter_map(|s| s.motion[d].get(k));
-                bound > 0.0 && most.fold(0.0, |m: f64, x| m.max(x.abs())) > ABSURD * bound
+                bound > 0.0 && most.fold(0.0, |m: f64, x| m.max(x.abs())) > MAX_LIMIT_RATIO * bound
             })
     };
     sample.measured.iter().enumerate().any(beyond)
 }
 
-/// Coordinates whose friction gives power to the joint, with the part of the efforts' power.
+/// The coordinates whose friction drives the joint, with its power over the efforts' power
+/// (negative).
 pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -91,7 +94,7 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
             parameter.is_some_and(|p| p.is_friction() && p.owner == *name)
         };
         for (k, parameter) in base.iter().enumerate() {
-            // friction that is one with other parameters is not told apart
+            // friction combined with other parameters cannot be separated
             if !parameter.terms.is_empty() && parameter.terms.iter().all(of_joint) {
                 powers[i] += grams.power[k] * fit.values[k];
             }
@@ -99,12 +102,12 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
     }
     let pairs = info.independent.iter().zip(powers.iter().zip(&grams.spent));
     pairs
-        .filter(|(_, (power, spent))| **spent > 0.0 && **power < -DRIVES * **spent)
+        .filter(|(_, (power, spent))| **spent > 0.0 && **power < -DRIVING_POWER_PART * **spent)
         .map(|(c, (power, spent))| (*c, power / spent))
         .collect()
 }
 
-/// Each equation's effort against that of the nominal bodies.
+/// Compares each equation's effort with that of the nominal bodies.
 pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -127,8 +130,8 @@ pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
     (0..grams.rows()).filter_map(one).collect()
 }
 
-/// Friction and rotors that are negative by many deviations, and whose absence would make the
-/// errors of an effort much larger.
+/// The friction and rotor parameters that are negative by many standard deviations, and without
+/// which the error of an effort would be much larger.
 pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -140,7 +143,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     let pairs = values.iter().zip(sigmas).enumerate();
     let mut out = Vec::new();
     for (k, (value, sigma)) in pairs {
-        let sure = |value: f64, sigma: f64| value < -CERTAIN * sigma;
+        let sure = |value: f64, sigma: f64| value < -CERTAIN_DEVIATIONS * sigma;
         let Some(parameter) = base.get(k) else {
             continue;
         };
@@ -149,7 +152,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
         if !joints || !sure(*value, *sigma) {
             continue;
         }
-        // one direction may be negative where an offset is larger than the friction
+        // with an offset larger than the friction, only one of both directions is negative
         let other = named(model, k).and_then(opposite).map(|other| {
             let place = (0..base.len()).find(|c| named(model, *c) == Some(other));
             place.map(|c| (values[c], sigmas[c]))
@@ -164,7 +167,10 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
             continue;
         };
         let pairs = without.errors.iter().zip(&now.errors);
-        if pairs.into_iter().any(|(a, b)| *a > MATTERS * b.max(0.01)) {
+        if pairs
+            .into_iter()
+            .any(|(a, b)| *a > MIN_ERROR_RATIO * b.max(0.01))
+        {
             out.push(NegativeParameter {
                 label: parameter.label.to_owned(),
                 value: *value,
@@ -175,8 +181,8 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     out
 }
 
-/// Efforts that look shifted by a constant, which friction of two directions took up: it drives the
-/// joint in one of them.
+/// The efforts with a constant offset that direction-dependent friction has absorbed, so that it
+/// drives the joint in one direction.
 pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
@@ -189,7 +195,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
     let of = |symbol: &'static str, name: &str| -> Option<(f64, f64)> {
         let wanted = Parameter::new(Symbol::Friction(symbol), name);
         let place = (0..base.len()).find(|c| named(model, *c) == Some(wanted))?;
-        // what is one with other parameters says nothing of its own
+        // a combination with other parameters is not the friction alone
         let terms = base.get(place)?.terms;
         let alone = all(&info, terms, |p| p.is_friction());
         let found = (*values.get(place)?, *sigmas.get(place)?);
@@ -199,9 +205,8 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
         let name = info.coordinates.get(*coordinate)?;
         let forward = of("Fc+", name)?;
         let back = of("Fc-", name)?;
-        // friction that differs a little between the directions is friction; that one of them
-        // drives and the other does not is no friction
-        let drives = |side: (f64, f64)| side.0 < -CERTAIN * side.1;
+        // friction may differ between both directions, but cannot drive in exactly one of them
+        let drives = |side: (f64, f64)| side.0 < -CERTAIN_DEVIATIONS * side.1;
         if drives(forward) == drives(back) || forward.0 + back.0 < 0.0 {
             return None;
         }
@@ -212,7 +217,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
         matters.then_some(Shift {
             effort,
             offset,
-            // the two may move against each other, as the weights of bodies let them
+            // an upper bound, as the errors of both may be negatively correlated
             sigma: 0.5 * (forward.1 + back.1),
             friction: [forward.0, back.0],
         })
@@ -220,13 +225,13 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
     info.actuated.iter().enumerate().filter_map(one).collect()
 }
 
-/// Whether all parameters of a combination are such.
+/// Whether all parameters of a combination satisfy a condition.
 fn all(info: &Info<'_>, terms: &[BaseTerm<'_>], are: fn(&Parameter<'_>) -> bool) -> bool {
     let mut parameters = terms.iter().map(|term| info.parameters.get(term.index));
     parameters.all(|parameter| parameter.is_some_and(are))
 }
 
-/// The coefficient of the other direction.
+/// The friction coefficient of the opposite direction.
 fn opposite(parameter: Parameter<'_>) -> Option<Parameter<'_>> {
     let symbol = match parameter.symbol {
         Symbol::Friction("Fc+") => "Fc-",

@@ -4,8 +4,9 @@ use super::{Reading, Sample};
 use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Parameter, Status};
 
-/// The Gram matrix of each equation's columns: those of the base regressor, every effort in the
-/// place of every one that acts there, a constant in that place, the nominal bodies' effort, and 1.
+/// The Gram matrix of each equation's columns: those of the base regressor, then for each effort
+/// that acts on the equation every measured effort in its place, then a constant in its place, then
+/// the effort of the nominal bodies, and 1.
 #[derive(Clone, Debug)]
 pub(super) struct Grams {
     columns: usize,
@@ -13,10 +14,13 @@ pub(super) struct Grams {
     /// The efforts that act on each equation.
     acting: Vec<Vec<usize>>,
     matrices: Vec<Vec<f64>>,
+    /// The number of states in the sums.
     count: f64,
+    /// The number of states tried, with those whose loops do not close.
     tried: usize,
-    /// Power of each column with the velocities, and of the sizes of all efforts.
+    /// For each base parameter, the sum over the states of its power at value 1.
     pub(super) power: Vec<f64>,
+    /// For each equation, the sum over the states of the absolute power of its effort.
     pub(super) spent: Vec<f64>,
     /// Whether the nominal bodies are known.
     pub(super) nominal: bool,
@@ -34,15 +38,15 @@ pub(super) struct Fit {
 }
 
 /// Passes of reweighting: the errors settle to a few percent in three.
-const PASSES: usize = 4;
-/// What is added to the diagonal of the Gram matrix whose columns have unit length.
+const REWEIGHTING_PASSES: usize = 4;
+/// Ridge on the diagonal of the Gram matrix whose columns have unit length.
 const RIDGE: f64 = 1e-10;
-/// No equation's weight is taken from an error below this part of its efforts.
-const FLOOR: f64 = 1e-3;
-/// The part of the states at which the loops must close.
-const CLOSED: f64 = 0.8;
+/// Least relative error of an equation that its weight is computed from.
+const MIN_RELATIVE_ERROR: f64 = 1e-3;
+/// Least part of the states at which the loops must close.
+const MIN_CLOSED_PART: f64 = 0.8;
 
-/// The place among all parameters of the one that a base parameter is named by.
+/// The index among all parameters of the one that a base parameter is named by.
 fn place<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<usize> {
     let base = model.base_info().base;
     Some(base.get(column)?.terms.first()?.index)
@@ -54,14 +58,14 @@ pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Opt
     parameters.get(place(model, column)?).copied()
 }
 
-/// Whether a base parameter is named by friction, or by a rotor of which nothing is stated.
+/// Whether a base parameter is named by friction, or by a rotor without a nominal value.
 fn unstated<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
     named(model, column).is_some_and(|p| p.is_friction() || (p.is_rotor() && unknown))
 }
 
-/// The base parameters of the nominal bodies; rotors and friction without a value count as none.
+/// The base parameters of the nominal bodies; friction, and rotors without a value, count as 0.
 fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     let info = model.info();
     if info.nominal.len() != info.parameters.len() {
@@ -69,7 +73,7 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     }
     let mut phi = Vec::with_capacity(info.parameters.len());
     for (value, parameter) in info.nominal.iter().zip(info.parameters) {
-        // friction is left to the columns beside it
+        // `against` fits friction by columns of its own
         let value = if parameter.is_friction() {
             Some(0.0)
         } else {
@@ -83,7 +87,8 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
 }
 
 impl Grams {
-    /// Passes over every `every`-th state, with positions read so. `None` where nothing closes.
+    /// Sums over every `every`-th state, with the given readings of the positions. `None` if the
+    /// loops close at no state.
     pub(super) fn of<M: BaseModel<f64> + ?Sized>(
         model: &M,
         sample: &Sample,
@@ -120,7 +125,7 @@ impl Grams {
             };
             let completed = completion.complete(&read(0)?, &read(1)?, &read(2)?).ok()?;
             let Completed::State(full) = completed else {
-                // nothing closes at the start: more of it will not
+                // the loops close at none of the first states: give up
                 if out.count == 0.0 && out.tried >= 20 {
                     return None;
                 }
@@ -143,7 +148,8 @@ impl Grams {
                     let entries = (0..efforts).filter(|k| transfer[k * dof + i] != 0.0);
                     entries.collect::<Vec<_>>()
                 };
-                // where efforts act through the loops, all act on all
+                // where the actuated joints are not the independent ones, each effort acts on each
+                // equation
                 let whole = info.independent.iter().all(|c| info.actuated.contains(c))
                     && info.independent.len() == efforts;
                 let all: Vec<usize> = (0..efforts).collect();
@@ -195,6 +201,7 @@ impl Grams {
         (out.count > 0.0).then_some(out)
     }
 
+    /// The number of columns of equation `i`.
     fn size(&self, i: usize) -> usize {
         self.columns + self.acting[i].len() * (self.efforts + 1) + 2
     }
@@ -206,7 +213,7 @@ impl Grams {
 
     /// Whether the loops close at nearly all states.
     pub(super) fn closes(&self) -> bool {
-        self.count >= CLOSED * self.tried as f64
+        self.count >= MIN_CLOSED_PART * self.tried as f64
     }
 
     /// The number of equations.
@@ -214,7 +221,7 @@ impl Grams {
         self.acting.len()
     }
 
-    /// The effort that alone acts on an equation.
+    /// The effort that acts on an equation, if it is the only one.
     pub(super) fn alone(&self, i: usize) -> Option<usize> {
         match self.acting.get(i).map(Vec::as_slice) {
             Some([k]) => Some(*k),
@@ -226,7 +233,7 @@ impl Grams {
         self.matrices[i][a * self.size(i) + b]
     }
 
-    /// The columns of equation `i` that sum up to its effort, with their factors.
+    /// The columns of equation `i` whose sum is its right-hand side, with their factors.
     fn side(&self, i: usize, read: &[Reading]) -> Vec<(usize, f64)> {
         let acting = self.acting[i].iter().enumerate();
         let place = |(a, k): (usize, &usize)| {
@@ -236,7 +243,7 @@ impl Grams {
         acting.filter_map(place).collect()
     }
 
-    /// The column of an effort's offset in equation `i`, where it acts.
+    /// The column of an effort's offset in equation `i`, if the effort acts on it.
     fn constant(&self, i: usize, effort: usize) -> Option<usize> {
         let acting = &self.acting[i];
         let place = acting.iter().position(|k| *k == effort)?;
@@ -252,8 +259,8 @@ impl Grams {
         a.iter().map(one).sum()
     }
 
-    /// Least squares with efforts read so and free offsets of some; every equation is weighted
-    /// by its own error. `None` where there is nothing to fit.
+    /// Least squares with the given readings of the efforts and free offsets of some; every
+    /// equation is weighted by its own error. `None` if an effort does not change.
     pub(super) fn fit(&self, read: &[Reading], offsets: &[usize]) -> Option<Fit> {
         self.solve(read, offsets, None)
     }
@@ -266,7 +273,7 @@ impl Grams {
     fn solve(&self, read: &[Reading], offsets: &[usize], zero: Option<usize>) -> Option<Fit> {
         let n = self.columns + offsets.len();
         let rows = self.rows();
-        // where the n columns stand in each equation
+        // the index of each of the n unknowns' columns in each equation
         let mut places = Vec::with_capacity(rows);
         let (mut squares, mut spreads, mut sides) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..rows {
@@ -293,10 +300,11 @@ impl Grams {
         }
         let mut left = spreads.clone();
         let mut values = vec![0.0; n];
-        for _ in 0..PASSES {
+        for _ in 0..REWEIGHTING_PASSES {
             let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
             for i in 0..rows {
-                let weight = self.count / left[i].max(FLOOR * FLOOR * spreads[i]);
+                let weight =
+                    self.count / left[i].max(MIN_RELATIVE_ERROR * MIN_RELATIVE_ERROR * spreads[i]);
                 let (size, own, place) = (self.size(i), &self.matrices[i], &places[i]);
                 for (a, p) in place.iter().enumerate() {
                     let Some(p) = p else { continue };
@@ -321,7 +329,7 @@ impl Grams {
         })
     }
 
-    /// The sum of the squares of the residuals of an equation.
+    /// The sum of the squared residuals of an equation.
     fn rest(
         &self,
         i: usize,
@@ -345,9 +353,9 @@ impl Grams {
         out.max(0.0)
     }
 
-    /// The correlation of the effort of equation `i` with what the nominal bodies need, its
-    /// slope, and the part of the effort's spread that the two have to explain: all with what
-    /// friction, rotors that are not stated, and a constant explain taken out.
+    /// Compares the effort of equation `i` with the one that the nominal bodies need, after
+    /// subtracting from both what friction, rotors without nominal values and a constant explain.
+    /// Returns the correlation, the slope, and the remaining part of the effort's rms.
     pub(super) fn against<M: BaseModel<f64> + ?Sized>(
         &self,
         model: &M,
@@ -392,8 +400,8 @@ impl Grams {
     }
 }
 
-/// Solves with a Gram matrix of which the lower triangle is given, by Cholesky's factor of it with
-/// columns of unit length and a ridge.
+/// Solves with a Gram matrix, given by its lower triangle, by Cholesky's factorisation after
+/// scaling its columns to unit length and adding a ridge.
 fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
     let n = right.len();
     let scale: Vec<f64> = (0..n)
@@ -419,7 +427,7 @@ fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
             let dot: f64 = row.iter().zip(&lower[..b]).map(|(x, y)| x * y).sum();
             let value = gram[a * n + b] - dot;
             gram[a * n + b] = if a == b {
-                // what is dependent to rounding is held by the ridge
+                // the ridge bounds the pivots of linearly dependent columns
                 value.max(RIDGE).sqrt()
             } else {
                 value / gram[b * n + b]

@@ -1,31 +1,37 @@
-//! Hypotheses on the columns of positions: turned round, exchanged, in degrees or millimetres.
-//! Each takes a pass over some of the states.
+//! Hypotheses on the columns of positions: with flipped signs, exchanged, in degrees or
+//! millimetres. Each takes a pass over some of the states.
 
 use super::grams::Grams;
 use super::{BAD, Change, EXPLAINED, FEW, HALF, Reading, SPARE, Sample, nonsense, quality};
 use regen_runtime::{BaseModel, Motion};
 
-/// Fits this much worse than the best are as good as it.
-const ALIKE: f64 = 1.05;
-/// A change of positions is preferred to one of efforts that explains more than this part as much.
-const BETTER: f64 = 1.5;
-/// Changes one after the other at most.
-const ROUNDS: usize = 2;
-/// States at least.
-const FEWEST: usize = 40;
+/// Fits whose product of errors is within this factor of the best count as equally good.
+const EQUIVALENT_RATIO: f64 = 1.05;
+/// A change of positions is preferred to one of efforts only if its product of errors is smaller
+/// by this factor.
+const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
+/// Most changes one after the other.
+const MAX_ROUNDS: usize = 2;
+/// Least number of states for a hypothesis.
+const MIN_STATES: usize = 40;
 
+/// A hypothesis on how positions and efforts are to be read.
 struct Candidate {
     positions: Vec<Reading>,
     efforts: Vec<Reading>,
-    /// Columns that it changes.
+    /// The number of position columns that it changes.
     touched: usize,
 }
 
-/// The error of a candidate, how implausible it is and how much it touches, itself, and the errors
-/// of the equations.
+/// The product of errors of a candidate, its count of implausible parameters and changed columns,
+/// the candidate, and the errors of the equations.
 type TriedCandidate = (f64, (usize, usize), Candidate, Vec<f64>);
 
-/// The best change of position columns, if it is better than that of efforts.
+/// Finds the best change of position columns; `None` if none is better than the change of efforts.
+///
+/// - `own`: a factor for each effort that belongs to its joint, such as a torque constant;
+/// - `open`: whether the log as it is cannot be fitted;
+/// - `step`: called with the number of hypotheses tried and of all.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
@@ -40,13 +46,13 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut read = plain.clone();
     let all = candidates(model, sample, own, &positions, &read).len();
     let least = (SPARE * model.base_info().base.len()).div_ceil(info.dof().max(1));
-    let states = (3 * sample.whole / all.max(1)).clamp(least.max(FEWEST), FEW.max(least));
+    let states = (3 * sample.whole / all.max(1)).clamp(least.max(MIN_STATES), FEW.max(least));
     let every = sample.states.len() / states.max(1);
     let present = Grams::of(model, sample, &positions, every);
     let present = present.filter(Grams::closes);
     let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
     let start = start.filter(|_| !open);
-    // an effort's offset is not a matter of positions
+    // fit the change of efforts to the same states, with its offsets
     let rival = match (efforts, &present) {
         (Some(change), Some(grams)) => {
             let offsets = change.offsets.iter().enumerate();
@@ -57,20 +63,20 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     };
     let mut now = start.as_ref().map(|fit| quality(&fit.errors));
     let mut found = None;
-    for round in 0..ROUNDS {
+    for round in 0..MAX_ROUNDS {
         let mut fits: Vec<TriedCandidate> = Vec::new();
         for (k, candidate) in candidates(model, sample, own, &positions, &read)
             .into_iter()
             .enumerate()
         {
-            step(round * all + k, ROUNDS * all);
+            step(round * all + k, MAX_ROUNDS * all);
             let Some(grams) = Grams::of(model, sample, &candidate.positions, every) else {
                 continue;
             };
             if !grams.closes() {
                 continue;
             }
-            // the efforts may go with the positions
+            // the efforts' columns may change together with the positions' or stay
             let ways = [candidate.efforts.clone(), read.clone()];
             for efforts in &ways[..if candidate.efforts == read { 1 } else { 2 }] {
                 let Some(fit) = grams.fit(efforts, &[]) else {
@@ -94,7 +100,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             }
         }
         let top = fits.iter().fold(f64::INFINITY, |m, f| m.min(f.0));
-        let alike = fits.into_iter().filter(|f| f.0 <= top * ALIKE);
+        let alike = fits.into_iter().filter(|f| f.0 <= top * EQUIVALENT_RATIO);
         let Some(best) = alike.reduce(|best, other| if other.1 < best.1 { other } else { best })
         else {
             break;
@@ -110,7 +116,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     }
     let after = found?;
     if let Some(rival) = rival
-        && quality(&rival.errors) < BETTER * quality(&after)
+        && quality(&rival.errors) < MIN_GAIN_OVER_EFFORTS * quality(&after)
     {
         return None;
     }
@@ -124,8 +130,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Whether the efforts of the joints whose positions a candidate changes are explained then: of
-/// two columns that say next to nothing, one is as good as the other.
+/// Whether the changed positions explain the efforts of their joints: between two columns that
+/// explain next to nothing, a fit cannot decide.
 fn explained<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
@@ -147,6 +153,7 @@ fn explained<M: BaseModel<f64> + ?Sized>(
     })
 }
 
+/// All hypotheses on the positions' units, signs and exchange, starting from these readings.
 fn candidates<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
