@@ -147,8 +147,8 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
         let Some(parameter) = base.get(k) else {
             continue;
         };
-        let joints = all(&info, parameter.terms, |p| p.is_friction())
-            || all(&info, parameter.terms, |p| p.is_rotor());
+        let joints = all(&info, parameter.terms, Parameter::is_friction)
+            || all(&info, parameter.terms, Parameter::is_rotor);
         if !joints || !sure(*value, *sigma) {
             continue;
         }
@@ -197,7 +197,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
         let place = (0..base.len()).find(|c| named(model, *c) == Some(wanted))?;
         // a combination with other parameters is not the friction alone
         let terms = base.get(place)?.terms;
-        let alone = all(&info, terms, |p| p.is_friction());
+        let alone = all(&info, terms, Parameter::is_friction);
         let found = (*values.get(place)?, *sigmas.get(place)?);
         alone.then_some(found)
     };
@@ -226,7 +226,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
 }
 
 /// Whether all parameters of a combination satisfy a condition.
-fn all(info: &Info<'_>, terms: &[BaseTerm<'_>], are: fn(&Parameter<'_>) -> bool) -> bool {
+fn all<'a>(info: &Info<'a>, terms: &[BaseTerm<'_>], are: fn(&Parameter<'a>) -> bool) -> bool {
     let mut parameters = terms.iter().map(|term| info.parameters.get(term.index));
     parameters.all(|parameter| parameter.is_some_and(are))
 }
