@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, module};
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 
 /// From small to large, so that the peak so far is the robot's own.
 const FILES: [&str; 5] = [
@@ -55,7 +55,7 @@ fn main() {
         let (mut text, mut runs) = (String::new(), 0.0);
         // the system counts processor time in steps of some milliseconds
         while clock.elapsed().as_secs_f64() < 0.5 {
-            let robot = derive_with(&source, BaseFrom::Skip)
+            let robot = derive_with(&source, BaseSource::Skip)
                 .unwrap_or_else(|problem| panic!("{problem:?}"));
             text = module(&robot, &Options::default());
             runs += 1.0;

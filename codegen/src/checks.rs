@@ -26,7 +26,7 @@ pub(crate) fn too_many_parameters(source: &Source, spec: &Spec, model: &Model) -
     let message = format!(
         "the robot has {} dynamic parameters; base parameters are derived up to {}",
         model.parameters.len(),
-        base::MOST_PARAMETERS
+        base::MAX_PARAMETERS
     );
     let diagnostic = Diagnostic::new(spec.name.span, message)
         .path("name")

@@ -93,7 +93,7 @@ impl Mechanism {
     /// The base parameters (Eq. 23) with the certificate that they are complete.
     ///
     /// # Errors
-    /// A report if the mechanism has too many parameters (see [`base::is_within_reach`]), if home
+    /// A report if the mechanism has too many parameters (see [`base::has_few_enough_parameters`]), if home
     /// does not close or does not fit the mobility, or if `base: drop` in the spec names a
     /// parameter that is not a base parameter.
     pub fn analysis(&self) -> Result<&Analysis, Report> {
@@ -144,7 +144,8 @@ impl Mechanism {
         let base = kinds
             .iter()
             .any(|kind| kind.signature().needs == Needs::Base);
-        let analysis = (base && base::is_within_reach(&self.model)).then(|| self.analysis());
+        let analysis =
+            (base && base::has_few_enough_parameters(&self.model)).then(|| self.analysis());
         let analysis = analysis.transpose()?;
         // the functions extend a clone of the graph: programs do not depend on earlier requests
         let mut g = loops.g.clone();
@@ -175,7 +176,7 @@ impl Mechanism {
 
     /// The base parameters, before the parameters under `base: drop` in the spec are checked.
     fn analysed(&self) -> Result<&Analysis, Report> {
-        if !base::is_within_reach(&self.model) {
+        if !base::has_few_enough_parameters(&self.model) {
             return Err(checks::too_many_parameters(
                 &self.source,
                 &self.spec,
@@ -221,7 +222,7 @@ impl Mechanism {
 
 /// Where [`derive_with`] gets the base parameters and their certificate from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BaseFrom<'a> {
+pub enum BaseSource<'a> {
     /// Nowhere: the robot has neither base parameters nor the functions that need them.
     Skip,
     /// The base parameters are derived, however long that takes.
@@ -272,7 +273,7 @@ impl From<Report> for DeriveError {
 }
 
 /// Derives a robot with all its functions from the text of its spec. A robot with more than
-/// [`base::MOST_PARAMETERS`] parameters gets no base parameters and none of the functions that need
+/// [`base::MAX_PARAMETERS`] parameters gets no base parameters and none of the functions that need
 /// them.
 ///
 /// # Errors
@@ -303,20 +304,20 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 ///
 /// # Errors
 /// As [`derive()`], and if the stored base parameters cannot be used or are missing.
-pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
+pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, DeriveError> {
     let mut mechanism = Mechanism::open(source)?;
     // report mistakes in the spec before those in the stored base parameters
     mechanism.loops()?;
-    let within_reach = base::is_within_reach(&mechanism.model);
+    let within_reach = base::has_few_enough_parameters(&mechanism.model);
     match from {
-        BaseFrom::Skip => return Ok(mechanism.robot(&without_base())?),
-        BaseFrom::Store(Some(text)) if within_reach => {
+        BaseSource::Skip => return Ok(mechanism.robot(&without_base())?),
+        BaseSource::Store(Some(text)) if within_reach => {
             mechanism.restore(text).map_err(DeriveError::Store)?;
         }
-        BaseFrom::Store(None) if within_reach && base::is_slow_in_debug(&mechanism.model) => {
+        BaseSource::Store(None) if within_reach && base::is_slow_in_debug(&mechanism.model) => {
             return Err(DeriveError::NotStored);
         }
-        BaseFrom::Store(_) | BaseFrom::Derivation => {}
+        BaseSource::Store(_) | BaseSource::Derivation => {}
     }
     Ok(mechanism.robot(&FunctionKind::ALL)?)
 }

@@ -46,8 +46,8 @@ impl JointInfo {
     /// The name of the runtime's `Motion` variant, for generated code.
     pub fn motion_name(&self) -> &'static str {
         match self.motion {
-            MotionKind::Rotation => "Turn",
-            MotionKind::Translation => "Shift",
+            MotionKind::Rotation => "Rotation",
+            MotionKind::Translation => "Translation",
         }
     }
 

@@ -4,7 +4,7 @@
 
 mod base_support;
 
-use regen_codegen::base::Layer;
+use regen_codegen::base::Provenance;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::derive;
 
@@ -94,7 +94,9 @@ fn what_trees_miss_of_the_certified_rank_is_completed() {
         assert_eq!(analysis.base.completed, sum - known, "{path}");
         assert_eq!(analysis.base.rank(), known, "{path}");
         let completed = analysis.base.parameters.iter();
-        let completed = completed.filter(|p| p.layer == Layer::Completed).count();
+        let completed = completed
+            .filter(|p| p.layer == Provenance::Completed)
+            .count();
         assert_eq!(completed > 0, sum > known, "{path}");
     }
 }

@@ -336,7 +336,7 @@ fn limits_that_hold_home_in_a_corner_are_said_to() {
     let (found, needed) = (0, 30);
     assert_eq!(
         certify(&model, &home, 1).err(),
-        Some(CertificateError::Confined { found, needed })
+        Some(CertificateError::TooFewStates { found, needed })
     );
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_codegen::base::certificate::{Float320, certify};
-use regen_codegen::base::{Analysis, Exactness, Layer, analyse, restore, store};
+use regen_codegen::base::{Analysis, Exactness, Provenance, analyse, restore, store};
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::kinematics::{Frames, Geometry};
@@ -68,7 +68,9 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
         }
     }
     let parameters = analysis.base.parameters.iter();
-    let marked = parameters.filter(|p| p.layer == Layer::Completed).count();
+    let marked = parameters
+        .filter(|p| p.layer == Provenance::Completed)
+        .count();
     assert!(marked > 0, "{path}");
     (model, analysis)
 }
@@ -256,8 +258,8 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
     assert!(held.contains("a, b in proportion only"), "{held}");
     for parameter in &base.parameters {
         let expected = match parameter.layer {
-            Layer::Derived => Exactness::Symbolic,
-            Layer::Completed => Exactness::AtThisGeometry,
+            Provenance::Derived => Exactness::Symbolic,
+            Provenance::Completed => Exactness::AtThisGeometry,
         };
         assert_eq!(parameter.exactness, expected);
     }

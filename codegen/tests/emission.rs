@@ -10,7 +10,7 @@ use std::path::Path;
 use files::files;
 use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, digest, module};
-use regen_codegen::pipeline::{BaseFrom, derive, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive, derive_with};
 
 /// Largest number of variables in a scope.
 const MAX_VARIABLES: usize = 800;
@@ -19,7 +19,7 @@ const MAX_VARIABLES: usize = 800;
 fn emit(text: &str) -> String {
     let source = Source::new("robot.yaml", text);
     let robot =
-        derive_with(&source, BaseFrom::Skip).unwrap_or_else(|problem| panic!("{problem:?}"));
+        derive_with(&source, BaseSource::Skip).unwrap_or_else(|problem| panic!("{problem:?}"));
     module(&robot, &Options::default())
 }
 

@@ -107,12 +107,12 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
     let twists = twists(&mut g, &frames, &model);
     let j = Reduction::new(&mut g, &model, &[]);
     let centres = centres(&mut g, &frames, &model);
-    let ways = UnitTwists {
+    let link_paths = UnitTwists {
         twists: &twists,
         centres: &centres,
     };
     let wanted = vec![true; model.parameters.len()];
-    let columns = reduced_regressor(&mut g, &model, &motions, &ways, &rates, &j, &wanted);
+    let columns = reduced_regressor(&mut g, &model, &motions, &link_paths, &rates, &j, &wanted);
     let parameters: Vec<String> = model.parameters.iter().map(|p| p.label.clone()).collect();
     let shown = entries(&g, "K", &coordinates(&model), &parameters, |i, j| {
         columns[j][i]

@@ -11,7 +11,7 @@ use proptest::sample::Index;
 use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, module};
 use regen_codegen::interpret;
-use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
+use regen_codegen::pipeline::{BaseSource, DeriveError, derive_with};
 
 /// Small robots that are quick to derive.
 fn seeds() -> Vec<String> {
@@ -37,8 +37,8 @@ fn seeds() -> Vec<String> {
 fn derive_without_panic(text: &str) -> bool {
     let source = Source::new("fuzz.yaml", text);
     // with base parameters if they are quick to derive, as in the macro
-    let robot = match derive_with(&source, BaseFrom::Store(None)) {
-        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
+    let robot = match derive_with(&source, BaseSource::Store(None)) {
+        Err(DeriveError::NotStored) => derive_with(&source, BaseSource::Skip),
         other => other,
     };
     let robot = match robot {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::{Rounded, Single, run};
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::robot::Robot;
 
 fn robots() -> Vec<Robot> {
@@ -20,7 +20,7 @@ fn robots() -> Vec<Robot> {
         .map(|path| {
             let text = std::fs::read_to_string(path).unwrap();
             let source = Source::new(path.display().to_string(), text);
-            derive_with(&source, BaseFrom::Skip).unwrap()
+            derive_with(&source, BaseSource::Skip).unwrap()
         })
         .collect()
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret;
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::robot::FunctionKind;
 use regen_codegen::scene::Scene;
 
@@ -29,7 +29,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
     ] {
         let source = source(robot);
         let scene = Mechanism::open(&source).unwrap().scene();
-        let derived = derive_with(&source, BaseFrom::Skip).unwrap();
+        let derived = derive_with(&source, BaseSource::Skip).unwrap();
         let poses = derived.function(FunctionKind::Poses).unwrap();
         // any coordinates, whether the loops are closed or not
         let n = derived.coordinates.len();
@@ -54,7 +54,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
 fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
     let source = source("3rps");
     let scene = Mechanism::open(&source).unwrap().scene();
-    let derived = derive_with(&source, BaseFrom::Skip).unwrap();
+    let derived = derive_with(&source, BaseSource::Skip).unwrap();
     let gap = |q: &[f64]| {
         let frames = scene.frames(q);
         let cuts = scene.cuts.iter().map(|cut| Scene::ends(&frames, cut));

@@ -105,17 +105,17 @@ pub const HOME: [f64; 11] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 11] = [
-    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint::TURN,
-    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
-    Joint::TURN,
-    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
+    Joint::ROTATION,
+    Joint::ROTATION,
+    Joint::ROTATION,
+    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
+    Joint::ROTATION,
+    Joint { limits: Limits { position: Some([-0.9, 1.2]), velocity: Some([-10.0, 10.0]), effort: Some([-100.0, 100.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
+    Joint::ROTATION,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [SwingLimit<'static>; 0] = [

@@ -88,10 +88,10 @@ pub const HOME: [f64; 4] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 4] = [
-    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
-    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
+    Joint { limits: Limits { velocity: Some([-6.0, 6.0]), effort: Some([-20.0, 20.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [SwingLimit<'static>; 0] = [

@@ -83,9 +83,9 @@ pub const HOME: [f64; 3] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 3] = [
-    Joint { limits: Limits { velocity: Some([-10.0, 10.0]), effort: Some([-15.0, 15.0]), ..Limits::NONE }, ..Joint::TURN },
-    Joint::TURN,
-    Joint::TURN,
+    Joint { limits: Limits { velocity: Some([-10.0, 10.0]), effort: Some([-15.0, 15.0]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint::ROTATION,
+    Joint::ROTATION,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [SwingLimit<'static>; 0] = [

@@ -93,12 +93,12 @@ pub const HOME: [f64; 6] = [
 ];
 /// What is stated about the joint of each coordinate: units rad or m, N m or N.
 pub const JOINTS: [Joint; 6] = [
-    Joint { limits: Limits { position: Some([-2.792526803190927, 2.792526803190927]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-3.9269908169872414, 0.7853981633974483]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-0.7853981633974483, 3.9269908169872414]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-1.9198621771937625, 2.9670597283903604]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-1.7453292519943295, 1.7453292519943295]), ..Limits::NONE }, ..Joint::TURN },
-    Joint { limits: Limits { position: Some([-4.642575810304916, 4.642575810304916]), ..Limits::NONE }, ..Joint::TURN },
+    Joint { limits: Limits { position: Some([-2.792526803190927, 2.792526803190927]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint { limits: Limits { position: Some([-3.9269908169872414, 0.7853981633974483]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint { limits: Limits { position: Some([-0.7853981633974483, 3.9269908169872414]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint { limits: Limits { position: Some([-1.9198621771937625, 2.9670597283903604]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint { limits: Limits { position: Some([-1.7453292519943295, 1.7453292519943295]), ..Limits::NONE }, ..Joint::ROTATION },
+    Joint { limits: Limits { position: Some([-4.642575810304916, 4.642575810304916]), ..Limits::NONE }, ..Joint::ROTATION },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
 pub const CONES: [SwingLimit<'static>; 0] = [

@@ -9,7 +9,7 @@ use proc_macro2::{Ident, Span, TokenStream};
 use quote::quote;
 use regen_codegen::diag::{Report, Source};
 use regen_codegen::emit;
-use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
+use regen_codegen::pipeline::{self, BaseSource, DeriveError};
 
 use crate::input::Input;
 use crate::locate::locate;
@@ -34,23 +34,22 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
     let store = file.absolute.with_extension("base");
     let stored = fs::read_to_string(&store).ok();
     let command = format!("run: regen base {} --store", file.shown);
-    let robot =
-        pipeline::derive_with(&source, BaseFrom::Store(stored.as_deref())).map_err(|problem| {
-            match problem {
-                DeriveError::Spec(report) => error(report_message(&report)),
-                DeriveError::Store(problem) => {
-                    let name = Path::new(&file.shown)
-                        .with_extension("base")
-                        .display()
-                        .to_string();
-                    error(format!("`{name}` {problem}; {command}"))
-                }
-                DeriveError::NotStored => error(format!(
-                    "the base parameters of this robot take long to derive in a macro; {command}"
-                )),
-                problem => error(format!("{problem}; {command}")),
+    let robot = pipeline::derive_with(&source, BaseSource::Store(stored.as_deref())).map_err(
+        |problem| match problem {
+            DeriveError::Spec(report) => error(report_message(&report)),
+            DeriveError::Store(problem) => {
+                let name = Path::new(&file.shown)
+                    .with_extension("base")
+                    .display()
+                    .to_string();
+                error(format!("`{name}` {problem}; {command}"))
             }
-        })?;
+            DeriveError::NotStored => error(format!(
+                "the base parameters of this robot take long to derive in a macro; {command}"
+            )),
+            problem => error(format!("{problem}; {command}")),
+        },
+    )?;
 
     let options = emit::Options {
         runtime: runtime().map_err(error)?,

@@ -140,16 +140,16 @@ impl Limits {
 
 impl Joint {
     /// A rotation without friction model, limits or nominal values.
-    pub const TURN: Joint = Joint {
+    pub const ROTATION: Joint = Joint {
         motion: Motion::Rotation,
         friction: Friction::None,
         limits: Limits::NONE,
         nominal: [None; 5],
     };
     /// A translation without friction model, limits or nominal values.
-    pub const SHIFT: Joint = Joint {
+    pub const TRANSLATION: Joint = Joint {
         motion: Motion::Translation,
-        ..Joint::TURN
+        ..Joint::ROTATION
     };
 }
 

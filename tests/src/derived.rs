@@ -2,7 +2,7 @@
 
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
-use regen_codegen::pipeline::{BaseFrom, DeriveError, derive, derive_with};
+use regen_codegen::pipeline::{BaseSource, DeriveError, derive, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 
 use crate::engine::{Answer, Engine, Names};
@@ -29,7 +29,7 @@ impl Derived {
     /// # Errors
     /// The report of the spec's mistakes.
     pub fn without_base(name: &str, text: &str) -> Answer<Derived> {
-        match derive_with(&Source::new(name, text), BaseFrom::Skip) {
+        match derive_with(&Source::new(name, text), BaseSource::Skip) {
             Ok(robot) => Ok(Derived { robot }),
             Err(DeriveError::Spec(report)) => Err(report.to_string()),
             Err(other) => Err(format!("{other:?}")),

@@ -72,7 +72,7 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
         ] {
             assert!(kinds.clone().any(|kind| kind == quantity), "{quantity:?}");
         }
-        let mut y = problem.still(&[0.6, 0.61, 0.59]);
+        let mut y = problem.stationary(&[0.6, 0.61, 0.59]);
         for (k, y) in y.iter_mut().enumerate() {
             *y += 0.1 * (1.7 * k as f64).sin();
         }
@@ -217,7 +217,7 @@ fn a_limit_that_no_motion_keeps_is_named() {
 fn a_variable_that_is_no_number_is_an_error_wherever_it_stands() {
     let settings = settings();
     let mut problem = ScaledProblem::new(&Rps3, &Rps3, &settings).unwrap();
-    let good = problem.still(&[0.6, 0.61, 0.59]);
+    let good = problem.stationary(&[0.6, 0.61, 0.59]);
     assert!(problem.at(&good, 8.0).is_ok());
     for bad in [f64::NAN, f64::INFINITY] {
         for k in 0..good.len() {

@@ -11,7 +11,7 @@ use regen_identify::feasibility::{
     BaseMap, Options, Outcome, ParameterLayout, Scale, Verdict, bodies_yaml, identify, verdict,
 };
 use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
-use regen_identify::identifiability::{Checks, Feasibility, WELL, reduce};
+use regen_identify::identifiability::{Checks, Feasibility, WELL_IDENTIFIED_PERCENT, reduce};
 use regen_runtime::{BaseModel, Friction, LoopClosure, State};
 
 /// Pseudo-random numbers (SplitMix64), the same on every machine; normally distributed ones by Box
@@ -155,7 +155,7 @@ fn the_reduction_ends_with_parameters_that_are_all_well_identified() {
     let (first, last) = (&reduction.steps[0], reduction.result().unwrap());
     assert_eq!(last.feasibility, Feasibility::Feasible);
     assert!(last.well == last.kept.len() && last.well > 0);
-    assert!((0..last.kept.len()).all(|k| last.estimate.sigma_percent(k) < WELL));
+    assert!((0..last.kept.len()).all(|k| last.estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT));
     assert!(last.kept.len() < first.kept.len());
     assert!(last.condition < first.condition);
     // the reduced parameters are nearer to the exact ones, and predict another trajectory

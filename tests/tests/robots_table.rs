@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_tests::files;
 
 /// The file, and the numbers of degrees of freedom, bodies and base parameters, of every row.
@@ -36,7 +36,7 @@ fn every_robot_has_its_row_with_its_numbers() {
         let stored = std::fs::read_to_string(path.with_extension("base")).ok();
         let from = stored
             .as_deref()
-            .map_or(BaseFrom::Derivation, |s| BaseFrom::Store(Some(s)));
+            .map_or(BaseSource::Derivation, |s| BaseSource::Store(Some(s)));
         let derived = derive_with(&Source::new(name.clone(), text), from).unwrap();
         let rank = derived.analysis.unwrap().base.rank();
         let row = rows.remove(&name).expect(&name);

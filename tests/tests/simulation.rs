@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_experiment::simulate::{
-    Drive, Noise, Pid, Sensors, Settings, Termination, nominal_friction, perturbed, simulate,
+    Drive, Noise, Pid, Sensors, Settings, Termination, nominal_friction, perturb_parameters,
+    simulate,
 };
 use regen_generated::{fivebar, rps3, rps3_friction};
 use regen_runtime::{Friction, Info, JointFriction, Model};
@@ -186,7 +187,7 @@ fn a_platform_that_falls_out_of_its_workspace_is_reported_and_not_invented() {
 fn perturbed_parameters_stay_those_of_bodies() {
     let info = Model::<f64>::info(&rps3_friction::Rps3Friction);
     let phi = nominal(&info);
-    let changed = perturbed(&info, &phi, 0.2, &mut Noise::new(3));
+    let changed = perturb_parameters(&info, &phi, 0.2, &mut Noise::new(3));
     for (body, (old, new)) in phi.chunks(10).zip(changed.chunks(10)).take(7).enumerate() {
         let factor = new[9] / old[9];
         assert!(

@@ -10,7 +10,7 @@ use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, Session, SessionError, Start, from_factors, from_logs, with_friction,
 };
-use regen_identify::status::Shares;
+use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
@@ -29,7 +29,7 @@ pub(crate) struct Outcome {
 }
 
 /// Below this bound nearly all residuals would count linearly.
-const LEAST_HUBER: f64 = 0.1;
+const MIN_HUBER_BOUND: f64 = 0.1;
 
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
@@ -37,9 +37,12 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let text = "--confidence must be between 0 and 1, such as 0.95";
         return Err(Failure::Input(text.to_owned()));
     }
-    if args.huber.is_some_and(|k| k.is_nan() || k < LEAST_HUBER) {
+    if args
+        .huber
+        .is_some_and(|k| k.is_nan() || k < MIN_HUBER_BOUND)
+    {
         let text = format!(
-            "--huber counts in standard deviations, and must be at least {LEAST_HUBER}; 1.345 is \
+            "--huber counts in standard deviations, and must be at least {MIN_HUBER_BOUND}; 1.345 is \
              usual"
         );
         return Err(Failure::Input(text));
@@ -113,7 +116,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     } else {
         Vec::new()
     };
-    let shares = Shares::of(&start.factor);
+    let shares = EffortContributions::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
     let json = Json { file, summary };
     Ok(Outcome { json, identified })
@@ -152,7 +155,7 @@ fn models(
         if start.data.is_none()
             && let Some(first) = found.first_mut()
         {
-            first.inherit(&least);
+            first.copy_intervals_if_equal(&least);
         }
     } else {
         found.push(least);

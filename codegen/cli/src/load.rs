@@ -71,7 +71,7 @@ pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
 
 /// Refuses a mechanism that has more parameters than base parameters are derived for.
 pub(crate) fn within_reach(mechanism: &Mechanism) -> Result<(), Failure> {
-    if base::is_within_reach(mechanism.model()) {
+    if base::has_few_enough_parameters(mechanism.model()) {
         return Ok(());
     }
     let Err(mut report) = mechanism.analysis() else {

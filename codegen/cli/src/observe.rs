@@ -303,7 +303,9 @@ impl From<DataError> for Failure {
             } else {
                 format!("{file}: {why} --column {assignment}")
             }),
-            DataError::FrictionOfEnergy => Self::Input(format!("{error}: leave out --energy")),
+            DataError::NonlinearFrictionInEnergyBalance => {
+                Self::Input(format!("{error}: leave out --energy"))
+            }
             other => Self::Input(other.to_string()),
         }
     }
@@ -314,11 +316,11 @@ impl From<SessionError> for Failure {
         match error {
             SessionError::Data(error) => error.into(),
             SessionError::Feasibility(error) => error.into(),
-            SessionError::OneLog => Self::Input("--cross needs two logs or more".to_owned()),
-            SessionError::DelayOfEnergy => Self::Input(
+            SessionError::TooFewLogs => Self::Input("--cross needs two logs or more".to_owned()),
+            SessionError::DelaysFromEnergyBalance => Self::Input(
                 "--delay auto needs the equations of motion: leave out --energy".to_owned(),
             ),
-            SessionError::NoneWell => Self::Numeric(error.to_string()),
+            SessionError::NoWellIdentifiedParameter => Self::Numeric(error.to_string()),
             other => Self::Input(other.to_string()),
         }
     }

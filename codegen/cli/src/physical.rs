@@ -1,9 +1,9 @@
 //! What `regen identify` knows of physical parameters: the options as knowledge, and what is said of
 //! the result.
 
-use regen_identify::feasibility::{Bound, FeasibilityError, OPTIMAL, Total};
+use regen_identify::feasibility::{Bound, FeasibilityError, MAX_OPTIMAL_GAP, Total};
 use regen_identify::model::IdentifiedModel;
-use regen_identify::session::{PriorKnowledge, Trust};
+use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::Interpreted;
 
 use crate::args::{PhysicalArgs, PriorArg};
@@ -31,9 +31,9 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
         bounds: args.bound.iter().map(bound).collect(),
         totals: args.total.iter().map(total).collect(),
         trust: match args.prior {
-            None => Trust::Open,
-            Some(PriorArg::Entropic(weight)) => Trust::Entropic(weight),
-            Some(PriorArg::Weighted(part)) => Trust::Weighted(part),
+            None => NominalTrust::Open,
+            Some(PriorArg::Entropic(weight)) => NominalTrust::Entropic(weight),
+            Some(PriorArg::Weighted(part)) => NominalTrust::Weighted(part),
         },
     }
 }
@@ -51,7 +51,7 @@ pub(crate) fn note_unbounded(found: &IdentifiedModel) {
 /// Fails where the result is no optimum; it is printed and written already.
 pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
     match found.gap {
-        Some(gap) if gap.is_nan() || gap > OPTIMAL => Err(Failure::Numeric(format!(
+        Some(gap) if gap.is_nan() || gap > MAX_OPTIMAL_GAP => Err(Failure::Numeric(format!(
             "the physical parameters are not proven to be the optimum: others may fit better by up \
              to {gap:.1e} of the squared residuals"
         ))),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use regen_codegen::robot::Robot;
-use regen_verify::{Check, Report, Vectors, VerifyError, What};
+use regen_verify::{Check, Report, Statement, Vectors, VerifyError};
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
@@ -21,7 +21,7 @@ use several::Independent;
 pub(crate) use one::{CheckJson, check_json, identities};
 
 /// Whether the source that was written is what is on disk.
-const SAME_SOURCE: What = What::identity("source on disk is what was emitted");
+const SAME_SOURCE: Statement = Statement::identity("source on disk is what was emitted");
 
 /// Runs the command.
 pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
@@ -154,7 +154,9 @@ fn independent(file: &Path) -> Result<Independent, Failure> {
     Ok(Independent {
         file: file.display().to_string(),
         report: report.map_err(|error| match error {
-            VerifyError::Unread(_) => Failure::Check(format!("{}: {error}", file.display())),
+            VerifyError::UnreadableSpec(_) => {
+                Failure::Check(format!("{}: {error}", file.display()))
+            }
             error => Failure::from(error),
         })?,
     })
@@ -209,7 +211,7 @@ impl From<VerifyError> for Failure {
             )),
             VerifyError::NotFinite { .. }
             | VerifyError::NoSingularValues { .. }
-            | VerifyError::NoForces(_) => Self::Numeric(error.to_string()),
+            | VerifyError::ReferenceFailed(_) => Self::Numeric(error.to_string()),
             VerifyError::Vectors(_) => Self::Input(error.to_string()),
             _ => Self::Check(error.to_string()),
         }

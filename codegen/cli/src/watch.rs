@@ -9,10 +9,10 @@ use crate::progress;
 
 /// Shows work on the terminal, one bar at a time.
 pub(crate) struct Terminal {
-    shown: Mutex<Option<Shown>>,
+    shown: Mutex<Option<LocatedDiagnostic>>,
 }
 
-struct Shown {
+struct LocatedDiagnostic {
     bar: ProgressBar,
     /// The pass over logs that it shows; none where the work's length is unknown.
     pass: Option<usize>,
@@ -25,7 +25,7 @@ pub(crate) static TERMINAL: Terminal = Terminal {
 
 impl Terminal {
     /// Changes what is shown; nothing is shown where another thread failed while it did.
-    fn with(&self, change: impl FnOnce(&mut Option<Shown>)) {
+    fn with(&self, change: impl FnOnce(&mut Option<LocatedDiagnostic>)) {
         if let Ok(mut shown) = self.shown.lock() {
             change(&mut shown);
         }
@@ -35,9 +35,9 @@ impl Terminal {
 impl Monitor for Terminal {
     fn work(&self, what: &str) {
         self.with(|shown| match shown {
-            Some(Shown { bar, pass: None }) => bar.set_message(what.to_owned()),
+            Some(LocatedDiagnostic { bar, pass: None }) => bar.set_message(what.to_owned()),
             _ => {
-                *shown = Some(Shown {
+                *shown = Some(LocatedDiagnostic {
                     bar: progress::spinner(what.to_owned()),
                     pass: None,
                 });
@@ -47,7 +47,7 @@ impl Monitor for Terminal {
 
     fn rest(&self) {
         self.with(|shown| {
-            if let Some(Shown { bar, .. }) = shown.take() {
+            if let Some(LocatedDiagnostic { bar, .. }) = shown.take() {
                 bar.finish_and_clear();
             }
         });
@@ -55,16 +55,17 @@ impl Monitor for Terminal {
 
     fn rows(&self, pass: usize, done: u64, all: u64) {
         self.with(|shown| {
-            let same = matches!(shown, Some(Shown { pass: Some(own), .. }) if *own == pass);
+            let same =
+                matches!(shown, Some(LocatedDiagnostic { pass: Some(own), .. }) if *own == pass);
             if !same {
                 let bar = progress::bar(all, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
                 bar.set_message(format!("pass {pass}"));
-                *shown = Some(Shown {
+                *shown = Some(LocatedDiagnostic {
                     bar,
                     pass: Some(pass),
                 });
             }
-            if let Some(Shown { bar, .. }) = shown {
+            if let Some(LocatedDiagnostic { bar, .. }) = shown {
                 bar.set_position(done);
             }
         });

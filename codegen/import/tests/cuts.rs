@@ -8,7 +8,7 @@ use std::path::Path;
 use common::{assert_has, imported_with, refused_with};
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_import::Options;
 
@@ -43,7 +43,7 @@ fn with_cut(cut: &str) -> Options {
 }
 
 fn robot(text: &str) -> Robot {
-    derive_with(&Source::new("spec.yaml", text), BaseFrom::Skip).unwrap()
+    derive_with(&Source::new("spec.yaml", text), BaseSource::Skip).unwrap()
 }
 
 /// The regressor at home, with nonzero velocities and accelerations.

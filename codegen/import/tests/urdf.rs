@@ -5,7 +5,7 @@ mod common;
 
 use common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::spec::JointKind;
 use regen_import::{Base, Options};
 
@@ -178,7 +178,7 @@ fn printed_angles_decide_about_base_parameters() {
             ..Options::default()
         };
         let text = Source::new("r.yaml", imported_with(&text, &options).spec);
-        let robot = derive_with(&text, BaseFrom::Derivation).unwrap();
+        let robot = derive_with(&text, BaseSource::Derivation).unwrap();
         robot.analysis.unwrap().base.rank()
     };
     // a planar arm of two joints in a vertical plane

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::spec::{self, Spec};
 use regen_import::{Options, import};
@@ -36,7 +36,7 @@ fn spec_of(file: &str, exact: bool) -> String {
 fn imported(file: &str, exact: bool) -> (Spec, Robot) {
     let text = Source::new("imported.yaml", spec_of(file, exact));
     let spec = spec::parse(&text).unwrap_or_else(|e| panic!("{e}\n{}", text.text));
-    let robot = derive_with(&text, BaseFrom::Skip);
+    let robot = derive_with(&text, BaseSource::Skip);
     let robot = robot.unwrap_or_else(|e| panic!("{e:?}\n{}", text.text));
     (spec, robot)
 }
@@ -157,7 +157,7 @@ fn ur5e_of_airo_models() {
 #[test]
 fn ur5e_of_airo_models_has_the_base_parameters_of_the_robot_by_hand() {
     let text = spec_of("airo-models/ur5e.urdf", false);
-    let robot = derive_with(&Source::new("ur5e.yaml", text), BaseFrom::Derivation).unwrap();
+    let robot = derive_with(&Source::new("ur5e.yaml", text), BaseSource::Derivation).unwrap();
     assert_eq!(robot.analysis.unwrap().base.rank(), 36);
 }
 

@@ -7,7 +7,7 @@ use crate::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED
 use crate::gather::{Seen, Spectra};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
-use regen_identify::status::{Status, WELL};
+use regen_identify::status::{Status, WELL_IDENTIFIED_PERCENT};
 use regen_interpreted::Interpreted;
 
 /// Points of a line at most: more is not seen, and makes pages heavy.
@@ -267,9 +267,9 @@ pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, ReportError> {
     Ok(Figure {
         name: "deviations".to_owned(),
         caption: format!(
-            "relative standard deviations; the dashed line is {WELL:.0} %, below which a \
+            "relative standard deviations; the dashed line is {WELL_IDENTIFIED_PERCENT:.0} %, below which a \
              parameter counts as well identified; grey: zero within its error"
         ),
-        svg: charts::deviations(&rows, WELL)?,
+        svg: charts::deviations(&rows, WELL_IDENTIFIED_PERCENT)?,
     })
 }

@@ -76,7 +76,7 @@ pub(crate) struct Content<'a> {
 /// use regen_identify::files::ParameterFile;
 /// use regen_identify::identify::{EquationKind, Options};
 /// use regen_identify::session::{Session, Silent, from_logs};
-/// use regen_identify::status::Shares;
+/// use regen_identify::status::EffortContributions;
 /// use regen_interpreted::{BaseTerms, Interpreted};
 /// use regen_report::{Inputs, report};
 ///
@@ -111,7 +111,7 @@ pub(crate) struct Content<'a> {
 /// };
 /// let logs = [path.clone()];
 /// let start = from_logs(&session, &mut session.open(&logs)?)?;
-/// let (identified, shares) = (start.model(), Shares::of(&start.factor));
+/// let (identified, shares) = (start.model(), EffortContributions::of(&start.factor));
 /// let file = ParameterFile::new(&model, &identified, &shares, Vec::new(), 0.95)?;
 /// let found = report(&Inputs {
 ///     robot: &robot,

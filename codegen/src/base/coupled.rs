@@ -13,7 +13,7 @@ use crate::model::{Model, MotionKind, Step};
 use crate::sym::Number;
 
 use super::field::{Element, Field};
-use super::link_path::{Form, Freedom, LinkPath, follows, into, ways};
+use super::link_path::{Form, Freedom, LinkPath, follows, into, link_paths};
 use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
@@ -32,12 +32,12 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
         return Vec::new();
     }
     let couplings = rates::coupling_velocity_constraints(model);
-    let ways = ways(model);
+    let link_paths = link_paths(model);
     let mut all = Vec::new();
     let free: Vec<Freedom> = model
         .bodies
         .iter()
-        .map(|b| ways[b.link].freedom(&velocity_constraints))
+        .map(|b| link_paths[b.link].freedom(&velocity_constraints))
         .collect();
     for (body, freedom) in free.iter().enumerate() {
         if freedom.never_turns() {
@@ -50,15 +50,16 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
                 continue;
             }
             if let Some(relative) = same_orientation(model, &couplings, i, j) {
-                let on_axis =
-                    |b: usize| free[b] == Freedom::Spin && own_joint(model, &ways, b).is_some();
+                let on_axis = |b: usize| {
+                    free[b] == Freedom::Spin && own_joint(model, &link_paths, b).is_some()
+                };
                 let spin_equally = on_axis(i) && on_axis(j);
                 all.extend(summed_moments(field, i, j, &relative, spin_equally));
             } else if free[i] == Freedom::Spin && free[j] == Freedom::Spin {
                 all.extend(in_proportion(
                     field,
                     model,
-                    &ways,
+                    &link_paths,
                     &velocity_constraints,
                     [i, j],
                 ));
@@ -78,7 +79,7 @@ fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Op
         // rigidly connected: the tree recursion finds this
         return None;
     }
-    if !LinkPath::over(model, a).turns_as(&LinkPath::over(model, b), couplings) {
+    if !LinkPath::over(model, a).has_same_orientation(&LinkPath::over(model, b), couplings) {
         return None;
     }
     let (a, b) = (axes(model, a), axes(model, b));
@@ -183,12 +184,12 @@ fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Number)
 fn in_proportion(
     field: &mut Field,
     model: &Model,
-    ways: &[LinkPath],
+    link_paths: &[LinkPath],
     velocity_constraints: &[Form],
     pair: [usize; 2],
 ) -> Option<Vector> {
     let [i, j] = pair;
-    let [a, b] = pair.map(|body| own_joint(model, ways, body));
+    let [a, b] = pair.map(|body| own_joint(model, link_paths, body));
     let (a, b) = (a?, b?);
     // qd_b = k qd_a
     let k = ratio(velocity_constraints, a, b)?;
@@ -203,9 +204,9 @@ fn in_proportion(
 
 /// The first revolute coordinate on the path to a body, if it belongs to the body's own link: the
 /// body's origin is then on the axis, which is an axis of the body's frame.
-fn own_joint(model: &Model, ways: &[LinkPath], body: usize) -> Option<usize> {
+fn own_joint(model: &Model, link_paths: &[LinkPath], body: usize) -> Option<usize> {
     let link = model.bodies[body].link;
-    let coordinate = ways[link].turn.first()?.0;
+    let coordinate = link_paths[link].turn.first()?.0;
     (model.coordinates[coordinate].link == link).then_some(coordinate)
 }
 

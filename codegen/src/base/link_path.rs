@@ -165,7 +165,7 @@ impl LinkPath {
 
     /// Whether two links keep the same relative orientation at all times, given velocity
     /// constraints that hold exactly.
-    pub fn turns_as(&self, other: &LinkPath, velocity_constraints: &[Form]) -> bool {
+    pub fn has_same_orientation(&self, other: &LinkPath, velocity_constraints: &[Form]) -> bool {
         if !(self.parallel && other.parallel) {
             return false;
         }
@@ -219,15 +219,15 @@ impl LinkPath {
 }
 
 /// The paths from the ground to all links, in the order of the model's links.
-pub fn ways(model: &Model) -> Vec<LinkPath> {
-    let mut ways: Vec<LinkPath> = Vec::new();
+pub fn link_paths(model: &Model) -> Vec<LinkPath> {
+    let mut link_paths: Vec<LinkPath> = Vec::new();
     for link in &model.links {
-        let start = link.parent.and_then(|p| ways.get(p));
+        let start = link.parent.and_then(|p| link_paths.get(p));
         let mut path = start.cloned().unwrap_or_else(LinkPath::ground);
         path.pass(link);
-        ways.push(path);
+        link_paths.push(path);
     }
-    ways
+    link_paths
 }
 
 /// Whether a linear form of rates is zero as a consequence of the given constraints, each a form
@@ -304,21 +304,27 @@ mod tests {
         let along = turned(&[], 0, 2);
         // y rotated into z: the same direction
         let again = turned(&[(Axis::X, 1)], 1, 1);
-        assert!(along.turns_as(&again, &same) ^ along.turns_as(&again, &opposite));
+        assert!(
+            along.has_same_orientation(&again, &same)
+                ^ along.has_same_orientation(&again, &opposite)
+        );
         let again = turned(&[(Axis::Z, 3)], 1, 2);
-        assert!(along.turns_as(&again, &same));
-        assert!(!along.turns_as(&again, &opposite));
+        assert!(along.has_same_orientation(&again, &same));
+        assert!(!along.has_same_orientation(&again, &opposite));
         // upside down: the axis points in the opposite direction
         let against = turned(&[(Axis::X, 2)], 1, 2);
-        assert!(along.turns_as(&against, &opposite));
-        assert!(!along.turns_as(&against, &same));
+        assert!(along.has_same_orientation(&against, &opposite));
+        assert!(!along.has_same_orientation(&against, &same));
         // an axis in another direction never gives the same orientation
         let across = turned(&[], 1, 0);
-        assert!(!along.turns_as(&across, &same) && !along.turns_as(&across, &opposite));
+        assert!(
+            !along.has_same_orientation(&across, &same)
+                && !along.has_same_orientation(&across, &opposite)
+        );
         // nor do two axes that are not parallel
         let mut bent = turned(&[], 1, 2);
         bent.turn(2, 0);
-        assert!(!along.turns_as(&bent, &same));
+        assert!(!along.has_same_orientation(&bent, &same));
     }
 
     #[test]

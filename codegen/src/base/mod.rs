@@ -21,7 +21,7 @@ mod trees;
 
 pub use analysis::{Analysis, analyse};
 pub use coefficient::Coefficient;
-pub use link_path::{Form, Freedom, LinkPath, follows, ways};
+pub use link_path::{Form, Freedom, LinkPath, follows, link_paths};
 pub use null_completion::recognise;
 pub use rates::velocity_constraints;
 pub use store::{StoreProblem, is_slow_in_debug, restore, store};
@@ -46,7 +46,7 @@ pub struct Term {
 
 /// How a combination was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
+pub enum Provenance {
     /// Derived exactly from spanning trees and velocity constraints, or a single parameter.
     Derived,
     /// Completed from samples in multiple precision.
@@ -73,7 +73,7 @@ pub struct Direction {
     /// The direction's nonzero entries; that of the eliminated column is 1.
     pub terms: Vec<Term>,
     /// How the direction was obtained.
-    pub layer: Layer,
+    pub layer: Provenance,
     /// How well its factors are known.
     pub exactness: Exactness,
 }
@@ -86,7 +86,7 @@ pub struct BaseParameter {
     /// The combination; the kept parameter first, with factor 1.
     pub terms: Vec<Term>,
     /// How the combination was obtained.
-    pub layer: Layer,
+    pub layer: Provenance,
     /// How well its factors are known.
     pub exactness: Exactness,
     /// Whether `base.drop` leaves it out.
@@ -131,12 +131,12 @@ pub struct Base {
 /// The largest number of parameters for which base parameters are derived. The certificate of a
 /// chain of a hundred general joints, 1000 parameters, takes about a minute, its memory and time
 /// grow with the square and the cube, and nobody has identified anything of that size.
-pub const MOST_PARAMETERS: usize = 1500;
+pub const MAX_PARAMETERS: usize = 1500;
 
-/// Whether the mechanism has few enough parameters ([`MOST_PARAMETERS`]) to derive its base
+/// Whether the mechanism has few enough parameters ([`MAX_PARAMETERS`]) to derive its base
 /// parameters.
-pub fn is_within_reach(model: &Model) -> bool {
-    model.parameters.len() <= MOST_PARAMETERS
+pub fn has_few_enough_parameters(model: &Model) -> bool {
+    model.parameters.len() <= MAX_PARAMETERS
 }
 
 /// Derives the base parameters by layers 1 and 2 alone. The search over spanning trees ends early
@@ -192,24 +192,25 @@ fn derive_all(
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
-    let provenance = |row: &Vector| -> (Layer, Exactness) {
+    let provenance = |row: &Vector| -> (Provenance, Exactness) {
         let completed = row.range(columns..);
         let of = completed.filter_map(|(k, _)| exactness.get(k - columns));
-        of.max().map_or((Layer::Derived, Exactness::Symbolic), |e| {
-            (Layer::Completed, *e)
-        })
+        of.max()
+            .map_or((Provenance::Derived, Exactness::Symbolic), |e| {
+                (Provenance::Completed, *e)
+            })
     };
     let replaced: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
         .filter(|c| !reduced.rows.contains_key(c) && !replaced.contains(c))
         .map(|c| {
-            let (mut layer, mut exactness) = (Layer::Derived, Exactness::Symbolic);
+            let (mut layer, mut exactness) = (Provenance::Derived, Exactness::Symbolic);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
                 // forces do not change along the row, so the eliminated parameter enters with the
                 // opposite sign
                 let factor = row.get(&c)?.neg();
-                if let (Layer::Completed, how) = provenance(row) {
-                    layer = Layer::Completed;
+                if let (Provenance::Completed, how) = provenance(row) {
+                    layer = Provenance::Completed;
                     exactness = exactness.max(how);
                 }
                 Some((*eliminated, factor))

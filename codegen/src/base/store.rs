@@ -29,7 +29,9 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use super::certificate::Certificate;
-use super::{Analysis, Base, BaseParameter, Coefficient, Direction, Exactness, Known, Layer, Term};
+use super::{
+    Analysis, Base, BaseParameter, Coefficient, Direction, Exactness, Known, Provenance, Term,
+};
 
 /// The first line. It contains the version, since another version may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
@@ -82,24 +84,28 @@ pub fn is_slow_in_debug(model: &Model) -> bool {
 }
 
 /// The file's words for how a combination was obtained and how well its factors are known.
-const PROVENANCE_WORDS: [(&str, Layer, Exactness); 4] = [
-    ("derived", Layer::Derived, Exactness::Symbolic),
-    ("completed", Layer::Completed, Exactness::Symbolic),
+const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 4] = [
+    ("derived", Provenance::Derived, Exactness::Symbolic),
+    ("completed", Provenance::Completed, Exactness::Symbolic),
     (
         "completed-here",
-        Layer::Completed,
+        Provenance::Completed,
         Exactness::AtThisGeometry,
     ),
-    ("completed-digits", Layer::Completed, Exactness::Numeric),
+    (
+        "completed-digits",
+        Provenance::Completed,
+        Exactness::Numeric,
+    ),
 ];
 
-fn provenance_word(layer: Layer, exactness: Exactness) -> &'static str {
+fn provenance_word(layer: Provenance, exactness: Exactness) -> &'static str {
     let mut all = PROVENANCE_WORDS.iter();
     let found = all.find(|(_, l, e)| (*l, *e) == (layer, exactness));
     found.map_or(PROVENANCE_WORDS[0].0, |(word, ..)| *word)
 }
 
-fn parse_provenance(word: &str) -> Option<(Layer, Exactness)> {
+fn parse_provenance(word: &str) -> Option<(Provenance, Exactness)> {
     let found = PROVENANCE_WORDS.iter().find(|(w, ..)| *w == word)?;
     Some((found.1, found.2))
 }

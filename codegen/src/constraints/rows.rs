@@ -1,6 +1,6 @@
 //! The closure equations of a cut, row by row.
 
-use crate::kinematics::{Frames, Rates, Start, turned_twice};
+use crate::kinematics::{Frames, Rates, Start, centripetal};
 use crate::model::{Cut, Model};
 use crate::spec::{Axis, CutKind, CutRow};
 use crate::sym::{Ex, Graph, V3};
@@ -107,7 +107,7 @@ pub(super) fn cut_equations(
                 CutRow::Axes(i, j) if form == Form::Exact || !is_aligned(kind) => {
                     let v = b.axes[j.index()];
                     let rates = (g.cross(&b.w, &v), g.cross(&b.wr, &v));
-                    let turned = turned_twice(g, &b.w, &b.wr, &v);
+                    let turned = centripetal(g, &b.w, &b.wr, &v);
                     let tangential = g.cross(&b.alpha, &v);
                     let acceleration = g.add3(&tangential, &turned);
                     product_rule(g, a, i, &v, &rates, &acceleration)
@@ -202,7 +202,7 @@ pub(super) fn product_rule(
 ) -> Ex {
     let u = a.axes[i.index()];
     let tangential = g.cross(&a.alpha, &u);
-    let turned = turned_twice(g, &a.w, &a.wr, &u);
+    let turned = centripetal(g, &a.w, &a.wr, &u);
     let u_second = g.add3(&tangential, &turned);
     let (u_rate, u_rate_r) = (g.cross(&a.w, &u), g.cross(&a.wr, &u));
     let mut sum = g.dot3(&u_second, v);

@@ -9,7 +9,7 @@
 //! Near the closure it equals z - h t. Unlike that expression it is analytic in the coordinates,
 //! since it needs no arc tangent, and the screw may make any number of turns.
 
-use crate::kinematics::turned_twice;
+use crate::kinematics::centripetal;
 use crate::spec::Axis;
 use crate::sym::{Ex, Graph, V3};
 
@@ -101,7 +101,7 @@ impl<'v> Screw<'v> {
         let x = b.axes[0];
         let x_rates = (g.cross(&b.w, &x), g.cross(&b.wr, &x));
         let tangential = g.cross(&b.alpha, &x);
-        let turned = turned_twice(g, &b.w, &b.wr, &x);
+        let turned = centripetal(g, &b.w, &b.wr, &x);
         let x_second = g.add3(&tangential, &turned);
         let [c, s] = [Axis::X, Axis::Y].map(|i| product_rule(g, a, i, &x, &x_rates, &x_second));
         let (c, s) = (g.mul(self.sin, c), g.mul(self.cos, s));

@@ -8,6 +8,6 @@ mod sink;
 mod source;
 
 pub use diagnostic::Diagnostic;
-pub use report::{Report, Shown};
+pub use report::{LocatedDiagnostic, Report};
 pub use sink::Sink;
 pub use source::{Position, Source, Span};

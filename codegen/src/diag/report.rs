@@ -22,7 +22,7 @@ pub struct Report {
 
 /// An error with its place as line and column, for output that programs read.
 #[derive(Clone, Copy, Debug)]
-pub struct Shown<'a> {
+pub struct LocatedDiagnostic<'a> {
     name: &'a str,
     position: Position,
     diagnostic: &'a Diagnostic,
@@ -46,13 +46,15 @@ impl Report {
     }
 
     /// The errors with their lines and columns.
-    pub fn shown(&self) -> impl Iterator<Item = Shown<'_>> {
+    pub fn shown(&self) -> impl Iterator<Item = LocatedDiagnostic<'_>> {
         let lines = self.source.lines();
-        self.diagnostics.iter().map(move |diagnostic| Shown {
-            name: &self.source.name,
-            position: lines.position(diagnostic.span),
-            diagnostic,
-        })
+        self.diagnostics
+            .iter()
+            .map(move |diagnostic| LocatedDiagnostic {
+                name: &self.source.name,
+                position: lines.position(diagnostic.span),
+                diagnostic,
+            })
     }
 
     /// The errors with source lines and carets, ready to print.
@@ -141,7 +143,7 @@ impl Report {
     }
 }
 
-impl<'a> Shown<'a> {
+impl<'a> LocatedDiagnostic<'a> {
     /// The line, from 1.
     pub fn line(&self) -> usize {
         self.position.line
@@ -158,7 +160,7 @@ impl<'a> Shown<'a> {
     }
 }
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for LocatedDiagnostic<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Position { line, column } = self.position;
         write!(

@@ -93,7 +93,7 @@ impl<'m> Loop<'m> {
 pub(super) fn facts(
     model: &Model,
     redundant: &[usize],
-    ways: &[LinkPath],
+    link_paths: &[LinkPath],
     velocity_constraints: &[Form],
     motions: Option<&Motions<'_>>,
     states: usize,
@@ -120,10 +120,16 @@ pub(super) fn facts(
         }
         facts.push(Fact::given(text));
         let Some(motions) = motions else { continue };
-        facts.extend(shape(&ring, ways, motions, states, !left_out.is_empty()));
+        facts.extend(shape(
+            &ring,
+            link_paths,
+            motions,
+            states,
+            !left_out.is_empty(),
+        ));
         facts.extend(parallelogram(
             &ring,
-            ways,
+            link_paths,
             velocity_constraints,
             motions,
             states,
@@ -135,7 +141,7 @@ pub(super) fn facts(
 /// The shape of a loop (planar, spherical, ...), or the reason why it has redundant rows.
 fn shape(
     ring: &Loop<'_>,
-    ways: &[LinkPath],
+    link_paths: &[LinkPath],
     motions: &Motions<'_>,
     states: usize,
     redundant: bool,
@@ -146,7 +152,7 @@ fn shape(
     let sampled = Evidence::sampled(states, 0.0);
     if shape.turning == Turning::InPlane {
         let exact = ends.iter().flatten().all(|l| {
-            let freedom = ways[*l].freedom(&[]);
+            let freedom = link_paths[*l].freedom(&[]);
             freedom.is_planar()
         });
         let evidence = if exact { Evidence::Exact } else { sampled };
@@ -189,7 +195,7 @@ fn shape(
 /// States that the opposite sides of a four-bar linkage stay parallel, if they do.
 fn parallelogram(
     ring: &Loop<'_>,
-    ways: &[LinkPath],
+    link_paths: &[LinkPath],
     velocity_constraints: &[Form],
     motions: &Motions<'_>,
     states: usize,
@@ -206,10 +212,16 @@ fn parallelogram(
     if !(sides && coupler) || turns {
         return None;
     }
-    let exact = ways[first].turns_as(&ways[last], velocity_constraints)
+    let exact = link_paths[first].has_same_orientation(&link_paths[last], velocity_constraints)
         && ring.common.map_or_else(
-            || ways[middle].freedom(velocity_constraints).never_turns(),
-            |common| ways[middle].turns_as(&ways[common], velocity_constraints),
+            || {
+                link_paths[middle]
+                    .freedom(velocity_constraints)
+                    .never_turns()
+            },
+            |common| {
+                link_paths[middle].has_same_orientation(&link_paths[common], velocity_constraints)
+            },
         );
     let evidence = if exact {
         Evidence::Exact

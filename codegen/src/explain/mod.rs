@@ -18,7 +18,7 @@ use core::fmt;
 
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
-use crate::base::{Analysis, Form, LinkPath, velocity_constraints, ways};
+use crate::base::{Analysis, Form, LinkPath, link_paths, velocity_constraints};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -218,7 +218,7 @@ pub fn explain(
     redundant: &[usize],
     analysis: &Analysis,
 ) -> Explanation {
-    let ways = ways(model);
+    let link_paths = link_paths(model);
     let velocity_constraints = velocity_constraints(spec, model);
     let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut trouble = limits::facts(spec, model, home);
@@ -236,7 +236,7 @@ pub fn explain(
         loops: loops::facts(
             model,
             redundant,
-            &ways,
+            &link_paths,
             &velocity_constraints,
             sampled,
             states.len(),
@@ -257,7 +257,7 @@ pub fn explain(
         .iter()
         .zip(&observed)
         .map(|(body, observed)| {
-            let bound = ways[body.link].freedom(&velocity_constraints);
+            let bound = link_paths[body.link].freedom(&velocity_constraints);
             // the sampled motions bound the freedom from below, the joints from above
             let exact =
                 bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
@@ -281,7 +281,7 @@ pub fn explain(
     explanation.relations.extend(orientations(
         model,
         motions,
-        &ways,
+        &link_paths,
         &velocity_constraints,
         &observed,
         states.len(),
@@ -374,7 +374,7 @@ fn values(analysis: &Analysis) -> Vec<Fact> {
 fn orientations(
     model: &Model,
     motions: &Motions<'_>,
-    ways: &[LinkPath],
+    link_paths: &[LinkPath],
     velocity_constraints: &[Form],
     observed: &[ObservedMotion],
     states: usize,
@@ -398,9 +398,9 @@ fn orientations(
         .map(|class| {
             let link = |b: usize| model.bodies[b].link;
             let first = link(class[0]);
-            let exact = class
-                .iter()
-                .all(|b| ways[first].turns_as(&ways[link(*b)], velocity_constraints));
+            let exact = class.iter().all(|b| {
+                link_paths[first].has_same_orientation(&link_paths[link(*b)], velocity_constraints)
+            });
             let off = class
                 .iter()
                 .map(|b| motions.same_orientation(Some(first), Some(link(*b))).1);

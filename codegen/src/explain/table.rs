@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
-use crate::base::{Analysis, Exactness, Known, Layer, Term, latex};
+use crate::base::{Analysis, Exactness, Known, Provenance, Term, latex};
 use crate::robot::Robot;
 
 pub use factor::Style;
@@ -37,7 +37,7 @@ struct Part {
 #[derive(Clone, Debug)]
 struct Row {
     parts: Vec<Part>,
-    layer: Layer,
+    layer: Provenance,
     exactness: Exactness,
 }
 

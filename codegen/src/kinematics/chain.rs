@@ -130,14 +130,14 @@ impl Chain {
         let vr = g.add3(&self.vr, &swing_r);
         let tangential = g.cross(&self.alpha, arm);
         let a = g.add3(&self.a, &tangential);
-        let centripetal = turned_twice(g, &self.w, &self.wr, arm);
+        let centripetal = centripetal(g, &self.w, &self.wr, arm);
         let a = g.add3(&a, &centripetal);
         (v, vr, a)
     }
 }
 
 /// The symmetric bilinear form of w x (w x r) in w and wr.
-pub fn turned_twice(g: &mut Graph, w: &V3, wr: &V3, r: &V3) -> V3 {
+pub fn centripetal(g: &mut Graph, w: &V3, wr: &V3, r: &V3) -> V3 {
     let inner = g.cross(wr, r);
     let one = g.cross(w, &inner);
     if w == wr {

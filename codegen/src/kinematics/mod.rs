@@ -7,7 +7,7 @@ mod motion;
 mod twist;
 
 pub use centre::{Centre, centres};
-pub use chain::{Chain, ChainJoint, Start, turned_twice};
+pub use chain::{Chain, ChainJoint, Start, centripetal};
 pub use frames::{FrameJoint, Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};
 pub use twist::{Twist, twists};

@@ -9,7 +9,7 @@
 //! characters, 100 levels and 500 operations in a chain for an expression, every value between the
 //! smallest and the largest double (`expression`); 256 coordinates, 384 bodies, 640 equations of
 //! cuts and couplings (`check/limits.rs`); base parameters are derived for up to 1500 parameters
-//! (`crate::base::MOST_PARAMETERS`).
+//! (`crate::base::MAX_PARAMETERS`).
 
 mod check;
 pub mod edit;

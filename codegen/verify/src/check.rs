@@ -3,7 +3,7 @@
 
 /// The statement that a check tests, with its names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct What {
+pub struct Statement {
     /// The statement, such as `A qd = 0`.
     pub statement: &'static str,
     /// The name of the check in files.
@@ -12,7 +12,7 @@ pub struct What {
     pub heading: &'static str,
 }
 
-impl What {
+impl Statement {
     /// A statement that serves as key and heading too.
     pub const fn identity(statement: &'static str) -> Self {
         Self {
@@ -40,7 +40,7 @@ pub enum Verdict {
 #[derive(Clone, Debug)]
 pub struct Check {
     /// The statement that must hold.
-    pub what: What,
+    pub what: Statement,
     /// The result.
     pub verdict: Verdict,
     /// The largest error; NaN if nothing could be computed.
@@ -56,7 +56,7 @@ pub struct Check {
 
 impl Check {
     /// A check that does not apply, with the reason.
-    pub fn absent(what: What, why: &str) -> Self {
+    pub fn absent(what: Statement, why: &str) -> Self {
         Self {
             verdict: Verdict::Absent,
             note: why.to_owned(),
@@ -65,7 +65,7 @@ impl Check {
     }
 
     /// A check that holds if `worst` is within `bound`.
-    pub fn of(what: What, worst: f64, bound: f64) -> Self {
+    pub fn of(what: Statement, worst: f64, bound: f64) -> Self {
         Self {
             what,
             verdict: if within(worst, bound) {
@@ -81,7 +81,7 @@ impl Check {
     }
 
     /// A check of a statement that is either true or false.
-    pub fn truth(what: What, holds: bool) -> Self {
+    pub fn truth(what: Statement, holds: bool) -> Self {
         Self::of(what, f64::from(u8::from(!holds)), 0.0)
     }
 
@@ -150,7 +150,7 @@ impl Worst {
     }
 
     /// The result as a check; `Absent` if nothing was compared.
-    pub(crate) fn check(self, what: What) -> Check {
+    pub(crate) fn check(self, what: Statement) -> Check {
         if !self.compared {
             return Check::absent(what, "none");
         }
@@ -166,7 +166,7 @@ impl Worst {
 /// The largest error of each identity, in the order in which identities first appear.
 #[derive(Default)]
 pub(crate) struct Identities {
-    worst: Vec<(What, Worst)>,
+    worst: Vec<(Statement, Worst)>,
 }
 
 impl Identities {
@@ -182,7 +182,7 @@ impl Identities {
         }
         let mut worst = Worst::default();
         worst.note(place, figure, bound);
-        self.worst.push((What::identity(statement), worst));
+        self.worst.push((Statement::identity(statement), worst));
     }
 
     pub(crate) fn checks(self) -> Vec<Check> {
@@ -195,7 +195,7 @@ impl Identities {
 mod tests {
     use super::*;
 
-    const WHAT: What = What::identity("a = b");
+    const WHAT: Statement = Statement::identity("a = b");
 
     #[test]
     fn what_is_no_number_or_has_no_bound_fails() {

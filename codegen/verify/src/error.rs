@@ -50,14 +50,14 @@ pub enum VerifyError {
         robot: String,
     },
     /// The second derivation cannot read the robot's spec.
-    Unread(String),
+    UnreadableSpec(String),
     /// The coordinates or parameters of the second derivation are not those of the robot.
-    OtherNames {
+    DifferentNames {
         /// The robot.
         robot: String,
     },
     /// The second derivation cannot compute the forces at a state.
-    NoForces(String),
+    ReferenceFailed(String),
     /// The reference vectors cannot be read.
     Vectors(serde_json::Error),
 }
@@ -92,12 +92,12 @@ impl fmt::Display for VerifyError {
             Self::NoSingularValues { robot } => {
                 write!(f, "{robot}: no singular values were found")
             }
-            Self::Unread(why) => write!(f, "the second derivation cannot read this: {why}"),
-            Self::OtherNames { robot } => write!(
+            Self::UnreadableSpec(why) => write!(f, "the second derivation cannot read this: {why}"),
+            Self::DifferentNames { robot } => write!(
                 f,
                 "{robot}: the second derivation reads other coordinates or parameters in this spec"
             ),
-            Self::NoForces(why) => write!(f, "second derivation: {why}"),
+            Self::ReferenceFailed(why) => write!(f, "second derivation: {why}"),
             Self::Vectors(error) => error.fmt(f),
         }
     }

@@ -39,7 +39,7 @@ mod states;
 mod svd;
 mod vector;
 
-pub use check::{Check, Report, Verdict, What};
+pub use check::{Check, Report, Statement, Verdict};
 pub use error::VerifyError;
 pub use identities::identities;
 pub use independent::{INDEPENDENT, Vectors, independent};

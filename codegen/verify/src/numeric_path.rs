@@ -8,7 +8,7 @@ use regen_interpreted::Interpreted;
 use regen_reference::Random;
 use regen_runtime::LoopClosure;
 
-use crate::check::{Check, Report, What};
+use crate::check::{Check, Report, Statement};
 use crate::error::VerifyError;
 use crate::independent::rounding;
 use crate::numeric::{Numeric, Rank};
@@ -174,14 +174,14 @@ fn checks(
     projection: f64,
 ) -> Vec<Check> {
     let mut checks = vec![Check::truth(
-        What::identity("base parameters are certified complete"),
+        Statement::identity("base parameters are certified complete"),
         analysis.complete,
     )];
     let mut ranks = |statements: [&'static str; 2], found: &Numeric, rank: usize| {
         for (statement, found) in statements.into_iter().zip([found.svd, found.qr]) {
             if found.certain {
                 let apart = found.count.abs_diff(rank) as f64;
-                checks.push(Check::of(What::identity(statement), apart, 0.0));
+                checks.push(Check::of(Statement::identity(statement), apart, 0.0));
             }
         }
     };
@@ -192,10 +192,10 @@ fn checks(
     let statements = ["SVD rank = analytic rank", "QR rank = analytic rank"];
     ranks(statements, numeric, analysis.base.parameters.len());
     if numeric.svd.certain {
-        let what = What::identity("angle between the null spaces, rad");
+        let what = Statement::identity("angle between the null spaces, rad");
         checks.push(Check::of(what, angle, MAX_ANGLE_RAD));
     }
-    let what = What::identity("projection by the combinations");
+    let what = Statement::identity("projection by the combinations");
     checks.push(Check::of(what, projection, MAX_PROJECTION_ERROR));
     checks
 }

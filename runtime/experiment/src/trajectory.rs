@@ -16,7 +16,7 @@ pub use reference::{FourierReference, ReferenceError};
 /// What the key `format` says.
 const FORMAT: &str = "regen-trajectory";
 /// More is a mistake: the fit of [`regen_identify::signals::FourierFit`] takes no more.
-const MOST_HARMONICS: usize = 200;
+const MAX_HARMONICS: usize = 200;
 
 /// A periodic motion of the independent coordinates:
 /// `offset + sum_k cosine_k cos(2 pi f k t) + sine_k sin(2 pi f k t)`, SI units and radians.
@@ -238,10 +238,10 @@ impl<'a> Reader<'a> {
     fn harmonics(&mut self, raw: Option<&'a RawValue>) -> Option<usize> {
         let raw = self.present(raw, "harmonics")?;
         let harmonics: usize = self.decode(raw, "harmonics")?;
-        if (1..=MOST_HARMONICS).contains(&harmonics) {
+        if (1..=MAX_HARMONICS).contains(&harmonics) {
             return Some(harmonics);
         }
-        let message = format!("{harmonics} is not between 1 and {MOST_HARMONICS}");
+        let message = format!("{harmonics} is not between 1 and {MAX_HARMONICS}");
         self.error(raw, "harmonics", &message, "11 is usual");
         None
     }

@@ -10,8 +10,8 @@ use std::f64::consts::TAU;
 
 use regen_experiment::simulate::Noise;
 use regen_experiment::simulate::{
-    ControllerInput, Drive, Log, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
-    simulate_controlled,
+    ControllerInput, Drive, Log, Pid, Sensors, Settings, nominal_friction, perturb_parameters,
+    simulate, simulate_controlled,
 };
 use regen_generated::rps3_friction::Rps3Friction;
 use regen_identify::identify::{EquationKind, Options, Recorded, identify};
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // the true robot, whose parameters are unknown: its bodies differ from the drawing by up to 10
     // %
     let drawing = info.nominal_parameters().ok_or("no nominal values")?;
-    let truth = perturbed(&info, &drawing, 0.1, &mut Noise::new(7));
+    let truth = perturb_parameters(&info, &drawing, 0.1, &mut Noise::new(7));
     let laws = nominal_friction(&info)?;
     let settings = Settings {
         duration: 7.5,

@@ -24,7 +24,7 @@ use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, id
 /// Default number of draws. The next draw lies between the k-th from below and the k-th from above
 /// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
 /// more in length, but cover the true value as often.
-pub const REPLICATES: usize = 100;
+pub const DEFAULT_DRAWS: usize = 100;
 /// Decimals of the least-squares parameters that seed the draws: the same log gives the same
 /// intervals on every machine, and another log other draws, so that the chance of a hundred draws
 /// is not the same for all logs.
@@ -153,7 +153,7 @@ pub struct LeastSquares<'a> {
 /// - `combinations`, `layout`, `options`: those of the fit;
 /// - `phi`, `beta`: the p parameters and the r base parameters of the fit, SI;
 /// - `replicates`: the number of draws to project, one small convex programme each, see
-///   [`REPLICATES`];
+///   [`DEFAULT_DRAWS`];
 /// - `progress`: called after each draw with the number of draws done.
 ///
 /// Where the samples are too few for standard deviations, nothing is drawn, and intervals are NaN.

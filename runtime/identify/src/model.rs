@@ -131,7 +131,7 @@ impl IdentifiedModel {
 
     /// Copies the intervals of another model if both have the same base parameters: where no
     /// constraint is active, a feasible fit equals least squares and has its intervals.
-    pub fn inherit(&mut self, other: &Self) {
+    pub fn copy_intervals_if_equal(&mut self, other: &Self) {
         /// Values that differ by less than this part of a standard deviation are the same.
         const SAME: f64 = 1e-6;
         let same = self.beta.len() == other.beta.len()
@@ -166,7 +166,7 @@ impl IdentifiedModel {
     /// Tables, reports and validation all use this prediction.
     ///
     /// # Errors
-    /// [`DataError::FrictionOfEnergy`] for nonlinear friction in an energy balance; errors of
+    /// [`DataError::NonlinearFrictionInEnergyBalance`] for nonlinear friction in an energy balance; errors of
     /// reading the log.
     pub fn predict<M, S>(
         &self,
@@ -180,7 +180,7 @@ impl IdentifiedModel {
         S: Source<Error = DataError>,
     {
         if !self.friction.is_empty() && kind != EquationKind::Forces {
-            return Err(DataError::FrictionOfEnergy);
+            return Err(DataError::NonlinearFrictionInEnergyBalance);
         }
         let mut columns = JointEfforts::new(model, &self.friction)?;
         // the column of nonlinear friction has the factor 1

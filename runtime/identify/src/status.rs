@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Standard deviation in percent of the value below which a parameter is well identified (section
 /// 5.3).
-pub const WELL: f64 = crate::identifiability::WELL;
+pub const WELL_IDENTIFIED_PERCENT: f64 = crate::identifiability::WELL_IDENTIFIED_PERCENT;
 /// A value within this many standard deviations of zero may be zero.
 const NEAR_ZERO_DEVIATIONS: f64 = 2.0;
 /// Contribution of the standard deviation of such a value to the efforts, in percent, below which
@@ -99,14 +99,14 @@ pub fn counted(statuses: impl Iterator<Item = Status>) -> String {
 /// All efforts have the weights of the fit, which are the inverse of their noise unless all weights
 /// are equal: so N and N m can be summed, and an effort counts by how well it is measured.
 #[derive(Clone, Debug)]
-pub struct Shares {
+pub struct EffortContributions {
     /// The root mean squares of the columns, each in the efforts' units over the parameter's.
     columns: Vec<f64>,
     /// The root mean square of the efforts.
     efforts: f64,
 }
 
-impl Shares {
+impl EffortContributions {
     /// The contributions in the data of a fit's weighted QR factor.
     pub fn of(factor: &QrFactor) -> Self {
         let rows = factor.rows().max(1) as f64;
@@ -145,7 +145,7 @@ impl Shares {
             Status::Unseen
         } else if !sigma.is_finite() {
             Status::Unknown
-        } else if 100.0 * sigma < WELL * value.abs() {
+        } else if 100.0 * sigma < WELL_IDENTIFIED_PERCENT * value.abs() {
             Status::Well
         } else if value.abs() <= NEAR_ZERO_DEVIATIONS * sigma
             && self.percent(parameter, sigma) < NEGLIGIBLE_DEVIATION_PERCENT
@@ -173,7 +173,7 @@ mod tests {
             1.0, -1.0, 1.0, -1.0, 0.01, 0.01, -0.01, -0.01, 0.0, 0.0, 0.0, 0.0,
         ];
         factor.push_block(&w, &[1.0, -1.0, 1.0, -1.0]).unwrap();
-        let shares = Shares::of(&factor);
+        let shares = EffortContributions::of(&factor);
         assert!((shares.percent(0, -1.0) - 100.0).abs() < 1e-12);
         assert!((shares.percent(1, 2.0) - 2.0).abs() < 1e-12);
         for (parameter, value, sigma, status) in [

@@ -1,7 +1,9 @@
 //! A simulated stand-in for the actual robot: under control, with friction at its joints, encoders
 //! and noise. Its measurements are averaged, filtered and decimated as in section 6.1.
 
-use regen_experiment::simulate::{Pid, Sensors, Settings, Termination, perturbed, simulate};
+use regen_experiment::simulate::{
+    Pid, Sensors, Settings, Termination, perturb_parameters, simulate,
+};
 use regen_generated::rps3_friction::Rps3Friction;
 use regen_identify::signals::{Butterworth, Fourier, FourierFit};
 use regen_runtime::{Model, State};
@@ -29,7 +31,7 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let info = Model::<f64>::info(&Rps3Friction);
     let nominal = info.nominal_parameters().expect("nominal values");
     let mut robot = regen_experiment::simulate::Noise::new(5);
-    let mut phi = perturbed(&info, &nominal, 0.05, &mut robot);
+    let mut phi = perturb_parameters(&info, &nominal, 0.05, &mut robot);
     for (parameter, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
         if parameter.is_rotor() {
             *value = *nominal;

@@ -6,7 +6,7 @@ use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
 use regen_runtime::{Friction, JointFriction, State};
 
 use super::robot::{
-    Equations, JOINTS, cad, friction_forces, model, perturbed, places, relative_absolute,
+    Equations, JOINTS, cad, friction_forces, model, perturb_parameters, places, relative_absolute,
 };
 
 /// The inertia of rotor and screw from Table 5, kg.
@@ -108,7 +108,7 @@ impl Fits {
 pub(crate) fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
     let exact = original(states);
     let sigma = noise_size(&exact);
-    let measured = perturbed(&exact, sigma, &mut Noise::new(seed));
+    let measured = perturb_parameters(&exact, sigma, &mut Noise::new(seed));
     let fits = Fits::new(states, &measured);
     let (a, b) = (fits.errors(states, &measured), fits.errors(states, &exact));
     [[a[0], b[0]], [a[1], b[1]], [a[2], b[2]]]

@@ -3,7 +3,7 @@
 use regen_experiment::simulate::Noise;
 use regen_identify::estimate::Estimate;
 use regen_identify::feasibility::{Scale, verdict};
-use regen_identify::identifiability::{Checks, WELL, reduce};
+use regen_identify::identifiability::{Checks, WELL_IDENTIFIED_PERCENT, reduce};
 use regen_runtime::State;
 
 use super::robot::{Column, Equations, LEGS, cad, relative_absolute};
@@ -119,7 +119,8 @@ pub(crate) fn row(
         .map(|(exact, value)| ((exact - value) / exact).abs())
         .collect();
     let well = (0..n).filter(|k| {
-        estimate.sigma_percent(*k) < WELL && possible(&labels[*k], estimate.values[*k])
+        estimate.sigma_percent(*k) < WELL_IDENTIFIED_PERCENT
+            && possible(&labels[*k], estimate.values[*k])
     });
     Row {
         relative_absolute: relative_absolute(forces, &predicted),
@@ -229,7 +230,7 @@ pub(crate) fn noisy_data(states: &[State], sigma: f64, seed: u64) -> (Vec<State>
     let plain = equations(false);
     let mut noise = Noise::new(seed);
     let forces = plain.forces(states, &exact(&plain));
-    let forces = super::robot::perturbed(&forces, sigma, &mut noise);
+    let forces = super::robot::perturb_parameters(&forces, sigma, &mut noise);
     (noisy(states, &mut noise), forces)
 }
 

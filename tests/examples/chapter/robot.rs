@@ -224,7 +224,7 @@ pub(crate) fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
 }
 
 /// Adds normal noise of standard deviation `sigma`.
-pub(crate) fn perturbed(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
+pub(crate) fn perturb_parameters(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
     values.iter().map(|v| v + sigma * noise.normal()).collect()
 }
 

@@ -4,7 +4,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use regen_codegen::diag::{Report, Source};
-use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
+use regen_codegen::pipeline::{BaseSource, DeriveError, derive_with};
 
 use super::Sample;
 use super::draw::below;
@@ -59,7 +59,7 @@ pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
 /// The errors of a text, if it has any, after checking that each has a place in it.
 fn refused(text: &str) -> Result<Option<Report>, String> {
     let source = Source::new("spoilt.yaml", text);
-    let derived = catch_unwind(AssertUnwindSafe(|| derive_with(&source, BaseFrom::Skip)));
+    let derived = catch_unwind(AssertUnwindSafe(|| derive_with(&source, BaseSource::Skip)));
     let report = match derived {
         Err(_) => return Err("a panic".into()),
         Ok(Ok(_)) => return Ok(None),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{ArgGroup, Args};
-use regen_identify::intervals::REPLICATES;
+use regen_identify::intervals::DEFAULT_DRAWS;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Physical parameters")]
@@ -45,7 +45,7 @@ pub(crate) struct PhysicalArgs {
     pub(crate) identical: Vec<String>,
     /// Logs that are drawn by chance for the intervals of values under
     /// constraints, one small fit each, at least 5; 0: no intervals
-    #[arg(long, value_name = "N", default_value_t = REPLICATES, requires = "physical", value_parser = draws)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, requires = "physical", value_parser = draws)]
     pub(crate) draws: usize,
     /// Write the spec with `bodies:` and the joints' `nominal:` filled with the
     /// physical values; all else of its text stays
@@ -107,13 +107,13 @@ fn number(text: &str) -> Result<f64, String> {
 }
 
 /// Draws that give an interval at all.
-const LEAST_DRAWS: usize = 5;
+const MIN_DRAWS: usize = 5;
 
 fn draws(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
-        Ok(value) if value == 0 || value >= LEAST_DRAWS => Ok(value),
+        Ok(value) if value == 0 || value >= MIN_DRAWS => Ok(value),
         _ => Err(format!(
-            "`{text}` is neither 0 nor a whole number of at least {LEAST_DRAWS}"
+            "`{text}` is neither 0 nor a whole number of at least {MIN_DRAWS}"
         )),
     }
 }

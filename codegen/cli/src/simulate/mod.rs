@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
     Drive, Log, Noise, Sensors, Settings, SimulationError, Termination, TuningError, control,
-    perturbed, simulate_watched,
+    perturb_parameters, simulate_watched,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_runtime::Info;
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let (nominal, fitted) = parameters::read(args, &model)?;
     let mut chance = Noise::new(args.seed);
     let phi = if args.perturb > 0.0 {
-        perturbed(&info, &nominal, args.perturb, &mut chance)
+        perturb_parameters(&info, &nominal, args.perturb, &mut chance)
     } else {
         nominal.clone()
     };

@@ -95,7 +95,7 @@ pub fn observe(
     let mut state = walk.at_home();
     while found.len() < count {
         let Some(closed) = state else {
-            return Err(CertificateError::Confined {
+            return Err(CertificateError::TooFewStates {
                 found: found.len(),
                 needed: count,
             });

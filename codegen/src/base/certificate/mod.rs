@@ -43,7 +43,7 @@ pub enum CertificateError {
     /// lengths and angles given, its redundant equations contradict each other beyond these digits.
     Inexact,
     /// Too few closed states could be reached from home.
-    Confined {
+    TooFewStates {
         /// How many closed states were reached.
         found: usize,
         /// How many closed states are needed.
@@ -61,7 +61,7 @@ impl fmt::Display for CertificateError {
                 "the closure holds only to the digits given for lengths and angles; \
                  write them as exact expressions"
             ),
-            CertificateError::Confined { found, needed } => write!(
+            CertificateError::TooFewStates { found, needed } => write!(
                 f,
                 "only {found} of {needed} closed states could be reached from home"
             ),
@@ -108,7 +108,7 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
         while found < needed {
             let state = walk
                 .next()
-                .ok_or(CertificateError::Confined { found, needed })?;
+                .ok_or(CertificateError::TooFewStates { found, needed })?;
             if rows.sample(&state, walk.random()).is_some() {
                 found += 1;
             }

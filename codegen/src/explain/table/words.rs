@@ -1,7 +1,7 @@
 //! What is said of base parameters, the same in every output.
 
 use crate::base::certificate::Certificate;
-use crate::base::{Analysis, Exactness, Layer};
+use crate::base::{Analysis, Exactness, Provenance};
 use crate::robot::Robot;
 
 /// How well a layer's factors are known, as a mark behind its name.
@@ -51,10 +51,10 @@ pub fn completed(analysis: &Analysis) -> usize {
 }
 
 /// How a layer is called.
-pub fn layer(layer: Layer) -> &'static str {
+pub fn layer(layer: Provenance) -> &'static str {
     match layer {
-        Layer::Derived => "derived",
-        Layer::Completed => "completed",
+        Provenance::Derived => "derived",
+        Provenance::Completed => "completed",
     }
 }
 

@@ -22,7 +22,7 @@ use regen_interpreted::Interpreted;
 use regen_reference::{Mechanism, Random, State};
 use regen_runtime::LoopClosure;
 
-use crate::check::{Check, Report, What};
+use crate::check::{Check, Report, Statement};
 use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
 
@@ -37,50 +37,50 @@ const MIN_CONDITIONING_RATIO: f64 = 0.1;
 const MAX_TRIES: usize = 20;
 
 /// The statements of the independent checks, in the order in which [`independent`] reports them.
-pub const INDEPENDENT: [What; 9] = [
+pub const INDEPENDENT: [Statement; 9] = [
     SECOND, PEER, POWER, DRIFT, RANK, SPAN, GAP, WAY_BACK, SINGLE,
 ];
-const SECOND: What = What {
+const SECOND: Statement = Statement {
     key: "second_derivation",
     heading: "second",
     statement: "regressor = Newton-Euler's, closed by singular values",
 };
-const PEER: What = What {
+const PEER: Statement = Statement {
     key: "peer",
     heading: "peer",
     statement: "forces = those of another program (vectors)",
 };
-const POWER: What = What {
+const POWER: Statement = Statement {
     key: "power",
     heading: "power",
     statement: "power of the forces = d/dt of the bodies' energy",
 };
-const DRIFT: What = What {
+const DRIFT: Statement = Statement {
     key: "drift",
     heading: "drift",
     statement: "loops stay closed along a motion, to order 4",
 };
-const RANK: What = What {
+const RANK: Statement = Statement {
     key: "rank",
     heading: "rank",
     statement: "base parameters, singular values and certificate agree",
 };
-const SPAN: What = What {
+const SPAN: Statement = Statement {
     key: "span",
     heading: "span",
     statement: "angle between exact and numeric null space, rad",
 };
-const GAP: What = What {
+const GAP: Statement = Statement {
     key: "gap",
     heading: "gap",
     statement: "certificate: largest number dropped, of the smallest kept",
 };
-const WAY_BACK: What = What {
+const WAY_BACK: Statement = Statement {
     key: "way_back",
     heading: "back",
     statement: "to base parameters and back: same forces",
 };
-const SINGLE: What = What {
+const SINGLE: Statement = Statement {
     key: "single_precision",
     heading: "f32",
     statement: "regressor in single precision",
@@ -97,7 +97,7 @@ pub fn independent(
     text: &str,
     vectors: Option<&Vectors>,
 ) -> Result<Report, VerifyError> {
-    let reference = Mechanism::from_yaml(text).map_err(VerifyError::Unread)?;
+    let reference = Mechanism::from_yaml(text).map_err(VerifyError::UnreadableSpec)?;
     let subject = Subject {
         robot,
         reference: &reference,
@@ -125,7 +125,7 @@ impl Subject<'_> {
             || self.robot.labels() != self.reference.labels()
             || self.robot.independent != self.reference.independent
         {
-            return Err(VerifyError::OtherNames {
+            return Err(VerifyError::DifferentNames {
                 robot: self.robot.name.clone(),
             });
         }

@@ -38,7 +38,7 @@ impl Compared {
         let State { q, qd, qdd } = state;
         let projection = reference
             .null_space(q)
-            .map_err(VerifyError::NoForces)?
+            .map_err(VerifyError::ReferenceFailed)?
             .transpose();
         let tree = reference.tree_regressor(q, qd, qdd);
         Ok(Self {

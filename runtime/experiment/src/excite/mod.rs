@@ -114,7 +114,7 @@ impl Settings {
 #[non_exhaustive]
 pub enum ExciteError {
     /// An argument does not fit the model, or the model is inconsistent.
-    ClosureError(ClosureError),
+    Closure(ClosureError),
     /// A Fourier series is invalid.
     Signal(SignalError),
     /// The ends of a range are in the wrong order or not finite.
@@ -140,7 +140,7 @@ pub enum ExciteError {
 impl fmt::Display for ExciteError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::ClosureError(error) => error.fmt(f),
+            Self::Closure(error) => error.fmt(f),
             Self::Signal(error) => error.fmt(f),
             Self::Range { what, range } => {
                 let [lowest, highest] = range;
@@ -161,7 +161,7 @@ impl fmt::Display for ExciteError {
 impl core::error::Error for ExciteError {
     fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
         match self {
-            Self::ClosureError(error) => Some(error),
+            Self::Closure(error) => Some(error),
             Self::Signal(error) => Some(error),
             Self::Range { .. }
             | Self::Unbounded { .. }
@@ -174,13 +174,13 @@ impl core::error::Error for ExciteError {
 
 impl From<ClosureError> for ExciteError {
     fn from(error: ClosureError) -> Self {
-        Self::ClosureError(error)
+        Self::Closure(error)
     }
 }
 
 impl From<SizeError> for ExciteError {
     fn from(error: SizeError) -> Self {
-        Self::ClosureError(error.into())
+        Self::Closure(error.into())
     }
 }
 

@@ -99,7 +99,7 @@ pub struct Monitor<'a> {
 
 impl core::fmt::Debug for Monitor<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Watch").field("stop", self.stop).finish()
+        f.debug_struct("Monitor").field("stop", self.stop).finish()
     }
 }
 
@@ -317,9 +317,9 @@ where
         // the pose about which the start is reduced: one within the limits, if there is one
         let mut pose = &middle;
         for candidate in [&middle, &home] {
-            let still = self.problem.space.still(candidate);
+            let stationary = self.problem.space.stationary(candidate);
             let rows = &self.dense[..1];
-            let values = self.problem.values(&mut closure, rows, &still)?;
+            let values = self.problem.values(&mut closure, rows, &stationary)?;
             if values.is_some_and(|v| v.iter().all(|x| *x <= 0.0)) {
                 pose = candidate;
                 break;

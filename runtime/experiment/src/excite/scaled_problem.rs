@@ -58,14 +58,14 @@ where
     }
 
     /// The variables of standing still at a pose of the independent coordinates (dof, rad or m).
-    pub fn still(&self, pose: &[f64]) -> Vec<f64> {
-        self.problem.space.still(pose)
+    pub fn stationary(&self, pose: &[f64]) -> Vec<f64> {
+        self.problem.space.stationary(pose)
     }
 
     /// The Fourier series of the independent coordinates for these variables.
     ///
     /// # Errors
-    /// None for as many variables as [`still`](Self::still) returns.
+    /// None for as many variables as [`stationary`](Self::stationary) returns.
     pub fn series(&self, variables: &[f64]) -> Result<Fourier, ExciteError> {
         self.problem.space.series(variables)
     }

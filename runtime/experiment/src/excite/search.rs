@@ -65,7 +65,7 @@ where
             let bits = generator.next_u64() >> 11;
             (bits as f64 + 0.5) / (1_u64 << 53) as f64
         };
-        let mut y = problem.space.still(pose);
+        let mut y = problem.space.stationary(pose);
         for entry in &mut y {
             // Box and Muller, 1958
             let radius = (-2.0 * libm::log(uniform())).sqrt();
@@ -73,7 +73,7 @@ where
         }
         let mut closure = LoopClosure::new(problem.model)?;
         let mut part = 1.0;
-        let mut start = problem.space.still(pose);
+        let mut start = problem.space.stationary(pose);
         for _ in 0..40 {
             let trial = problem.space.between(pose, &y, part);
             let values = problem.values(&mut closure, &problem.grid, &trial)?;

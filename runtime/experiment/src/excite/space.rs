@@ -169,7 +169,7 @@ impl Space {
     }
 
     /// The variables of standing still at a pose of the independent coordinates.
-    pub(super) fn still(&self, pose: &[f64]) -> Vec<f64> {
+    pub(super) fn stationary(&self, pose: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; self.size()];
         let each = self.each();
         for ((chunk, q), scale) in y.chunks_exact_mut(each).zip(pose).zip(&self.scales) {
@@ -180,8 +180,8 @@ impl Space {
 
     /// Interpolates between standing still at a pose (`part` 0) and `y` (`part` 1).
     pub(super) fn between(&self, pose: &[f64], y: &[f64], part: f64) -> Vec<f64> {
-        let still = self.still(pose);
-        let pairs = still.iter().zip(y);
+        let stationary = self.stationary(pose);
+        let pairs = stationary.iter().zip(y);
         pairs.map(|(a, b)| a + part * (b - a)).collect()
     }
 

@@ -58,7 +58,7 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
 /// use regen_experiment::simulate::linear_friction;
 /// use regen_runtime::{Friction, Info, Joint};
 ///
-/// let joint = Joint { friction: Friction::Viscous, ..Joint::TURN };
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::ROTATION };
 /// let info = Info {
 ///     coordinates: &["q1"],
 ///     parameters: &["m(1)", "Fv(q1)"],
@@ -103,7 +103,7 @@ pub fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
 /// use regen_experiment::simulate::fitted_friction;
 /// use regen_runtime::{Friction, Info, Joint};
 ///
-/// let joint = Joint { friction: Friction::Viscous, ..Joint::TURN };
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::ROTATION };
 /// let info = Info { coordinates: &["q1"], joints: &[joint], ..Info::EMPTY };
 /// let error = fitted_friction(&info, &[], &[]).unwrap_err();
 /// assert_eq!((error.coordinate.as_str(), error.symbol), ("q1", "Fv"));
@@ -140,7 +140,7 @@ pub fn fitted_friction(
 }
 
 /// Changes the friction laws that are not linear by chance, each by up to `part` of itself: the
-/// coefficients of linear ones are among the parameters, which [`perturbed`](super::perturbed)
+/// coefficients of linear ones are among the parameters, which [`perturb_parameters`](super::perturb_parameters)
 /// changes.
 pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Noise) {
     for law in laws.iter_mut().filter(|law| !law.law.is_linear()) {

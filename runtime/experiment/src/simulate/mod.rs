@@ -29,7 +29,7 @@ pub use friction::{
     MissingNominal, fitted_friction, linear_friction, nominal_friction, perturb_friction,
 };
 pub use log::{Log, Termination};
-pub use noise::{Noise, perturbed};
+pub use noise::{Noise, perturb_parameters};
 pub use run::{simulate, simulate_controlled, simulate_watched};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
 pub use tuning::{Control, Gains, TuningError, control};

@@ -63,12 +63,12 @@ impl Noise {
 ///     bodies: &["1"],
 ///     ..Info::EMPTY
 /// };
-/// let changed = simulate::perturbed(&info, &[2.0, 4.0, 1.0], 0.1, &mut simulate::Noise::new(1));
+/// let changed = simulate::perturb_parameters(&info, &[2.0, 4.0, 1.0], 0.1, &mut simulate::Noise::new(1));
 /// // The centre of mass stays where it was.
 /// assert!((changed[0] / changed[1] - 0.5).abs() < 1e-15);
 /// assert!((changed[2] - 1.0).abs() <= 0.1);
 /// ```
-pub fn perturbed(info: &Info<'_>, phi: &[f64], by: f64, noise: &mut Noise) -> Vec<f64> {
+pub fn perturb_parameters(info: &Info<'_>, phi: &[f64], by: f64, noise: &mut Noise) -> Vec<f64> {
     let mut factor = || 1.0 + by * (2.0 * noise.uniform() - 1.0);
     let of_bodies: Vec<f64> = info.bodies.iter().map(|_| factor()).collect();
     let body_of = |parameter: &Parameter<'_>| {

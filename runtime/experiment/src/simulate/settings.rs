@@ -101,7 +101,7 @@ pub enum SimulationError {
     /// A list's length does not fit the model.
     Size(SizeError),
     /// The loop closure reports an error.
-    ClosureError(ClosureError),
+    Closure(ClosureError),
     /// A setting is not a positive finite number.
     Setting(&'static str),
     /// More than 100 million samples.
@@ -116,7 +116,7 @@ impl From<SizeError> for SimulationError {
 
 impl From<ClosureError> for SimulationError {
     fn from(error: ClosureError) -> Self {
-        Self::ClosureError(error)
+        Self::Closure(error)
     }
 }
 
@@ -124,7 +124,7 @@ impl fmt::Display for SimulationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size(error) => error.fmt(f),
-            Self::ClosureError(error) => error.fmt(f),
+            Self::Closure(error) => error.fmt(f),
             Self::Setting(name) => write!(f, "`{name}` must be a positive finite number"),
             Self::TooLong => write!(f, "`duration` has more than 100 million of `period`"),
         }
@@ -135,7 +135,7 @@ impl core::error::Error for SimulationError {
     fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
         match self {
             Self::Size(error) => Some(error),
-            Self::ClosureError(error) => Some(error),
+            Self::Closure(error) => Some(error),
             Self::Setting(_) | Self::TooLong => None,
         }
     }

@@ -343,7 +343,7 @@ pub enum DataError {
     Estimate(EstimateError),
     /// Parameters with nonlinear friction, which predict forces, were to be used in an energy
     /// balance.
-    FrictionOfEnergy,
+    NonlinearFrictionInEnergyBalance,
     /// The nonlinear friction does not fit the model.
     Feasibility(crate::feasibility::FeasibilityError),
 }
@@ -367,7 +367,7 @@ impl fmt::Display for DataError {
             Self::Signal { file, why } => write!(f, "{file}: {why}"),
             Self::Model(why) => write!(f, "{why}"),
             Self::Estimate(why) => write!(f, "{why}"),
-            Self::FrictionOfEnergy => {
+            Self::NonlinearFrictionInEnergyBalance => {
                 f.write_str("parameters with nonlinear friction predict forces, not energy")
             }
             Self::Feasibility(why) => write!(f, "{why}"),
@@ -386,7 +386,7 @@ impl core::error::Error for DataError {
             | Self::ColumnLayout { .. }
             | Self::Columns { .. }
             | Self::Problems { .. }
-            | Self::FrictionOfEnergy => None,
+            | Self::NonlinearFrictionInEnergyBalance => None,
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::estimate::QrFactor;
 /// The interior-point method stops at this gap, as a fraction of the objective.
 const TARGET_GAP: f64 = 1e-10;
 /// The gap up to which a result counts as the optimum, as a fraction of the objective.
-pub const OPTIMAL: f64 = 1e-4;
+pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The largest rise of the objective for the sake of closeness to the reference, as a fraction of
 /// the objective.
 const MAX_REFERENCE_COST: f64 = 1e-8;
@@ -95,7 +95,7 @@ impl Physical {
     /// Whether the gap proves that no physical parameters lower the objective by more than 1e-4 of
     /// it.
     pub fn is_optimal(&self) -> bool {
-        self.gap <= OPTIMAL
+        self.gap <= MAX_OPTIMAL_GAP
     }
 }
 

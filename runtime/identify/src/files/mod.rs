@@ -23,7 +23,7 @@ pub use states::{Motion, State, states};
 use crate::feasibility::ParameterLayout;
 use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
-use crate::status::{Shares, Status};
+use crate::status::{EffortContributions, Status};
 
 /// The format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,7 +133,7 @@ impl ParameterFile {
     pub fn new<M: BaseModel<f64> + ?Sized>(
         model: &M,
         found: &IdentifiedModel,
-        shares: &Shares,
+        shares: &EffortContributions,
         least: Vec<LeastSquaresRow>,
         confidence: f64,
     ) -> Result<Self, FileError> {

@@ -45,7 +45,7 @@ pub struct FrictionIntervals {
 /// are computed for each draw.
 ///
 /// - `combinations`, `layout`, `options`: those of the fit;
-/// - `replicates`: the number of draws, see [`REPLICATES`](crate::intervals::REPLICATES);
+/// - `replicates`: the number of draws, see [`DEFAULT_DRAWS`](crate::intervals::DEFAULT_DRAWS);
 /// - `progress`: called with the number of draws done.
 ///
 /// # Errors

@@ -13,7 +13,7 @@ use crate::feasibility::{BaseMap, FeasibilityError, ParameterLayout, Scale, Verd
 
 /// The relative standard deviation in percent below which a parameter counts as well identified
 /// (Khalil and Dombre, 2002; section 5.3).
-pub const WELL: f64 = 15.0;
+pub const WELL_IDENTIFIED_PERCENT: f64 = 15.0;
 
 /// Whether a physical robot has the base parameters of a reduced model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub struct Step {
     pub change: Change,
     /// The indices of the base parameters in the model, ascending.
     pub kept: Vec<usize>,
-    /// The number of well identified base parameters (below [`WELL`] percent); 0 if they are not
+    /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0 if they are not
     /// feasible.
     pub well: usize,
     /// Whether a physical robot has these base parameters.
@@ -211,7 +211,8 @@ impl Search<'_> {
                 (Feasibility::Infeasible, Some(certificate.weights))
             }
         };
-        let certain = (0..kept.len()).filter(|&k| estimate.sigma_percent(k) < WELL);
+        let certain =
+            (0..kept.len()).filter(|&k| estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT);
         let well = match feasibility {
             Feasibility::Feasible => certain.count(),
             _ => 0,
@@ -259,7 +260,7 @@ impl Search<'_> {
 ///
 /// First it leaves out the base parameters that the data do not determine. Then it leaves out the
 /// parameter with the largest relative standard deviation, one at a time, until all are below
-/// [`WELL`] and together feasible; if all are below but infeasible, it leaves out the one with the
+/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves out the one with the
 /// largest weight in the proof of infeasibility. At last it tries each parameter that was left out
 /// again and takes it back if all stay properly identified.
 ///
@@ -338,7 +339,7 @@ pub fn reduce(
         };
         let worst = (0..kept.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)));
         let place = match (worst, &weights) {
-            (Some(k), _) if size(k) >= WELL => {
+            (Some(k), _) if size(k) >= WELL_IDENTIFIED_PERCENT => {
                 change = Change::Uncertain {
                     label: label(kept[k]),
                     sigma: size(k),

@@ -13,7 +13,9 @@ pub mod suspect;
 
 pub use delay::{Delay, Delays};
 pub use equation_builder::{EquationBuilder, EquationKind, Equations, Row};
-pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, Motions, instrumental};
+pub use instruments::{
+    Hausman, InstrumentOptions, Instrumental, Motion, MotionSource, instrumental,
+};
 pub use motion::{Completed, Completion};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;

@@ -23,13 +23,13 @@ pub struct CrossValidation {
 /// Predicts each log with the least-squares parameters of all others.
 ///
 /// # Errors
-/// [`SessionError::OneLog`] for fewer than two logs; when a log cannot be read.
+/// [`SessionError::TooFewLogs`] for fewer than two logs; when a log cannot be read.
 pub fn cross<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
 ) -> Result<Vec<CrossValidation>, SessionError> {
     if logs.len() < 2 {
-        return Err(SessionError::OneLog);
+        return Err(SessionError::TooFewLogs);
     }
     let (model, kind) = (session.model, session.kind);
     let one = |path: &PathBuf| session.open(std::slice::from_ref(path));

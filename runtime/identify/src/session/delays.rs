@@ -16,13 +16,13 @@ const MAX_ROUNDS: usize = 6;
 /// until no further delay is significant.
 ///
 /// # Errors
-/// [`SessionError::DelayOfEnergy`] for energy balances; when a log cannot be read.
+/// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.
 pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
 ) -> Result<Vec<(String, f64)>, SessionError> {
     if session.kind != EquationKind::Forces {
-        return Err(SessionError::DelayOfEnergy);
+        return Err(SessionError::DelaysFromEnergyBalance);
     }
     let options = Options {
         weighting: session.options.weighting,

@@ -21,7 +21,7 @@ pub enum SessionError {
     /// The robot of this name has no joint with nonlinear friction that could be identified.
     NoNonlinearFriction(String),
     /// Fewer than two logs were given for cross-validation.
-    OneLog,
+    TooFewLogs,
     /// QR factors belong to another model.
     Digest {
         /// The index of the factors among those given.
@@ -34,9 +34,9 @@ pub enum SessionError {
         expected: String,
     },
     /// Delays were to be estimated from energy balances, which do not determine them.
-    DelayOfEnergy,
+    DelaysFromEnergyBalance,
     /// No base parameter is well identified.
-    NoneWell,
+    NoWellIdentifiedParameter,
 }
 
 impl fmt::Display for SessionError {
@@ -63,7 +63,7 @@ impl fmt::Display for SessionError {
                     _ => write!(f, "{}` in the spec", words.join("")),
                 }
             }
-            Self::OneLog => f.write_str("logs that predict each other must be two or more"),
+            Self::TooFewLogs => f.write_str("logs that predict each other must be two or more"),
             Self::Digest {
                 robot,
                 found,
@@ -74,10 +74,10 @@ impl fmt::Display for SessionError {
                 "these are factors of {robot} with the digest {found}, the spec's model has \
                  {expected}: observe again with this spec"
             ),
-            Self::DelayOfEnergy => {
+            Self::DelaysFromEnergyBalance => {
                 f.write_str("delays are found from the equations of motion, not from energy")
             }
-            Self::NoneWell => {
+            Self::NoWellIdentifiedParameter => {
                 f.write_str("no base parameter is well identified: excite the robot more")
             }
         }

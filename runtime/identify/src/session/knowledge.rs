@@ -7,7 +7,7 @@ use crate::feasibility::{Body, Bound, Options, ParameterLayout, Prior, SYMBOLS, 
 
 /// How strongly an estimate is drawn to the nominal values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Trust {
+pub enum NominalTrust {
     /// Nominal values are used only for parameters that the data do not determine.
     #[default]
     Open,
@@ -30,7 +30,7 @@ pub struct PriorKnowledge {
     /// Sums of parameters, SI.
     pub totals: Vec<Total>,
     /// How strongly the estimate is drawn to the nominal values.
-    pub trust: Trust,
+    pub trust: NominalTrust,
 }
 
 impl PriorKnowledge {
@@ -54,8 +54,8 @@ impl PriorKnowledge {
             ..Options::default()
         };
         match self.trust {
-            Trust::Open => {}
-            Trust::Entropic(weight) => {
+            NominalTrust::Open => {}
+            NominalTrust::Entropic(weight) => {
                 let complete = |body: &Body| {
                     let values = body.columns.map(|c| options.reference.get(c).copied());
                     values.iter().all(|v| v.flatten().is_some())
@@ -65,7 +65,7 @@ impl PriorKnowledge {
                 }
                 options.entropic = weight;
             }
-            Trust::Weighted(part) => {
+            NominalTrust::Weighted(part) => {
                 options.priors = nominal_priors(layout, &options.reference, part);
                 if options.priors.is_empty() {
                     return Err(SessionError::NoNominal(info.name.to_owned()));

@@ -22,7 +22,7 @@ pub use compare::{LogError, compare, residuals_of};
 pub use cross::{CrossValidation, cross};
 pub use delays::settled_delays;
 pub use error::SessionError;
-pub use knowledge::{PriorKnowledge, Trust};
+pub use knowledge::{NominalTrust, PriorKnowledge};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
 pub use start::{Start, describe, from_factors, from_logs, with_friction};

@@ -7,8 +7,8 @@ use regen_runtime::{BaseModel, Friction, LoopClosure};
 
 use super::{PriorKnowledge, Session, SessionError, Start, describe};
 use crate::feasibility::{
-    BaseMap, OPTIMAL, Options, Outcome, ParameterLayout, Physical, Scale, Verdict, identify,
-    verdict,
+    BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, Physical, Scale, Verdict,
+    identify, verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
 use crate::intervals::{LeastSquares, Spread, constrained};
@@ -231,7 +231,7 @@ fn describe_verdict(judged: &Verdict) -> String {
 
 /// Describes in words whether the gap to the optimum proves optimality.
 fn describe_gap(gap: f64) -> String {
-    if gap <= OPTIMAL {
+    if gap <= MAX_OPTIMAL_GAP {
         format!("the optimum, proven to {gap:.1e}")
     } else {
         format!("NOT proven to be the optimum, gap {gap:.1e}")

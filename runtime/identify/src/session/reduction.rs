@@ -109,14 +109,16 @@ fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
 /// - `correlated`: whether the steps account for the residuals' correlation.
 ///
 /// # Errors
-/// [`SessionError::NoneWell`] if the reduction has no result.
+/// [`SessionError::NoWellIdentifiedParameter`] if the reduction has no result.
 pub fn adopt(
     reduction: &Reduction,
     columns: usize,
     confidence: f64,
     correlated: bool,
 ) -> Result<IdentifiedModel, SessionError> {
-    let step = reduction.result().ok_or(SessionError::NoneWell)?;
+    let step = reduction
+        .result()
+        .ok_or(SessionError::NoWellIdentifiedParameter)?;
     let own = Intervals::of(
         &step.estimate,
         &step.estimate,

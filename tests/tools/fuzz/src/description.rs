@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use regen_codegen::diag::{Report, Source};
 use regen_codegen::interpret;
-use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
+use regen_codegen::pipeline::{BaseSource, DeriveError, derive_with};
 use regen_codegen::spec::{Spec, parse};
 
 /// The text of a file; the reader refuses bytes that are not UTF-8.
@@ -103,8 +103,8 @@ pub fn derive(bytes: &[u8]) {
     };
     let source = Source::new("input.yaml", text);
     // like the macro: with base parameters if these are quick
-    let robot = match derive_with(&source, BaseFrom::Store(None)) {
-        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
+    let robot = match derive_with(&source, BaseSource::Store(None)) {
+        Err(DeriveError::NotStored) => derive_with(&source, BaseSource::Skip),
         other => other,
     };
     let robot = match robot {

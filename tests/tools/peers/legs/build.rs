@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, module};
-use regen_codegen::pipeline::{BaseFrom, derive_with};
+use regen_codegen::pipeline::{BaseSource, derive_with};
 
 /// The same as in `src/main.rs`.
 const LEGS: [usize; 7] = [3, 4, 5, 6, 8, 10, 12];
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut all = String::new();
     for legs in LEGS {
         let source = Source::new("ups.yaml", &platform::ups(legs));
-        let robot = derive_with(&source, BaseFrom::Skip).map_err(|e| format!("{e:?}"))?;
+        let robot = derive_with(&source, BaseSource::Skip).map_err(|e| format!("{e:?}"))?;
         let text = module(&robot, &Options::default());
         writeln!(all, "pub mod ups{legs} {{\n{text}\n}}")?;
     }

@@ -137,7 +137,7 @@ const TOLERANCE_DEVIATIONS: f64 = 1e-3;
 
 /// Callback that returns the motion of the instruments for base parameters, or `None` if it is the
 /// same as in the last call.
-pub type Motions<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
+pub type MotionSource<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
 
 /// Identifies base parameters by instrumental variables.
 ///
@@ -153,7 +153,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &InstrumentOptions,
     source: &mut S,
     start: &[f64],
-    motion: &mut Motions<'_, S::Error>,
+    motion: &mut MotionSource<'_, S::Error>,
 ) -> Result<Instrumental, S::Error> {
     let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
     let mut values = start.to_vec();
