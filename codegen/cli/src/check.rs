@@ -1,4 +1,4 @@
-//! `regen check`: a mechanism in words.
+//! `regen check`: explains a mechanism in words.
 
 use std::fmt::Write as _;
 
@@ -25,7 +25,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     })
 }
 
-/// Statements under a title, each a paragraph.
+/// Appends a title and the statements under it, each as a paragraph; nothing where there are none.
 fn section(out: &mut String, title: &str, lines: &[String]) {
     if lines.is_empty() {
         return;
@@ -99,7 +99,7 @@ fn rests(derived: bool) -> &'static str {
     if derived { "derived" } else { "completed" }
 }
 
-/// Merged parameters, those with one reason and one set of partners together.
+/// Lines on merged parameters: those with the same reason and the same origin share a line.
 fn merged(all: &[Grouped]) -> Vec<String> {
     let mut groups: Vec<(&Option<String>, bool, Vec<&str>)> = Vec::new();
     for one in all {
@@ -143,7 +143,7 @@ struct FactJson<'a> {
     evidence: EvidenceJson,
 }
 
-/// `evidence` is `given`, `exact` or `sampled`; the others are there for `sampled`.
+/// `evidence` is `given`, `exact` or `sampled`; `states` and `digits` are present for `sampled`.
 #[derive(Serialize)]
 struct EvidenceJson {
     evidence: &'static str,

@@ -29,7 +29,7 @@ struct Evaluated {
     base_regressor: Vec<Vec<f64>>,
 }
 
-/// What to write where something else than a list of states was given.
+/// The hint for a file that is valid but holds something else than a list of states.
 const NO_LIST: &str =
     r#"such as [{"q": [...], "qd": [...], "qdd": [...]}]; see `regen eval --help`"#;
 
@@ -156,7 +156,7 @@ fn human(robot: &Robot, results: &[Evaluated]) -> String {
 
 /// The transposed regressor, in blocks of columns that fit the width.
 fn regressor(robot: &Robot, state: &Evaluated) -> String {
-    /// Columns of 11 characters and 2 between, after a label.
+    /// Columns per block: the label, then columns of 11 characters, 2 characters apart.
     const BLOCK: usize = 5;
     let names: Vec<&str> = robot
         .independent

@@ -30,7 +30,7 @@ struct Json<'a> {
 struct LimitJson {
     limit: String,
     bound: f64,
-    /// A part of half the range.
+    /// The smallest distance from the limit, as a part of half its range.
     left: f64,
     time: f64,
 }

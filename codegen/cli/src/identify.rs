@@ -22,13 +22,14 @@ use crate::{
     suspect, table, terminal, write,
 };
 
-/// What the command found.
+/// The result of the command.
 pub(crate) struct Outcome {
     pub(crate) json: Json,
     pub(crate) identified: IdentifiedModel,
 }
 
-/// Below this bound nearly all residuals would count linearly.
+/// The smallest bound of Huber's loss in standard deviations: below it nearly all residuals would
+/// count linearly.
 const MIN_HUBER_BOUND: f64 = 0.1;
 
 /// Runs the command.
@@ -81,7 +82,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     physical::require_optimum(&identified)
 }
 
-/// Identifies a model from what the options name; the last model that is found is adopted.
+/// Identifies a model from the logs or factor files of the options; of several models the last one
+/// is adopted.
 pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
     let session = session(args, model);
     let (start, mut summary) = if args.physical.friction {
@@ -103,7 +105,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     let mut logs: Vec<String> = logs
         .map(|path| predicted::stem(&path.display().to_string()))
         .collect();
-    // what the order does not change, the file does not tell
+    // sorted, so that the order of the logs on the command line does not change the file
     logs.sort();
     identified.provenance = Provenance {
         model: digest(model),
@@ -122,7 +124,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     Ok(Outcome { json, identified })
 }
 
-/// The identification that the options ask for.
+/// The identification session with the settings of the options.
 pub(crate) fn session<'m>(
     args: &IdentifyArgs,
     model: &'m Interpreted<'m>,
@@ -134,7 +136,9 @@ pub(crate) fn session<'m>(
     }
 }
 
-/// Goes on from least squares as asked for: the last model, and whether it is another one.
+/// Computes the models that the options ask for after least squares (physical parameters,
+/// instrumental variables, reduction). Returns the last one, which is adopted, and whether it is
+/// another one than least squares.
 fn models(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -250,7 +254,7 @@ fn factors(
     Ok((start, summary))
 }
 
-/// Least squares from logs, with what looks wrong with them.
+/// Least squares from logs; warns of columns that look wrong.
 fn logs(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -258,7 +262,7 @@ fn logs(
     let model = session.model;
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
     let start = from_logs(session, &mut logs).inspect_err(|error| {
-        // loops that do not close may be two columns that are swapped
+        // loops that do not close may be caused by two swapped columns
         let unusable = matches!(
             error,
             SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
@@ -281,8 +285,8 @@ fn logs(
     Ok((start, summary))
 }
 
-/// Says of which efforts the model explains hardly anything: their columns may be of another joint,
-/// in another unit or dead, whatever the deviations of the parameters say.
+/// Warns of efforts that the model hardly explains: their columns may be of another joint, in
+/// another unit or dead, however small the standard deviations of the parameters are.
 fn note_unexplained(errors: &[EffortError]) {
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
@@ -301,7 +305,7 @@ fn note_unexplained(errors: &[EffortError]) {
     }
 }
 
-/// Says that a log is too short for deviations to be trusted.
+/// Warns where a log is too short for the standard deviations to be trusted.
 pub(crate) fn note_short(deviations: &Deviations) {
     if deviations.short() {
         terminal::note(&format!(

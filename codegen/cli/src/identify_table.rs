@@ -1,4 +1,4 @@
-//! What `regen identify` prints for people.
+//! The tables of `regen identify` for people.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,8 @@ use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
 
-/// Deviations above this many percent of a value say no more than that.
+/// The largest relative standard deviation that is printed, in percent; above it the table says no
+/// more than `>1000`.
 const MOST: f64 = 1000.0;
 
 /// The result as tables of 80 columns.
@@ -163,7 +164,7 @@ fn parameters(file: &ParameterFile) -> String {
     out
 }
 
-/// A standard deviation; a dash where none is known.
+/// A standard deviation; a dash where it is unknown.
 fn deviation(sigma: f64) -> String {
     if sigma.is_finite() {
         table::figure_of(3, sigma)
@@ -172,7 +173,7 @@ fn deviation(sigma: f64) -> String {
     }
 }
 
-/// A part of something in percent.
+/// A percentage with two decimals; a dash where it is unknown.
 fn percent(value: f64) -> String {
     if !value.is_finite() {
         "-".to_owned()
@@ -183,7 +184,8 @@ fn percent(value: f64) -> String {
     }
 }
 
-/// What least squares found where another model was adopted, and how far that is from it.
+/// The least-squares estimates where another model was adopted, and its distance from them in
+/// standard deviations.
 fn least_squares(file: &ParameterFile) -> String {
     let lines: Vec<Vec<String>> = file
         .least_squares
@@ -208,7 +210,7 @@ fn least_squares(file: &ParameterFile) -> String {
     table::columns(&head, &lines)
 }
 
-/// What the adopted model has beyond base parameters.
+/// The physical parameters and the friction of the adopted model.
 fn physical(file: &ParameterFile) -> String {
     let known = file.physical.iter().any(|p| p.sigma.is_finite());
     let rows = file.physical.iter();

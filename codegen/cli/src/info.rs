@@ -44,7 +44,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<(), Failure> {
     })
 }
 
-/// What the JSON states; the operations are those of the regressor.
+/// The JSON of a robot; the operations are those of the regressor.
 pub(crate) fn info(robot: &Robot) -> Info<'_> {
     let operations = robot
         .functions

@@ -1,23 +1,23 @@
-//! Ctrl-C: nothing is left half written, and a search may end with the best so far.
+//! Ctrl-C: removes a half-written file, and lets a search end with the best result so far.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The exit code of a program that was interrupted: 128 and the signal's number.
+/// The exit code of an interrupted program: 128 plus the signal's number.
 const INTERRUPTED: i32 = 130;
 
-/// The temporary file that is being written, if one is.
+/// The temporary file that is being written, or `None`.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
-/// Whether a run ends by itself when it is asked to.
+/// Whether the command ends by itself after the first interrupt.
 static WINDS_DOWN: AtomicBool = AtomicBool::new(false);
-/// Whether it was asked to.
+/// Whether the first interrupt has come.
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// Lets an interrupt remove what was half written, and end the run as a failure.
+/// Installs the handler: an interrupt removes a half-written file and ends the run as a failure.
 pub(crate) fn listen() {
-    // where there is no such handler, the run ends at the signal itself
+    // where no handler can be installed, the signal itself ends the run
     let _ = ctrlc::set_handler(|| {
         if WINDS_DOWN.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
             return;
@@ -31,14 +31,14 @@ pub(crate) fn listen() {
     });
 }
 
-/// From now on the first interrupt only asks, through what is returned; the second one ends the
-/// run.
+/// From now on the first interrupt only sets the returned flag, and the caller ends by itself; the
+/// second one ends the process.
 pub(crate) fn asks() -> &'static AtomicBool {
     WINDS_DOWN.store(true, Ordering::Relaxed);
     &ASKED
 }
 
-/// Names the file that would be half written, or none.
+/// Sets the temporary file that the handler removes; `None` once it is complete.
 pub(crate) fn unfinished(path: Option<&Path>) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         *unfinished = path.map(Path::to_path_buf);

@@ -1,4 +1,4 @@
-//! `regen FILE`, the main job: derive, summarise, write the source, verify it.
+//! `regen FILE`, the main job: derives, summarises, writes the source and verifies it.
 
 use std::collections::BTreeMap;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! The steps of `regen identify --reduce`, in JSON and for people.
+//! The steps of `regen identify --reduce`, as JSON and as a table.
 
 use regen_identify::identifiability::{Reduction, Step};
 use serde::Serialize;

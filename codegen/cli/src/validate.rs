@@ -1,4 +1,4 @@
-//! `regen validate`: the forces of logs predicted from identified parameters.
+//! `regen validate`: predicts the forces of logs from identified parameters.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ struct Json {
     models: Vec<Predicted>,
 }
 
-/// What one set of parameters predicts.
+/// The prediction errors of one set of parameters on all logs.
 #[derive(Serialize)]
 struct Predicted {
     params: String,
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
 fn human(json: &Json) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
     let name = predicted::stem;
-    // as many logs beside each other as fit
+    // the number of logs whose columns fit side by side
     const BLOCK: usize = 5;
     let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
     for (block, titles) in names.chunks(BLOCK).enumerate() {
@@ -136,7 +136,7 @@ fn human(json: &Json) -> String {
     out
 }
 
-/// A share in percent; a dash where there is nothing that it is a share of.
+/// A percentage; a dash where it is undefined, as of efforts that are zero.
 fn percent(share: f64) -> String {
     if share.is_finite() {
         format!("{share:.3}")

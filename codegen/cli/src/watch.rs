@@ -1,4 +1,5 @@
-//! A bar on a terminal's standard error while logs are read and fits are drawn.
+//! A progress bar on standard error, if that is a terminal, while logs are read and fits are
+//! computed.
 
 use std::sync::Mutex;
 
@@ -7,24 +8,24 @@ use regen_identify::session::Monitor;
 
 use crate::progress;
 
-/// Shows work on the terminal, one bar at a time.
+/// The progress bars of long work on the terminal, one at a time.
 pub(crate) struct Terminal {
     shown: Mutex<Option<LocatedDiagnostic>>,
 }
 
 struct LocatedDiagnostic {
     bar: ProgressBar,
-    /// The pass over logs that it shows; none where the work's length is unknown.
+    /// The number of the pass over the logs that the bar shows; `None` for a spinner.
     pass: Option<usize>,
 }
 
-/// The terminal that this process prints on.
+/// The terminal of this process.
 pub(crate) static TERMINAL: Terminal = Terminal {
     shown: Mutex::new(None),
 };
 
 impl Terminal {
-    /// Changes what is shown; nothing is shown where another thread failed while it did.
+    /// Changes the bar; does nothing if another thread panicked while it changed the bar.
     fn with(&self, change: impl FnOnce(&mut Option<LocatedDiagnostic>)) {
         if let Ok(mut shown) = self.shown.lock() {
             change(&mut shown);

@@ -11,11 +11,11 @@ use crate::ReportError;
 /// A chart of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figure {
-    /// Its name without a file's extension: letters, digits and `-`.
+    /// The figure's name, usable as a file name without extension: letters, digits and `-`.
     pub name: String,
-    /// What it shows, in words.
+    /// What the figure shows, in words.
     pub caption: String,
-    /// The drawing, a whole SVG file.
+    /// The drawing, a complete SVG file.
     pub svg: String,
 }
 
@@ -40,7 +40,7 @@ pub(super) const ORANGE: RGBColor = RGBColor(214, 93, 14);
 pub(super) const GREY: RGBColor = RGBColor(110, 117, 125);
 pub(super) const RED: RGBColor = RGBColor(194, 24, 91);
 const INK: RGBColor = RGBColor(28, 32, 36);
-/// For several lines of one kind.
+/// The colours of several lines of one kind.
 pub(super) const DYES: [RGBColor; 6] = [
     BLUE,
     ORANGE,
@@ -50,17 +50,17 @@ pub(super) const DYES: [RGBColor; 6] = [
     RGBColor(141, 110, 32),
 ];
 const WIDTH: u32 = 760;
-/// Points of a drawing in one of the page: coordinates are whole numbers, and lines would show
-/// it.
+/// Drawing units per CSS pixel of the page: SVG coordinates are whole numbers, and lines would look
+/// jagged in whole pixels.
 const FINE: u32 = 8;
 const FONT: &str = "sans-serif";
-/// The room left of a chart for the marks of its axis.
+/// The width left of a chart for the labels of its axis, px.
 const LEFT: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 
-/// Draws on a page of this height.
+/// Draws an SVG of the page's width and this height, px.
 fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, ReportError> {
     let mut svg = String::new();
     {
@@ -74,12 +74,12 @@ fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, R
     Ok(svg.replacen(&head(px(WIDTH), px(height)), &head(WIDTH, height), 1))
 }
 
-/// A length in points of the drawing.
+/// A length of the page, px, in drawing units.
 fn px(length: u32) -> u32 {
     length * FINE
 }
 
-/// A place in points of the drawing.
+/// A place on the page, px, in drawing units.
 fn at(x: u32, y: u32) -> (i32, i32) {
     let place = |v: u32| i32::try_from(px(v)).unwrap_or(i32::MAX);
     (place(x), place(y))
@@ -89,7 +89,7 @@ fn letters() -> TextStyle<'static> {
     (FONT, px(12)).into_font().color(&INK)
 }
 
-/// What stands for a series in its legend.
+/// The symbol of a series in a legend.
 #[derive(Clone, Copy)]
 enum Sign {
     Line(RGBColor),
@@ -97,16 +97,16 @@ enum Sign {
     Ring(RGBColor),
 }
 
-/// The width of a text: letters are about seven points wide.
+/// The approximate width of a text, px: letters are about seven pixels wide.
 fn width(text: &str) -> u32 {
     7 * u32::try_from(text.chars().count()).unwrap_or(0)
 }
 
-/// The height of a legend's row.
+/// The height of a row of a legend, px.
 const ROW: u32 = 18;
 
-/// Where the entries of a legend stand, from this left margin: as many beside each other as fit
-/// the page, and the rows that takes.
+/// Lays out the entries of a legend from this left margin, as many per row as fit the page: their
+/// places, px, and the number of rows.
 fn placed(left: u32, entries: &[(String, Sign)]) -> (Vec<(u32, u32)>, u32) {
     let (mut x, mut row) = (left, 0);
     let places = entries
@@ -124,7 +124,7 @@ fn placed(left: u32, entries: &[(String, Sign)]) -> (Vec<(u32, u32)>, u32) {
     (places, row + 1)
 }
 
-/// Rows of signs with their names above a chart, which cover nothing.
+/// Draws a legend in rows above a chart, so that it covers nothing.
 fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
     let places = placed(left, entries).0;
     for ((text, sign), (x, y)) in entries.iter().zip(places) {
@@ -144,7 +144,7 @@ fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
     Ok(())
 }
 
-/// What lines have in a legend.
+/// The legend entries of lines that have a label.
 fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
     let named = lines.iter().filter(|l| !l.label.is_empty());
     named
@@ -155,14 +155,14 @@ fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
         .collect()
 }
 
-/// Lines over time or another quantity, with a legend.
+/// A chart of lines over time or another quantity, with a legend.
 pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, ReportError> {
-    // further rows of the legend take nothing from the chart
+    // further rows of the legend enlarge the drawing, not shrink the chart
     let more = ROW * (placed(LEFT, &entries(lines)).1 - 1);
     drawn(height + more, |area| panel(area, x, y, lines, true))
 }
 
-/// Lines, and below them others at the same times.
+/// A chart of lines, and below it another one at the same times.
 pub(super) fn two_panels(
     x: &str,
     y: [&str; 2],
@@ -225,13 +225,13 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
     legend(area, LEFT, &entries)
 }
 
-/// Singular values by number over a logarithmic axis, and the certified rank.
+/// Singular values by their number, on a logarithmic axis, with the certified rank.
 pub(super) fn spectrum(
     all: &[f64],
     base: &[f64],
     rank: Option<usize>,
 ) -> Result<String, ReportError> {
-    /// What is less is rounding.
+    /// The smallest value drawn: smaller ones are rounding.
     const FLOOR: f64 = 1e-18;
     drawn(300, |area| {
         let count = all.len().max(base.len()).max(1);
@@ -281,20 +281,20 @@ pub(super) fn spectrum(
     })
 }
 
-/// A bar of a relative deviation.
+/// A bar of a relative standard deviation.
 pub(super) struct Bar {
     pub(super) label: String,
-    /// NaN where none is known: no bar is drawn.
+    /// The deviation in percent; NaN where it is unknown, and no bar is drawn.
     pub(super) percent: f64,
     pub(super) dye: RGBColor,
 }
 
-/// Relative standard deviations in percent, as bars over a logarithmic axis with the bound of
-/// those that are well identified.
+/// A bar chart of relative standard deviations in percent, on a logarithmic axis, with the bound
+/// below which parameters are well identified.
 pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError> {
     let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
     let longest = rows.iter().map(|row| width(&row.label)).max().unwrap_or(0);
-    // long names leave the bars at least half of the page
+    // the bars have at least half of the page, however long the names are
     let margin = (12 + longest).clamp(96, WIDTH / 2);
     drawn(height, |area| {
         let (lo, hi) = (0.01, 1e4);
@@ -335,7 +335,7 @@ pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError
     })
 }
 
-/// The range of finite values with a margin; around a single value too.
+/// The range of the finite values, widened by a margin; never empty, also for a single value.
 fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
     for v in values.filter(|v| v.is_finite()) {
@@ -352,7 +352,7 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     lo - margin * size..hi + margin * size
 }
 
-/// Decimals that tell the marks of an axis apart.
+/// The decimals needed to distinguish the labels of an axis.
 fn decimals(range: &Range<f64>) -> usize {
     let step = (range.end - range.start) / 8.0;
     #[allow(clippy::cast_sign_loss, reason = "clamped")]
@@ -362,7 +362,7 @@ fn decimals(range: &Range<f64>) -> usize {
 
 fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
-    // no negative zeros
+    // no negative zero
     let text = if text
         .trim_start_matches('-')
         .chars()

@@ -1,4 +1,4 @@
-//! The figures of a report from what was gathered.
+//! Draws the figures of a report.
 
 use regen_runtime::{Limits, Motion};
 
@@ -10,12 +10,12 @@ use regen_identify::model::IdentifiedModel;
 use regen_identify::status::{Status, WELL_IDENTIFIED_PERCENT};
 use regen_interpreted::Interpreted;
 
-/// Points of a line at most: more is not seen, and makes pages heavy.
+/// The largest number of points of a line: more cannot be distinguished, and makes pages large.
 const POINTS: usize = 1500;
-/// Points of a curve.
+/// The number of points of a friction curve in each direction.
 const CURVE: usize = 200;
 
-/// Column `k` of rows of this width over time, thinned.
+/// Column `k` over time, of a row-major table with `width` columns, thinned to [`POINTS`].
 fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> {
     let stride = t.len().div_ceil(POINTS).max(1);
     let values = values.iter().skip(k).step_by(width.max(1));
@@ -23,14 +23,14 @@ fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> 
     points.step_by(stride).collect()
 }
 
-/// A name that is good in a file's name too.
+/// A name with every character replaced that might be wrong in a file's name.
 fn slug(name: &str) -> String {
     let keep = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(keep).collect()
 }
 
-/// Positions and velocities of the independent coordinates beside their limits, those of one
-/// unit together.
+/// Positions and velocities of the independent coordinates with their limits; a figure for each
+/// quantity and unit.
 pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
     type Of = fn(&Limits) -> Option<[f64; 2]>;
     let info = model.info();
@@ -98,7 +98,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     Ok(figures)
 }
 
-/// Forces measured and predicted, and below them what is left.
+/// Measured and predicted efforts of each independent coordinate, with the residuals below.
 pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
@@ -141,9 +141,9 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     Ok(figures)
 }
 
-/// Friction of each independent coordinate that has coefficients, linear or not: the
-/// curve over the velocities that were reached, and what the rest of the model leaves of the
-/// measured efforts.
+/// Friction of each independent coordinate that has friction coefficients, linear or not: the
+/// identified curve over the velocities reached, and the measured efforts less the rest of the
+/// model.
 pub(super) fn friction(
     model: &Interpreted<'_>,
     seen: &Seen,
@@ -178,7 +178,7 @@ pub(super) fn friction(
             };
             let viscous = fv.or(own_v).unwrap_or(0.0);
             let coulomb = fc.or(own_c).unwrap_or(0.0);
-            // nothing is left at rest
+            // no friction at rest
             let sign = if v > 0.0 {
                 1.0
             } else if v < 0.0 {
@@ -238,7 +238,7 @@ pub(super) fn friction(
     Ok(figures)
 }
 
-/// The singular values with the certified rank.
+/// The singular values of the regressor, with the certified rank.
 pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Figure, ReportError> {
     let rank = model.base_info().certificate.map(|c| c.rank);
     Ok(Figure {
@@ -249,7 +249,7 @@ pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Fig
     })
 }
 
-/// The relative deviations.
+/// The relative standard deviations of the parameters.
 pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, ReportError> {
     let rows: Vec<Bar> = file
         .parameters

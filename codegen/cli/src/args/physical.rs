@@ -1,4 +1,4 @@
-//! What `regen identify` may be told beyond least squares.
+//! The options of `regen identify` for physical parameters, friction and model reduction.
 
 use std::path::PathBuf;
 use std::str::FromStr;

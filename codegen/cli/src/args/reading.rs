@@ -1,4 +1,4 @@
-//! How logs are read, for all commands that do.
+//! The options for reading logs, shared by all commands that read them.
 
 use clap::{Args, ValueEnum};
 

@@ -1,5 +1,5 @@
-//! One model, one prediction: whatever is asked for, the base parameters, the physical parameters
-//! and everything that is printed or written are of the same model.
+//! Tests that all outputs describe one model: with any options, the base parameters, the physical
+//! parameters and everything printed or written are of the same model.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,13 +22,13 @@ use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 
-/// What base and physical predictions may differ by, of the largest effort.
+/// The largest difference of base and physical predictions, relative to the largest effort.
 const SAME: f64 = 1e-9;
 
-/// Logs that were made so far.
+/// The number of logs made so far, which makes file names unique.
 static MADE: AtomicUsize = AtomicUsize::new(0);
 
-/// A robot with a log of it, which has noise: constraints are active then.
+/// A robot with a noisy log of it: noise makes constraints active.
 struct Tried {
     source: Source,
     robot: Robot,
@@ -37,7 +37,7 @@ struct Tried {
 }
 
 impl Tried {
-    /// - `samples`: over one period of the motion, 5 s.
+    /// - `samples`: the number of samples over one period of the motion, 5 s.
     fn new(name: &str, samples: usize, change: impl Fn(String) -> String) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let path = root.join(name).with_extension("yaml");
@@ -56,7 +56,7 @@ impl Tried {
             for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
                 *tau += 0.02 * largest * normal(&mut random);
             }
-            // tests run side by side
+            // tests run in parallel
             let number = MADE.fetch_add(1, Ordering::Relaxed);
             let file = format!("one-{}-{number}.csv", name.replace('/', "-"));
             let log = scratch(&file, &csv(&model, &rows));
@@ -75,7 +75,7 @@ impl Tried {
             "regen identify {} {} --fourier {FREQUENCY},{HARMONICS} {options} {}",
             self.source.name,
             self.log.display(),
-            // an interval of few draws is rough, but holds its value all the same
+            // an interval from few draws is rough, but must contain its value all the same
             if options.contains("--f") {
                 "--draws 6"
             } else {
@@ -89,7 +89,7 @@ impl Tried {
         }
     }
 
-    /// Everything that must agree after `regen identify` with these options.
+    /// Checks everything that must agree after `regen identify` with these options.
     #[track_caller]
     fn holds(&self, options: &str) {
         let terms = BaseTerms::new(&self.robot);
@@ -100,7 +100,7 @@ impl Tried {
             solve(&args, &model).unwrap_or_else(|error| panic!("{what}: {error}"));
         self.predictions_are_one(&model, &identified, &what);
 
-        // what is read from the file is the model, to the bit
+        // the model read from the file is the same to the bit
         let number = MADE.fetch_add(1, Ordering::Relaxed);
         let named = |ending: &str| format!("one-{number}.{ending}");
         let out = scratch(
@@ -120,7 +120,7 @@ impl Tried {
             identified.beta
         );
 
-        // so is what is printed
+        // the printed values are the same too
         let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
@@ -140,7 +140,7 @@ impl Tried {
                 lines.any(|l| l.contains(&figure)),
                 "{what}: {label}\n{human}"
             );
-            // a value lies in its own interval
+            // a value lies in its interval
             if let (Some(low), Some(high)) = (row["low"].as_f64(), row["high"].as_f64()) {
                 assert!(low <= *value && *value <= high, "{what}: {row}");
             }
@@ -149,12 +149,12 @@ impl Tried {
             let rows = printed["physical"].as_array().unwrap();
             let values: Vec<f64> = rows.iter().map(|r| r["value"].as_f64().unwrap()).collect();
             assert_eq!(&values, phi, "{what}");
-            // it checks by itself that all values read back
+            // `spec` itself checks that all values read back
             outputs::spec(&self.source, &model, &identified)
                 .unwrap_or_else(|error| panic!("{what}: {error}"));
         }
 
-        // and the constants
+        // the Rust constants are the same
         let rust = regen_identify::files::rust_constants(&model, &identified, None).unwrap();
         let number = |line: &str| -> Option<f64> { line.trim().split_once(", //")?.0.parse().ok() };
         let numbers: Vec<f64> = rust.lines().filter_map(number).collect();
@@ -164,7 +164,7 @@ impl Tried {
             .chain(identified.phi.iter().flatten());
         assert_eq!(numbers, expected.copied().collect::<Vec<f64>>(), "{what}");
 
-        // what the summary says of the log is what the file predicts of it
+        // the errors that the summary states of the log are those of the model in the file
         let mut log =
             observe::open(&model, std::slice::from_ref(&self.log), &args.reading).unwrap();
         let kind = observe::kind(&args.reading);
@@ -179,7 +179,7 @@ impl Tried {
         assert!((told - own).abs() <= SAME * told, "{what}: {told} {own}");
     }
 
-    /// The forces of base parameters are those of the physical parameters.
+    /// The base parameters predict the same forces as the physical parameters.
     #[track_caller]
     fn predictions_are_one(&self, model: &Interpreted<'_>, found: &IdentifiedModel, what: &str) {
         let Some(phi) = &found.phi else {
@@ -203,7 +203,7 @@ impl Tried {
     }
 }
 
-/// Options of every kind of model.
+/// Options that give every kind of model.
 const ALL: [&str; 11] = [
     "",
     "--weighting equal",
@@ -218,7 +218,7 @@ const ALL: [&str; 11] = [
     "--iv",
 ];
 
-/// With nominal values and labels of its own.
+/// Checks options that need the robot's nominal values and labels.
 fn constrained(robot: &Tried) {
     let nominal: BTreeMap<&str, f64> = robot
         .robot
@@ -283,11 +283,11 @@ fn nonlinear_frictions_models_are_one() {
     }
 }
 
-/// Small robots, arms and platforms: one model each way.
+/// Small robots, arms and platforms, with each of the options.
 #[track_caller]
 fn models_are_one(names: &[&str], options: &[&str]) {
     for name in names {
-        // so few samples as still determine all parameters: the test shall be cheap
+        // as few samples as still determine all parameters, to make the test cheap
         let robot = Tried::new(&format!("robots/{name}"), 60, |text| text);
         for options in options {
             robot.holds(options);
@@ -308,7 +308,8 @@ fn trees_and_platforms_models_are_one() {
     models_are_one(&["tree_branch", "delta", "palletiser"], &["--feasible"]);
 }
 
-/// A fit with every constraint at once, which an arm's efforts and weights may pull at.
+/// Options of a fit with every constraint at once, for a robot whose efforts and weights may work
+/// against them.
 fn all_at_once(robot: &Tried) -> String {
     let mass = |k: usize| {
         let label = format!("m({})", robot.robot.bodies[k]);
@@ -329,8 +330,8 @@ fn all_at_once(robot: &Tried) -> String {
     )
 }
 
-/// Large robots, whose equations the interpreter takes long for: so few samples as leave the fit
-/// an optimum, and a physical fit without and with all else.
+/// Large robots, whose equations take the interpreter long: as few samples as still give the fit an
+/// optimum, and a physical fit without and with all other options.
 #[track_caller]
 fn large_robots_models_are_one(names: &[&str]) {
     for name in names {
@@ -355,7 +356,7 @@ fn large_platforms_models_are_one() {
     large_robots_models_are_one(&["3prs", "linear_delta", "hybrid"]);
 }
 
-/// Six loops: each option takes ten seconds, so that all of them are one.
+/// Six loops: one option takes ten seconds, so all options are combined in one run.
 #[test]
 fn a_stewart_platforms_models_are_one() {
     let robot = Tried::new("robots/stewart", 24, |text| text);
@@ -363,9 +364,9 @@ fn a_stewart_platforms_models_are_one() {
     robot.holds(&all_at_once(&robot));
 }
 
-/// What the spec says of the base: parameters and forms that are zero, bodies that are equal,
-/// and base parameters that are dropped. All of it is true of the nominal bodies but for the
-/// last, of which the log knows better.
+/// The choices about base parameters in the spec: parameters and forms that are zero, bodies that
+/// are equal, and base parameters that are dropped. All of them are true of the nominal bodies but
+/// the last, which the log contradicts.
 #[test]
 fn models_with_choices_about_the_base_are_one() {
     let five = |base: &str| {
