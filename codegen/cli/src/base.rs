@@ -58,7 +58,7 @@ fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, F
 
 /// The JSON of `regen base`.
 #[derive(Serialize)]
-struct Json<'a> {
+struct BaseJson<'a> {
     robot: &'a str,
     parameters: Vec<&'a str>,
     rank: usize,
@@ -128,13 +128,13 @@ struct CertificateJson {
     largest_dropped: f64,
 }
 
-fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> Json<'a> {
+fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> BaseJson<'a> {
     let base = &analysis.base;
     let rows = |dropped: bool| -> Vec<Row<'a>> {
         let rows = base.parameters.iter().filter(|p| p.dropped == dropped);
         rows.map(|p| row(robot, p)).collect()
     };
-    Json {
+    BaseJson {
         robot: &robot.name,
         parameters: robot.labels(),
         rank: base.rank(),

@@ -20,7 +20,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     working.finish_and_clear();
     let explanation = explanation?;
     terminal::print(&match args.format {
-        Format::Human => human(&explanation),
+        Format::Human => to_text(&explanation),
         Format::Json => table::json(&json(&explanation)),
     })
 }
@@ -48,7 +48,7 @@ fn facts(facts: &[Fact]) -> Vec<String> {
     facts.iter().map(line).collect()
 }
 
-fn human(explanation: &Explanation) -> String {
+fn to_text(explanation: &Explanation) -> String {
     let mut out = table::paragraph(&format!(
         "{}: a mechanism of mobility {}",
         explanation.robot, explanation.mobility
@@ -69,10 +69,10 @@ fn human(explanation: &Explanation) -> String {
     let unseen: Vec<String> = unseen
         .map(|unseen| {
             let parameters = unseen.parameters.join(" ");
-            let rests = rests(unseen.derived);
+            let provenance = provenance(unseen.derived);
             match &unseen.reason {
-                Some(reason) => format!("{parameters}: {reason} ({rests})"),
-                None => format!("{parameters}: no motion shows it ({rests})"),
+                Some(reason) => format!("{parameters}: {reason} ({provenance})"),
+                None => format!("{parameters}: no motion shows it ({provenance})"),
             }
         })
         .collect();
@@ -95,7 +95,7 @@ fn human(explanation: &Explanation) -> String {
     out
 }
 
-fn rests(derived: bool) -> &'static str {
+fn provenance(derived: bool) -> &'static str {
     if derived { "derived" } else { "completed" }
 }
 
@@ -113,17 +113,17 @@ fn merged(all: &[Grouped]) -> Vec<String> {
     }
     let line = |(reason, derived, parameters): &(&Option<String>, bool, Vec<&str>)| {
         let parameters = parameters.join(" ");
-        let rests = rests(*derived);
+        let provenance = provenance(*derived);
         match reason {
-            Some(reason) => format!("{parameters}: {reason} ({rests})"),
-            None => format!("{parameters}: no reason can be named ({rests})"),
+            Some(reason) => format!("{parameters}: {reason} ({provenance})"),
+            None => format!("{parameters}: no reason can be named ({provenance})"),
         }
     };
     groups.iter().map(line).collect()
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct ExplanationJson<'a> {
     robot: &'a str,
     mobility: usize,
     coordinates: Vec<FactJson<'a>>,
@@ -201,9 +201,9 @@ fn list(facts: &[Fact]) -> Vec<FactJson<'_>> {
     all
 }
 
-fn json(explanation: &Explanation) -> Json<'_> {
+fn json(explanation: &Explanation) -> ExplanationJson<'_> {
     let body = |b: &'_ BodyMotion| (words(b.freedom).to_owned(), evidence(b.evidence));
-    Json {
+    ExplanationJson {
         robot: &explanation.robot,
         mobility: explanation.mobility,
         coordinates: list(&explanation.coordinates),
@@ -228,7 +228,7 @@ fn json(explanation: &Explanation) -> Json<'_> {
             .map(|u| UnseenJson {
                 parameters: &u.parameters,
                 reason: u.reason.as_deref(),
-                rests_on: rests(u.derived),
+                rests_on: provenance(u.derived),
             })
             .collect(),
         only_together: explanation
@@ -238,7 +238,7 @@ fn json(explanation: &Explanation) -> Json<'_> {
                 parameter: &m.parameter,
                 with: &m.with,
                 reason: m.reason.as_deref(),
-                rests_on: rests(m.derived),
+                rests_on: provenance(m.derived),
             })
             .collect(),
         at_these_values: list(&explanation.values),

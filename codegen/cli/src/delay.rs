@@ -27,14 +27,14 @@ pub(crate) fn corrected(
 
 /// Lines on delays: those that were corrected, and those that differ from zero by more than three
 /// of their standard deviations.
-pub(crate) fn human(found: &Delays, corrected: &[(String, f64)]) -> String {
+pub(crate) fn to_text(found: &Delays, corrected: &[(String, f64)]) -> String {
     let mut out = String::new();
     let milliseconds = |seconds: f64| table::figure(1e3 * seconds);
     for (name, seconds) in corrected {
         let text = format!("of {name} corrected by {} ms", milliseconds(*seconds));
         out.push_str(&table::field("delay", &text));
     }
-    let told = |delay: &Delay, who: &str| {
+    let line = |delay: &Delay, who: &str| {
         let side = if delay.seconds > 0.0 { "late" } else { "early" };
         let size = milliseconds(delay.seconds.abs());
         let sigma = milliseconds(delay.sigma);
@@ -45,7 +45,7 @@ pub(crate) fn human(found: &Delays, corrected: &[(String, f64)]) -> String {
     };
     let whole = found.common.as_ref().filter(|d| d.is_significant());
     if let Some(all) = whole {
-        out.push_str(&told(all, "all efforts are logged"));
+        out.push_str(&line(all, "all efforts are logged"));
     }
     for delay in &found.efforts {
         let own = match whole {
@@ -54,7 +54,7 @@ pub(crate) fn human(found: &Delays, corrected: &[(String, f64)]) -> String {
             None => delay.is_significant(),
         };
         if own {
-            out.push_str(&told(delay, &format!("{} is logged", delay.effort)));
+            out.push_str(&line(delay, &format!("{} is logged", delay.effort)));
         }
     }
     if !out.is_empty() && corrected.is_empty() {

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<(), Failure> {
         results.push(evaluate(&model, motion, k + 1)?);
     }
     terminal::print(&match args.format {
-        Format::Human => human(&robot, &results),
+        Format::Human => to_text(&robot, &results),
         Format::Json => table::json(&results),
     })
 }
@@ -124,7 +124,7 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
     })
 }
 
-fn human(robot: &Robot, results: &[Evaluated]) -> String {
+fn to_text(robot: &Robot, results: &[Evaluated]) -> String {
     let mut out = String::new();
     for (k, state) in results.iter().enumerate() {
         let _ = writeln!(

@@ -47,7 +47,7 @@ pub(crate) struct Entry {
 
 impl Entry {
     /// Writes the expected text, or removes a file that should not exist.
-    pub(crate) fn mend(&self) -> Result<(), Failure> {
+    pub(crate) fn write(&self) -> Result<(), Failure> {
         match (&self.state, &self.text) {
             (State::Current, _) => Ok(()),
             (_, Some(text)) => write::atomically(&self.path, text),
@@ -57,7 +57,7 @@ impl Entry {
     }
 
     /// Reads the file again and compares it with the expected text.
-    pub(crate) fn holds(&self) -> Result<bool, Failure> {
+    pub(crate) fn is_current(&self) -> Result<bool, Failure> {
         let found = read_if_there(&self.path)?;
         Ok(found.as_ref() == self.text.as_ref())
     }
@@ -69,11 +69,11 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let entries = compare(derive(&files)?, &dir, whole)?;
     if !args.check {
         for entry in &entries {
-            entry.mend()?;
+            entry.write()?;
         }
     }
     terminal::print(&match args.format {
-        Format::Human => human(&entries, args.check),
+        Format::Human => to_text(&entries, args.check),
         Format::Json => json(&entries),
     })?;
     let wrong = entries.iter().filter(|e| e.state != State::Current).count();
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
         return Err(Failure::Check(format!(
             "{wrong} of {} files are not what regen writes; mend them with\n  {}",
             entries.len(),
-            mending(args)
+            update_command(args)
         )));
     }
     Ok(())
@@ -102,7 +102,7 @@ fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure
 }
 
 /// The command that would update the files that `--check` found out of date.
-fn mending(args: &GenerateArgs) -> String {
+fn update_command(args: &GenerateArgs) -> String {
     let mut command = if args.files.is_empty() && args.out.is_none() {
         "cargo run --release --bin regen -- generate".to_owned()
     } else {
@@ -282,7 +282,7 @@ fn state(found: Option<&str>, text: &str) -> State {
     }
 }
 
-fn human(entries: &[Entry], check: bool) -> String {
+fn to_text(entries: &[Entry], check: bool) -> String {
     let mut out = String::new();
     for entry in entries {
         let path = entry.path.display();

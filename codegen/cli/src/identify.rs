@@ -15,8 +15,8 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identify_json::{Json, ModelJson, Summary};
-use crate::identify_table::human;
+use crate::identify_json::{IdentifyJson, ModelJson, Summary};
+use crate::identify_table::to_text;
 use crate::{
     delay, identify_iv, load, observe, outputs, parameters, physical, predicted, reduce, report,
     suspect, table, terminal, write,
@@ -24,7 +24,7 @@ use crate::{
 
 /// The result of the command.
 pub(crate) struct Outcome {
-    pub(crate) json: Json,
+    pub(crate) json: IdentifyJson,
     pub(crate) identified: IdentifiedModel,
 }
 
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     report::of_identified(args, &robot, &model, &json.file, &identified)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
@@ -120,7 +120,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     };
     let shares = EffortContributions::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
-    let json = Json { file, summary };
+    let json = IdentifyJson { file, summary };
     Ok(Outcome { json, identified })
 }
 
@@ -268,7 +268,7 @@ fn logs(
             SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
         );
         if unusable {
-            suspect::tell(args, model, logs.logs(), None);
+            suspect::warn(args, model, logs.logs(), None);
         }
     })?;
     observe::note_problems(&start.reports);
@@ -278,7 +278,7 @@ fn logs(
     note_unexplained(&start.errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::delays(&args.reading);
-    summary.suspicions = suspect::tell(args, model, logs.logs(), Some(&start.used));
+    summary.suspicions = suspect::warn(args, model, logs.logs(), Some(&start.used));
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;
     }

@@ -117,7 +117,7 @@ impl InstrumentsJson {
     }
 
     /// The table for people.
-    pub(crate) fn human(&self) -> String {
+    pub(crate) fn to_text(&self) -> String {
         let mut text = self.motion.clone();
         if let Some(cutoff) = self.cutoff {
             let _ = write!(text, ", below {} Hz", table::figure_of(3, cutoff));

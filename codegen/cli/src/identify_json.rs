@@ -14,7 +14,7 @@ use crate::suspect::Suspicion;
 /// The JSON of `regen identify`: the parameter file of the adopted model, and the summary of the
 /// fit.
 #[derive(Serialize)]
-pub(crate) struct Json {
+pub(crate) struct IdentifyJson {
     #[serde(flatten)]
     pub(crate) file: ParameterFile,
     #[serde(flatten)]

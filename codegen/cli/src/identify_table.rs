@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::identify_json::{Json, Summary};
+use crate::identify_json::{IdentifyJson, Summary};
 use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;
@@ -10,10 +10,10 @@ use regen_identify::status::{self, Status};
 
 /// The largest relative standard deviation that is printed, in percent; above it the table says no
 /// more than `>1000`.
-const MOST: f64 = 1000.0;
+const MAX_PRINTED_PERCENT: f64 = 1000.0;
 
 /// The result as tables of 80 columns.
-pub(crate) fn human(json: &Json) -> String {
+pub(crate) fn to_text(json: &IdentifyJson) -> String {
     let (file, summary) = (&json.file, &json.summary);
     let mut out = format!(
         "{}, {} parameters from {} equations\n",
@@ -39,9 +39,9 @@ pub(crate) fn human(json: &Json) -> String {
     if let Some(left) = &summary.left_out {
         out.push_str(&observe::resting(left));
     }
-    out.push_str(&delay::human(&summary.delays, &summary.corrected_delays));
+    out.push_str(&delay::to_text(&summary.delays, &summary.corrected_delays));
     if let Some(instruments) = &summary.instruments {
-        out.push_str(&instruments.human());
+        out.push_str(&instruments.to_text());
     }
     out.push('\n');
     out.push_str(&efforts(summary));
@@ -57,7 +57,7 @@ pub(crate) fn human(json: &Json) -> String {
     }
     if !summary.reduction.is_empty() {
         out.push_str("\n  the reduction, step by step\n");
-        out.push_str(&reduce::human(&summary.reduction));
+        out.push_str(&reduce::to_text(&summary.reduction));
     }
     if !summary.models.is_empty() {
         out.push('\n');
@@ -74,7 +74,7 @@ pub(crate) fn human(json: &Json) -> String {
             .collect();
         if summary.models.iter().any(|m| !m.logs.is_empty()) {
             out.push('\n');
-            out.push_str(&predicted::human("eps_RA in percent", &rows));
+            out.push_str(&predicted::to_text("eps_RA in percent", &rows));
         }
     }
     if !summary.cross.is_empty() {
@@ -177,8 +177,8 @@ fn deviation(sigma: f64) -> String {
 fn percent(value: f64) -> String {
     if !value.is_finite() {
         "-".to_owned()
-    } else if value > MOST {
-        format!(">{MOST:.0}")
+    } else if value > MAX_PRINTED_PERCENT {
+        format!(">{MAX_PRINTED_PERCENT:.0}")
     } else {
         format!("{value:.2}")
     }

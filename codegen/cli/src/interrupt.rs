@@ -11,15 +11,15 @@ const INTERRUPTED: i32 = 130;
 /// The temporary file that is being written, or `None`.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// Whether the command ends by itself after the first interrupt.
-static WINDS_DOWN: AtomicBool = AtomicBool::new(false);
+static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
 /// Whether the first interrupt has come.
-static ASKED: AtomicBool = AtomicBool::new(false);
+static INTERRUPT_SEEN: AtomicBool = AtomicBool::new(false);
 
 /// Installs the handler: an interrupt removes a half-written file and ends the run as a failure.
 pub(crate) fn listen() {
     // where no handler can be installed, the signal itself ends the run
     let _ = ctrlc::set_handler(|| {
-        if WINDS_DOWN.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
+        if ENDS_BY_ITSELF.load(Ordering::Relaxed) && !INTERRUPT_SEEN.swap(true, Ordering::Relaxed) {
             return;
         }
         if let Ok(unfinished) = UNFINISHED.lock()
@@ -33,13 +33,13 @@ pub(crate) fn listen() {
 
 /// From now on the first interrupt only sets the returned flag, and the caller ends by itself; the
 /// second one ends the process.
-pub(crate) fn asks() -> &'static AtomicBool {
-    WINDS_DOWN.store(true, Ordering::Relaxed);
-    &ASKED
+pub(crate) fn flag() -> &'static AtomicBool {
+    ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
+    &INTERRUPT_SEEN
 }
 
 /// Sets the temporary file that the handler removes; `None` once it is complete.
-pub(crate) fn unfinished(path: Option<&Path>) {
+pub(crate) fn set_unfinished(path: Option<&Path>) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         *unfinished = path.map(Path::to_path_buf);
     }

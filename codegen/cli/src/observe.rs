@@ -17,7 +17,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen observe`.
 #[derive(Serialize)]
-struct Json<'a> {
+struct ObserveJson<'a> {
     robot: &'a str,
     model: &'a str,
     kind: &'a str,
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
-    let json = Json {
+    let json = ObserveJson {
         robot: &set.robot,
         model: &set.model,
         kind: &set.kind,
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     terminal::note(&format!("{}: written", args.out.display()));
     Ok(())
@@ -106,7 +106,7 @@ fn rows(set: &FactorSet) -> Vec<Rows<'_>> {
     rows.collect()
 }
 
-fn human(json: &Json<'_>) -> String {
+fn to_text(json: &ObserveJson<'_>) -> String {
     let efforts = json.efforts.iter();
     let lines: Vec<Vec<String>> = efforts
         .map(|e| vec![e.name.to_owned(), e.rows.to_string()])

@@ -12,7 +12,7 @@ use regen_interpreted::Interpreted;
 
 /// The largest difference, relative to the largest parameter, between a value and the same value
 /// read back from the written spec: moments are converted to the centre of mass and back.
-const KEPT: f64 = 1e-9;
+const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 
 /// The spec's text with `bodies:` and the joints' `nominal:` values replaced by those of a physical
 /// model; the rest of the text stays.
@@ -71,7 +71,9 @@ pub(crate) fn spec(
         let value = robot.nominal.get(k).copied().flatten();
         let skipped =
             parameter.owner.contains('.') && several(&format!("{} of ", parameter.name()));
-        if !skipped && !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
+        if !skipped
+            && !value.is_some_and(|v| (v - exact).abs() <= MAX_RELATIVE_DIFFERENCE * largest)
+        {
             return Err(wrong(format!("{parameter} reads back as {value:?}")));
         }
     }

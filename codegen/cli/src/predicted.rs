@@ -7,7 +7,7 @@ use regen_identify::session::LogError;
 use crate::table;
 
 /// The table for people: a row for each model, a column for each log.
-pub(crate) fn human(title: &str, rows: &[(String, &[LogError])]) -> String {
+pub(crate) fn to_text(title: &str, rows: &[(String, &[LogError])]) -> String {
     // the number of logs whose columns fit side by side
     const BLOCK: usize = 4;
     let mut out = String::new();

@@ -36,7 +36,7 @@ pub(crate) struct Later {
 }
 
 /// Time after which the bar appears.
-const LONG: Duration = Duration::from_secs(2);
+const SHOWN_AFTER: Duration = Duration::from_secs(2);
 
 /// A delayed bar for work that starts now.
 pub(crate) fn later(what: &'static str) -> Later {
@@ -50,7 +50,7 @@ pub(crate) fn later(what: &'static str) -> Later {
 impl Later {
     /// Sets how many of all parts are done, and shows the bar once the work has taken long.
     pub(crate) fn at(&self, done: usize, all: usize) {
-        if self.since.elapsed() < LONG {
+        if self.since.elapsed() < SHOWN_AFTER {
             return;
         }
         let mut bar = self.bar.borrow_mut();

@@ -31,7 +31,7 @@ impl Manifest {
     /// Reads the manifest of a directory of modules; `None` where there is none and every source is
     /// written.
     pub(crate) fn of(dir: &Path) -> Result<Option<Self>, Failure> {
-        let file = beside(dir, SOURCES);
+        let file = sibling(dir, SOURCES);
         let text = match fs::read_to_string(&file) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -102,7 +102,7 @@ pub(crate) fn digests(found: Option<&str>, new: BTreeMap<String, String>) -> Str
     all.values().fold(HEAD.to_owned(), |text, one| text + one)
 }
 
-fn beside(dir: &Path, name: &str) -> PathBuf {
+fn sibling(dir: &Path, name: &str) -> PathBuf {
     match dir.parent() {
         // the parent of the relative path `src` is the current directory
         Some(parent) if dir.file_name().is_some() => parent.join(name),

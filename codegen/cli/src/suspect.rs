@@ -77,7 +77,7 @@ fn option(to: &Assignment) -> String {
 /// Prints and returns what looks wrong with each log; does nothing with `--no-suspicion`.
 ///
 /// - `found`: the estimate from all logs, with standard deviations; `None` where there is none.
-pub(crate) fn tell(
+pub(crate) fn warn(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,

@@ -14,7 +14,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
 #[derive(Serialize)]
-struct Json {
+struct ValidateJson {
     robot: String,
     kind: String,
     logs: Vec<String>,
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             });
         }
     }
-    let json = Json {
+    let json = ValidateJson {
         robot: robot.name.clone(),
         kind: kind.name(),
         logs: args.logs.iter().map(|p| p.display().to_string()).collect(),
@@ -86,11 +86,11 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })
 }
 
-fn human(json: &Json) -> String {
+fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
     let name = predicted::stem;
     // the number of logs whose columns fit side by side

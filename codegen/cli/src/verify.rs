@@ -40,7 +40,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         VerifyFormat::Markdown => {
             return Err(Failure::Usage("--format markdown needs --all".to_owned()));
         }
-        VerifyFormat::Human => one::human(&report, &numeric, robot.analysis.as_ref()),
+        VerifyFormat::Human => one::to_text(&report, &numeric, robot.analysis.as_ref()),
         VerifyFormat::Json => one::json(&report, &numeric),
     })?;
     let failed: Vec<&str> = one::failed(&report, &numeric).collect();
@@ -72,7 +72,7 @@ fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
         _ => Path::new("."),
     };
-    if !Workspace::above(beside).is_some_and(|w| w.holds_robot(file)) {
+    if !Workspace::above(beside).is_some_and(|w| w.contains_robot(file)) {
         return Ok(None);
     }
     let place = sources::place(&workspace::generated_beside(file), &robot.name)?;
@@ -106,7 +106,7 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
     terminal::print(&match args.format {
-        VerifyFormat::Human => several::human(&all),
+        VerifyFormat::Human => several::to_text(&all),
         VerifyFormat::Markdown => several::markdown(&all),
         VerifyFormat::Json => several::json(&all),
     })?;

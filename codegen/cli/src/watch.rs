@@ -10,10 +10,10 @@ use crate::progress;
 
 /// The progress bars of long work on the terminal, one at a time.
 pub(crate) struct Terminal {
-    shown: Mutex<Option<LocatedDiagnostic>>,
+    shown: Mutex<Option<ShownBar>>,
 }
 
-struct LocatedDiagnostic {
+struct ShownBar {
     bar: ProgressBar,
     /// The number of the pass over the logs that the bar shows; `None` for a spinner.
     pass: Option<usize>,
@@ -26,7 +26,7 @@ pub(crate) static TERMINAL: Terminal = Terminal {
 
 impl Terminal {
     /// Changes the bar; does nothing if another thread panicked while it changed the bar.
-    fn with(&self, change: impl FnOnce(&mut Option<LocatedDiagnostic>)) {
+    fn with(&self, change: impl FnOnce(&mut Option<ShownBar>)) {
         if let Ok(mut shown) = self.shown.lock() {
             change(&mut shown);
         }
@@ -36,9 +36,9 @@ impl Terminal {
 impl Monitor for Terminal {
     fn work(&self, what: &str) {
         self.with(|shown| match shown {
-            Some(LocatedDiagnostic { bar, pass: None }) => bar.set_message(what.to_owned()),
+            Some(ShownBar { bar, pass: None }) => bar.set_message(what.to_owned()),
             _ => {
-                *shown = Some(LocatedDiagnostic {
+                *shown = Some(ShownBar {
                     bar: progress::spinner(what.to_owned()),
                     pass: None,
                 });
@@ -48,7 +48,7 @@ impl Monitor for Terminal {
 
     fn rest(&self) {
         self.with(|shown| {
-            if let Some(LocatedDiagnostic { bar, .. }) = shown.take() {
+            if let Some(ShownBar { bar, .. }) = shown.take() {
                 bar.finish_and_clear();
             }
         });
@@ -56,17 +56,16 @@ impl Monitor for Terminal {
 
     fn rows(&self, pass: usize, done: u64, all: u64) {
         self.with(|shown| {
-            let same =
-                matches!(shown, Some(LocatedDiagnostic { pass: Some(own), .. }) if *own == pass);
+            let same = matches!(shown, Some(ShownBar { pass: Some(own), .. }) if *own == pass);
             if !same {
                 let bar = progress::bar(all, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
                 bar.set_message(format!("pass {pass}"));
-                *shown = Some(LocatedDiagnostic {
+                *shown = Some(ShownBar {
                     bar,
                     pass: Some(pass),
                 });
             }
-            if let Some(LocatedDiagnostic { bar, .. }) = shown {
+            if let Some(ShownBar { bar, .. }) = shown {
                 bar.set_position(done);
             }
         });

@@ -42,7 +42,7 @@ impl Workspace {
     }
 
     /// Whether the file is one of the workspace's `robots/*.yaml`.
-    pub(crate) fn holds_robot(&self, file: &Path) -> bool {
+    pub(crate) fn contains_robot(&self, file: &Path) -> bool {
         let dir = self.root.join("robots").canonicalize();
         let file = file.canonicalize();
         dir.is_ok_and(|dir| file.is_ok_and(|file| file.parent() == Some(&dir)))

@@ -8,10 +8,10 @@ use crate::exit::Failure;
 use crate::interrupt;
 
 /// The largest number of names tried for a temporary file: names may be taken by other runs.
-const TRIES: u32 = 1000;
+const MAX_TRIES: u32 = 1000;
 /// The number of characters of the file's name used in the temporary file's: names are 255 bytes
 /// long at most.
-const NAMED: usize = 50;
+const MAX_NAME_CHARS: usize = 50;
 
 /// Replaces a file's content by renaming a temporary file next to it, so that at every moment the
 /// file is the old one or the new one, also when several runs write it. A symbolic link is followed
@@ -75,7 +75,7 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         // The first error is the one to report.
         let _ = fs::remove_file(&temporary);
     }
-    interrupt::unfinished(None);
+    interrupt::set_unfinished(None);
     written
 }
 
@@ -83,16 +83,18 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
 /// file, and a process on another machine may have the same process number.
 fn temporary(dir: &Path, path: &Path) -> io::Result<(PathBuf, File)> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let name: String = name.chars().take(NAMED).collect();
+    let name: String = name.chars().take(MAX_NAME_CHARS).collect();
     let mut number = 0;
     loop {
         let temporary = dir.join(format!(".{name}.{}.{number}.tmp", std::process::id()));
         match File::create_new(&temporary) {
             Ok(file) => {
-                interrupt::unfinished(Some(&temporary));
+                interrupt::set_unfinished(Some(&temporary));
                 return Ok((temporary, file));
             }
-            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < TRIES => number += 1,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {
+                number += 1;
+            }
             Err(error) => return Err(error),
         }
     }

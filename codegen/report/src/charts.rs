@@ -41,7 +41,7 @@ pub(super) const GREY: RGBColor = RGBColor(110, 117, 125);
 pub(super) const RED: RGBColor = RGBColor(194, 24, 91);
 const INK: RGBColor = RGBColor(28, 32, 36);
 /// The colours of several lines of one kind.
-pub(super) const DYES: [RGBColor; 6] = [
+pub(super) const LINE_COLOURS: [RGBColor; 6] = [
     BLUE,
     ORANGE,
     RGBColor(46, 125, 50),
@@ -52,10 +52,10 @@ pub(super) const DYES: [RGBColor; 6] = [
 const WIDTH: u32 = 760;
 /// Drawing units per CSS pixel of the page: SVG coordinates are whole numbers, and lines would look
 /// jagged in whole pixels.
-const FINE: u32 = 8;
+const UNITS_PER_PX: u32 = 8;
 const FONT: &str = "sans-serif";
 /// The width left of a chart for the labels of its axis, px.
-const LEFT: u32 = 72;
+const AXIS_WIDTH_PX: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error + Send + Sync>>;
@@ -76,7 +76,7 @@ fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, R
 
 /// A length of the page, px, in drawing units.
 fn px(length: u32) -> u32 {
-    length * FINE
+    length * UNITS_PER_PX
 }
 
 /// A place on the page, px, in drawing units.
@@ -158,7 +158,7 @@ fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
 /// A chart of lines over time or another quantity, with a legend.
 pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, ReportError> {
     // further rows of the legend enlarge the drawing, not shrink the chart
-    let more = ROW * (placed(LEFT, &entries(lines)).1 - 1);
+    let more = ROW * (placed(AXIS_WIDTH_PX, &entries(lines)).1 - 1);
     drawn(height + more, |area| panel(area, x, y, lines, true))
 }
 
@@ -183,7 +183,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
     let digits = decimals(&up);
     let across_digits = decimals(&across);
     let entries = if titled { entries(lines) } else { Vec::new() };
-    let above = match placed(LEFT, &entries).1 {
+    let above = match placed(AXIS_WIDTH_PX, &entries).1 {
         _ if entries.is_empty() => 8,
         rows => 8 + ROW * rows,
     };
@@ -191,7 +191,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
         .margin_top(px(above))
         .margin_right(px(14))
         .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
-        .y_label_area_size(px(LEFT))
+        .y_label_area_size(px(AXIS_WIDTH_PX))
         .build_cartesian_2d(across, up)?;
     chart
         .configure_mesh()
@@ -222,7 +222,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
             }
         };
     }
-    legend(area, LEFT, &entries)
+    legend(area, AXIS_WIDTH_PX, &entries)
 }
 
 /// Singular values by their number, on a logarithmic axis, with the certified rank.
@@ -239,7 +239,7 @@ pub(super) fn spectrum(
             .margin_top(px(26))
             .margin_right(px(14))
             .x_label_area_size(px(40))
-            .y_label_area_size(px(LEFT))
+            .y_label_area_size(px(AXIS_WIDTH_PX))
             .build_cartesian_2d(0.0..(count + 1) as f64, (FLOOR..3.0).log_scale())?;
         chart
             .configure_mesh()
@@ -277,7 +277,7 @@ pub(super) fn spectrum(
             chart.draw_series(DashedLineSeries::new(cut, px(5), px(4), style))?;
             entries.push((format!("certified rank {rank}"), Sign::Line(RED)));
         }
-        legend(area, LEFT, &entries)
+        legend(area, AXIS_WIDTH_PX, &entries)
     })
 }
 
@@ -292,7 +292,7 @@ pub(super) struct Bar {
 /// A bar chart of relative standard deviations in percent, on a logarithmic axis, with the bound
 /// below which parameters are well identified.
 pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError> {
-    let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
+    let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / UNITS_PER_PX);
     let longest = rows.iter().map(|row| width(&row.label)).max().unwrap_or(0);
     // the bars have at least half of the page, however long the names are
     let margin = (12 + longest).clamp(96, WIDTH / 2);
@@ -387,9 +387,9 @@ mod tests {
     fn a_legend_that_is_too_long_for_a_row_takes_more_of_them() {
         let entry = |name: &str| (name.to_owned(), Sign::Dot(BLUE));
         let short: Vec<_> = ["q1", "q2", "q3"].map(entry).to_vec();
-        assert_eq!(placed(LEFT, &short).1, 1);
+        assert_eq!(placed(AXIS_WIDTH_PX, &short).1, 1);
         let long = vec![entry("shoulder_pan_joint"); 7];
-        let (places, rows) = placed(LEFT, &long);
+        let (places, rows) = placed(AXIS_WIDTH_PX, &long);
         assert!(rows > 1);
         let end = |(x, _): &(u32, u32)| x + 24 + width("shoulder_pan_joint");
         assert!(places.iter().all(|place| end(place) <= WIDTH));

@@ -3,21 +3,21 @@
 use regen_runtime::{Limits, Motion};
 
 use crate::ReportError;
-use crate::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
-use crate::gather::{Seen, Spectra};
+use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE, RED};
+use crate::gather::{LogRows, Spectra};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::status::{Status, WELL_IDENTIFIED_PERCENT};
 use regen_interpreted::Interpreted;
 
 /// The largest number of points of a line: more cannot be distinguished, and makes pages large.
-const POINTS: usize = 1500;
+const MAX_POINTS: usize = 1500;
 /// The number of points of a friction curve in each direction.
-const CURVE: usize = 200;
+const CURVE_POINTS: usize = 200;
 
-/// Column `k` over time, of a row-major table with `width` columns, thinned to [`POINTS`].
+/// Column `k` over time, of a row-major table with `width` columns, thinned to [`MAX_POINTS`].
 fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> {
-    let stride = t.len().div_ceil(POINTS).max(1);
+    let stride = t.len().div_ceil(MAX_POINTS).max(1);
     let values = values.iter().skip(k).step_by(width.max(1));
     let points = t.iter().copied().zip(values.copied());
     points.step_by(stride).collect()
@@ -31,7 +31,7 @@ fn slug(name: &str) -> String {
 
 /// Positions and velocities of the independent coordinates with their limits; a figure for each
 /// quantity and unit.
-pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
+pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
     type Of = fn(&Limits) -> Option<[f64; 2]>;
     let info = model.info();
     let n = info.coordinates.len();
@@ -57,7 +57,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
             }
             let mut lines: Vec<Line> = own
                 .iter()
-                .zip(DYES.iter().cycle())
+                .zip(LINE_COLOURS.iter().cycle())
                 .map(|(c, dye)| Line {
                     label: info.coordinates.get(*c).unwrap_or(&"?").to_string(),
                     points: column(&seen.t, values, *c, n),
@@ -99,7 +99,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
 }
 
 /// Measured and predicted efforts of each independent coordinate, with the residuals below.
-pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
+pub(super) fn forces(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
     let left: Vec<f64> = seen
@@ -146,7 +146,7 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
 /// model.
 pub(super) fn friction(
     model: &Interpreted<'_>,
-    seen: &Seen,
+    seen: &LogRows,
     identified: &IdentifiedModel,
 ) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
@@ -200,8 +200,10 @@ pub(super) fn friction(
             .collect();
         let widest = cloud.iter().fold(0.0_f64, |m, p| m.max(p.0.abs()));
         let ends = |from: f64, to: f64| -> Vec<(f64, f64)> {
-            let part = |j: usize| from + (to - from) * j as f64 / CURVE as f64;
-            (0..=CURVE).map(|j| (part(j), curve(part(j)))).collect()
+            let part = |j: usize| from + (to - from) * j as f64 / CURVE_POINTS as f64;
+            (0..=CURVE_POINTS)
+                .map(|j| (part(j), curve(part(j))))
+                .collect()
         };
         let near = 1e-9 * widest.max(1e-9);
         let line = |label: &str, points| Line {

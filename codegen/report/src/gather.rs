@@ -15,10 +15,10 @@ use regen_interpreted::Interpreted;
 use regen_verify::scaled_singular_values;
 
 /// The largest number of states in the regressor whose singular values are shown.
-const STATES: usize = 300;
+const MAX_STATES: usize = 300;
 
 /// The rows of one log, with predicted efforts.
-pub(super) struct Seen {
+pub(super) struct LogRows {
     pub(super) file: String,
     /// Whether velocities and accelerations were measured.
     pub(super) derivatives: bool,
@@ -35,7 +35,7 @@ pub(super) struct Seen {
     pub(super) predicted: Vec<f64>,
 }
 
-impl Seen {
+impl LogRows {
     /// The times of the rows with predicted efforts, s.
     pub(super) fn times(&self) -> Vec<f64> {
         let rows = self.places.iter().filter_map(|row| self.t.get(*row));
@@ -63,14 +63,14 @@ pub(super) struct Spectra {
 }
 
 /// Reads the rows of one log and predicts their efforts.
-pub(super) fn seen(
+pub(super) fn read_log(
     session: &Session<'_, Interpreted<'_>>,
     path: &Path,
     identified: &IdentifiedModel,
-) -> Result<Seen, ReportError> {
+) -> Result<LogRows, ReportError> {
     let model = session.model;
     let mut logs = session.open(&[path.to_owned()])?;
-    let mut seen = Seen {
+    let mut seen = LogRows {
         file: name(path),
         derivatives: logs
             .logs()
@@ -127,10 +127,10 @@ pub(super) fn errors(
 }
 
 /// The singular values of the full and the base regressor over a log.
-pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, ReportError> {
+pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Spectra, ReportError> {
     let info = model.info();
     let (n, dof) = (info.coordinates.len().max(1), info.dof());
-    let stride = seen.t.len().div_ceil(STATES).max(1);
+    let stride = seen.t.len().div_ceil(MAX_STATES).max(1);
     let rows: Vec<usize> = (0..seen.t.len()).step_by(stride).collect();
     let of = |values: &[f64], row: usize| -> Vec<f64> {
         values.iter().skip(row * n).take(n).copied().collect()

@@ -14,7 +14,7 @@ use regen_runtime::BaseTerm;
 
 use crate::ReportError;
 use crate::charts::Figure;
-use crate::gather::{self, Errors, Seen, Spectra};
+use crate::gather::{self, Errors, LogRows, Spectra};
 use crate::{figures, page};
 
 /// The inputs of a report.
@@ -50,7 +50,7 @@ pub(crate) struct Content<'a> {
     pub(crate) file: &'a ParameterFile,
     /// Each base parameter's nominal value; `None` where the spec lacks a value of its combination.
     pub(crate) nominal: Vec<Option<f64>>,
-    pub(crate) seen: Seen,
+    pub(crate) seen: LogRows,
     pub(crate) spectra: Spectra,
     pub(crate) errors: Vec<Errors>,
     pub(crate) method: String,
@@ -130,7 +130,7 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
     let (session, identified) = (inputs.session, inputs.identified);
     let model = session.model;
     let first = inputs.logs.first().ok_or(ReportError::NoLog)?;
-    let seen = gather::seen(session, first, identified)?;
+    let seen = gather::read_log(session, first, identified)?;
     let spectra = gather::spectra(model, &seen)?;
     let mut errors = Vec::new();
     let logs = inputs.logs.iter().map(|log| (log, true));

@@ -15,7 +15,7 @@ const SWEEP: (usize, f64) = (40, 4.0);
 /// The largest number of samples of a trajectory's period, and their smallest distance in s.
 const TRAJECTORY: (usize, f64) = (400, 0.02);
 /// The part of a coordinate's range that a sweep uses: its ends are singularities or limits.
-const PART: f64 = 0.9;
+const SWEEP_RANGE_PART: f64 = 0.9;
 
 /// The data that the page draws, stored in it as JSON.
 #[derive(Clone, Debug, Serialize)]
@@ -202,7 +202,7 @@ fn swept<M: Model<f64> + ?Sized>(model: &M) -> Result<Swept, ClosureError> {
             let sine = libm::sin(TAU * sample as f64 / SWEEP.0 as f64);
             let way = if sine > 0.0 { hi - at } else { at - lo };
             let mut q = home.clone();
-            q[k] += PART * way * sine;
+            q[k] += SWEEP_RANGE_PART * way * sine;
             asked.push(q);
         }
     }

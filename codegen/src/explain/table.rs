@@ -24,7 +24,7 @@ const PER_BODY: usize = 10;
 const ROWS_OF_A_PAGE: usize = 40;
 
 /// The mark before a number that replaces a long expression.
-const INSTEAD: &str = "~";
+const NUMBER_MARK: &str = "~";
 
 /// A term of a combination: a factor, and the parameter's label as plain text and as LaTeX.
 #[derive(Clone, Debug)]
@@ -118,7 +118,7 @@ impl Table {
         if shortened {
             let text = "a number for an expression of more than 60 characters, or with a number of \
                         more than 6 digits";
-            facts.push((INSTEAD, text.to_owned()));
+            facts.push((NUMBER_MARK, text.to_owned()));
         }
         Self {
             robot: robot.name.clone(),
@@ -132,7 +132,7 @@ impl Table {
     /// numbers.
     #[must_use]
     pub fn with_remedy(mut self, remedy: &str) -> Self {
-        for (_, text) in self.facts.iter_mut().filter(|fact| fact.0 == INSTEAD) {
+        for (_, text) in self.facts.iter_mut().filter(|fact| fact.0 == NUMBER_MARK) {
             text.push_str("; ");
             text.push_str(remedy);
         }

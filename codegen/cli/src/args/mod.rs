@@ -76,7 +76,7 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     let command = with_negative_numbers(Cli::command());
     let words: Vec<OsString> = std::env::args_os().collect();
     if let Some(word) = words.get(1).and_then(|word| word.to_str())
-        && let Some(why) = neither(&command, word)
+        && let Some(why) = unknown_command(&command, word)
     {
         return Err(Failure::Usage(why));
     }
@@ -86,7 +86,7 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
 
 /// The error message for a first word that looks like a command but is neither a command nor a
 /// file; `None` for any other word.
-fn neither(command: &clap::Command, word: &str) -> Option<String> {
+fn unknown_command(command: &clap::Command, word: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let looks = word.starts_with(|c: char| c.is_ascii_alphabetic()) && word.chars().all(plain);
     if !looks || word == "help" || command.find_subcommand(word).is_some() || exists(word) {

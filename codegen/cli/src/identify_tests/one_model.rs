@@ -23,20 +23,20 @@ use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 
 /// The largest difference of base and physical predictions, relative to the largest effort.
-const SAME: f64 = 1e-9;
+const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 
 /// The number of logs made so far, which makes file names unique.
-static MADE: AtomicUsize = AtomicUsize::new(0);
+static LOGS_MADE: AtomicUsize = AtomicUsize::new(0);
 
 /// A robot with a noisy log of it: noise makes constraints active.
-struct Tried {
+struct RobotWithLog {
     source: Source,
     robot: Robot,
     rows: Vec<Made>,
     log: PathBuf,
 }
 
-impl Tried {
+impl RobotWithLog {
     /// - `samples`: the number of samples over one period of the motion, 5 s.
     fn new(name: &str, samples: usize, change: impl Fn(String) -> String) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -57,7 +57,7 @@ impl Tried {
                 *tau += 0.02 * largest * normal(&mut random);
             }
             // tests run in parallel
-            let number = MADE.fetch_add(1, Ordering::Relaxed);
+            let number = LOGS_MADE.fetch_add(1, Ordering::Relaxed);
             let file = format!("one-{}-{number}.csv", name.replace('/', "-"));
             let log = scratch(&file, &csv(&model, &rows));
             (rows, log)
@@ -91,7 +91,7 @@ impl Tried {
 
     /// Checks everything that must agree after `regen identify` with these options.
     #[track_caller]
-    fn holds(&self, options: &str) {
+    fn check(&self, options: &str) {
         let terms = BaseTerms::new(&self.robot);
         let model = Interpreted::with_terms(&self.robot, &terms);
         let what = format!("{} {options}", self.source.name);
@@ -101,7 +101,7 @@ impl Tried {
         self.predictions_are_one(&model, &identified, &what);
 
         // the model read from the file is the same to the bit
-        let number = MADE.fetch_add(1, Ordering::Relaxed);
+        let number = LOGS_MADE.fetch_add(1, Ordering::Relaxed);
         let named = |ending: &str| format!("one-{number}.{ending}");
         let out = scratch(
             &named("json"),
@@ -124,7 +124,7 @@ impl Tried {
         let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
-        let human = identify_table::human(&json);
+        let human = identify_table::to_text(&json);
         let adopted = human.split("what least squares found").next().unwrap();
         assert!(
             !human.contains("NaN") && !human.contains("inf "),
@@ -176,7 +176,10 @@ impl Tried {
             json.summary.relative_absolute.unwrap(),
             found.relative_absolute(),
         );
-        assert!((told - own).abs() <= SAME * told, "{what}: {told} {own}");
+        assert!(
+            (told - own).abs() <= MAX_RELATIVE_DIFFERENCE * told,
+            "{what}: {told} {own}"
+        );
     }
 
     /// The base parameters predict the same forces as the physical parameters.
@@ -199,7 +202,10 @@ impl Tried {
                 apart = apart.max((a - b).abs());
             }
         }
-        assert!(apart <= SAME * largest, "{what}: {apart:e} of {largest}");
+        assert!(
+            apart <= MAX_RELATIVE_DIFFERENCE * largest,
+            "{what}: {apart:e} of {largest}"
+        );
     }
 }
 
@@ -219,7 +225,7 @@ const ALL: [&str; 11] = [
 ];
 
 /// Checks options that need the robot's nominal values and labels.
-fn constrained(robot: &Tried) {
+fn constrained(robot: &RobotWithLog) {
     let nominal: BTreeMap<&str, f64> = robot
         .robot
         .parameters
@@ -240,35 +246,35 @@ fn constrained(robot: &Tried) {
         format!("--feasible --bound {second}={}..{}", 0.8 * two, 1.1 * two),
         format!("--feasible --total {first},{second}={}", one + two),
     ] {
-        robot.holds(&options);
+        robot.check(&options);
     }
 }
 
 #[test]
 fn a_five_bars_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("robots/fivebar", 200, |text| text);
+    let robot = RobotWithLog::new("robots/fivebar", 200, |text| text);
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
     constrained(&robot);
-    robot.holds("--feasible --identical 2,4");
+    robot.check("--feasible --identical 2,4");
 }
 
 #[test]
 fn an_asymmetric_five_bars_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("runtime/guide/fivebar/fivebar", 200, |text| {
+    let robot = RobotWithLog::new("runtime/guide/fivebar/fivebar", 200, |text| {
         text.replacen("friction: linear", "friction: coulomb_asymmetric", 1)
     });
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
 }
 
 #[test]
 fn a_3rps_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("robots/3rps_friction", 200, |text| text);
+    let robot = RobotWithLog::new("robots/3rps_friction", 200, |text| text);
     for options in ["--reduce", "--feasible --prior weighted"] {
-        robot.holds(options);
+        robot.check(options);
     }
 }
 
@@ -276,10 +282,10 @@ fn a_3rps_models_are_one_whatever_is_asked_for() {
 fn nonlinear_frictions_models_are_one() {
     for law in ["atan", "power", "stribeck"] {
         let law = format!("actuated: true, friction: {law}");
-        let robot = Tried::new("robots/fivebar", 100, |text| {
+        let robot = RobotWithLog::new("robots/fivebar", 100, |text| {
             text.replace("actuated: true", &law)
         });
-        robot.holds("--friction");
+        robot.check("--friction");
     }
 }
 
@@ -288,9 +294,9 @@ fn nonlinear_frictions_models_are_one() {
 fn models_are_one(names: &[&str], options: &[&str]) {
     for name in names {
         // as few samples as still determine all parameters, to make the test cheap
-        let robot = Tried::new(&format!("robots/{name}"), 60, |text| text);
+        let robot = RobotWithLog::new(&format!("robots/{name}"), 60, |text| text);
         for options in options {
-            robot.holds(options);
+            robot.check(options);
         }
     }
 }
@@ -310,7 +316,7 @@ fn trees_and_platforms_models_are_one() {
 
 /// Options of a fit with every constraint at once, for a robot whose efforts and weights may work
 /// against them.
-fn all_at_once(robot: &Tried) -> String {
+fn all_at_once(robot: &RobotWithLog) -> String {
     let mass = |k: usize| {
         let label = format!("m({})", robot.robot.bodies[k]);
         let places = robot.robot.parameters.iter().zip(&robot.robot.nominal);
@@ -335,9 +341,9 @@ fn all_at_once(robot: &Tried) -> String {
 #[track_caller]
 fn large_robots_models_are_one(names: &[&str]) {
     for name in names {
-        let robot = Tried::new(&format!("robots/{name}"), 40, |text| text);
-        robot.holds("--feasible");
-        robot.holds(&all_at_once(&robot));
+        let robot = RobotWithLog::new(&format!("robots/{name}"), 40, |text| text);
+        robot.check("--feasible");
+        robot.check(&all_at_once(&robot));
     }
 }
 
@@ -359,9 +365,9 @@ fn large_platforms_models_are_one() {
 /// Six loops: one option takes ten seconds, so all options are combined in one run.
 #[test]
 fn a_stewart_platforms_models_are_one() {
-    let robot = Tried::new("robots/stewart", 24, |text| text);
-    robot.holds("--feasible");
-    robot.holds(&all_at_once(&robot));
+    let robot = RobotWithLog::new("robots/stewart", 24, |text| text);
+    robot.check("--feasible");
+    robot.check(&all_at_once(&robot));
 }
 
 /// The choices about base parameters in the spec: parameters and forms that are zero, bodies that
@@ -371,7 +377,7 @@ fn a_stewart_platforms_models_are_one() {
 fn models_with_choices_about_the_base_are_one() {
     let five = |base: &str| {
         let base = format!("\nbase:\n{base}\n");
-        Tried::new("robots/fivebar", 100, |text| text + &base)
+        RobotWithLog::new("robots/fivebar", 100, |text| text + &base)
     };
     for base in [
         "  zero: [my(1), mx(2) - l2/2*m(2)]",
@@ -380,7 +386,7 @@ fn models_with_choices_about_the_base_are_one() {
     ] {
         let robot = five(base);
         for options in ["--reduce", "--feasible", "--feasible --prior weighted:20"] {
-            robot.holds(options);
+            robot.check(options);
         }
     }
     let robot = five(
@@ -388,22 +394,22 @@ fn models_with_choices_about_the_base_are_one() {
          eliminate: [m(2)]",
     );
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
     constrained(&robot);
 
-    let robot = Tried::new("robots/3rps_friction", 60, |text| {
+    let robot = RobotWithLog::new("robots/3rps_friction", 60, |text| {
         let more = "  zero: [mx(1), Ixy(3) + a/2*my(3)]\n  equal: [[1, 4, 6], [2, 5, 7]]\n  \
                     drop: [mx(2), Ixz(3), Iyz(3), mz(3)]\n";
         text.replacen("\nbase:\n", &format!("\nbase:\n{more}"), 1)
     });
-    robot.holds("--reduce");
-    robot.holds("--feasible");
+    robot.check("--reduce");
+    robot.check("--feasible");
 
-    let robot = Tried::new("robots/rx90", 40, |text| {
+    let robot = RobotWithLog::new("robots/rx90", 40, |text| {
         text + "\nbase:\n  zero: [Ixy(2), my(2), mx(5), mz(3)]\n  drop: [mx(3), Ixz(4)]\n"
     });
-    robot.holds("--feasible");
+    robot.check("--feasible");
 }
 
 /// A base parameter of bodies that the spec says are equal has the energy of all of them.

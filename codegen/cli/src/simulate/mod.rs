@@ -19,7 +19,7 @@ use regen_interpreted::Interpreted;
 
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]
-struct Json {
+struct SimulateJson {
     robot: String,
     motion: String,
     duration: f64,
@@ -152,7 +152,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     for (file, text) in &texts {
         write::atomically(file, text)?;
     }
-    let json = Json {
+    let json = SimulateJson {
         robot: robot.name.clone(),
         motion: motion.name().to_owned(),
         duration,
@@ -163,7 +163,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     for (file, _) in &texts {
         terminal::note(&format!("{}: written", file.display()));
@@ -252,7 +252,7 @@ fn numbered(out: &Path, number: usize, runs: usize) -> PathBuf {
     out.with_file_name(format!("{stem}-{}{}", number + 1, end.unwrap_or_default()))
 }
 
-fn human(json: &Json) -> String {
+fn to_text(json: &SimulateJson) -> String {
     let mut out = format!(
         "{}, {} s every {} s\n",
         json.robot, json.duration, json.step

@@ -77,7 +77,7 @@ impl Log {
 }
 
 /// The warnings about a log, read with these settings.
-fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
+fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
     let dir = std::env::temp_dir().join(format!("regen-suspicion-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();
     let path = dir.join(format!("{}.csv", model.info().name));
@@ -105,7 +105,7 @@ type Mistake<'a> = (&'a str, Log, &'a [&'a str]);
 fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'_>]) {
     let mut missed = Vec::new();
     for (name, log, words) in mistakes {
-        let found = told(model, log, settings);
+        let found = warnings(model, log, settings);
         let text = found
             .iter()
             .map(ToString::to_string)
@@ -125,7 +125,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
             settings.columns.retain(|a| a.quantity != given.quantity);
             settings.columns.push(given);
         }
-        let again = told(model, log, &settings);
+        let again = warnings(model, log, &settings);
         if !again.is_empty() {
             missed.push(format!(
                 "{name}: the remedy {} leaves {}",
@@ -151,7 +151,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
         ..Settings::default()
     };
     for run in ["run1.csv", "run2.csv"] {
-        let clean = told(&model, &Log::read(&guide.join(run)), &settings);
+        let clean = warnings(&model, &Log::read(&guide.join(run)), &settings);
         assert!(clean.is_empty(), "{}", clean[0]);
     }
     let log = Log::read(&guide.join("run1.csv"));
@@ -266,11 +266,11 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     let log = Log::read(&guide.join("run1.csv"));
     let other = Log::read(&guide.join("run2.csv"));
     for clean in [&log, &other] {
-        let clean = told(&model, clean, &settings);
+        let clean = warnings(&model, clean, &settings);
         assert!(clean.is_empty(), "{}", clean[0]);
     }
     // an offset of the size of friction cannot be distinguished from slightly different friction
-    let little = told(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
+    let little = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
     assert!(little.is_empty(), "{}", little[0]);
     are_named(
         &model,
@@ -360,7 +360,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         },
         ..Settings::default()
     };
-    let clean = told(&model, &log, &settings);
+    let clean = warnings(&model, &log, &settings);
     assert!(clean.is_empty(), "{}", clean[0]);
     let all = ["tau_q2", "tau_q7", "tau_q9"];
     are_named(

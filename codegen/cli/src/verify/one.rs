@@ -8,12 +8,16 @@ use serde::Serialize;
 use crate::table;
 
 /// The tables of `regen verify` of one robot.
-pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+pub(super) fn to_text(
+    report: &Report,
+    numeric: &NumericPath,
+    analysis: Option<&Analysis>,
+) -> String {
     format!(
         "{}\n{}\n{}",
         table::paragraph(&report.robot),
         identities(report),
-        beside(numeric, analysis)
+        compare_numeric(numeric, analysis)
     )
 }
 
@@ -39,7 +43,7 @@ fn identity_table(report: &Report) -> String {
     table::columns(&["identity", "largest", "bound", ""], &rows)
 }
 
-fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+fn compare_numeric(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: &str, columns: usize, rank: usize, kept: Option<(f64, f64)>| {
         let mut cells = vec![name.to_owned(), columns.to_string(), rank.to_string()];

@@ -52,7 +52,7 @@ fn cell(check: &Check) -> String {
 
 /// The checks of one robot in full; of several robots a table, with those that failed in full
 /// below.
-pub(super) fn human(all: &[Independent]) -> String {
+pub(super) fn to_text(all: &[Independent]) -> String {
     let mut out = String::new();
     if let [one] = all {
         let _ = writeln!(out, "{}, from {}:", one.report.robot, one.file);
@@ -172,7 +172,7 @@ struct Row<'a> {
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct RobotJson<'a> {
     robot: &'a str,
     file: &'a str,
     ok: bool,
@@ -181,9 +181,9 @@ struct Json<'a> {
 
 /// A JSON list with one object per robot.
 pub(super) fn json(all: &[Independent]) -> String {
-    let objects: Vec<Json<'_>> = all
+    let objects: Vec<RobotJson<'_>> = all
         .iter()
-        .map(|one| Json {
+        .map(|one| RobotJson {
             robot: &one.report.robot,
             file: &one.file,
             ok: one.report.failed().count() == 0,

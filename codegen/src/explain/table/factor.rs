@@ -4,10 +4,10 @@
 use crate::base::{Coefficient, Term};
 
 /// The longest expression that [`Style::Short`] prints, in characters.
-const LONGEST: usize = 60;
+const MAX_EXPRESSION_CHARS: usize = 60;
 /// The longest number that [`Style::Short`] prints within an expression, in digits: longer ones,
 /// such as 632337041/115162534, say nothing to a reader.
-const MOST_DIGITS: usize = 6;
+const MAX_NUMBER_DIGITS: usize = 6;
 /// The number of significant digits printed, as in the tables of papers.
 const DIGITS: usize = 4;
 
@@ -63,13 +63,13 @@ impl Signed {
 
 /// Whether an expression is too long to be read, or contains a number that is.
 fn is_long(text: &str) -> bool {
-    text.chars().count() > LONGEST || has_long_number(text)
+    text.chars().count() > MAX_EXPRESSION_CHARS || has_long_number(text)
 }
 
 /// Whether an expression contains a whole number with too many digits.
 fn has_long_number(text: &str) -> bool {
     let mut runs = text.split(|c: char| !c.is_ascii_digit());
-    runs.any(|run| run.len() > MOST_DIGITS)
+    runs.any(|run| run.len() > MAX_NUMBER_DIGITS)
 }
 
 /// A number in four significant digits, or fewer where it has no more. The shortest decimal that

@@ -2,7 +2,7 @@
 //! that contradict the nominal bodies, negative friction or rotor inertia.
 
 use super::grams::{Fit, Grams, named};
-use super::{Reading, SHIFTED, Sample};
+use super::{MIN_OFFSET_PART, Reading, Sample};
 use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
@@ -56,7 +56,7 @@ pub struct Shift {
 }
 
 /// Whether positions or velocities are far beyond the limits of the robot.
-pub(super) fn absurd<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
+pub(super) fn beyond_limits<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
     let info = model.info();
     let beyond = |(k, c): (usize, &usize)| {
         let Some(joint) = info.joints.get(*c) else {
@@ -213,7 +213,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
         let offset = 0.5 * (forward.0 - back.0);
         let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(effort));
         let size = equation.and_then(|i| now.sizes.get(i)).copied();
-        let matters = size.is_none_or(|size| offset.abs() > SHIFTED * size);
+        let matters = size.is_none_or(|size| offset.abs() > MIN_OFFSET_PART * size);
         matters.then_some(Shift {
             effort,
             offset,
