@@ -61,18 +61,18 @@ pub(crate) struct PhysicalArgs {
 }
 
 impl PhysicalArgs {
-    /// Whether physical parameters are asked for.
+    /// Whether an option asks for physical parameters.
     pub(crate) fn wanted(&self) -> bool {
         self.feasible || self.friction
     }
 }
 
-/// How nominal values are believed in.
+/// The prior on nominal values, which decides where the data leave parameters open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum PriorArg {
-    /// Each by a standard deviation of this part of it.
+    /// Each nominal value has a standard deviation of this part of itself.
     Weighted(f64),
-    /// Bodies by the log-det divergence with this weight.
+    /// The log-det divergence of each body from its nominal one, with this weight.
     Entropic(f64),
 }
 
@@ -106,7 +106,7 @@ fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Draws that give an interval at all.
+/// The smallest number of draws that gives an interval.
 const MIN_DRAWS: usize = 5;
 
 fn draws(text: &str) -> Result<usize, String> {
