@@ -186,7 +186,7 @@ impl Friction {
     }
 
     /// The symbols of the law's values, in the order of [`Joint::nominal`](crate::Joint::nominal);
-    /// for a law that is linear in all of them, also the order of its columns.
+    /// for a law that is linear in all of them, also the order of its columns in the regressor.
     ///
     /// ```
     /// use regen_runtime::Friction;

@@ -117,8 +117,8 @@ impl Symbol {
         }
     }
 
-    /// The SI unit. A joint's parameter has the unit of an angle's or a distance's, depending on
-    /// the joint's motion; `SI` where the motion is unknown.
+    /// The SI unit. That of a joint's parameter depends on the joint's motion, a rotation or a
+    /// translation; it is `SI` where the motion is unknown.
     pub fn unit(self, motion: Option<Motion>) -> &'static str {
         match self {
             Symbol::Ixx | Symbol::Ixy | Symbol::Ixz | Symbol::Iyy | Symbol::Iyz | Symbol::Izz => {

@@ -72,7 +72,7 @@ pub(crate) struct EffortJson {
 pub(crate) struct ModelJson {
     pub(crate) name: String,
     pub(crate) feasibility: String,
-    /// The duality gap: the largest part of the objective by which it can exceed the optimum.
+    /// The bound on how far the objective can exceed the optimum, as a part of the objective.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) gap: Option<f64>,
     pub(crate) base: Vec<f64>,

@@ -29,7 +29,7 @@ pub struct Found {
     /// The cut-off frequency at which the measured motion was smoothed, Hz; `None` where the motion
     /// was simulated.
     pub cutoff: Option<f64>,
-    /// The identified model; its intervals include the uncertainty of the sampled motion.
+    /// The identified model; its intervals include the uncertainty that sampling leaves in the motion.
     pub model: IdentifiedModel,
 }
 

@@ -103,7 +103,7 @@ pub(crate) struct LimitArg {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ConeArg {
     pub(crate) name: String,
-    /// The largest angle from the cone's axis, rad.
+    /// The largest angle between the two z axes, rad.
     pub(crate) angle: f64,
 }
 

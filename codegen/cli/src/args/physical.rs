@@ -67,7 +67,7 @@ impl PhysicalArgs {
     }
 }
 
-/// The prior on nominal values, which decides where the data leave parameters open.
+/// The trust in nominal values, as given with `--prior`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum PriorArg {
     /// Each nominal value has a standard deviation of this part of itself.

@@ -115,14 +115,14 @@ fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64>
 /// Whether a candidate explains the efforts that it changes, and its offsets are large enough to be
 /// reported.
 fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
-    let equations = (0..grams.rows()).filter(|&i| match grams.alone(i) {
+    let equations = (0..grams.rows()).filter(|&i| match grams.only_effort(i) {
         Some(k) => candidate.touched.contains(&k),
         None => true,
     });
     let mut equations = equations.filter_map(|i| fit.errors.get(i));
     let values = fit.values.get(grams.columns()..).unwrap_or_default();
     let shifted = candidate.offsets.iter().zip(values).all(|(k, value)| {
-        let own = (0..grams.rows()).find(|i| grams.alone(*i) == Some(*k));
+        let own = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(*k));
         own.is_none_or(|i| fit.sizes[i] * MIN_OFFSET_PART <= value.abs())
     });
     shifted && equations.all(|e| *e < MAX_EXPLAINED_ERROR)
@@ -138,7 +138,7 @@ fn candidates(
     now: &Fit,
 ) -> Vec<Candidate> {
     let bad = |k: usize| {
-        let alone = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k));
+        let alone = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k));
         alone.is_none_or(|i| now.errors[i] > GOOD_ERROR)
     };
     let with = |changes: &[(usize, Reading)], needed: f64| {
@@ -254,9 +254,11 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
     let mut turned = read.to_vec();
     for (coordinate, _) in &before {
         let k = info.actuated.iter().position(|a| a == coordinate)?;
-        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k))?;
+        let equation = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k))?;
         // the nominal bodies confirm the sign of this effort
-        let nominal = grams.nominal.then(|| grams.against(model, equation, read));
+        let nominal = grams
+            .nominal
+            .then(|| grams.compare_with_nominal(model, equation, read));
         if nominal.flatten().is_some_and(|(c, _, _)| c > 0.5) {
             return None;
         }

@@ -117,8 +117,8 @@ pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
         return Vec::new();
     }
     let one = |equation: usize| {
-        let effort = grams.alone(equation)?;
-        let (correlation, factor, part) = grams.against(model, equation, read)?;
+        let effort = grams.only_effort(equation)?;
+        let (correlation, factor, part) = grams.compare_with_nominal(model, equation, read)?;
         Some(Nominal {
             equation,
             effort,
@@ -211,7 +211,7 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
             return None;
         }
         let offset = 0.5 * (forward.0 - back.0);
-        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(effort));
+        let equation = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(effort));
         let size = equation.and_then(|i| now.sizes.get(i)).copied();
         let matters = size.is_none_or(|size| offset.abs() > MIN_OFFSET_PART * size);
         matters.then_some(Shift {

@@ -61,7 +61,7 @@ pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Opt
 
 /// Whether the parameter that names a base parameter is friction, or a rotor without a nominal
 /// value.
-fn unstated<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
+fn lacks_nominal<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
     named(model, column).is_some_and(|p| p.is_friction() || (p.is_rotor() && unknown))
@@ -75,7 +75,7 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     }
     let mut phi = Vec::with_capacity(info.parameters.len());
     for (value, parameter) in info.nominal.iter().zip(info.parameters) {
-        // `against` fits friction by separate columns
+        // `compare_with_nominal` fits friction by separate columns
         let value = if parameter.is_friction() {
             Some(0.0)
         } else {
@@ -224,7 +224,7 @@ impl Grams {
     }
 
     /// The effort that acts on an equation, if it is the only one.
-    pub(super) fn alone(&self, i: usize) -> Option<usize> {
+    pub(super) fn only_effort(&self, i: usize) -> Option<usize> {
         match self.acting.get(i).map(Vec::as_slice) {
             Some([k]) => Some(*k),
             _ => None,
@@ -320,7 +320,7 @@ impl Grams {
             }
             values = solve(&mut gram, &right)?;
             for i in 0..rows {
-                left[i] = self.rest(i, &places[i], &values, squares[i], &sides[i]);
+                left[i] = self.squared_residuals(i, &places[i], &values, squares[i], &sides[i]);
             }
         }
         let pairs = left.iter().zip(&spreads);
@@ -332,7 +332,7 @@ impl Grams {
     }
 
     /// The sum of the squared residuals of an equation.
-    fn rest(
+    fn squared_residuals(
         &self,
         i: usize,
         place: &[Option<usize>],
@@ -358,7 +358,7 @@ impl Grams {
     /// Compares the effort of equation `i` with the one that the nominal bodies need, after
     /// subtracting from both what friction, rotors without nominal values and a constant explain.
     /// Returns the correlation, the slope, and the remaining part of the effort's rms.
-    pub(super) fn against<M: BaseModel<f64> + ?Sized>(
+    pub(super) fn compare_with_nominal<M: BaseModel<f64> + ?Sized>(
         &self,
         model: &M,
         i: usize,
@@ -366,7 +366,7 @@ impl Grams {
     ) -> Option<(f64, f64, f64)> {
         let last = self.size(i) - 1;
         let aside: Vec<usize> = (0..self.columns)
-            .filter(|c| unstated(model, *c))
+            .filter(|c| lacks_nominal(model, *c))
             .filter(|c| self.entry(i, *c, *c) > 0.0)
             .chain([last])
             .collect();
