@@ -81,9 +81,9 @@ impl Friction {
 }
 
 impl Mechanism {
-    /// The effort, N m or N, that friction takes from a coordinate at a velocity, rad/s or m/s, with
-    /// the spec's nominal values: positive where it opposes a positive velocity. `None` where a
-    /// value is missing.
+    /// The effort, N m or N, that friction takes from a coordinate at the velocity `v`, rad/s or
+    /// m/s, with the spec's nominal values: positive where it opposes a positive velocity. `None`
+    /// where a value is missing.
     pub fn friction_effort(&self, coordinate: usize, v: f64) -> Option<f64> {
         let name = self.coordinates.get(coordinate)?;
         let law = self.friction.get(coordinate)?;

@@ -29,7 +29,8 @@ pub struct Found {
     /// The cut-off frequency at which the measured motion was smoothed, Hz; `None` where the motion
     /// was simulated.
     pub cutoff: Option<f64>,
-    /// The identified model; its intervals include the uncertainty that sampling leaves in the motion.
+    /// The identified model; its intervals include the uncertainty that sampling leaves in the
+    /// motion.
     pub model: IdentifiedModel,
 }
 
@@ -78,7 +79,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     })?;
     let mut cutoff = Some(cutoff);
     if let Some((reference, gains)) = reference {
-        // least squares may be too biased for a simulation; the smoothed instruments are less so
+        // least squares may be too biased for a simulation; this estimate is less biased
         let first = found.estimate.values.clone();
         let mut failed = None;
         let simulation = identify::instrumental(
