@@ -1,42 +1,43 @@
-//! Friction laws of joints (Eq. 14, 16, 17, 32): one row per law. Simulation takes
-//! efforts from them, identification columns that are linear in some coefficients for a shape
-//! that is not.
+//! Friction laws of joints (Eq. 14, 16, 17, 32), one table row per law. Simulation computes efforts
+//! from them; identification uses columns that are linear in some coefficients while the shape, in
+//! which the law is not linear, is fixed.
 //!
 //! The elementary functions are those of `libm`: the same digits on every machine.
 
 use crate::Motion;
 
-/// The most coefficients that a law is linear in.
+/// The largest number of coefficients that a law is linear in.
 pub const COEFFICIENTS: usize = 4;
-/// The most parameters of shape, which a law is not linear in.
+/// The largest number of shape parameters, in which a law is not linear.
 pub const SHAPES: usize = 2;
-/// The most values that a law has, coefficients and shape together.
+/// The largest number of values of a law, coefficients and shape together.
 pub const VALUES: usize = 5;
 
-/// The coefficient that static friction exceeds Coulomb friction by.
+/// The coefficient by which static friction exceeds Coulomb friction.
 const EXCESS: &str = "Fs-Fc";
-/// The derivatives of columns that do not depend on a shape parameter.
+/// The derivatives, all zero, of columns that do not depend on a shape parameter.
 const NO_SLOPE: [f64; COEFFICIENTS] = [0.0; COEFFICIENTS];
 
-/// What a law is: all that is known about it in one row.
+/// The definition of a law: one row of the table.
 struct Law {
     name: &'static str,
     symbols: &'static [&'static str],
-    /// What the columns are multiplied by, in the order of the columns.
+    /// The symbols of the coefficients that multiply the columns, in the order of the columns.
     coefficients: &'static [&'static str],
-    /// The symbols of the values that the effort is not linear in.
+    /// The symbols of the shape parameters, in which the effort is not linear.
     shape: &'static [&'static str],
-    /// The first shape parameter with which the law is linear friction, if that needs one.
+    /// The value of the first shape parameter at which the law is linear friction, if that requires
+    /// one.
     linear_at: Option<f64>,
-    /// The columns of a velocity, its sign and a shape.
+    /// The columns as a function of the velocity, its sign and the shape.
     columns: fn(f64, f64, [f64; SHAPES]) -> [f64; COEFFICIENTS],
-    /// Their derivatives by the logarithm of each shape parameter.
+    /// The derivatives of the columns by the logarithm of each shape parameter.
     slopes: fn(f64, f64, [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES],
 }
 
 impl Law {
-    /// A law that is linear in its values, which are its coefficients in this order, without
-    /// columns.
+    /// A law that is linear in all its values, which are its coefficients in this order. The
+    /// columns are zero until the caller sets them.
     const fn linear(name: &'static str, symbols: &'static [&'static str]) -> Self {
         Law {
             name,
@@ -53,7 +54,7 @@ impl Law {
 /// The friction law of a joint. `v` is its velocity, rad/s or m/s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Friction {
-    /// None.
+    /// No friction.
     None,
     /// `Fv v`.
     Viscous,
@@ -61,9 +62,9 @@ pub enum Friction {
     Coulomb,
     /// `Fv v + Fc sgn(v)`.
     Linear,
-    /// Viscous, and Coulomb with a coefficient for each direction.
+    /// `Fv v + Fc+` where v > 0, `Fv v - Fc-` where v < 0.
     CoulombAsymmetric,
-    /// Viscous and Coulomb with coefficients for each direction (Eq. 14).
+    /// `Fv+ v + Fc+` where v > 0, `Fv- v - Fc-` where v < 0 (Eq. 14).
     Asymmetric,
     /// `sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta)) + Fv v` (Eq. 32); no columns.
     Stribeck,
@@ -78,7 +79,7 @@ pub enum Friction {
 }
 
 impl Friction {
-    /// Every law.
+    /// All laws.
     pub const ALL: [Friction; 10] = [
         Friction::None,
         Friction::Viscous,
@@ -92,7 +93,7 @@ impl Friction {
         Friction::Lugre,
     ];
 
-    /// The row of a law.
+    /// The definition of a law.
     fn row(self) -> Law {
         match self {
             Friction::None => Law::linear("none", &[]),
@@ -179,13 +180,13 @@ impl Friction {
         }
     }
 
-    /// Its name in a spec and in files.
+    /// The law's name in a spec and in files.
     pub fn name(self) -> &'static str {
         self.row().name
     }
 
-    /// The symbols of its values, in the order of [`Joint::nominal`](crate::Joint::nominal): of
-    /// columns where it is linear in them.
+    /// The symbols of the law's values, in the order of [`Joint::nominal`](crate::Joint::nominal);
+    /// for a law that is linear in all of them, also the order of its columns in the regressor.
     ///
     /// ```
     /// use regen_runtime::Friction;
@@ -197,23 +198,25 @@ impl Friction {
         self.row().symbols
     }
 
-    /// Whether it is linear in its values, which then are parameters with columns.
+    /// Whether the effort is linear in all values, which then are parameters with columns in the
+    /// regressor.
     pub fn is_linear(self) -> bool {
         self.shape_symbols().is_empty()
     }
 
-    /// The symbols of the values that the effort is not linear in. They are positive.
+    /// The symbols of the shape parameters, in which the effort is not linear. Their values are
+    /// positive.
     pub fn shape_symbols(self) -> &'static [&'static str] {
         self.row().shape
     }
 
-    /// What the columns of [`columns`](Self::columns) are multiplied by. None is negative in a
-    /// joint that dissipates; `Fs-Fc` is the excess of static over Coulomb friction.
+    /// The symbols of the coefficients that multiply the [`columns`](Self::columns). None is
+    /// negative in a joint that dissipates; `Fs-Fc` is the excess of static over Coulomb friction.
     pub fn coefficients(self) -> &'static [&'static str] {
         self.row().coefficients
     }
 
-    /// The columns at a velocity, one for each coefficient, 0 beyond.
+    /// The columns at a velocity `v`, rad/s or m/s: one for each coefficient, then zeros.
     ///
     /// - `sign`: sgn(v), or a smooth function in its place;
     /// - `shape`: values of [`shape_symbols`](Self::shape_symbols), SI.
@@ -221,13 +224,13 @@ impl Friction {
         (self.row().columns)(v, sign, shape)
     }
 
-    /// The columns' derivatives by the logarithm of each shape parameter, 0 beyond.
+    /// The derivatives of the columns by the logarithm of each shape parameter, then zeros.
     pub fn slopes(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES] {
         (self.row().slopes)(v, sign, shape)
     }
 
-    /// The coefficients and shape of values in the order of [`symbols`](Self::symbols). A value
-    /// that is missing counts as 0.
+    /// Splits values in the order of [`symbols`](Self::symbols) into coefficients and shape. A
+    /// missing value counts as 0.
     pub fn split(self, values: &[f64]) -> ([f64; COEFFICIENTS], [f64; SHAPES]) {
         let law = self.row();
         let value = |symbol: &str| {
@@ -247,8 +250,8 @@ impl Friction {
         (coefficients, shape)
     }
 
-    /// The values of coefficients and a shape, in the order of [`symbols`](Self::symbols); 0
-    /// beyond. The inverse of [`split`](Self::split).
+    /// Joins coefficients and a shape to values in the order of [`symbols`](Self::symbols), then
+    /// zeros. The inverse of [`split`](Self::split).
     pub fn join(self, coefficients: &[f64], shape: [f64; SHAPES]) -> [f64; VALUES] {
         let law = self.row();
         let coefficient = |symbol: &str| {
@@ -262,7 +265,7 @@ impl Friction {
                 all.find(|(s, _)| s == &symbol).map(|(_, value)| value)
             };
             *slot = match *symbol {
-                // static friction is what is found above Coulomb's
+                // the static friction is the Coulomb friction plus the excess
                 "Fs" => coefficient("Fc").unwrap_or(0.0) + coefficient(EXCESS).unwrap_or(0.0),
                 symbol => coefficient(symbol).or_else(shape_of).unwrap_or(0.0),
             };
@@ -270,10 +273,10 @@ impl Friction {
         values
     }
 
-    /// The coefficients and shape with which this law is linear friction of these Fc and Fv. A law
-    /// that does not contain linear friction takes the part of it that it has.
+    /// The coefficients and the shape with which this law equals linear friction of these Fc and
+    /// Fv. A law without one of the two terms takes the other only.
     ///
-    /// - `shape`: kept where linear friction does not depend on it.
+    /// - `shape`: returned unchanged where linear friction does not depend on it.
     pub fn of_linear(
         self,
         [fc, fv]: [f64; 2],
@@ -309,12 +312,12 @@ impl Friction {
     }
 }
 
-/// The symbols of forces over velocities: coefficients of viscous friction.
+/// The symbols of viscous friction: efforts over velocities.
 const VISCOUS: [&str; 4] = ["Fv", "Fv+", "Fv-", "Fv1"];
-/// The symbols of forces.
+/// The symbols of efforts.
 const FORCES: [&str; 6] = ["Fc", "Fc+", "Fc-", "Fs", EXCESS, "Fv2"];
 
-/// The symbol of a law's coefficient that labels print so, if a law has one.
+/// Finds the symbol of a law's value or coefficient by its text in labels.
 pub(crate) fn symbol(text: &str) -> Option<&'static str> {
     let mut symbols = Friction::ALL
         .iter()
@@ -322,7 +325,7 @@ pub(crate) fn symbol(text: &str) -> Option<&'static str> {
     symbols.find(|symbol| **symbol == text).copied()
 }
 
-/// The SI unit of a law's coefficient, and `SI` where the motion or the coefficient is not known.
+/// The SI unit of a friction symbol; `SI` where the joint's motion or the symbol is unknown.
 pub(crate) fn unit(symbol: &str, motion: Option<Motion>) -> &'static str {
     let [turn, shift] = match symbol {
         _ if VISCOUS.contains(&symbol) => ["N m s/rad", "N s/m"],
@@ -357,7 +360,7 @@ pub(crate) fn unit(symbol: &str, motion: Option<Motion>) -> &'static str {
 pub struct JointFriction {
     /// The law.
     pub law: Friction,
-    /// Its values in the order of [`Friction::symbols`], SI; 0 beyond.
+    /// The values in the order of [`Friction::symbols`], SI, then zeros.
     pub values: [f64; VALUES],
 }
 
@@ -381,7 +384,7 @@ impl JointFriction {
         self.law.effort(&self.values, v, libm::tanh(v / width))
     }
 
-    /// The same law with every force scaled; velocities and exponents stay.
+    /// The same law with all efforts multiplied by `by`; velocities and exponents stay.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
         let (mut coefficients, shape) = self.law.split(&self.values);
@@ -396,7 +399,7 @@ impl JointFriction {
     }
 }
 
-/// `power ln(base)`, 0 at the base 0, where the power wins.
+/// `power ln(base)`; 0 at the base 0, the limit there.
 fn times_logarithm(power: f64, base: f64) -> f64 {
     if power > 0.0 && base > 0.0 {
         power * libm::log(base)
@@ -472,7 +475,7 @@ mod tests {
         }
     }
 
-    /// By hand: at v = vs the excess over Coulomb friction is 1/e of what it is at rest.
+    /// At v = vs the excess over Coulomb friction is 1/e of its value at rest.
     #[test]
     fn lugre_friction_falls_from_static_to_coulomb() {
         let law = JointFriction {
@@ -482,7 +485,7 @@ mod tests {
         assert!((law.effort(1e-9) - 5.0).abs() < 1e-8);
         assert!((law.effort(0.1) - (2.0 + 3.0 * 0.367_879_441_171_442_33 + 0.4)).abs() < 1e-14);
         assert!((law.effort(-1.0) + 6.0).abs() < 1e-14);
-        // Stribeck's law has it at delta = 2
+        // Stribeck's law is the same at delta = 2
         let stribeck = JointFriction {
             law: Friction::Stribeck,
             values: [2.0, 5.0, 0.1, 2.0, 4.0],
@@ -548,7 +551,7 @@ mod tests {
                     (joint.scaled(2.0).effort(v) - 2.0 * effort).abs() < 1e-13,
                     "{law:?} {v}"
                 );
-                // far from rest on the scale of the width, tanh is the sign
+                // where the velocity is many widths, tanh equals the sign
                 assert!(
                     (joint.smooth_effort(v, 1e-6) - effort).abs() < 1e-13,
                     "{law:?} {v}"

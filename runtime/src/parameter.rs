@@ -1,18 +1,17 @@
-//! Dynamic parameters by what they are: the one place where labels are read and printed.
+//! Dynamic parameters by symbol and owner: the one place where labels are read and printed.
 
 use core::fmt;
 
 use crate::{Motion, friction};
 
-/// The symbols of a body's ten parameters as labels print them, in the order of
-/// [`Symbol::INERTIAL`].
+/// The symbols of a body's ten inertial parameters in labels, in the order of [`Symbol::INERTIAL`].
 pub const INERTIAL: [&str; 10] = [
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
 ];
 /// The symbol of the inertia of a rotor and its drive (Eq. 18).
 const ROTOR: &str = "J";
 
-/// What a parameter is.
+/// The kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Symbol {
     /// Moment of inertia of a body about the x axis of its frame.
@@ -42,7 +41,7 @@ pub enum Symbol {
     Rotor,
 }
 
-/// Which values of a parameter a physical robot can have.
+/// The values that a parameter of a physical robot can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Sign {
     /// Zero or above: masses, moments of inertia, rotors, and friction, which takes energy out.
@@ -51,7 +50,8 @@ pub enum Sign {
     Any,
 }
 
-/// A dynamic parameter: what it is, and of which body or coordinate. It is printed as its label.
+/// A dynamic parameter: its kind, and the body or coordinate that it belongs to. It prints as its
+/// label.
 ///
 /// ```
 /// use regen_runtime::{Motion, Parameter, Sign, Symbol};
@@ -70,14 +70,14 @@ pub enum Sign {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Parameter<'a> {
-    /// What it is.
+    /// The kind.
     pub symbol: Symbol,
     /// The label of the body, or the name of the coordinate.
     pub owner: &'a str,
 }
 
 impl Symbol {
-    /// A body's ten parameters in their order: inertia about the origin of the body's frame,
+    /// A body's ten inertial parameters in order: inertia about the origin of the body's frame,
     /// first moments, mass.
     pub const INERTIAL: [Symbol; 10] = [
         Symbol::Ixx,
@@ -92,7 +92,7 @@ impl Symbol {
         Symbol::Mass,
     ];
 
-    /// The symbol that labels print so.
+    /// Finds a symbol by its text in labels.
     fn read(text: &str) -> Option<Self> {
         let mut inertial = INERTIAL.iter().zip(Self::INERTIAL);
         if let Some((_, symbol)) = inertial.find(|(name, _)| **name == text) {
@@ -104,7 +104,7 @@ impl Symbol {
         friction::symbol(text).map(Symbol::Friction)
     }
 
-    /// As labels print it.
+    /// The symbol's text in labels.
     pub fn name(self) -> &'static str {
         match self {
             Symbol::Friction(symbol) => symbol,
@@ -117,8 +117,8 @@ impl Symbol {
         }
     }
 
-    /// Its SI unit. That of a joint's parameter depends on how the joint moves, and is `SI` where
-    /// this is not known.
+    /// The SI unit. That of a joint's parameter depends on the joint's motion, a rotation or a
+    /// translation; it is `SI` where the motion is unknown.
     pub fn unit(self, motion: Option<Motion>) -> &'static str {
         match self {
             Symbol::Ixx | Symbol::Ixy | Symbol::Ixz | Symbol::Iyy | Symbol::Iyz | Symbol::Izz => {
@@ -135,7 +135,7 @@ impl Symbol {
         }
     }
 
-    /// Which values it has in a physical robot.
+    /// The values that the parameter can have in a physical robot.
     pub fn sign(self) -> Sign {
         match self {
             Symbol::Ixy | Symbol::Ixz | Symbol::Iyz | Symbol::Mx | Symbol::My | Symbol::Mz => {
@@ -152,50 +152,50 @@ impl Symbol {
 }
 
 impl<'a> Parameter<'a> {
-    /// The parameter of a body, by its label, or of a coordinate, by its name.
+    /// Creates a parameter; `owner` is the label of a body or the name of a coordinate.
     pub const fn new(symbol: Symbol, owner: &'a str) -> Self {
         Self { symbol, owner }
     }
 
-    /// The parameter that a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` names: for labels that a
-    /// person or a file gives. A model has its parameters in [`Info`](crate::Info).
+    /// Parses a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` that a person or a file gives; `None`
+    /// if its symbol is unknown. A model lists its own parameters in [`Info`](crate::Info).
     pub fn read(label: &'a str) -> Option<Self> {
         let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;
         Some(Self::new(Symbol::read(symbol)?, owner))
     }
 
-    /// The symbol as labels print it.
+    /// The symbol's text in labels.
     pub fn name(&self) -> &'static str {
         self.symbol.name()
     }
 
-    /// The label: what [`Display`](fmt::Display) prints.
+    /// The label, as [`Display`](fmt::Display) prints it.
     #[cfg(feature = "closure")]
     pub fn label(&self) -> alloc::string::String {
         alloc::format!("{self}")
     }
 
-    /// Whether it is of a body.
+    /// Whether the parameter belongs to a body.
     pub fn is_inertial(&self) -> bool {
         !self.is_friction() && !self.is_rotor()
     }
 
-    /// Whether it is of a joint's friction.
+    /// Whether the parameter is a coefficient of a joint's friction.
     pub fn is_friction(&self) -> bool {
         matches!(self.symbol, Symbol::Friction(_))
     }
 
-    /// Whether it is the inertia of a rotor and its drive.
+    /// Whether the parameter is the inertia of a rotor and its drive.
     pub fn is_rotor(&self) -> bool {
         self.symbol == Symbol::Rotor
     }
 
-    /// Its SI unit, as [`Symbol::unit`] has it.
+    /// The SI unit, see [`Symbol::unit`].
     pub fn unit(&self, motion: Option<Motion>) -> &'static str {
         self.symbol.unit(motion)
     }
 
-    /// Which values it has in a physical robot.
+    /// The values that the parameter can have in a physical robot.
     pub fn sign(&self) -> Sign {
         self.symbol.sign()
     }
@@ -207,7 +207,7 @@ impl fmt::Display for Parameter<'_> {
     }
 }
 
-/// Whether a label is that of the parameter.
+/// Compares the parameter's label with a text.
 impl PartialEq<str> for Parameter<'_> {
     fn eq(&self, label: &str) -> bool {
         let rest = label.strip_prefix(self.name());
@@ -216,7 +216,7 @@ impl PartialEq<str> for Parameter<'_> {
     }
 }
 
-/// Whether a label is that of the parameter.
+/// Compares the parameter's label with a text.
 impl PartialEq<&str> for Parameter<'_> {
     fn eq(&self, label: &&str) -> bool {
         *self == **label

@@ -1,4 +1,4 @@
-//! `regen base`: the base parameters, and what is certain about them.
+//! `regen base`: the base parameters and their certificate.
 
 use regen_codegen::Mechanism;
 use regen_codegen::base::certificate::Certificate;
@@ -17,7 +17,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mechanism = load::mechanism(&source)?;
     let analysis = load::analysis(&mechanism, &source)?;
-    // its names alone: no function is looked at
+    // only the robot's names are needed: no function is derived
     let robot = mechanism.robot(&[])?;
     if args.store {
         let beside = args.file.with_extension("base");
@@ -47,7 +47,8 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     }
 }
 
-/// Why parameters act together, where a direction was completed.
+/// The reasons why the parameters of completed directions act only together; empty where no
+/// direction was completed.
 fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, Failure> {
     if analysis.base.completed == 0 {
         return Ok(Vec::new());
@@ -57,7 +58,7 @@ fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, F
 
 /// The JSON of `regen base`.
 #[derive(Serialize)]
-struct Json<'a> {
+struct BaseJson<'a> {
     robot: &'a str,
     parameters: Vec<&'a str>,
     rank: usize,
@@ -65,15 +66,15 @@ struct Json<'a> {
     null_directions: NullDirections,
     certificate: Option<CertificateJson>,
     complete: bool,
-    /// Why it is not.
+    /// Why the base parameters are incomplete.
     reason: Option<String>,
     trees_opened: usize,
     equal_by_value: &'a [String],
-    /// Names whose values completed factors hold for, since they were not varied.
+    /// Names of geometric values that were not varied: completed factors hold at these values only.
     held: &'a [String],
-    /// Factors that are numbers only.
+    /// Factors that are known as numbers only, not as expressions.
     unrecognised: &'a [String],
-    /// Why completed parameters act together, by eliminated parameter.
+    /// Why completed parameters act only together, one entry per eliminated parameter.
     reasons: Vec<Reason<'a>>,
     known: Vec<KnownJson<'a>>,
     dropped: Vec<Row<'a>>,
@@ -92,7 +93,8 @@ struct Row<'a> {
     label: &'a str,
     terms: Vec<TermJson<'a>>,
     layer: &'static str,
-    /// `everywhere`, `here` (at these values of the names only) or `digits`.
+    /// `everywhere` (symbolic), `here` (at the spec's geometric values only) or `digits` (a
+    /// number).
     factors: &'static str,
 }
 
@@ -115,7 +117,7 @@ struct NullDirections {
     completed: usize,
 }
 
-/// A certificate in the JSON of `regen base` and of the main job.
+/// A certificate in the JSON of `regen base` and of `regen FILE`.
 #[derive(Serialize)]
 struct CertificateJson {
     columns: usize,
@@ -126,13 +128,13 @@ struct CertificateJson {
     largest_dropped: f64,
 }
 
-fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> Json<'a> {
+fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> BaseJson<'a> {
     let base = &analysis.base;
     let rows = |dropped: bool| -> Vec<Row<'a>> {
         let rows = base.parameters.iter().filter(|p| p.dropped == dropped);
         rows.map(|p| row(robot, p)).collect()
     };
-    Json {
+    BaseJson {
         robot: &robot.name,
         parameters: robot.labels(),
         rank: base.rank(),
@@ -201,7 +203,7 @@ fn certificate(c: &Certificate) -> CertificateJson {
     }
 }
 
-/// What the main job says of the base parameters.
+/// The base parameters in the JSON of `regen FILE`.
 #[derive(Serialize)]
 pub(crate) struct Summary {
     rank: usize,
@@ -209,7 +211,7 @@ pub(crate) struct Summary {
     certificate: Option<CertificateJson>,
 }
 
-/// The base parameters in two figures.
+/// Rank, completeness and certificate of the base parameters, for the JSON of `regen FILE`.
 pub(crate) fn summary(analysis: &Analysis) -> Summary {
     Summary {
         rank: analysis.base.rank(),
@@ -218,7 +220,7 @@ pub(crate) fn summary(analysis: &Analysis) -> Summary {
     }
 }
 
-/// Lines on the base parameters for the main job.
+/// Two lines on the base parameters for the text of `regen FILE`.
 pub(crate) fn lines(analysis: &Analysis) -> String {
     let rank = match doubt(analysis) {
         None => format!("{} base parameters", analysis.base.rank()),

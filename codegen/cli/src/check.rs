@@ -1,4 +1,4 @@
-//! `regen check`: a mechanism in words.
+//! `regen check`: explains a mechanism in words.
 
 use std::fmt::Write as _;
 
@@ -20,12 +20,12 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     working.finish_and_clear();
     let explanation = explanation?;
     terminal::print(&match args.format {
-        Format::Human => human(&explanation),
+        Format::Human => to_text(&explanation),
         Format::Json => table::json(&json(&explanation)),
     })
 }
 
-/// Statements under a title, each a paragraph.
+/// Appends a title and the statements under it, each as a paragraph; nothing where there are none.
 fn section(out: &mut String, title: &str, lines: &[String]) {
     if lines.is_empty() {
         return;
@@ -48,7 +48,7 @@ fn facts(facts: &[Fact]) -> Vec<String> {
     facts.iter().map(line).collect()
 }
 
-fn human(explanation: &Explanation) -> String {
+fn to_text(explanation: &Explanation) -> String {
     let mut out = table::paragraph(&format!(
         "{}: a mechanism of mobility {}",
         explanation.robot, explanation.mobility
@@ -69,10 +69,10 @@ fn human(explanation: &Explanation) -> String {
     let unseen: Vec<String> = unseen
         .map(|unseen| {
             let parameters = unseen.parameters.join(" ");
-            let rests = rests(unseen.derived);
+            let provenance = provenance(unseen.derived);
             match &unseen.reason {
-                Some(reason) => format!("{parameters}: {reason} ({rests})"),
-                None => format!("{parameters}: no motion shows it ({rests})"),
+                Some(reason) => format!("{parameters}: {reason} ({provenance})"),
+                None => format!("{parameters}: no motion shows it ({provenance})"),
             }
         })
         .collect();
@@ -95,11 +95,11 @@ fn human(explanation: &Explanation) -> String {
     out
 }
 
-fn rests(derived: bool) -> &'static str {
+fn provenance(derived: bool) -> &'static str {
     if derived { "derived" } else { "completed" }
 }
 
-/// Merged parameters, those with one reason and one set of partners together.
+/// Lines on merged parameters: those with the same reason and the same origin share a line.
 fn merged(all: &[Grouped]) -> Vec<String> {
     let mut groups: Vec<(&Option<String>, bool, Vec<&str>)> = Vec::new();
     for one in all {
@@ -113,17 +113,17 @@ fn merged(all: &[Grouped]) -> Vec<String> {
     }
     let line = |(reason, derived, parameters): &(&Option<String>, bool, Vec<&str>)| {
         let parameters = parameters.join(" ");
-        let rests = rests(*derived);
+        let provenance = provenance(*derived);
         match reason {
-            Some(reason) => format!("{parameters}: {reason} ({rests})"),
-            None => format!("{parameters}: no reason can be named ({rests})"),
+            Some(reason) => format!("{parameters}: {reason} ({provenance})"),
+            None => format!("{parameters}: no reason can be named ({provenance})"),
         }
     };
     groups.iter().map(line).collect()
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct ExplanationJson<'a> {
     robot: &'a str,
     mobility: usize,
     coordinates: Vec<FactJson<'a>>,
@@ -143,7 +143,7 @@ struct FactJson<'a> {
     evidence: EvidenceJson,
 }
 
-/// `evidence` is `given`, `exact` or `sampled`; the others are there for `sampled`.
+/// `evidence` is `given`, `exact` or `sampled`; `states` and `digits` are present for `sampled`.
 #[derive(Serialize)]
 struct EvidenceJson {
     evidence: &'static str,
@@ -201,9 +201,9 @@ fn list(facts: &[Fact]) -> Vec<FactJson<'_>> {
     all
 }
 
-fn json(explanation: &Explanation) -> Json<'_> {
+fn json(explanation: &Explanation) -> ExplanationJson<'_> {
     let body = |b: &'_ BodyMotion| (words(b.freedom).to_owned(), evidence(b.evidence));
-    Json {
+    ExplanationJson {
         robot: &explanation.robot,
         mobility: explanation.mobility,
         coordinates: list(&explanation.coordinates),
@@ -228,7 +228,7 @@ fn json(explanation: &Explanation) -> Json<'_> {
             .map(|u| UnseenJson {
                 parameters: &u.parameters,
                 reason: u.reason.as_deref(),
-                rests_on: rests(u.derived),
+                rests_on: provenance(u.derived),
             })
             .collect(),
         only_together: explanation
@@ -238,7 +238,7 @@ fn json(explanation: &Explanation) -> Json<'_> {
                 parameter: &m.parameter,
                 with: &m.with,
                 reason: m.reason.as_deref(),
-                rests_on: rests(m.derived),
+                rests_on: provenance(m.derived),
             })
             .collect(),
         at_these_values: list(&explanation.values),

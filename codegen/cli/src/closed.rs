@@ -1,4 +1,4 @@
-//! Closed states from the independent coordinates.
+//! Solves closed states from the independent coordinates.
 
 use regen_runtime::{LoopClosure, Outcome};
 
@@ -6,7 +6,8 @@ use crate::exit::Failure;
 use regen_identify::files::Motion;
 use regen_interpreted::Interpreted;
 
-/// The whole motion; the inner error says why there is none.
+/// Solves the dependent coordinates, velocities and accelerations of a motion of the independent
+/// ones; the inner error says why the loops do not close.
 pub(crate) fn close(
     closure: &mut LoopClosure<'_, Interpreted<'_>>,
     independent: &Motion,
@@ -23,7 +24,7 @@ pub(crate) fn close(
     })
 }
 
-/// Why a state is not closed.
+/// Describes why a state is not closed.
 pub(crate) fn reason(outcome: Outcome) -> String {
     let percent = |at: f64| format!("{:.0} % of the way from home", 100.0 * at);
     match outcome {

@@ -1,5 +1,5 @@
-//! Delays of efforts behind the motion that they belong to: told where they are found, and
-//! corrected on request.
+//! Delays of logged efforts behind the motion: printed where they are significant, and corrected on
+//! request.
 
 use regen_identify::identify::{Delay, Delays};
 use regen_identify::session::{Session, settled_delays};
@@ -9,8 +9,8 @@ use crate::exit::Failure;
 use crate::table;
 use regen_interpreted::Interpreted;
 
-/// The options with the delays that the logs show in place of `--delay auto`; `None` where
-/// that was not asked for.
+/// The options with `--delay auto` replaced by the delays estimated from the logs; `None` where
+/// `--delay auto` was not given.
 pub(crate) fn corrected(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -25,16 +25,16 @@ pub(crate) fn corrected(
     Ok(Some(args))
 }
 
-/// What is said of delays: those that were corrected, and those that differ from zero by more
-/// than three of their deviations.
-pub(crate) fn human(found: &Delays, corrected: &[(String, f64)]) -> String {
+/// Lines on delays: those that were corrected, and those that differ from zero by more than three
+/// of their standard deviations.
+pub(crate) fn to_text(found: &Delays, corrected: &[(String, f64)]) -> String {
     let mut out = String::new();
     let milliseconds = |seconds: f64| table::figure(1e3 * seconds);
     for (name, seconds) in corrected {
         let text = format!("of {name} corrected by {} ms", milliseconds(*seconds));
         out.push_str(&table::field("delay", &text));
     }
-    let told = |delay: &Delay, who: &str| {
+    let line = |delay: &Delay, who: &str| {
         let side = if delay.seconds > 0.0 { "late" } else { "early" };
         let size = milliseconds(delay.seconds.abs());
         let sigma = milliseconds(delay.sigma);
@@ -45,16 +45,16 @@ pub(crate) fn human(found: &Delays, corrected: &[(String, f64)]) -> String {
     };
     let whole = found.common.as_ref().filter(|d| d.is_significant());
     if let Some(all) = whole {
-        out.push_str(&told(all, "all efforts are logged"));
+        out.push_str(&line(all, "all efforts are logged"));
     }
     for delay in &found.efforts {
         let own = match whole {
-            // the one of all is told already
+            // the common delay is printed already
             Some(all) => (delay.seconds - all.seconds).abs() > 3.0 * delay.sigma,
             None => delay.is_significant(),
         };
         if own {
-            out.push_str(&told(delay, &format!("{} is logged", delay.effort)));
+            out.push_str(&line(delay, &format!("{} is logged", delay.effort)));
         }
     }
     if !out.is_empty() && corrected.is_empty() {

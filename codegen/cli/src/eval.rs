@@ -29,7 +29,7 @@ struct Evaluated {
     base_regressor: Vec<Vec<f64>>,
 }
 
-/// What to write where something else than a list of states was given.
+/// The hint for a file that is valid but holds something else than a list of states.
 const NO_LIST: &str =
     r#"such as [{"q": [...], "qd": [...], "qdd": [...]}]; see `regen eval --help`"#;
 
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<(), Failure> {
         results.push(evaluate(&model, motion, k + 1)?);
     }
     terminal::print(&match args.format {
-        Format::Human => human(&robot, &results),
+        Format::Human => to_text(&robot, &results),
         Format::Json => table::json(&results),
     })
 }
@@ -124,7 +124,7 @@ fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Ev
     })
 }
 
-fn human(robot: &Robot, results: &[Evaluated]) -> String {
+fn to_text(robot: &Robot, results: &[Evaluated]) -> String {
     let mut out = String::new();
     for (k, state) in results.iter().enumerate() {
         let _ = writeln!(
@@ -156,7 +156,7 @@ fn human(robot: &Robot, results: &[Evaluated]) -> String {
 
 /// The transposed regressor, in blocks of columns that fit the width.
 fn regressor(robot: &Robot, state: &Evaluated) -> String {
-    /// Columns of 11 characters and 2 between, after a label.
+    /// Columns per block: the label, then columns of 11 characters, 2 characters apart.
     const BLOCK: usize = 5;
     let names: Vec<&str> = robot
         .independent

@@ -18,7 +18,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen excite`.
 #[derive(Serialize)]
-struct Json<'a> {
+struct ExciteJson<'a> {
     trajectory: &'a Trajectory,
     seed: u64,
     start: usize,
@@ -30,7 +30,7 @@ struct Json<'a> {
 struct LimitJson {
     limit: String,
     bound: f64,
-    /// A part of half the range.
+    /// The smallest distance from the limit, as a part of half its range.
     left: f64,
     time: f64,
 }
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
             "efforts are not limited: actuators share them, for there are more than one each",
         );
     }
-    let stop = interrupt::asks();
+    let stop = interrupt::flag();
     let bar = progress::bar(1, "{bar:24} {percent} %, {eta} left{msg}");
     let report = |progress: Progress| show(&bar, progress);
     let watch = Monitor {
@@ -105,14 +105,14 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         time: margin.time,
     });
     terminal::print(&match args.format {
-        Format::Json => table::json(&Json {
+        Format::Json => table::json(&ExciteJson {
             trajectory: &trajectory,
             seed: args.seed,
             start: found.start,
             interrupted,
             limits: limits.collect(),
         }),
-        Format::Human => human(&trajectory, &found),
+        Format::Human => to_text(&trajectory, &found),
     })?;
     if let Some(out) = &args.out {
         terminal::note(&format!("{}: written", out.display()));
@@ -175,7 +175,7 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
     Ok(settings)
 }
 
-fn human(trajectory: &Trajectory, found: &Excitation) -> String {
+fn to_text(trajectory: &Trajectory, found: &Excitation) -> String {
     let figures = found.figures;
     let mut out = format!(
         "{}, {} harmonics of {} Hz\n",

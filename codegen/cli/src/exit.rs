@@ -1,4 +1,4 @@
-//! Why a run ends, and the exit code that says so.
+//! The failures that end a run, and their exit codes.
 
 use std::fmt;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::Path;
 use regen_codegen::diag::Report;
 use regen_runtime::{ClosureError, SizeError};
 
-/// What ended a run early.
+/// A failure that ended a run early.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// Generated source is not up to date, or a figure is beyond its bound; the details are on
@@ -17,18 +17,18 @@ pub(crate) enum Failure {
     Usage(String),
     /// Errors in specs.
     Spec(Vec<Report>),
-    /// Input that is wrong otherwise: states, names.
+    /// Other input that is wrong: states, names, logs.
     Input(String),
     /// A state that cannot be closed or is singular.
     Numeric(String),
     /// A file or stream that cannot be read or written.
     Io(String),
-    /// The reader of standard output went away: nobody is left to be told.
+    /// The reader of standard output closed the pipe: the run ends without a message.
     BrokenPipe,
 }
 
 impl Failure {
-    /// A failed operation on a file, `doing` in the infinitive: `cannot read x: ...`.
+    /// A failed operation on a file; `doing` is an infinitive, as in `cannot read x: ...`.
     pub(crate) fn io(doing: &str, path: &Path, error: &io::Error) -> Self {
         Self::Io(format!("cannot {doing} {}: {error}", path.display()))
     }

@@ -1,4 +1,4 @@
-//! `regen export`: identified parameters back into robot files of others.
+//! `regen export`: writes identified parameters into a URDF file.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     })
 }
 
-/// Parameters in JSON, whose mistakes have places.
+/// Reads parameters from JSON; mistakes are reported with line and column.
 fn placed(source: &Source) -> Result<(Parameters, Vec<String>), Failure> {
     Parameters::from_json(source).map_err(|mut report| {
         for diagnostic in &mut report.diagnostics {
@@ -66,12 +66,12 @@ fn placed(source: &Source) -> Result<(Parameters, Vec<String>), Failure> {
     })
 }
 
-/// What `regen identify --out` wrote, or any parameters in YAML; `None` for other JSON, whose
-/// mistakes have places.
+/// Reads parameters from what `regen identify --out` wrote, or from any YAML; `None` for other
+/// JSON, which [`placed`] reads with the places of mistakes.
 fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<String>)>, Failure> {
     let yaml = files::Format::of(path) == files::Format::Yaml;
     let Ok(mut value) = parameters::value(path) else {
-        // YAML that does not parse has its place in the message
+        // the error of YAML that does not parse contains line and column
         return if yaml {
             parameters::value(path).map(|_| None)
         } else {

@@ -1,4 +1,4 @@
-//! `regen generate`: what the files should be, how they differ, and mending that.
+//! `regen generate`: compares the generated files with what regen would write, and updates them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -16,23 +16,23 @@ use crate::sources::{self, Manifest};
 use crate::workspace::{self, Workspace};
 use crate::{load, modules, progress, table, terminal, write};
 
-/// How a file stands to what it should be.
+/// The state of a generated file, compared with what regen would write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum State {
-    /// As it should be.
+    /// The file is up to date.
     Current,
-    /// Not there.
+    /// The file does not exist.
     Missing,
-    /// There with other text.
+    /// The file exists with other text.
     Differs {
         /// The first line that differs, from 1.
         line: usize,
-        /// That line in the file; `None` where the file ends before it.
+        /// That line as it is in the file; `None` where the file ends before it.
         found: Option<String>,
-        /// What it should be; `None` where the file should end before it.
+        /// That line as it should be; `None` where the file should end before it.
         expected: Option<String>,
     },
-    /// Written for a robot that is gone, or of which only a digest is kept.
+    /// The file belongs to a robot that is gone, or of which only a digest is stored.
     Stale,
 }
 
@@ -41,13 +41,13 @@ pub(crate) enum State {
 pub(crate) struct Entry {
     pub(crate) path: PathBuf,
     pub(crate) state: State,
-    /// What it should hold; `None` if it should not be there.
+    /// The text that the file should have; `None` if it should not exist.
     text: Option<String>,
 }
 
 impl Entry {
-    /// Makes the file what it should be.
-    pub(crate) fn mend(&self) -> Result<(), Failure> {
+    /// Writes the expected text, or removes a file that should not exist.
+    pub(crate) fn write(&self) -> Result<(), Failure> {
         match (&self.state, &self.text) {
             (State::Current, _) => Ok(()),
             (_, Some(text)) => write::atomically(&self.path, text),
@@ -56,8 +56,8 @@ impl Entry {
         }
     }
 
-    /// Whether the file holds what it should, read anew.
-    pub(crate) fn holds(&self) -> Result<bool, Failure> {
+    /// Reads the file again and compares it with the expected text.
+    pub(crate) fn is_current(&self) -> Result<bool, Failure> {
         let found = read_if_there(&self.path)?;
         Ok(found.as_ref() == self.text.as_ref())
     }
@@ -69,11 +69,11 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let entries = compare(derive(&files)?, &dir, whole)?;
     if !args.check {
         for entry in &entries {
-            entry.mend()?;
+            entry.write()?;
         }
     }
     terminal::print(&match args.format {
-        Format::Human => human(&entries, args.check),
+        Format::Human => to_text(&entries, args.check),
         Format::Json => json(&entries),
     })?;
     let wrong = entries.iter().filter(|e| e.state != State::Current).count();
@@ -81,13 +81,13 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
         return Err(Failure::Check(format!(
             "{wrong} of {} files are not what regen writes; mend them with\n  {}",
             entries.len(),
-            mending(args)
+            update_command(args)
         )));
     }
     Ok(())
 }
 
-/// The specs, the output directory, and whether they are all that belongs there.
+/// The spec files, the output directory, and whether no other modules belong there.
 fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure> {
     if let (false, Some(out)) = (args.files.is_empty(), &args.out) {
         return Ok((args.files.clone(), out.clone(), false));
@@ -101,8 +101,8 @@ fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure
     }
 }
 
-/// The command that mends what `--check` found.
-fn mending(args: &GenerateArgs) -> String {
+/// The command that would update the files that `--check` found out of date.
+fn update_command(args: &GenerateArgs) -> String {
     let mut command = if args.files.is_empty() && args.out.is_none() {
         "cargo run --release --bin regen -- generate".to_owned()
     } else {
@@ -117,7 +117,7 @@ fn mending(args: &GenerateArgs) -> String {
     command
 }
 
-/// Each robot's module by its name; the errors of all files at once.
+/// Derives each robot and returns its module by name; errors of all files are reported together.
 fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, Module>, Failure> {
     let bar = match files.len() {
         0 | 1 => ProgressBar::hidden(),
@@ -152,8 +152,8 @@ fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, Module>, Failure> {
     }
 }
 
-/// How the directory's files, and the digests beside it, stand to these modules. `whole`: no other
-/// modules belong there.
+/// Compares the files of the directory, and the digests next to it, with these modules. `whole`: no
+/// other modules belong there.
 pub(crate) fn compare(
     mut modules: BTreeMap<String, Module>,
     dir: &Path,
@@ -201,7 +201,7 @@ pub(crate) fn compare(
     Ok(entries)
 }
 
-/// Generated modules in the directory that are none of these.
+/// Generated modules in the directory whose names are not among these.
 fn stale(dir: &Path, names: &BTreeSet<String>) -> Result<Vec<Entry>, Failure> {
     let mut found = Vec::new();
     let paths = match workspace::entries(dir) {
@@ -225,7 +225,7 @@ fn stale(dir: &Path, names: &BTreeSet<String>) -> Result<Vec<Entry>, Failure> {
     Ok(found)
 }
 
-/// The directory's list of modules, if it has one.
+/// The entry of the file that lists the directory's modules, if there is one.
 fn list(dir: &Path, names: &mut BTreeSet<String>, whole: bool) -> Result<Option<Entry>, Failure> {
     for file in ["lib.rs", "mod.rs"] {
         let path = dir.join(file);
@@ -250,7 +250,7 @@ fn list(dir: &Path, names: &mut BTreeSet<String>, whole: bool) -> Result<Option<
 
 fn read_if_there(path: &Path) -> Result<Option<String>, Failure> {
     match fs::read(path) {
-        // Text that is no UTF-8 is never what it should be.
+        // Text that is not UTF-8 never equals the expected text, so lossy conversion is enough.
         Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(Failure::io("read", path, &error)),
@@ -282,7 +282,7 @@ fn state(found: Option<&str>, text: &str) -> State {
     }
 }
 
-fn human(entries: &[Entry], check: bool) -> String {
+fn to_text(entries: &[Entry], check: bool) -> String {
     let mut out = String::new();
     for entry in entries {
         let path = entry.path.display();
@@ -316,7 +316,7 @@ fn human(entries: &[Entry], check: bool) -> String {
     out
 }
 
-/// A line cut to the table's width, so that control characters show.
+/// A line cut to the table's width, with control characters escaped.
 fn excerpt(line: Option<&str>) -> String {
     let Some(line) = line else {
         return "(the file ends)".to_owned();
@@ -328,7 +328,7 @@ fn excerpt(line: Option<&str>) -> String {
     shown
 }
 
-/// The files with their states before anything was written; absent fields are null.
+/// The JSON of the files with their states before anything was written; absent fields are null.
 fn json(entries: &[Entry]) -> String {
     #[derive(Serialize)]
     struct Row<'a> {

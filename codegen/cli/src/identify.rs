@@ -15,20 +15,21 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identify_json::{Json, ModelJson, Summary};
-use crate::identify_table::human;
+use crate::identify_json::{IdentifyJson, ModelJson, Summary};
+use crate::identify_table::to_text;
 use crate::{
     delay, identify_iv, load, observe, outputs, parameters, physical, predicted, reduce, report,
     suspect, table, terminal, write,
 };
 
-/// What the command found.
+/// The result of the command.
 pub(crate) struct Outcome {
-    pub(crate) json: Json,
+    pub(crate) json: IdentifyJson,
     pub(crate) identified: IdentifiedModel,
 }
 
-/// Below this bound nearly all residuals would count linearly.
+/// The smallest bound of Huber's loss in standard deviations: below it nearly all residuals would
+/// count linearly.
 const MIN_HUBER_BOUND: f64 = 0.1;
 
 /// Runs the command.
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     report::of_identified(args, &robot, &model, &json.file, &identified)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
@@ -81,7 +82,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     physical::require_optimum(&identified)
 }
 
-/// Identifies a model from what the options name; the last model that is found is adopted.
+/// Identifies a model from the logs or factor files of the options; of several models the last one
+/// is adopted.
 pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
     let session = session(args, model);
     let (start, mut summary) = if args.physical.friction {
@@ -103,7 +105,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     let mut logs: Vec<String> = logs
         .map(|path| predicted::stem(&path.display().to_string()))
         .collect();
-    // what the order does not change, the file does not tell
+    // sorted, so that the order of the logs on the command line does not change the file
     logs.sort();
     identified.provenance = Provenance {
         model: digest(model),
@@ -118,11 +120,11 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     };
     let shares = EffortContributions::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
-    let json = Json { file, summary };
+    let json = IdentifyJson { file, summary };
     Ok(Outcome { json, identified })
 }
 
-/// The identification that the options ask for.
+/// The identification session with the settings of the options.
 pub(crate) fn session<'m>(
     args: &IdentifyArgs,
     model: &'m Interpreted<'m>,
@@ -134,7 +136,9 @@ pub(crate) fn session<'m>(
     }
 }
 
-/// Goes on from least squares as asked for: the last model, and whether it is another one.
+/// Computes the models that the options ask for after least squares (physical parameters,
+/// instrumental variables, reduction). Returns the last one, which is adopted, and whether it is
+/// another one than least squares.
 fn models(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -250,7 +254,7 @@ fn factors(
     Ok((start, summary))
 }
 
-/// Least squares from logs, with what looks wrong with them.
+/// Least squares from logs; warns of columns that look wrong.
 fn logs(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -258,13 +262,13 @@ fn logs(
     let model = session.model;
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
     let start = from_logs(session, &mut logs).inspect_err(|error| {
-        // loops that do not close may be two columns that are swapped
+        // loops that do not close may be caused by two swapped columns
         let unusable = matches!(
             error,
             SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
         );
         if unusable {
-            suspect::tell(args, model, logs.logs(), None);
+            suspect::warn(args, model, logs.logs(), None);
         }
     })?;
     observe::note_problems(&start.reports);
@@ -274,15 +278,15 @@ fn logs(
     note_unexplained(&start.errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::delays(&args.reading);
-    summary.suspicions = suspect::tell(args, model, logs.logs(), Some(&start.used));
+    summary.suspicions = suspect::warn(args, model, logs.logs(), Some(&start.used));
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;
     }
     Ok((start, summary))
 }
 
-/// Says of which efforts the model explains hardly anything: their columns may be of another joint,
-/// in another unit or dead, whatever the deviations of the parameters say.
+/// Warns of efforts that the model hardly explains: their columns may be of another joint, in
+/// another unit or dead, however small the standard deviations of the parameters are.
 fn note_unexplained(errors: &[EffortError]) {
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
@@ -301,7 +305,7 @@ fn note_unexplained(errors: &[EffortError]) {
     }
 }
 
-/// Says that a log is too short for deviations to be trusted.
+/// Warns where a log is too short for the standard deviations to be trusted.
 pub(crate) fn note_short(deviations: &Deviations) {
     if deviations.short() {
         terminal::note(&format!(

@@ -14,31 +14,33 @@ use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{Session, Start};
 use regen_interpreted::Interpreted;
 
-/// What is said of the instruments.
+/// The instruments and the test of least squares for bias, in JSON.
 #[derive(Serialize)]
 pub(crate) struct InstrumentsJson {
-    /// What motion they are taken at, in words.
+    /// The motion at which the instruments are evaluated, in words.
     motion: String,
-    /// Where the measured motion is smoothed, Hz; `None` where it is simulated.
+    /// The cut-off frequency of the filter on the measured motion, Hz; `None` where it is
+    /// simulated.
     cutoff: Option<f64>,
     rounds: usize,
     settled: bool,
-    /// eps_RA in percent with efforts predicted at the motion of the instruments.
+    /// eps_RA in percent, with efforts predicted at the motion of the instruments.
     relative_absolute: f64,
-    /// The equations that both are compared in.
+    /// The number of equations in which both estimates are compared.
     equations: usize,
-    /// The place of the weakest instrument, and whether it is weak.
+    /// The index of the weakest instrument, and whether it is weak.
     #[serde(skip)]
     weakest: Option<(usize, bool)>,
-    /// The correlation of each instrument with its column.
+    /// The correlation of each instrument with its column of the observation matrix.
     relevance: Vec<Figure>,
-    /// The probability of differences from least squares at least as large by chance.
+    /// The probability that chance makes the estimates differ from least squares at least this
+    /// much.
     probability: f64,
-    /// Whether this is of all differences together.
+    /// Whether the probability is of all differences together.
     joint: bool,
     #[serde(skip)]
     biased: bool,
-    /// Least squares less instrumental variables, over the deviation of this difference.
+    /// The difference of least squares and instrumental variables, over its standard deviation.
     differences: Vec<Figure>,
 }
 
@@ -48,7 +50,7 @@ struct Figure {
     value: f64,
 }
 
-/// The model by instrumental variables, and what is said of it.
+/// Identifies by instrumental variables: the model, its JSON and the bandwidth, in samples.
 pub(crate) fn run(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -114,8 +116,8 @@ impl InstrumentsJson {
         }
     }
 
-    /// For people.
-    pub(crate) fn human(&self) -> String {
+    /// The table for people.
+    pub(crate) fn to_text(&self) -> String {
         let mut text = self.motion.clone();
         if let Some(cutoff) = self.cutoff {
             let _ = write!(text, ", below {} Hz", table::figure_of(3, cutoff));

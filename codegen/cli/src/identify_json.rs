@@ -1,4 +1,4 @@
-//! What `regen identify` found, as it is printed in JSON.
+//! The JSON of `regen identify`.
 
 use regen_identify::estimate::EffortError;
 use regen_identify::files::{FrictionRow, ParameterFile};
@@ -11,16 +11,17 @@ use crate::observe::FileJson;
 use crate::reduce::StepJson;
 use crate::suspect::Suspicion;
 
-/// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
+/// The JSON of `regen identify`: the parameter file of the adopted model, and the summary of the
+/// fit.
 #[derive(Serialize)]
-pub(crate) struct Json {
+pub(crate) struct IdentifyJson {
     #[serde(flatten)]
     pub(crate) file: ParameterFile,
     #[serde(flatten)]
     pub(crate) summary: Summary,
 }
 
-/// What is known of a fit beside its parameters.
+/// The summary of a fit: everything but its parameters.
 #[derive(Serialize)]
 pub(crate) struct Summary {
     pub(crate) kind: String,
@@ -29,35 +30,34 @@ pub(crate) struct Summary {
     pub(crate) condition: f64,
     pub(crate) scaled_condition: f64,
     pub(crate) efforts: Vec<EffortJson>,
-    /// eps_RA of the adopted model in percent; known where logs are.
+    /// eps_RA of the adopted model in percent; `None` without logs.
     pub(crate) relative_absolute: Option<f64>,
-    /// Samples in which residuals count as correlated; known where logs are.
+    /// The lag in samples up to which residuals count as correlated; `None` without logs.
     pub(crate) bandwidth: Option<usize>,
     pub(crate) singular: usize,
-    /// Samples and equations that were left out, where logs are known.
+    /// Samples and equations that were left out; `None` without logs.
     pub(crate) left_out: Option<LeftOut>,
-    /// By how much efforts are logged behind the motion, where logs are known.
+    /// Estimated delays of efforts behind the motion; empty without logs.
     pub(crate) delays: Delays,
-    /// The delays that efforts were read with, s.
+    /// The delays that efforts were corrected by while reading, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) corrected_delays: Vec<(String, f64)>,
     pub(crate) cross: Vec<CrossValidation>,
     /// The steps of `--reduce`.
     pub(crate) reduction: Vec<StepJson>,
-    /// The models that were found, on each log; those after the first are only there where they
-    /// were asked for.
+    /// The models compared on each log; empty unless options asked for more than least squares.
     pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
-    /// What `--iv` says of its instruments, and of the bias of least squares.
+    /// The instruments of `--iv`, and the test of least squares for bias.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) instruments: Option<InstrumentsJson>,
-    /// What looks wrong with the columns of the logs.
+    /// Columns of the logs that look wrong.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) suspicions: Vec<Suspicion>,
 }
 
-/// An effort's noise by least squares and, where logs are known, what the adopted model leaves of
-/// it.
+/// The noise of an effort by least squares and, where logs are known, the error of the adopted
+/// model.
 #[derive(Serialize)]
 pub(crate) struct EffortJson {
     pub(crate) name: String,
@@ -67,12 +67,12 @@ pub(crate) struct EffortJson {
     pub(crate) error: Option<EffortError>,
 }
 
-/// A model on the logs.
+/// The errors of a model on the logs.
 #[derive(Serialize)]
 pub(crate) struct ModelJson {
     pub(crate) name: String,
     pub(crate) feasibility: String,
-    /// By what part of itself the objective can be above the optimum at most.
+    /// The bound on how far the objective can exceed the optimum, as a part of the objective.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) gap: Option<f64>,
     pub(crate) base: Vec<f64>,
@@ -82,7 +82,7 @@ pub(crate) struct ModelJson {
 }
 
 impl Summary {
-    /// What a start says.
+    /// The summary of a least-squares fit; the results of later steps are empty.
     pub(crate) fn of(start: &Start) -> Self {
         let estimate = &start.estimate;
         let efforts = estimate.efforts.iter().enumerate();

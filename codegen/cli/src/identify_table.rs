@@ -1,18 +1,19 @@
-//! What `regen identify` prints for people.
+//! The tables of `regen identify` for people.
 
 use std::fmt::Write as _;
 
-use crate::identify_json::{Json, Summary};
+use crate::identify_json::{IdentifyJson, Summary};
 use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
 
-/// Deviations above this many percent of a value say no more than that.
-const MOST: f64 = 1000.0;
+/// The largest relative standard deviation that is printed, in percent; above it the table says no
+/// more than `>1000`.
+const MAX_PRINTED_PERCENT: f64 = 1000.0;
 
 /// The result as tables of 80 columns.
-pub(crate) fn human(json: &Json) -> String {
+pub(crate) fn to_text(json: &IdentifyJson) -> String {
     let (file, summary) = (&json.file, &json.summary);
     let mut out = format!(
         "{}, {} parameters from {} equations\n",
@@ -38,9 +39,9 @@ pub(crate) fn human(json: &Json) -> String {
     if let Some(left) = &summary.left_out {
         out.push_str(&observe::resting(left));
     }
-    out.push_str(&delay::human(&summary.delays, &summary.corrected_delays));
+    out.push_str(&delay::to_text(&summary.delays, &summary.corrected_delays));
     if let Some(instruments) = &summary.instruments {
-        out.push_str(&instruments.human());
+        out.push_str(&instruments.to_text());
     }
     out.push('\n');
     out.push_str(&efforts(summary));
@@ -56,7 +57,7 @@ pub(crate) fn human(json: &Json) -> String {
     }
     if !summary.reduction.is_empty() {
         out.push_str("\n  the reduction, step by step\n");
-        out.push_str(&reduce::human(&summary.reduction));
+        out.push_str(&reduce::to_text(&summary.reduction));
     }
     if !summary.models.is_empty() {
         out.push('\n');
@@ -73,7 +74,7 @@ pub(crate) fn human(json: &Json) -> String {
             .collect();
         if summary.models.iter().any(|m| !m.logs.is_empty()) {
             out.push('\n');
-            out.push_str(&predicted::human("eps_RA in percent", &rows));
+            out.push_str(&predicted::to_text("eps_RA in percent", &rows));
         }
     }
     if !summary.cross.is_empty() {
@@ -163,7 +164,7 @@ fn parameters(file: &ParameterFile) -> String {
     out
 }
 
-/// A standard deviation; a dash where none is known.
+/// A standard deviation; a dash where it is unknown.
 fn deviation(sigma: f64) -> String {
     if sigma.is_finite() {
         table::figure_of(3, sigma)
@@ -172,18 +173,19 @@ fn deviation(sigma: f64) -> String {
     }
 }
 
-/// A part of something in percent.
+/// A percentage with two decimals; a dash where it is unknown.
 fn percent(value: f64) -> String {
     if !value.is_finite() {
         "-".to_owned()
-    } else if value > MOST {
-        format!(">{MOST:.0}")
+    } else if value > MAX_PRINTED_PERCENT {
+        format!(">{MAX_PRINTED_PERCENT:.0}")
     } else {
         format!("{value:.2}")
     }
 }
 
-/// What least squares found where another model was adopted, and how far that is from it.
+/// The least-squares estimates where another model was adopted, and its distance from them in
+/// standard deviations.
 fn least_squares(file: &ParameterFile) -> String {
     let lines: Vec<Vec<String>> = file
         .least_squares
@@ -208,7 +210,7 @@ fn least_squares(file: &ParameterFile) -> String {
     table::columns(&head, &lines)
 }
 
-/// What the adopted model has beyond base parameters.
+/// The physical parameters and the friction of the adopted model.
 fn physical(file: &ParameterFile) -> String {
     let known = file.physical.iter().any(|p| p.sigma.is_finite());
     let rows = file.physical.iter();

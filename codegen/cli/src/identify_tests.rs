@@ -1,4 +1,5 @@
-//! From motions made by inverse dynamics back to the parameters.
+//! Identification tests: logs are made by inverse dynamics from known parameters, which must be
+//! recovered.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod commands;
@@ -34,8 +35,8 @@ fn robot(name: &str) -> Robot {
     load::robot(&root.join(name).with_extension("yaml")).unwrap()
 }
 
-/// A series for each independent coordinate around home: `reach` is the size in rad; metres are
-/// moved by a fifth of it.
+/// A Fourier series around home for each independent coordinate: amplitudes of the size `reach` in
+/// rad, a fifth of that in m.
 fn series(model: &Interpreted<'_>, reach: f64, random: &mut Random) -> Fourier {
     let info = model.info();
     let signals: Vec<(f64, Vec<f64>, Vec<f64>)> = info
@@ -54,7 +55,7 @@ fn series(model: &Interpreted<'_>, reach: f64, random: &mut Random) -> Fourier {
     Fourier::new(FREQUENCY, &signals).unwrap()
 }
 
-/// Nominal parameters where the spec has them, others where not.
+/// True parameters: nominal values where the spec has them, random ones elsewhere.
 fn truth(model: &Interpreted<'_>, random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     let info = model.info();
     let made = info.parameters.iter().map(|_| 1.0 + 0.5 * random.signed());
@@ -64,7 +65,7 @@ fn truth(model: &Interpreted<'_>, random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     (phi, beta)
 }
 
-/// A state along the series with its efforts.
+/// A state along the series, with its efforts.
 struct Made {
     time: f64,
     q: Vec<f64>,
@@ -112,8 +113,8 @@ fn recorded(rows: &[Made]) -> Recorded {
     out
 }
 
-/// The largest error of a parameter as a part of its value; those below a thousandth of the
-/// largest of their kind count as that.
+/// The largest relative error of a parameter. Values below a thousandth of the largest are compared
+/// with that thousandth instead.
 fn worst(found: &[f64], exact: &[f64]) -> f64 {
     let largest = exact.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let error = |(a, b): (&f64, &f64)| (a - b).abs() / b.abs().max(1e-3 * largest);
@@ -165,7 +166,7 @@ fn exact_data_give_exact_parameters_of_a_7r_arm() {
     exact_data_give_exact_parameters("iiwa14", 0.8);
 }
 
-/// A log with the columns of a robot that measures its actuators only.
+/// A CSV log with the columns of a robot that measures its actuators only.
 fn csv(model: &Interpreted<'_>, rows: &[Made]) -> String {
     let info = model.info();
     let names: Vec<&str> = info
@@ -202,7 +203,7 @@ fn scratch(name: &str, text: &str) -> PathBuf {
     path
 }
 
-/// The whole way from a CSV file with positions and forces of the actuators only.
+/// A CSV file with positions and forces of the actuators only must give the parameters.
 #[track_caller]
 fn a_log_of_actuators_gives_the_parameters(name: &str, reach: f64) {
     let robot = robot(name);
@@ -222,7 +223,7 @@ fn a_log_of_actuators_gives_the_parameters(name: &str, reach: f64) {
     };
     let mut logs = Logs::open(&model, std::slice::from_ref(&path), &settings).unwrap();
     let found = identify(&model, EquationKind::Forces, &Options::default(), &mut logs).unwrap();
-    // the refit has the rounding of the positions times frequencies squared
+    // fitting the series again magnifies the rounding of the positions by squared frequencies
     let off = worst(&found.estimate.values, &beta);
     assert!(off < 1e-8, "{name}: {off:e}");
     assert_eq!(logs.reports()[0].states, 500);
@@ -244,7 +245,7 @@ fn a_log_of_the_delta_gives_its_parameters() {
     a_log_of_actuators_gives_the_parameters("delta", 0.2);
 }
 
-/// A five-bar with a log of it.
+/// A five-bar with a log of it, for tests.
 struct Bench {
     robot: Robot,
 }
@@ -272,7 +273,7 @@ impl Bench {
     }
 }
 
-/// A normal number (Box and Muller).
+/// A normally distributed number (Box and Muller).
 fn normal(random: &mut Random) -> f64 {
     let (u, v) = (0.5 - 0.5 * random.signed(), random.signed());
     (-2.0 * u.max(1e-300).ln()).sqrt() * (std::f64::consts::PI * v).cos()
@@ -298,7 +299,7 @@ fn with(method: Method) -> Settings {
 #[test]
 fn data_that_do_not_determine_the_parameters_name_them() {
     Bench::new().with(400, 0.0125, |model, rows, _| {
-        // at rest only gravity speaks
+        // at rest the efforts depend on gravity only
         let mut still = Recorded::new();
         for row in &rows {
             let none = vec![0.0; 4];
@@ -316,7 +317,8 @@ fn data_that_do_not_determine_the_parameters_name_them() {
             *rank < 11 && labels.iter().any(|l| l.starts_with("Izz")),
             "{error}"
         );
-        // the sums along and across the loop are known but for what the loop keeps constant
+        // the sums along and across the loop are determined except where the loop keeps them
+        // constant
         assert!(!labels.iter().any(|l| l.starts_with("mx")), "{error}");
         let short = identify(
             model,
@@ -369,7 +371,7 @@ fn factors_of_parts_merge_to_those_of_the_whole() {
         )
         .unwrap();
         assert!(errors.relative_absolute() < 1e-8);
-        // another geometry with the same names has another digest
+        // another geometry with the same names must have another digest
         let longer = load::derived(&regen_codegen::diag::Source {
             name: "longer".to_owned(),
             text: fs::read_to_string(

@@ -1,4 +1,4 @@
-//! `regen import`: robot files of others as specs.
+//! `regen import`: converts URDF and MJCF files to specs.
 
 use std::fs;
 use std::path::Path;
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         terminal::note(&format!("note: {note}"));
     }
     if let Some(out) = &args.out {
-        // A pipe or a device has no content to lose.
+        // A pipe or a device has no content that could be overwritten.
         let is_file = fs::metadata(out).map_or(true, |found| found.is_file());
         if args.force || !is_file {
             write::atomically(out, &imported.spec)?;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     }
 }
 
-/// The errors, with the option that helps where there is one.
+/// Appends to hints on loops in the tree the option that helps, `--cut`.
 fn advised(mut reports: Vec<Report>) -> Vec<Report> {
     for diagnostic in reports.iter_mut().flat_map(|r| &mut r.diagnostics) {
         if diagnostic.kind == Some(LOOP_IN_TREE)

@@ -39,12 +39,12 @@ struct Operations {
 pub(crate) fn run(args: &InfoArgs) -> Result<(), Failure> {
     let robot = load::robot(&args.file)?;
     terminal::print(&match args.format {
-        Format::Human => human(&robot),
+        Format::Human => to_text(&robot),
         Format::Json => table::json(&info(&robot)),
     })
 }
 
-/// What the JSON states; the operations are those of the regressor.
+/// The JSON of a robot; the operations are those of the regressor.
 pub(crate) fn info(robot: &Robot) -> Info<'_> {
     let operations = robot
         .functions
@@ -88,7 +88,7 @@ fn names<'a>(all: &'a [String], which: &[usize]) -> Vec<&'a str> {
 }
 
 /// The summary as tables.
-pub(crate) fn human(robot: &Robot) -> String {
+pub(crate) fn to_text(robot: &Robot) -> String {
     let mut out = match &robot.description {
         Some(text) => table::paragraph(&format!("{}: {text}", robot.name)),
         None => table::paragraph(&robot.name),

@@ -1,25 +1,25 @@
-//! Ctrl-C: nothing is left half written, and a search may end with the best so far.
+//! Ctrl-C: removes a half-written file, and lets a search end with the best result so far.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The exit code of a program that was interrupted: 128 and the signal's number.
+/// The exit code of an interrupted program: 128 plus the signal's number.
 const INTERRUPTED: i32 = 130;
 
-/// The temporary file that is being written, if one is.
+/// The temporary file that is being written, or `None`.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
-/// Whether a run ends by itself when it is asked to.
-static WINDS_DOWN: AtomicBool = AtomicBool::new(false);
-/// Whether it was asked to.
-static ASKED: AtomicBool = AtomicBool::new(false);
+/// Whether the command ends by itself after the first interrupt.
+static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
+/// Whether the first interrupt has come.
+static INTERRUPT_SEEN: AtomicBool = AtomicBool::new(false);
 
-/// Lets an interrupt remove what was half written, and end the run as a failure.
+/// Installs the handler: an interrupt removes a half-written file and ends the run as a failure.
 pub(crate) fn listen() {
-    // where there is no such handler, the run ends at the signal itself
+    // where no handler can be installed, the signal itself ends the run
     let _ = ctrlc::set_handler(|| {
-        if WINDS_DOWN.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
+        if ENDS_BY_ITSELF.load(Ordering::Relaxed) && !INTERRUPT_SEEN.swap(true, Ordering::Relaxed) {
             return;
         }
         if let Ok(unfinished) = UNFINISHED.lock()
@@ -31,15 +31,15 @@ pub(crate) fn listen() {
     });
 }
 
-/// From now on the first interrupt only asks, through what is returned; the second one ends the
-/// run.
-pub(crate) fn asks() -> &'static AtomicBool {
-    WINDS_DOWN.store(true, Ordering::Relaxed);
-    &ASKED
+/// From now on the first interrupt only sets the returned flag, and the caller ends by itself; the
+/// second one ends the process.
+pub(crate) fn flag() -> &'static AtomicBool {
+    ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
+    &INTERRUPT_SEEN
 }
 
-/// Names the file that would be half written, or none.
-pub(crate) fn unfinished(path: Option<&Path>) {
+/// Sets the temporary file that the handler removes; `None` once it is complete.
+pub(crate) fn set_unfinished(path: Option<&Path>) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         *unfinished = path.map(Path::to_path_buf);
     }

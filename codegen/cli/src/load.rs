@@ -1,4 +1,4 @@
-//! From a file to a derived robot.
+//! Reads files and derives robots from them.
 
 use std::fs::File;
 use std::io::Read;
@@ -22,7 +22,7 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     up_to(MAX_BYTES, path)
 }
 
-/// Reads a text file of so many bytes at most: a device may never end.
+/// Reads a text file of at most `limit` bytes: a device may never end.
 fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     let mut bytes = Vec::new();
     File::open(path)
@@ -52,7 +52,7 @@ pub(crate) fn source(path: &Path) -> Result<Source, Failure> {
     })
 }
 
-/// Reads a file that may be longer than a description, for messages with its places.
+/// Reads a file that may be longer than a spec, with its name for messages.
 pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
     Ok(Source {
         name: path.display().to_string(),
@@ -60,16 +60,16 @@ pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
     })
 }
 
-/// What can be done with a robot whose base parameters are not derived.
+/// The hint for robots with too many parameters to derive base parameters of.
 const WITHOUT_BASE: &str =
     "what does not need them works: `regen info`, `eval`, `simulate` and `view`";
 
-/// Reads a mechanism.
+/// Opens the mechanism of a spec.
 pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
     Ok(Mechanism::open(source)?)
 }
 
-/// Refuses a mechanism that has more parameters than base parameters are derived for.
+/// Refuses a mechanism with more parameters than base parameters can be derived for.
 pub(crate) fn within_reach(mechanism: &Mechanism) -> Result<(), Failure> {
     if base::has_few_enough_parameters(mechanism.model()) {
         return Ok(());
@@ -83,7 +83,7 @@ pub(crate) fn within_reach(mechanism: &Mechanism) -> Result<(), Failure> {
     Err(report.into())
 }
 
-/// The base parameters of a mechanism.
+/// Derives the base parameters of a mechanism.
 pub(crate) fn analysis<'m>(
     mechanism: &'m Mechanism,
     source: &Source,
@@ -102,20 +102,20 @@ pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
     Ok(deriving(source, || pipeline::derive(source))?)
 }
 
-/// Derives one robot whose base parameters are what is wanted.
+/// Derives one robot, or refuses it where its base parameters cannot be derived.
 pub(crate) fn with_base(source: &Source) -> Result<Robot, Failure> {
     let mechanism = mechanism(source)?;
     within_reach(&mechanism)?;
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
-/// Reads and derives one robot without its base parameters: quick for large ones too.
+/// Reads and derives one robot without its base parameters, which is quick for large ones too.
 pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
     Ok(mechanism(&source(path)?)?.robot(&pipeline::without_base())?)
 }
 
-/// Shows that base parameters are being derived: the certificate of a large mechanism takes
-/// seconds, and grows with the cube of its parameters.
+/// Shows a spinner while base parameters are derived: the certificate of a large mechanism takes
+/// seconds, and its time grows with the cube of the number of parameters.
 fn deriving<T>(source: &Source, run: impl FnOnce() -> T) -> T {
     let working = spinner(format!("deriving the base parameters of {}", source.name));
     let result = run();

@@ -1,5 +1,5 @@
-//! `regen`: derives a robot's dynamics from its YAML spec, writes them as Rust source,
-//! evaluates and verifies them.
+//! `regen`: derives a robot's dynamics from its YAML spec, writes them as Rust source, evaluates
+//! and verifies them, and identifies the parameters from logs.
 
 mod args;
 mod base;

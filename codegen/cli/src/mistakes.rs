@@ -1,12 +1,12 @@
-//! Mistakes in JSON files, shown at their places with what to do about them.
+//! Reports mistakes in JSON files at their places, with a remedy.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_identify::files::{Mistake, Mistakes, Remedy};
 
 use crate::exit::Failure;
 
-/// The failure of a file with mistakes; `other_file` says which file to give where it is of
-/// another kind.
+/// The failure of a file with mistakes; `other_file` is the hint for a file of another kind, and
+/// names the file to give instead.
 pub(crate) fn failure(source: Source, mistakes: Mistakes, other_file: &str) -> Failure {
     let shown = |mistake: Mistake| {
         let span = Span::new(mistake.at, mistake.at + 1);

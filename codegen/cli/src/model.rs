@@ -1,4 +1,4 @@
-//! `regen FILE`, the main job: derive, summarise, write the source, verify it.
+//! `regen FILE`, the main job: derives, summarises, writes the source and verifies it.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -45,8 +45,8 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     let entries = generate::compare(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
     let mut same = true;
     for entry in &entries {
-        entry.mend()?;
-        same &= entry.holds()?;
+        entry.write()?;
+        same &= entry.is_current()?;
     }
     let changed = entries.iter().any(|entry| entry.state != State::Current);
 
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     terminal::print(&match args.format {
         Format::Human => format!(
             "{}{}\n{} {} ({lines} lines)\n\n{}",
-            info::human(&robot),
+            info::to_text(&robot),
             robot
                 .analysis
                 .as_ref()

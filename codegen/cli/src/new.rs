@@ -1,4 +1,4 @@
-//! `regen new`: a commented spec to begin with.
+//! `regen new`: writes a commented spec to begin with.
 
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ impl Kind {
 
 /// Runs the command.
 pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
-    // Anything else could end the line that it is written into.
+    // Any other character could end the line that the name is written into.
     let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
     if !args.name.chars().all(plain) {
         return Err(Failure::Input(format!(
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
         .template()
         .replace("NAME", &args.name)
         .replace("FILE", &out.display().to_string());
-    // The name is all that can still be wrong: what is said about it is what the spec's reader says.
+    // Only the name can still be wrong: the spec's reader checks it and words the error.
     load::derived(&Source {
         name: out.display().to_string(),
         text: text.clone(),

@@ -1,4 +1,4 @@
-//! `regen observe`: logs to a factor file; and how all commands read logs.
+//! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen observe`.
 #[derive(Serialize)]
-struct Json<'a> {
+struct ObserveJson<'a> {
     robot: &'a str,
     model: &'a str,
     kind: &'a str,
@@ -34,7 +34,7 @@ struct Rows<'a> {
     rows: usize,
 }
 
-/// What was read of a file.
+/// The statistics of one log file that was read.
 #[derive(Serialize)]
 pub(crate) struct FileJson {
     file: String,
@@ -46,7 +46,7 @@ pub(crate) struct FileJson {
 }
 
 impl FileJson {
-    /// A report in the command's terms.
+    /// The JSON of a file's report.
     pub(crate) fn new(report: &FileReport) -> Self {
         Self {
             file: report.file.clone(),
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
-    let json = Json {
+    let json = ObserveJson {
         robot: &set.robot,
         model: &set.model,
         kind: &set.kind,
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     terminal::note(&format!("{}: written", args.out.display()));
     Ok(())
@@ -106,7 +106,7 @@ fn rows(set: &FactorSet) -> Vec<Rows<'_>> {
     rows.collect()
 }
 
-fn human(json: &Json<'_>) -> String {
+fn to_text(json: &ObserveJson<'_>) -> String {
     let efforts = json.efforts.iter();
     let lines: Vec<Vec<String>> = efforts
         .map(|e| vec![e.name.to_owned(), e.rows.to_string()])
@@ -121,7 +121,7 @@ fn human(json: &Json<'_>) -> String {
     out
 }
 
-/// The share of the equations that were left out because their coordinates rested, for people;
+/// The share of equations that were left out because their coordinates were at rest, for people;
 /// empty where there were none.
 pub(crate) fn resting(left: &LeftOut) -> String {
     let rest: usize = left.resting.iter().sum();
@@ -136,13 +136,13 @@ pub(crate) fn resting(left: &LeftOut) -> String {
     )
 }
 
-/// Whether every equation was left out because its coordinate rested.
+/// Whether every equation was left out because its coordinate was at rest.
 pub(crate) fn all_rest(left: &LeftOut) -> bool {
     let mut rest = left.resting.iter().peekable();
     left.samples > 0 && rest.peek().is_some() && rest.all(|rest| *rest == left.samples)
 }
 
-/// A robot without base parameters cannot be identified.
+/// Refuses a robot without base parameters: it cannot be identified.
 pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Failure> {
     if !model.base_info().base.is_empty() {
         return Ok(());
@@ -151,7 +151,7 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
     Err(Failure::Input(text))
 }
 
-/// Refuses options of reading that do not go together.
+/// Refuses combinations of reading options that contradict each other.
 pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
         let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
@@ -167,7 +167,7 @@ pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Opens logs as the options say, and watches the passes over them.
+/// Opens logs as the options say, with progress bars for the passes over them.
 pub(crate) fn open<'m>(
     model: &'m Interpreted<'m>,
     paths: &[PathBuf],
@@ -177,7 +177,7 @@ pub(crate) fn open<'m>(
     Ok(session(model, reading).open(paths)?)
 }
 
-/// An identification with the options' reading, solved by default.
+/// An identification session with the options' reading and default settings of the solution.
 pub(crate) fn session<'m>(
     model: &'m Interpreted<'m>,
     reading: &ReadingArgs,
@@ -192,7 +192,7 @@ pub(crate) fn session<'m>(
     }
 }
 
-/// What the options say of reading.
+/// The settings for reading logs.
 pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     let method = if let Some((frequency, harmonics)) = reading.fourier {
         Method::Fourier {
@@ -228,7 +228,7 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     }
 }
 
-/// The delays of efforts that the options state.
+/// The delays of efforts given as numbers in the options, s.
 pub(crate) fn delays(reading: &ReadingArgs) -> Vec<(String, f64)> {
     let stated = reading.delay.iter().filter_map(|delay| match delay {
         DelayArg::Of(name, seconds) => Some((name.clone(), *seconds)),
@@ -237,7 +237,7 @@ pub(crate) fn delays(reading: &ReadingArgs) -> Vec<(String, f64)> {
     stated.collect()
 }
 
-/// Which equations the options ask for.
+/// The equations that the options ask for: forces or energy balance.
 pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
     match reading.energy {
         Some(window) => EquationKind::Energy { window },
@@ -245,7 +245,7 @@ pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
     }
 }
 
-/// Tells what was left out of logs, or used in spite of what is said of it.
+/// Prints which rows of the logs were left out, or used although they are doubtful.
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         if !report.still.is_empty() {
@@ -258,7 +258,7 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
         let count = report.problems.total();
         let what = match report.policy {
             Policy::Keep => {
-                // what nobody can keep is not lost in silence
+                // rows that even `keep` cannot use are reported
                 let lost = report.problems.left_out(report.policy);
                 let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
                 let kinds: Vec<String> = kinds.collect();

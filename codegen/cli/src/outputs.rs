@@ -1,4 +1,4 @@
-//! Identified parameters as a spec's bodies and as Rust constants.
+//! Writes identified parameters as the bodies of a spec and as Rust constants.
 
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
@@ -10,15 +10,15 @@ use crate::exit::Failure;
 use crate::terminal;
 use regen_interpreted::Interpreted;
 
-/// What a spec that was written may differ by from the values it was written for: sums about the
-/// centre of mass and back.
-const KEPT: f64 = 1e-9;
+/// The largest difference, relative to the largest parameter, between a value and the same value
+/// read back from the written spec: moments are converted to the centre of mass and back.
+const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 
-/// The spec with `bodies:` and the joints' `nominal:` values of a physical model; everything else
-/// of its text stays.
+/// The spec's text with `bodies:` and the joints' `nominal:` values replaced by those of a physical
+/// model; the rest of the text stays.
 ///
-/// The result is read back, and its nominal values are compared, before it is handed out. What a
-/// spec cannot hold is noted.
+/// The result is parsed again and its nominal values are compared before it is returned. A value
+/// that a spec cannot express is noted on standard error.
 pub(crate) fn spec(
     source: &Source,
     model: &Interpreted<'_>,
@@ -60,18 +60,20 @@ pub(crate) fn spec(
         name: source.name.clone(),
         text: text.clone(),
     };
-    // names and nominal values alone: no function is needed
+    // names and nominal values suffice: no function is derived
     let robot = Mechanism::open(&read)
         .and_then(|mechanism| mechanism.robot(&[]))
         .map_err(|report| wrong(report.to_string()))?;
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // what one value of a joint cannot say of its coordinates was noted
+    // values that one joint cannot state separately for its coordinates were noted above
     let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
     for (k, (parameter, exact)) in info.parameters.iter().zip(phi).enumerate() {
         let value = robot.nominal.get(k).copied().flatten();
         let skipped =
             parameter.owner.contains('.') && several(&format!("{} of ", parameter.name()));
-        if !skipped && !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
+        if !skipped
+            && !value.is_some_and(|v| (v - exact).abs() <= MAX_RELATIVE_DIFFERENCE * largest)
+        {
             return Err(wrong(format!("{parameter} reads back as {value:?}")));
         }
     }

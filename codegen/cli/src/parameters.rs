@@ -1,4 +1,4 @@
-//! Files of identified parameters: read with the file's name in every error.
+//! Reads and writes files of identified parameters; every error names the file.
 
 use std::path::Path;
 
@@ -10,19 +10,19 @@ use serde_json::Value;
 use crate::exit::Failure;
 use crate::load;
 
-/// The text of a file of parameters, in the format that its name asks for.
+/// The text of a parameter file, in JSON or YAML by its name.
 pub(crate) fn text(file: &ParameterFile, path: &Path) -> Result<String, Failure> {
     Format::of(path).text(file).map_err(|why| wrong(path, &why))
 }
 
-/// A file's content, JSON or YAML by its name.
+/// Parses a file, JSON or YAML by its name.
 pub(crate) fn value(path: &Path) -> Result<Value, Failure> {
     let text = load::text(path)?;
     let value = Format::of(path).value(&text);
     value.map_err(|why| wrong(path, &why))
 }
 
-/// The model that a file holds.
+/// Reads the identified model of a parameter file.
 pub(crate) fn read(path: &Path, model: &Interpreted<'_>) -> Result<IdentifiedModel, Failure> {
     IdentifiedModel::read(&value(path)?, model).map_err(|why| wrong(path, &why))
 }

@@ -1,4 +1,4 @@
-//! The motion of a simulation or a view: from a trajectory file or gentle.
+//! The reference motion of a simulation or a view: from a trajectory file, or a gentle default.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use regen_interpreted::Interpreted;
 use crate::exit::Failure;
 use crate::{load, mistakes};
 
-/// The trajectory in a file, or a gentle motion about home.
+/// Reads the trajectory of a file; without a file, a gentle motion about home.
 pub(crate) fn of(
     file: Option<&Path>,
     model: &Interpreted<'_>,
@@ -19,7 +19,7 @@ pub(crate) fn of(
     }
 }
 
-/// The trajectory in a file.
+/// Reads the trajectory of a file.
 pub(crate) fn read(file: &Path, model: &Interpreted<'_>) -> Result<FourierReference, Failure> {
     let info = model.info();
     let source = load::file(file)?;

@@ -1,4 +1,4 @@
-//! What `regen identify` knows of physical parameters: the options as knowledge, and what is said of
+//! Physical parameters of `regen identify`: converts the options to prior knowledge, and reports on
 //! the result.
 
 use regen_identify::feasibility::{Bound, FeasibilityError, MAX_OPTIMAL_GAP, Total};
@@ -10,7 +10,7 @@ use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
 use crate::terminal;
 
-/// What the options say of the robot.
+/// The prior knowledge of the parameters that the options state.
 pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     let names = |text: &str| -> Vec<String> {
         let parts = text.split(',').map(str::trim);
@@ -38,7 +38,7 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     }
 }
 
-/// Names the options that bound masses which nothing else bounds.
+/// Notes the options that would bound masses which nothing bounds.
 pub(crate) fn note_unbounded(found: &IdentifiedModel) {
     if let Some(mass) = found.unbounded.first() {
         terminal::note(&format!(
@@ -48,7 +48,7 @@ pub(crate) fn note_unbounded(found: &IdentifiedModel) {
     }
 }
 
-/// Fails where the result is no optimum; it is printed and written already.
+/// Fails where the fit is not proven to be the optimum; the result is printed and written already.
 pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
     match found.gap {
         Some(gap) if gap.is_nan() || gap > MAX_OPTIMAL_GAP => Err(Failure::Numeric(format!(
@@ -59,7 +59,7 @@ pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
     }
 }
 
-/// Notes that friction of the spec is left out of a linear model.
+/// Notes that nonlinear friction of the spec is left out of a linear model.
 pub(crate) fn note_friction(model: &Interpreted<'_>) {
     let joints = regen_identify::friction::nonlinear_joints(model);
     if !joints.is_empty() {

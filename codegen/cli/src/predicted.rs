@@ -7,8 +7,8 @@ use regen_identify::session::LogError;
 use crate::table;
 
 /// The table for people: a row for each model, a column for each log.
-pub(crate) fn human(title: &str, rows: &[(String, &[LogError])]) -> String {
-    // as many logs beside each other as fit
+pub(crate) fn to_text(title: &str, rows: &[(String, &[LogError])]) -> String {
+    // the number of logs whose columns fit side by side
     const BLOCK: usize = 4;
     let mut out = String::new();
     let logs = rows.first().map_or(&[][..], |(_, logs)| *logs);

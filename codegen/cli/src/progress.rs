@@ -1,4 +1,4 @@
-//! Bars and signs of life on a terminal's standard error; nothing elsewhere.
+//! Progress bars and spinners on standard error, if that is a terminal.
 
 use std::cell::RefCell;
 use std::io::IsTerminal;
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar of this length that looks like the template.
+/// A progress bar of this length and template.
 pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -18,7 +18,7 @@ pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
     bar
 }
 
-/// A sign of life while something of unknown length runs.
+/// A spinner for work of unknown length.
 pub(crate) fn spinner(message: String) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -28,17 +28,17 @@ pub(crate) fn spinner(message: String) -> ProgressBar {
     bar
 }
 
-/// Work that shows itself only if it takes long.
+/// A progress bar that appears only if the work takes long.
 pub(crate) struct Later {
     what: &'static str,
     since: Instant,
     bar: RefCell<Option<ProgressBar>>,
 }
 
-/// Time after which work shows itself.
-const LONG: Duration = Duration::from_secs(2);
+/// Time after which the bar appears.
+const SHOWN_AFTER: Duration = Duration::from_secs(2);
 
-/// Work that starts now.
+/// A delayed bar for work that starts now.
 pub(crate) fn later(what: &'static str) -> Later {
     Later {
         what,
@@ -48,9 +48,9 @@ pub(crate) fn later(what: &'static str) -> Later {
 }
 
 impl Later {
-    /// Shows how many of all parts are done.
+    /// Sets how many of all parts are done, and shows the bar once the work has taken long.
     pub(crate) fn at(&self, done: usize, all: usize) {
-        if self.since.elapsed() < LONG {
+        if self.since.elapsed() < SHOWN_AFTER {
             return;
         }
         let mut bar = self.bar.borrow_mut();
@@ -62,7 +62,7 @@ impl Later {
         bar.set_position(done as u64);
     }
 
-    /// Nothing is left of it.
+    /// Removes the bar.
     pub(crate) fn end(&self) {
         if let Some(bar) = self.bar.borrow_mut().take() {
             bar.finish_and_clear();

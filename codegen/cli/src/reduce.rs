@@ -1,4 +1,4 @@
-//! The steps of `regen identify --reduce`, in JSON and for people.
+//! The steps of `regen identify --reduce`, as JSON and as a table.
 
 use regen_identify::identifiability::{Reduction, Step};
 use serde::Serialize;
@@ -36,7 +36,7 @@ pub(crate) fn json(reduction: &Reduction, labels: &[String]) -> Vec<StepJson> {
 }
 
 /// The steps for people, in 80 columns.
-pub(crate) fn human(steps: &[StepJson]) -> String {
+pub(crate) fn to_text(steps: &[StepJson]) -> String {
     let figure = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.3}"));
     let lines: Vec<Vec<String>> = steps
         .iter()

@@ -1,4 +1,4 @@
-//! `regen report`, and `--report` of `regen identify`: what was identified, on one page.
+//! `regen report`, and `--report` of `regen identify`: the identification on one HTML page.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::{Inputs, ReportError};
 
-/// Writes the report that the options of `regen identify` ask for.
+/// Writes the report if `regen identify` was given `--report`.
 pub(crate) fn of_identified(
     args: &IdentifyArgs,
     robot: &Robot,
@@ -39,7 +39,7 @@ pub(crate) fn of_identified(
     write(&outputs, &inputs)
 }
 
-/// Where a report is written.
+/// The paths that a report is written to.
 struct Outputs<'a> {
     page: &'a Path,
     figures: Option<&'a Path>,
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    // the model's digest is checked there
+    // `read` checks that the file belongs to this model, by its digest
     let identified = parameters::read(&args.params, &model)?;
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     write(&outputs, &inputs)
 }
 
-/// Makes the report and writes it: figures first, so that a page never lacks them.
+/// Makes the report and writes it: figures before the page, so that a page never lacks them.
 fn write(outputs: &Outputs<'_>, inputs: &Inputs<'_>) -> Result<(), Failure> {
     let report = regen_report::report(inputs)?;
     if let Some(dir) = outputs.figures {

@@ -1,8 +1,9 @@
-//! Which robots of a workspace are checked in as whole sources, and the digests of the others.
+//! Which robots of a workspace are checked in with their whole source, and the digests of the
+//! others.
 //!
-//! `sources.txt` beside the directory of modules names the robots whose source people read, one a
-//! line. `digests.txt` beside it is written by regen, and says of all others what their source
-//! would be. Without `sources.txt` every robot has its source.
+//! `sources.txt`, next to the directory of modules, names one per line the robots whose source
+//! people read. `digests.txt`, in the same place, is written by regen and contains a digest of the
+//! source of every other robot. Without `sources.txt` every robot's source is checked in.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -19,7 +20,7 @@ const HEAD: &str = "\
 # their SHA-256, and the operations of each function.
 ";
 
-/// The robots whose sources belong into a directory.
+/// The robots whose whole source is written into a directory.
 #[derive(Debug)]
 pub(crate) struct Manifest {
     file: PathBuf,
@@ -27,9 +28,10 @@ pub(crate) struct Manifest {
 }
 
 impl Manifest {
-    /// The manifest of a directory of modules; `None` where every robot has its source.
+    /// Reads the manifest of a directory of modules; `None` where there is none and every source is
+    /// written.
     pub(crate) fn of(dir: &Path) -> Result<Option<Self>, Failure> {
-        let file = beside(dir, SOURCES);
+        let file = sibling(dir, SOURCES);
         let text = match fs::read_to_string(&file) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -43,7 +45,7 @@ impl Manifest {
         Ok(Some(Self { file, names }))
     }
 
-    /// An error unless every name is one of these robots.
+    /// Returns an error unless every name of the manifest is one of these robots.
     pub(crate) fn names_only(&self, robots: &BTreeMap<String, Module>) -> Result<(), Failure> {
         match self.names.iter().find(|name| !robots.contains_key(*name)) {
             None => Ok(()),
@@ -54,7 +56,7 @@ impl Manifest {
         }
     }
 
-    /// Takes the robots out whose source is not wanted; their digests by their names.
+    /// Removes the robots that the manifest does not name, and returns their digests by name.
     pub(crate) fn take_others(
         &self,
         robots: &mut BTreeMap<String, Module>,
@@ -65,13 +67,13 @@ impl Manifest {
             .collect()
     }
 
-    /// The file of digests.
+    /// The path of the file of digests.
     pub(crate) fn digests(&self) -> PathBuf {
         self.file.with_file_name(DIGESTS)
     }
 }
 
-/// The file that holds a robot's source, or its digest.
+/// The path of the file that contains a robot's source, or its digest.
 pub(crate) fn place(dir: &Path, robot: &str) -> Result<PathBuf, Failure> {
     Ok(match Manifest::of(dir)? {
         Some(manifest) if !manifest.names.contains(robot) => manifest.digests(),
@@ -79,7 +81,8 @@ pub(crate) fn place(dir: &Path, robot: &str) -> Result<PathBuf, Failure> {
     })
 }
 
-/// The text of a file of digests: those that `found` has, with these in place of the same robots'.
+/// The text of a file of digests: the entries of `found`, with `new` added or replacing entries of
+/// the same robots.
 pub(crate) fn digests(found: Option<&str>, new: BTreeMap<String, String>) -> String {
     let mut all = BTreeMap::new();
     let mut robot = None;
@@ -99,9 +102,9 @@ pub(crate) fn digests(found: Option<&str>, new: BTreeMap<String, String>) -> Str
     all.values().fold(HEAD.to_owned(), |text, one| text + one)
 }
 
-fn beside(dir: &Path, name: &str) -> PathBuf {
+fn sibling(dir: &Path, name: &str) -> PathBuf {
     match dir.parent() {
-        // the parent of `src` is the current directory
+        // the parent of the relative path `src` is the current directory
         Some(parent) if dir.file_name().is_some() => parent.join(name),
         _ => dir.join("..").join(name),
     }

@@ -1,5 +1,5 @@
-//! What looks wrong with a log that was read without a fault, with the options that read it
-//! otherwise.
+//! Warnings about logs that were read without an error but look wrong, with the options that would
+//! read them correctly.
 
 #[cfg(test)]
 mod tests;
@@ -13,17 +13,17 @@ use serde::Serialize;
 use crate::args::IdentifyArgs;
 use crate::{progress, terminal};
 
-/// What looks wrong with a log.
+/// A suspected mistake in a log.
 #[derive(Serialize)]
 pub(crate) struct Suspicion {
     #[serde(flatten)]
     found: suspect::Suspicion,
-    /// Options that read the log so, or what else to do.
+    /// The options that read the log correctly, or other advice.
     remedy: String,
 }
 
 impl Suspicion {
-    /// What was found with its remedy in options.
+    /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
     fn new(found: suspect::Suspicion) -> Self {
         let remedy = match &found.remedy {
             Remedy::Read { advice, columns } => {
@@ -64,7 +64,7 @@ impl std::fmt::Display for Suspicion {
     }
 }
 
-/// The option that reads a column so.
+/// The option that reads a column with this assignment.
 fn option(to: &Assignment) -> String {
     let factor = format!("{:.11e}", to.factor).parse().unwrap_or(to.factor);
     let factor = match factor {
@@ -74,10 +74,10 @@ fn option(to: &Assignment) -> String {
     format!("--column '{}={}{factor}'", to.quantity, to.column)
 }
 
-/// Says at once what looks wrong with each log, unless that is turned off.
+/// Prints and returns what looks wrong with each log; does nothing with `--no-suspicion`.
 ///
-/// - `found`: what was identified from all of them, with deviations; none where nothing was.
-pub(crate) fn tell(
+/// - `found`: the estimate from all logs, with standard deviations; `None` where there is none.
+pub(crate) fn warn(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
@@ -104,7 +104,7 @@ pub(crate) fn tell(
     out
 }
 
-/// What looks wrong with one log.
+/// The suspected mistakes in one log.
 fn one(
     columns: &LogColumns<'_, Interpreted<'_>>,
     sample: &Sample,

@@ -1,4 +1,4 @@
-//! How results are printed: plain tables of at most 80 columns, numbers, and JSON.
+//! The layout of printed results: plain tables of at most 80 columns, numbers, and JSON.
 
 use serde::Serialize;
 
@@ -7,13 +7,14 @@ pub(crate) use regen_codegen::explain::lines::WIDTH;
 pub(crate) use regen_codegen::explain::lines::{columns, field, item, paragraph};
 pub(crate) use regen_identify::text::{figure, figure_of};
 
-/// A value as JSON text. Maps have string keys and numbers are finite in all that is printed,
-/// so that writing to a string cannot fail.
+/// A value as JSON text. All printed values have string keys in maps and finite numbers, so that
+/// serialising cannot fail.
 pub(crate) fn json<T: Serialize>(value: &T) -> String {
     serde_json::to_string(value).unwrap_or_default() + "\n"
 }
 
-/// How large a number is, that counts by its exponent; zero plainly.
+/// A number in exponent notation with `digits` significant digits, for values whose magnitude
+/// matters; zero prints as `0`.
 pub(crate) fn size(digits: usize, value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()

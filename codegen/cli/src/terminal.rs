@@ -15,12 +15,12 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         })
 }
 
-/// Writes a message to standard error, where nothing can be done about a failure.
+/// Writes a message to standard error; a failure to write is ignored, since nothing can be done.
 pub(crate) fn note(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// Says on standard error why the run ended.
+/// Prints on standard error why the run ended.
 pub(crate) fn complain(failure: &Failure) {
     let color = colored();
     match failure {
@@ -35,7 +35,7 @@ pub(crate) fn complain(failure: &Failure) {
     }
 }
 
-/// Whether messages are coloured: on a terminal that can, unless `NO_COLOR` is set.
+/// Whether messages are coloured: on a terminal that supports it, unless `NO_COLOR` is set.
 fn colored() -> bool {
     let unset = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let able = std::env::var_os("TERM").is_none_or(|term| term != "dumb");

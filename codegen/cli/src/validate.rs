@@ -1,4 +1,4 @@
-//! `regen validate`: the forces of logs predicted from identified parameters.
+//! `regen validate`: predicts the forces of logs from identified parameters.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -14,14 +14,14 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
 #[derive(Serialize)]
-struct Json {
+struct ValidateJson {
     robot: String,
     kind: String,
     logs: Vec<String>,
     models: Vec<Predicted>,
 }
 
-/// What one set of parameters predicts.
+/// The prediction errors of one set of parameters on all logs.
 #[derive(Serialize)]
 struct Predicted {
     params: String,
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             });
         }
     }
-    let json = Json {
+    let json = ValidateJson {
         robot: robot.name.clone(),
         kind: kind.name(),
         logs: args.logs.iter().map(|p| p.display().to_string()).collect(),
@@ -86,14 +86,14 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })
 }
 
-fn human(json: &Json) -> String {
+fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
     let name = predicted::stem;
-    // as many logs beside each other as fit
+    // the number of logs whose columns fit side by side
     const BLOCK: usize = 5;
     let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
     for (block, titles) in names.chunks(BLOCK).enumerate() {
@@ -136,7 +136,7 @@ fn human(json: &Json) -> String {
     out
 }
 
-/// A share in percent; a dash where there is nothing that it is a share of.
+/// A percentage; a dash where it is undefined, as of efforts that are zero.
 fn percent(share: f64) -> String {
     if share.is_finite() {
         format!("{share:.3}")

@@ -1,5 +1,5 @@
-//! `regen verify`: every check of a robot, and its base parameters beside the numeric path; with
-//! `--all`, the independent checks of any number of robots.
+//! `regen verify`: checks the identities of a robot and compares its base parameters with the
+//! numeric path; with `--all`, runs the independent checks of any number of robots.
 
 mod one;
 mod several;
@@ -20,7 +20,7 @@ use several::Independent;
 
 pub(crate) use one::{CheckJson, check_json, identities};
 
-/// Whether the source that was written is what is on disk.
+/// The check that the source on disk equals what the emitter writes now.
 const SAME_SOURCE: Statement = Statement::identity("source on disk is what was emitted");
 
 /// Runs the command.
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         VerifyFormat::Markdown => {
             return Err(Failure::Usage("--format markdown needs --all".to_owned()));
         }
-        VerifyFormat::Human => one::human(&report, &numeric, robot.analysis.as_ref()),
+        VerifyFormat::Human => one::to_text(&report, &numeric, robot.analysis.as_ref()),
         VerifyFormat::Json => one::json(&report, &numeric),
     })?;
     let failed: Vec<&str> = one::failed(&report, &numeric).collect();
@@ -51,7 +51,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
     }
 }
 
-/// Checks a robot's identities, and whether its source on disk is what is emitted, if any is.
+/// Checks a robot's identities; `same`, where given, is the result of the check of its source on
+/// disk.
 pub(crate) fn checked(robot: &Robot, same: Option<bool>) -> Result<Report, Failure> {
     let mut report = regen_verify::identities(robot)?;
     let source = same.map(|same| Check::truth(SAME_SOURCE, same));
@@ -59,19 +60,19 @@ pub(crate) fn checked(robot: &Robot, same: Option<bool>) -> Result<Report, Failu
     Ok(report)
 }
 
-/// The failure that names the statements that do not hold.
+/// The failure that names the statements that were found false.
 pub(crate) fn not_verified(robot: &str, failed: &[&str]) -> Failure {
     Failure::Check(format!("{robot} is not verified: {}", failed.join("; ")))
 }
 
-/// Whether the workspace's module of a robot of the workspace, or its digest, is what would be
-/// generated; `None` where there is none.
+/// Whether the generated module on disk of a robot of a workspace, or its digest, equals what would
+/// be generated now; `None` where there is no such file.
 fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
         _ => Path::new("."),
     };
-    if !Workspace::above(beside).is_some_and(|w| w.holds_robot(file)) {
+    if !Workspace::above(beside).is_some_and(|w| w.contains_robot(file)) {
         return Ok(None);
     }
     let place = sources::place(&workspace::generated_beside(file), &robot.name)?;
@@ -105,7 +106,7 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
     terminal::print(&match args.format {
-        VerifyFormat::Human => several::human(&all),
+        VerifyFormat::Human => several::to_text(&all),
         VerifyFormat::Markdown => several::markdown(&all),
         VerifyFormat::Json => several::json(&all),
     })?;
@@ -124,7 +125,7 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     }
 }
 
-/// The specs that are meant: files, those of directories, or those of the workspace.
+/// The spec files to verify: those named, those in named directories, or all of the workspace.
 fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     if named.is_empty() {
         return Workspace::current()?.robots();
@@ -162,12 +163,12 @@ fn independent(file: &Path) -> Result<Independent, Failure> {
     })
 }
 
-/// Where the vectors of a spec are looked for, from its folder: beside it, or among the fixtures of
-/// the workspace whose folder of robots holds it.
+/// The folders in which the vectors of a spec are looked for, relative to the spec's folder: next
+/// to it, or among the fixtures of the workspace that contains it.
 const FOLDERS: [&str; 2] = ["vectors", "../tests/fixtures/vectors"];
 
-/// The vectors of another program for a spec, in a file `vectors/NAME.json`; `None` where there are
-/// none.
+/// Reads the vectors computed by another program for a spec, from a file `vectors/NAME.json`;
+/// `None` where there is no such file.
 fn vectors(spec: &Path) -> Result<Option<Vectors>, Failure> {
     let Some(stem) = spec.file_stem() else {
         return Ok(None);

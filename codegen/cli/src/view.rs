@@ -1,4 +1,4 @@
-//! `regen view`: the mechanism in 3D on one page of its own.
+//! `regen view`: shows the mechanism in 3D on one HTML page.
 
 use regen_codegen::pipeline;
 

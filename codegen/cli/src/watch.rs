@@ -1,4 +1,5 @@
-//! A bar on a terminal's standard error while logs are read and fits are drawn.
+//! A progress bar on standard error, if that is a terminal, while logs are read and fits are
+//! computed.
 
 use std::sync::Mutex;
 
@@ -7,25 +8,25 @@ use regen_identify::session::Monitor;
 
 use crate::progress;
 
-/// Shows work on the terminal, one bar at a time.
+/// The progress bars of long work on the terminal, one at a time.
 pub(crate) struct Terminal {
-    shown: Mutex<Option<LocatedDiagnostic>>,
+    shown: Mutex<Option<ShownBar>>,
 }
 
-struct LocatedDiagnostic {
+struct ShownBar {
     bar: ProgressBar,
-    /// The pass over logs that it shows; none where the work's length is unknown.
+    /// The number of the pass over the logs that the bar shows; `None` for a spinner.
     pass: Option<usize>,
 }
 
-/// The terminal that this process prints on.
+/// The terminal of this process.
 pub(crate) static TERMINAL: Terminal = Terminal {
     shown: Mutex::new(None),
 };
 
 impl Terminal {
-    /// Changes what is shown; nothing is shown where another thread failed while it did.
-    fn with(&self, change: impl FnOnce(&mut Option<LocatedDiagnostic>)) {
+    /// Changes the bar; does nothing if another thread panicked while it changed the bar.
+    fn with(&self, change: impl FnOnce(&mut Option<ShownBar>)) {
         if let Ok(mut shown) = self.shown.lock() {
             change(&mut shown);
         }
@@ -35,9 +36,9 @@ impl Terminal {
 impl Monitor for Terminal {
     fn work(&self, what: &str) {
         self.with(|shown| match shown {
-            Some(LocatedDiagnostic { bar, pass: None }) => bar.set_message(what.to_owned()),
+            Some(ShownBar { bar, pass: None }) => bar.set_message(what.to_owned()),
             _ => {
-                *shown = Some(LocatedDiagnostic {
+                *shown = Some(ShownBar {
                     bar: progress::spinner(what.to_owned()),
                     pass: None,
                 });
@@ -47,7 +48,7 @@ impl Monitor for Terminal {
 
     fn rest(&self) {
         self.with(|shown| {
-            if let Some(LocatedDiagnostic { bar, .. }) = shown.take() {
+            if let Some(ShownBar { bar, .. }) = shown.take() {
                 bar.finish_and_clear();
             }
         });
@@ -55,17 +56,16 @@ impl Monitor for Terminal {
 
     fn rows(&self, pass: usize, done: u64, all: u64) {
         self.with(|shown| {
-            let same =
-                matches!(shown, Some(LocatedDiagnostic { pass: Some(own), .. }) if *own == pass);
+            let same = matches!(shown, Some(ShownBar { pass: Some(own), .. }) if *own == pass);
             if !same {
                 let bar = progress::bar(all, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
                 bar.set_message(format!("pass {pass}"));
-                *shown = Some(LocatedDiagnostic {
+                *shown = Some(ShownBar {
                     bar,
                     pass: Some(pass),
                 });
             }
-            if let Some(LocatedDiagnostic { bar, .. }) = shown {
+            if let Some(ShownBar { bar, .. }) = shown {
                 bar.set_position(done);
             }
         });

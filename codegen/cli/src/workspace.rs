@@ -1,4 +1,4 @@
-//! Where robots and their generated source live.
+//! The directories of robot specs and their generated source.
 
 use std::env;
 use std::fs;
@@ -36,13 +36,13 @@ impl Workspace {
         })
     }
 
-    /// The default place of generated modules.
+    /// The default directory of generated modules.
     pub(crate) fn generated(&self) -> PathBuf {
         shortened(&self.root.join("generated/src"))
     }
 
     /// Whether the file is one of the workspace's `robots/*.yaml`.
-    pub(crate) fn holds_robot(&self, file: &Path) -> bool {
+    pub(crate) fn contains_robot(&self, file: &Path) -> bool {
         let dir = self.root.join("robots").canonicalize();
         let file = file.canonicalize();
         dir.is_ok_and(|dir| file.is_ok_and(|file| file.parent() == Some(&dir)))
@@ -69,7 +69,7 @@ pub(crate) fn entries(dir: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The path as seen from the current directory, where it lies below it.
+/// The path relative to the current directory, where it lies below it; else the path itself.
 fn shortened(path: &Path) -> PathBuf {
     env::current_dir()
         .and_then(|dir| dir.canonicalize())
@@ -87,7 +87,8 @@ fn shortened(path: &Path) -> PathBuf {
         )
 }
 
-/// The workspace's directory for generated source, or the current directory.
+/// The generated-source directory of the workspace that contains the file, or else the current
+/// directory.
 pub(crate) fn generated_beside(file: &Path) -> PathBuf {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,

@@ -1,4 +1,4 @@
-//! Writing files so that a reader never sees half of one.
+//! Writes files atomically, so that a reader never finds half of one.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -7,27 +7,31 @@ use std::path::{Path, PathBuf};
 use crate::exit::Failure;
 use crate::interrupt;
 
-/// Temporary files of others with the same name, at most.
-const TRIES: u32 = 1000;
-/// Characters of the file's name in the temporary one's: names are 255 bytes long at most.
-const NAMED: usize = 50;
+/// The largest number of names tried for a temporary file: names may be taken by other runs.
+const MAX_TRIES: u32 = 1000;
+/// The number of characters of the file's name used in the temporary file's: names are 255 bytes
+/// long at most.
+const MAX_NAME_CHARS: usize = 50;
 
-/// Replaces a file's content through a temporary file beside it, so that at every moment the file
-/// is the old one or the new one, also when several runs write it. Where a link stands, the file
-/// behind it is replaced; what is no file, such as a pipe or a device, is written to.
+/// Replaces a file's content by renaming a temporary file next to it, so that at every moment the
+/// file is the old one or the new one, also when several runs write it. A symbolic link is followed
+/// and its target is replaced; a pipe, a device or anything else that is not a regular file is
+/// written to directly.
 pub(crate) fn atomically(path: &Path, text: &str) -> Result<(), Failure> {
     replace(path, text).map_err(|error| Failure::io("write", path, &error))
 }
 
-/// Writes a file that does not exist yet, also where another run makes one at the same moment.
+/// Writes a file that does not exist yet, safely also where another run creates it at the same
+/// moment.
 ///
 /// # Errors
-/// When there is a file of this name, which is left as it is: the message ends with `remedy`.
+///
+/// A file of this name exists; it is not changed, and the message ends with `remedy`.
 pub(crate) fn create(path: &Path, text: &str, remedy: &str) -> Result<(), Failure> {
     if let Some(dir) = path.parent().filter(|dir| !dir.as_os_str().is_empty()) {
         fs::create_dir_all(dir).map_err(|error| Failure::io("create", dir, &error))?;
     }
-    // The name is reserved by an empty file, which then is replaced as a whole.
+    // An empty file reserves the name, and is then replaced as a whole.
     OpenOptions::new()
         .write(true)
         .create_new(true)
@@ -40,7 +44,7 @@ pub(crate) fn create(path: &Path, text: &str, remedy: &str) -> Result<(), Failur
             _ => Failure::io("write", path, &error),
         })?;
     atomically(path, text).inspect_err(|_| {
-        // The empty file was made above; the first error is the one worth telling.
+        // Remove the empty file made above; the first error is the one to report.
         let _ = fs::remove_file(path);
     })
 }
@@ -68,27 +72,29 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         .and_then(|()| file.sync_all())
         .and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
-        // The first error is the one worth telling.
+        // The first error is the one to report.
         let _ = fs::remove_file(&temporary);
     }
-    interrupt::unfinished(None);
+    interrupt::set_unfinished(None);
     written
 }
 
-/// A new file that no other run has: one that was killed may have left its own, and another
-/// machine may run a process of the same number.
+/// Creates a new temporary file. Names are tried in turn: a run that was killed may have left its
+/// file, and a process on another machine may have the same process number.
 fn temporary(dir: &Path, path: &Path) -> io::Result<(PathBuf, File)> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let name: String = name.chars().take(NAMED).collect();
+    let name: String = name.chars().take(MAX_NAME_CHARS).collect();
     let mut number = 0;
     loop {
         let temporary = dir.join(format!(".{name}.{}.{number}.tmp", std::process::id()));
         match File::create_new(&temporary) {
             Ok(file) => {
-                interrupt::unfinished(Some(&temporary));
+                interrupt::set_unfinished(Some(&temporary));
                 return Ok((temporary, file));
             }
-            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < TRIES => number += 1,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < MAX_TRIES => {
+                number += 1;
+            }
             Err(error) => return Err(error),
         }
     }

@@ -1,28 +1,28 @@
-//! Friction of a joint: the columns of laws that are linear, and the effort of every law, written
-//! as its source prints it.
+//! The friction of a joint: the columns of linear laws, and the effort of every law, written as its
+//! source prints it.
 
 use crate::mechanism::Mechanism;
 
 /// The friction law of a coordinate.
 #[derive(Clone, Copy, Debug)]
 pub struct Friction {
-    /// Its word in the spec.
+    /// The law's word in the spec.
     pub word: &'static str,
-    /// The symbols of its columns; none where it is not linear.
+    /// The symbols of its columns; empty for a law that is not linear.
     pub columns: &'static [&'static str],
     effort: Effort,
 }
 
-/// The effort for values by symbol at a velocity and its sign.
+/// How the effort is computed from the values of the symbols.
 #[derive(Clone, Copy, Debug)]
 enum Effort {
     /// The sum of the columns times their values.
     Columns,
-    /// Any other function of the values of these symbols.
+    /// Another function of the values of these symbols, the velocity and its sign.
     Of(&'static [&'static str], fn(&[f64], f64, f64) -> f64),
 }
 
-/// Every law.
+/// All laws.
 const LAWS: [Friction; 10] = [
     linear("none", &[]),
     linear("viscous", &["Fv"]),
@@ -69,21 +69,21 @@ const fn nonlinear(
 }
 
 impl Friction {
-    /// The law that a spec names so.
+    /// The law of a word in the spec.
     pub(crate) fn of(word: &str) -> Option<Friction> {
         LAWS.into_iter().find(|law| law.word == word)
     }
 
-    /// Whether its effort is not linear in its values.
+    /// Whether the effort is not linear in its coefficients.
     pub fn is_nonlinear(&self) -> bool {
         matches!(self.effort, Effort::Of(..))
     }
 }
 
 impl Mechanism {
-    /// The effort, N m or N, that friction takes from a coordinate at a velocity, rad/s or m/s, with
-    /// the spec's nominal values: positive where it opposes a positive velocity. `None` where a
-    /// value is missing.
+    /// The effort, N m or N, that friction takes from a coordinate at the velocity `v`, rad/s or
+    /// m/s, with the spec's nominal values: positive where it opposes a positive velocity. `None`
+    /// where a value is missing.
     pub fn friction_effort(&self, coordinate: usize, v: f64) -> Option<f64> {
         let name = self.coordinates.get(coordinate)?;
         let law = self.friction.get(coordinate)?;
@@ -104,7 +104,7 @@ impl Mechanism {
     }
 }
 
-/// The entry of a friction parameter in the row of its joint.
+/// The regressor's entry of a friction parameter in the row of its joint.
 pub(crate) fn friction_column(symbol: &str, qd: f64) -> f64 {
     let positive = f64::from(u8::from(qd > 0.0));
     let negative = f64::from(u8::from(qd < 0.0));

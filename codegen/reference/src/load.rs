@@ -1,5 +1,5 @@
-//! A mechanism from the YAML of its spec. It trusts the file: finding a user's mistakes is the
-//! engine's task, here a mistake only has to be some error.
+//! Reads a mechanism from the YAML of its spec. The reader assumes a valid file: the engine is
+//! responsible for explaining a user's mistakes, and here a mistake only has to give some error.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ impl Mechanism {
     /// Reads a spec.
     ///
     /// # Errors
-    /// When the text is no spec.
+    /// A text about the first mistake, where the YAML is not a spec.
     pub fn from_yaml(yaml: &str) -> Result<Mechanism, String> {
         let spec = Value::read(yaml)?;
         let mut names = Names::new();
@@ -108,7 +108,7 @@ fn pick<T: Clone>(items: &[T], which: &[usize]) -> Vec<T> {
     which.iter().map(|k| items[*k].clone()).collect()
 }
 
-/// A constant plus multiples of names, from its text: `-q2 + pi`.
+/// Parses a linear form such as `-q2 + pi`: the constant, and the coefficient of each name.
 fn linear_form(
     form: &str,
     names: &[String],
@@ -127,7 +127,8 @@ fn linear_form(
     Ok((constant, coefficients))
 }
 
-/// The limbs in an order in which each starts from a body that is there.
+/// The indices of the limbs, ordered so that each starts from the world or a body of an earlier
+/// limb.
 fn from_the_ground_up(limbs: &[Value]) -> Result<Vec<usize>, String> {
     let mut order = Vec::new();
     let mut labels = vec!["world".to_owned()];
@@ -183,8 +184,8 @@ impl Tree {
         }
     }
 
-    /// Coordinates and bodies are numbered in the order of the file, whatever the order is in
-    /// which the limbs were put together.
+    /// Renumbers coordinates and bodies in the order of the file: limbs may have been added in
+    /// another order.
     fn number_as_written(&mut self, coordinates: &[usize], bodies: &[usize]) {
         let place = |old: usize| coordinates.iter().position(|k| *k == old).unwrap_or(old);
         self.coordinates = pick(&self.coordinates, coordinates);
@@ -230,7 +231,7 @@ impl Tree {
             Some(other) => return Err(format!("no axis {other}")),
         };
         let kind = text(joint.get("type").ok_or("no type")?)?;
-        // What a unit of the coordinate turns and slides.
+        // The rotation and the translation per unit of the coordinate.
         let (turns, slides) = ((1.0, 0.0), (0.0, 1.0));
         let (single, motions) = match kind.as_str() {
             "revolute" => (true, vec![(turns, axis)]),
@@ -273,7 +274,7 @@ impl Tree {
             });
         }
         if let Some(cone) = joint.get("limits").and_then(|l| l.get("cone")) {
-            // between the row's own frame and the frame after all motions
+            // between the joint's frame before its motions and after all of them
             let last = self.nodes.len() - 1;
             let side = |node| CutSide {
                 node: Some(node),
@@ -313,7 +314,7 @@ impl Tree {
         self.friction.push(law);
         for (symbol, value) in entries(joint, "nominal")? {
             let value = scalar(value, names)?;
-            // One value for both signs, where the symbol stands without a sign.
+            // A symbol without a sign gives the value of both directions.
             for sign in ["", "+", "-"] {
                 self.nominal
                     .insert(format!("{symbol}{sign}({name})"), value);

@@ -1,4 +1,4 @@
-//! Reading single fields of a spec: scalars, vectors, placements.
+//! Reads single fields of a spec: scalars, vectors, placements.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::yaml::Value;
 /// The geometry names and their values.
 pub(crate) type Names = BTreeMap<String, f64>;
 
-/// A label or name as text: integers and identifiers are the same thing.
+/// A label or name as text; it may be written as an integer or an identifier.
 pub(crate) fn text(value: &Value) -> Result<String, String> {
     match value {
         Value::Text(s) => Ok(s.clone()),
@@ -18,7 +18,7 @@ pub(crate) fn text(value: &Value) -> Result<String, String> {
     }
 }
 
-/// A number or an expression in the geometry names.
+/// Evaluates a number or an expression in the geometry names.
 pub(crate) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
     match value {
         Value::Integer(n) => Ok(*n as f64),
@@ -45,7 +45,7 @@ pub(crate) fn vector<const N: usize>(value: &Value, names: &Names) -> Result<[f6
         .map_err(|v: Vec<f64>| format!("{} entries instead of {N}", v.len()))
 }
 
-/// `{xyz, rpy}`: the translation, then Rz(y) Ry(p) Rx(r).
+/// Reads a placement `{xyz, rpy}`: the translation, then Rz(y) Ry(p) Rx(r).
 pub(crate) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
     let get = |key: &str| value.get(key).map_or(Ok([0.0; 3]), |v| vector(v, names));
     let (xyz, rpy) = (get("xyz")?, get("rpy")?);
@@ -59,7 +59,7 @@ pub(crate) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, Strin
     Ok(out)
 }
 
-/// A modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
+/// Reads a modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
 pub(crate) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
     let get = |key: &str| scalar_at(value, key, names);
     let steps = [
@@ -90,7 +90,7 @@ pub(crate) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'
     mapping.iter().map(|(k, v)| Ok((text(k)?, v))).collect()
 }
 
-/// The shift per turn of a helical joint or cut.
+/// The translation per turn of a helical joint or cut, m.
 pub(crate) fn pitch(of: &Value, names: &Names) -> Result<f64, String> {
     scalar(of.get("pitch").ok_or("no pitch")?, names)
 }

@@ -1,11 +1,12 @@
-//! The mechanism: a tree of single-axis motions, the cuts that close it, and its names.
+//! The mechanism: a tree of single-axis motions, the cuts that close its loops, and its names.
 
 use std::collections::BTreeMap;
 
 use crate::friction::Friction;
 use crate::scalar::Mat4;
 
-/// `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about the body frame's origin in its axes.
+/// The number of inertial parameters of a body, `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m`, about the
+/// origin of the body's frame and in its axes.
 pub const PARAMETERS_PER_BODY: usize = 10;
 
 /// An axis of a frame.
@@ -20,7 +21,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Its place in a vector.
+    /// The axis's index in a vector.
     pub fn index(self) -> usize {
         match self {
             Axis::X => 0,
@@ -30,62 +31,64 @@ impl Axis {
     }
 }
 
-/// What a coordinate does to the frame of its node.
+/// The motion of a node's frame with a coordinate: a rotation, a translation or both, by one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointMotion {
-    /// The axis of both its parts.
+    /// The axis of the rotation and of the translation.
     pub axis: Axis,
     /// The index of the coordinate.
     pub coordinate: usize,
-    /// The angle about the axis per unit of the coordinate: 1, or 0 where it is a distance.
+    /// The angle about the axis per unit of the coordinate: 1, or 0 where the coordinate is a
+    /// distance.
     pub turn: f64,
-    /// The shift along the axis per unit of the coordinate.
+    /// The translation along the axis per unit of the coordinate: m/rad, or 1 where it is a
+    /// distance.
     pub slide: f64,
 }
 
 /// A frame of the tree: a constant offset from its parent, then at most one motion.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// The node it moves on; `None` is the world. Parents come first.
+    /// The node that this one is placed on; `None` is the world. Parents precede their children.
     pub parent: Option<usize>,
     /// The constant placement in the parent's frame.
     pub offset: Mat4<f64>,
-    /// The motion after it; `None` is rigid.
+    /// The motion that follows the placement; `None` if the node is fixed on its parent.
     pub motion: Option<JointMotion>,
 }
 
 /// A body and the node that carries it.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
-    /// Its node: the body's frame is the moved frame.
+    /// The index of its node; the body's frame is the node's frame after the motion.
     pub node: usize,
     /// Nominal parameters, if the spec gives them.
     pub nominal: Option<[f64; PARAMETERS_PER_BODY]>,
 }
 
-/// The joint that a cut opens.
+/// The type of the joint that a cut opens, with the number of its closure equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CutKind {
-    /// 3 rows.
+    /// 3 equations.
     Spherical,
-    /// 4 rows.
+    /// 4 equations.
     Universal,
-    /// 5 rows.
+    /// 5 equations.
     Revolute,
-    /// 5 rows.
+    /// 5 equations.
     Prismatic,
-    /// 5 rows.
+    /// 5 equations.
     Helical,
-    /// 4 rows.
+    /// 4 equations.
     Cylindrical,
-    /// 6 rows.
+    /// 6 equations.
     Fixed,
 }
 
 impl CutKind {
-    /// The number of its constraint rows.
+    /// The number of closure equations.
     pub fn rows(self) -> usize {
         match self {
             CutKind::Spherical => 3,
@@ -99,31 +102,31 @@ impl CutKind {
 /// A frame on a node or on the world.
 #[derive(Clone, Debug)]
 pub struct CutSide {
-    /// `None` is the world.
+    /// The node's index; `None` is the world.
     pub node: Option<usize>,
-    /// The placement on it.
+    /// The constant placement in the frame of the node or the world.
     pub offset: Mat4<f64>,
 }
 
-/// A loop closure.
+/// A cut: a joint opened to obtain the tree, whose closure equations close the loop.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Its name.
+    /// The cut's name.
     pub name: String,
-    /// What it opens.
+    /// The type of the opened joint.
     pub kind: CutKind,
-    /// Shift per turn of a helical cut.
+    /// The translation per turn of a helical cut, m; 0 for other types.
     pub pitch: f64,
-    /// Frames A and B.
+    /// The frames A and B.
     pub sides: [CutSide; 2],
 }
 
-/// A limit of the angle between two z axes.
+/// A limit of the angle between the z axes of two frames.
 #[derive(Clone, Debug)]
 pub struct SwingLimit {
-    /// The joint or the cut.
+    /// The name of the joint or the cut.
     pub name: String,
-    /// The greatest angle.
+    /// The greatest angle, rad.
     pub greatest: f64,
     /// The two frames.
     pub sides: [CutSide; 2],
@@ -132,11 +135,11 @@ pub struct SwingLimit {
 /// `key = constant + sum of coefficients times coordinates`.
 #[derive(Clone, Debug)]
 pub struct Coupling {
-    /// The coordinate that is tied.
+    /// The index of the coordinate on the left side.
     pub key: usize,
-    /// The constant.
+    /// The constant, rad or m.
     pub constant: f64,
-    /// One per coordinate.
+    /// The coefficients, one per coordinate.
     pub coefficients: Vec<f64>,
 }
 
@@ -156,13 +159,13 @@ pub enum Parameter {
 pub struct Mechanism {
     /// The spec's name.
     pub name: String,
-    /// Gravity in the world.
+    /// Gravity in the world frame, m/s^2.
     pub gravity: [f64; 3],
-    /// All coordinates by name.
+    /// The names of all coordinates.
     pub coordinates: Vec<String>,
-    /// The tree.
+    /// The frames of the tree, parents first.
     pub nodes: Vec<Node>,
-    /// Bodies in the order declared.
+    /// The bodies, in the order in which joints declare them.
     pub bodies: Vec<Body>,
     /// Cuts in the order of the file.
     pub cuts: Vec<Cut>,
@@ -170,21 +173,21 @@ pub struct Mechanism {
     pub cones: Vec<SwingLimit>,
     /// Couplings in the order of the file.
     pub couplings: Vec<Coupling>,
-    /// The independent coordinates.
+    /// The indices of the independent coordinates.
     pub independent: Vec<usize>,
-    /// The other coordinates, in order.
+    /// The indices of the other coordinates, ascending.
     pub dependent: Vec<usize>,
-    /// The actuated coordinates, in order.
+    /// The indices of the actuated coordinates, ascending.
     pub actuated: Vec<usize>,
-    /// Friction by coordinate.
+    /// The friction law of each coordinate.
     pub friction: Vec<Friction>,
-    /// Rotor by coordinate.
+    /// Whether each coordinate has a rotor parameter.
     pub rotor: Vec<bool>,
-    /// What each column of the regressor means.
+    /// The parameter of each column of the regressor.
     pub parameters: Vec<Parameter>,
-    /// Start of the closure solve.
+    /// The coordinates at which the closure solve starts, rad or m.
     pub home_guess: Vec<f64>,
-    /// Nominal friction and rotor values by label, as given.
+    /// Nominal friction and rotor values by label, as in the spec.
     pub nominal: BTreeMap<String, f64>,
 }
 
@@ -193,7 +196,7 @@ const INERTIAL: [&str; PARAMETERS_PER_BODY] = [
 ];
 
 impl Mechanism {
-    /// The label of a column.
+    /// The label of a parameter.
     pub fn label(&self, parameter: &Parameter) -> String {
         match parameter {
             Parameter::Inertial(body, k) => {
@@ -206,7 +209,7 @@ impl Mechanism {
         }
     }
 
-    /// The labels of all columns.
+    /// The labels of all parameters, in the order of the regressor's columns.
     pub fn labels(&self) -> Vec<String> {
         self.parameters.iter().map(|p| self.label(p)).collect()
     }
@@ -221,7 +224,7 @@ impl Mechanism {
         self.independent.len()
     }
 
-    /// The number of constraint rows, couplings included.
+    /// The number of closure equations, couplings included.
     pub fn rows(&self) -> usize {
         self.cuts.iter().map(|c| c.kind.rows()).sum::<usize>() + self.couplings.len()
     }

@@ -11,11 +11,11 @@ use crate::ReportError;
 /// A chart of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figure {
-    /// Its name without a file's extension: letters, digits and `-`.
+    /// The figure's name, usable as a file name without extension: letters, digits and `-`.
     pub name: String,
-    /// What it shows, in words.
+    /// What the figure shows, in words.
     pub caption: String,
-    /// The drawing, a whole SVG file.
+    /// The drawing, a complete SVG file.
     pub svg: String,
 }
 
@@ -40,8 +40,8 @@ pub(super) const ORANGE: RGBColor = RGBColor(214, 93, 14);
 pub(super) const GREY: RGBColor = RGBColor(110, 117, 125);
 pub(super) const RED: RGBColor = RGBColor(194, 24, 91);
 const INK: RGBColor = RGBColor(28, 32, 36);
-/// For several lines of one kind.
-pub(super) const DYES: [RGBColor; 6] = [
+/// The colours of several lines of one kind.
+pub(super) const LINE_COLOURS: [RGBColor; 6] = [
     BLUE,
     ORANGE,
     RGBColor(46, 125, 50),
@@ -50,17 +50,17 @@ pub(super) const DYES: [RGBColor; 6] = [
     RGBColor(141, 110, 32),
 ];
 const WIDTH: u32 = 760;
-/// Points of a drawing in one of the page: coordinates are whole numbers, and lines would show
-/// it.
-const FINE: u32 = 8;
+/// Drawing units per CSS pixel of the page: SVG coordinates are whole numbers, and lines would look
+/// jagged in whole pixels.
+const UNITS_PER_PX: u32 = 8;
 const FONT: &str = "sans-serif";
-/// The room left of a chart for the marks of its axis.
-const LEFT: u32 = 72;
+/// The width left of a chart for the labels of its axis, px.
+const AXIS_WIDTH_PX: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 
-/// Draws on a page of this height.
+/// Draws an SVG of the page's width and this height, px.
 fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, ReportError> {
     let mut svg = String::new();
     {
@@ -74,12 +74,12 @@ fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, R
     Ok(svg.replacen(&head(px(WIDTH), px(height)), &head(WIDTH, height), 1))
 }
 
-/// A length in points of the drawing.
+/// A length of the page, px, in drawing units.
 fn px(length: u32) -> u32 {
-    length * FINE
+    length * UNITS_PER_PX
 }
 
-/// A place in points of the drawing.
+/// A place on the page, px, in drawing units.
 fn at(x: u32, y: u32) -> (i32, i32) {
     let place = |v: u32| i32::try_from(px(v)).unwrap_or(i32::MAX);
     (place(x), place(y))
@@ -89,7 +89,7 @@ fn letters() -> TextStyle<'static> {
     (FONT, px(12)).into_font().color(&INK)
 }
 
-/// What stands for a series in its legend.
+/// The symbol of a series in a legend.
 #[derive(Clone, Copy)]
 enum Sign {
     Line(RGBColor),
@@ -97,16 +97,16 @@ enum Sign {
     Ring(RGBColor),
 }
 
-/// The width of a text: letters are about seven points wide.
+/// The approximate width of a text, px: letters are about seven pixels wide.
 fn width(text: &str) -> u32 {
     7 * u32::try_from(text.chars().count()).unwrap_or(0)
 }
 
-/// The height of a legend's row.
+/// The height of a row of a legend, px.
 const ROW: u32 = 18;
 
-/// Where the entries of a legend stand, from this left margin: as many beside each other as fit
-/// the page, and the rows that takes.
+/// Lays out the entries of a legend from this left margin, as many per row as fit the page: their
+/// places, px, and the number of rows.
 fn placed(left: u32, entries: &[(String, Sign)]) -> (Vec<(u32, u32)>, u32) {
     let (mut x, mut row) = (left, 0);
     let places = entries
@@ -124,7 +124,7 @@ fn placed(left: u32, entries: &[(String, Sign)]) -> (Vec<(u32, u32)>, u32) {
     (places, row + 1)
 }
 
-/// Rows of signs with their names above a chart, which cover nothing.
+/// Draws a legend in rows above a chart, so that it covers nothing.
 fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
     let places = placed(left, entries).0;
     for ((text, sign), (x, y)) in entries.iter().zip(places) {
@@ -144,7 +144,7 @@ fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
     Ok(())
 }
 
-/// What lines have in a legend.
+/// The legend entries of lines that have a label.
 fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
     let named = lines.iter().filter(|l| !l.label.is_empty());
     named
@@ -155,14 +155,14 @@ fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
         .collect()
 }
 
-/// Lines over time or another quantity, with a legend.
+/// A chart of lines over time or another quantity, with a legend.
 pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, ReportError> {
-    // further rows of the legend take nothing from the chart
-    let more = ROW * (placed(LEFT, &entries(lines)).1 - 1);
+    // further rows of the legend enlarge the drawing, not shrink the chart
+    let more = ROW * (placed(AXIS_WIDTH_PX, &entries(lines)).1 - 1);
     drawn(height + more, |area| panel(area, x, y, lines, true))
 }
 
-/// Lines, and below them others at the same times.
+/// A chart of lines, and below it another one at the same times.
 pub(super) fn two_panels(
     x: &str,
     y: [&str; 2],
@@ -183,7 +183,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
     let digits = decimals(&up);
     let across_digits = decimals(&across);
     let entries = if titled { entries(lines) } else { Vec::new() };
-    let above = match placed(LEFT, &entries).1 {
+    let above = match placed(AXIS_WIDTH_PX, &entries).1 {
         _ if entries.is_empty() => 8,
         rows => 8 + ROW * rows,
     };
@@ -191,7 +191,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
         .margin_top(px(above))
         .margin_right(px(14))
         .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
-        .y_label_area_size(px(LEFT))
+        .y_label_area_size(px(AXIS_WIDTH_PX))
         .build_cartesian_2d(across, up)?;
     chart
         .configure_mesh()
@@ -222,16 +222,16 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
             }
         };
     }
-    legend(area, LEFT, &entries)
+    legend(area, AXIS_WIDTH_PX, &entries)
 }
 
-/// Singular values by number over a logarithmic axis, and the certified rank.
+/// Singular values by their number, on a logarithmic axis, with the certified rank.
 pub(super) fn spectrum(
     all: &[f64],
     base: &[f64],
     rank: Option<usize>,
 ) -> Result<String, ReportError> {
-    /// What is less is rounding.
+    /// The smallest value drawn: smaller ones are rounding.
     const FLOOR: f64 = 1e-18;
     drawn(300, |area| {
         let count = all.len().max(base.len()).max(1);
@@ -239,7 +239,7 @@ pub(super) fn spectrum(
             .margin_top(px(26))
             .margin_right(px(14))
             .x_label_area_size(px(40))
-            .y_label_area_size(px(LEFT))
+            .y_label_area_size(px(AXIS_WIDTH_PX))
             .build_cartesian_2d(0.0..(count + 1) as f64, (FLOOR..3.0).log_scale())?;
         chart
             .configure_mesh()
@@ -277,24 +277,24 @@ pub(super) fn spectrum(
             chart.draw_series(DashedLineSeries::new(cut, px(5), px(4), style))?;
             entries.push((format!("certified rank {rank}"), Sign::Line(RED)));
         }
-        legend(area, LEFT, &entries)
+        legend(area, AXIS_WIDTH_PX, &entries)
     })
 }
 
-/// A bar of a relative deviation.
+/// A bar of a relative standard deviation.
 pub(super) struct Bar {
     pub(super) label: String,
-    /// NaN where none is known: no bar is drawn.
+    /// The deviation in percent; NaN where it is unknown, and no bar is drawn.
     pub(super) percent: f64,
     pub(super) dye: RGBColor,
 }
 
-/// Relative standard deviations in percent, as bars over a logarithmic axis with the bound of
-/// those that are well identified.
+/// A bar chart of relative standard deviations in percent, on a logarithmic axis, with the bound
+/// below which parameters are well identified.
 pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError> {
-    let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
+    let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / UNITS_PER_PX);
     let longest = rows.iter().map(|row| width(&row.label)).max().unwrap_or(0);
-    // long names leave the bars at least half of the page
+    // the bars have at least half of the page, however long the names are
     let margin = (12 + longest).clamp(96, WIDTH / 2);
     drawn(height, |area| {
         let (lo, hi) = (0.01, 1e4);
@@ -335,7 +335,7 @@ pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError
     })
 }
 
-/// The range of finite values with a margin; around a single value too.
+/// The range of the finite values, widened by a margin; never empty, also for a single value.
 fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
     for v in values.filter(|v| v.is_finite()) {
@@ -352,7 +352,7 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     lo - margin * size..hi + margin * size
 }
 
-/// Decimals that tell the marks of an axis apart.
+/// The decimals needed to distinguish the labels of an axis.
 fn decimals(range: &Range<f64>) -> usize {
     let step = (range.end - range.start) / 8.0;
     #[allow(clippy::cast_sign_loss, reason = "clamped")]
@@ -362,7 +362,7 @@ fn decimals(range: &Range<f64>) -> usize {
 
 fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
-    // no negative zeros
+    // no negative zero
     let text = if text
         .trim_start_matches('-')
         .chars()
@@ -387,9 +387,9 @@ mod tests {
     fn a_legend_that_is_too_long_for_a_row_takes_more_of_them() {
         let entry = |name: &str| (name.to_owned(), Sign::Dot(BLUE));
         let short: Vec<_> = ["q1", "q2", "q3"].map(entry).to_vec();
-        assert_eq!(placed(LEFT, &short).1, 1);
+        assert_eq!(placed(AXIS_WIDTH_PX, &short).1, 1);
         let long = vec![entry("shoulder_pan_joint"); 7];
-        let (places, rows) = placed(LEFT, &long);
+        let (places, rows) = placed(AXIS_WIDTH_PX, &long);
         assert!(rows > 1);
         let end = |(x, _): &(u32, u32)| x + 24 + width("shoulder_pan_joint");
         assert!(places.iter().all(|place| end(place) <= WIDTH));

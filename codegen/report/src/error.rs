@@ -1,4 +1,4 @@
-//! What keeps a page from being made.
+//! Errors of making a page.
 
 use std::error::Error;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fmt;
 use regen_identify::data::DataError;
 use regen_runtime::{ClosureError, Outcome, SizeError};
 
-/// What keeps a report from being made.
+/// Why a report cannot be made.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ReportError {
@@ -35,7 +35,7 @@ impl Error for ReportError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
             Self::NoLog => None,
-            // what is shown is the error itself
+            // these variants display the inner error itself, so its source is the next one
             Self::Log(error) => error.source(),
             Self::Model(error) => error.source(),
             Self::Drawing(why) => Some(&**why),
@@ -61,18 +61,18 @@ impl From<SizeError> for ReportError {
     }
 }
 
-/// What keeps a mechanism from being shown in motion.
+/// Why a mechanism cannot be shown in motion.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ViewError {
     /// The loops cannot be closed along the motion.
     NotFollowed {
-        /// When, in s from the beginning.
+        /// The time of the failure, in s from the beginning.
         time: f64,
         /// How solving the loops ended.
         outcome: Outcome,
     },
-    /// The model cannot be asked for its motion.
+    /// The model refuses a state or its sizes do not agree.
     Model(ClosureError),
 }
 

@@ -1,37 +1,37 @@
-//! The figures of a report from what was gathered.
+//! Draws the figures of a report.
 
 use regen_runtime::{Limits, Motion};
 
 use crate::ReportError;
-use crate::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
-use crate::gather::{Seen, Spectra};
+use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE, RED};
+use crate::gather::{LogRows, Spectra};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::status::{Status, WELL_IDENTIFIED_PERCENT};
 use regen_interpreted::Interpreted;
 
-/// Points of a line at most: more is not seen, and makes pages heavy.
-const POINTS: usize = 1500;
-/// Points of a curve.
-const CURVE: usize = 200;
+/// The largest number of points of a line: more cannot be distinguished, and makes pages large.
+const MAX_POINTS: usize = 1500;
+/// The number of points of a friction curve in each direction.
+const CURVE_POINTS: usize = 200;
 
-/// Column `k` of rows of this width over time, thinned.
+/// Column `k` over time, of a row-major table with `width` columns, thinned to [`MAX_POINTS`].
 fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> {
-    let stride = t.len().div_ceil(POINTS).max(1);
+    let stride = t.len().div_ceil(MAX_POINTS).max(1);
     let values = values.iter().skip(k).step_by(width.max(1));
     let points = t.iter().copied().zip(values.copied());
     points.step_by(stride).collect()
 }
 
-/// A name that is good in a file's name too.
+/// A name with every character replaced that might be wrong in a file's name.
 fn slug(name: &str) -> String {
     let keep = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(keep).collect()
 }
 
-/// Positions and velocities of the independent coordinates beside their limits, those of one
-/// unit together.
-pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
+/// Positions and velocities of the independent coordinates with their limits; a figure for each
+/// quantity and unit.
+pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
     type Of = fn(&Limits) -> Option<[f64; 2]>;
     let info = model.info();
     let n = info.coordinates.len();
@@ -57,7 +57,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
             }
             let mut lines: Vec<Line> = own
                 .iter()
-                .zip(DYES.iter().cycle())
+                .zip(LINE_COLOURS.iter().cycle())
                 .map(|(c, dye)| Line {
                     label: info.coordinates.get(*c).unwrap_or(&"?").to_string(),
                     points: column(&seen.t, values, *c, n),
@@ -98,8 +98,8 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     Ok(figures)
 }
 
-/// Forces measured and predicted, and below them what is left.
-pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
+/// Measured and predicted efforts of each independent coordinate, with the residuals below.
+pub(super) fn forces(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
     let left: Vec<f64> = seen
@@ -141,12 +141,12 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     Ok(figures)
 }
 
-/// Friction of each independent coordinate that has coefficients, linear or not: the
-/// curve over the velocities that were reached, and what the rest of the model leaves of the
-/// measured efforts.
+/// Friction of each independent coordinate that has friction coefficients, linear or not: the
+/// identified curve over the velocities reached, and the measured efforts less the rest of the
+/// model.
 pub(super) fn friction(
     model: &Interpreted<'_>,
-    seen: &Seen,
+    seen: &LogRows,
     identified: &IdentifiedModel,
 ) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
@@ -178,7 +178,7 @@ pub(super) fn friction(
             };
             let viscous = fv.or(own_v).unwrap_or(0.0);
             let coulomb = fc.or(own_c).unwrap_or(0.0);
-            // nothing is left at rest
+            // no friction at rest
             let sign = if v > 0.0 {
                 1.0
             } else if v < 0.0 {
@@ -200,8 +200,10 @@ pub(super) fn friction(
             .collect();
         let widest = cloud.iter().fold(0.0_f64, |m, p| m.max(p.0.abs()));
         let ends = |from: f64, to: f64| -> Vec<(f64, f64)> {
-            let part = |j: usize| from + (to - from) * j as f64 / CURVE as f64;
-            (0..=CURVE).map(|j| (part(j), curve(part(j)))).collect()
+            let part = |j: usize| from + (to - from) * j as f64 / CURVE_POINTS as f64;
+            (0..=CURVE_POINTS)
+                .map(|j| (part(j), curve(part(j))))
+                .collect()
         };
         let near = 1e-9 * widest.max(1e-9);
         let line = |label: &str, points| Line {
@@ -238,7 +240,7 @@ pub(super) fn friction(
     Ok(figures)
 }
 
-/// The singular values with the certified rank.
+/// The singular values of the regressor, with the certified rank.
 pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Figure, ReportError> {
     let rank = model.base_info().certificate.map(|c| c.rank);
     Ok(Figure {
@@ -249,7 +251,7 @@ pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Fig
     })
 }
 
-/// The relative deviations.
+/// The relative standard deviations of the parameters.
 pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, ReportError> {
     let rows: Vec<Bar> = file
         .parameters

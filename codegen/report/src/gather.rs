@@ -1,4 +1,4 @@
-//! What a report shows of logs: motion, forces measured and predicted, singular values.
+//! Reads the data of a report from logs: motion, measured and predicted forces, singular values.
 
 use std::path::{Path, PathBuf};
 
@@ -14,46 +14,47 @@ use regen_identify::session::Session;
 use regen_interpreted::Interpreted;
 use regen_verify::scaled_singular_values;
 
-/// States of the regressor at most whose singular values are shown.
-const STATES: usize = 300;
+/// The largest number of states in the regressor whose singular values are shown.
+const MAX_STATES: usize = 300;
 
-/// One log, row by row.
-pub(super) struct Seen {
+/// The rows of one log, with predicted efforts.
+pub(super) struct LogRows {
     pub(super) file: String,
     /// Whether velocities and accelerations were measured.
     pub(super) derivatives: bool,
     pub(super) t: Vec<f64>,
-    /// Of all coordinates, n a row.
+    /// Positions of all coordinates, n per row, rad or m; `qd` and `qdd` are their derivatives.
     pub(super) q: Vec<f64>,
     pub(super) qd: Vec<f64>,
     pub(super) qdd: Vec<f64>,
-    /// The rows that the model predicts forces of, by their places among all.
+    /// The indices of the rows whose efforts the model predicts.
     pub(super) places: Vec<usize>,
-    /// Measured and predicted efforts of the independent coordinates at those, dof a row.
+    /// Measured and predicted efforts of the independent coordinates in those rows, dof per row, N
+    /// m or N.
     pub(super) tau: Vec<f64>,
     pub(super) predicted: Vec<f64>,
 }
 
-impl Seen {
-    /// The times of the rows that forces are predicted at, s.
+impl LogRows {
+    /// The times of the rows with predicted efforts, s.
     pub(super) fn times(&self) -> Vec<f64> {
         let rows = self.places.iter().filter_map(|row| self.t.get(*row));
         rows.copied().collect()
     }
 }
 
-/// The errors of one log.
+/// The prediction errors on one log.
 pub(super) struct Errors {
     pub(super) file: String,
-    /// Whether it was used for identification.
+    /// Whether the log was used for identification.
     pub(super) used: bool,
-    /// eps_RA, percent.
+    /// eps_RA of all efforts, percent.
     pub(super) all: f64,
     pub(super) efforts: Vec<EffortError>,
 }
 
-/// Singular values of the regressor over a log, columns scaled to unit length, largest first
-/// and as a part of it.
+/// Singular values of the regressor over a log, columns scaled to unit length; in descending order,
+/// relative to the largest.
 pub(super) struct Spectra {
     /// Of all parameters' columns.
     pub(super) all: Vec<f64>,
@@ -61,15 +62,15 @@ pub(super) struct Spectra {
     pub(super) base: Vec<f64>,
 }
 
-/// Reads one log's rows and predicts their forces.
-pub(super) fn seen(
+/// Reads the rows of one log and predicts their efforts.
+pub(super) fn read_log(
     session: &Session<'_, Interpreted<'_>>,
     path: &Path,
     identified: &IdentifiedModel,
-) -> Result<Seen, ReportError> {
+) -> Result<LogRows, ReportError> {
     let model = session.model;
     let mut logs = session.open(&[path.to_owned()])?;
-    let mut seen = Seen {
+    let mut seen = LogRows {
         file: name(path),
         derivatives: logs
             .logs()
@@ -94,7 +95,7 @@ pub(super) fn seen(
     found?;
     let mut at = 0;
     identified.predict(model, EquationKind::Forces, &mut logs, &mut |predicted| {
-        // equations come in the order of the rows, some of which give none
+        // equations come in the order of the rows, but some rows give none
         while seen.t.get(at).is_some_and(|t| *t < predicted.time) {
             at += 1;
         }
@@ -106,7 +107,7 @@ pub(super) fn seen(
     Ok(seen)
 }
 
-/// The errors of the model on a log.
+/// The prediction errors of the model on a log.
 pub(super) fn errors(
     session: &Session<'_, Interpreted<'_>>,
     path: &PathBuf,
@@ -125,11 +126,11 @@ pub(super) fn errors(
     })
 }
 
-/// The singular values over a log.
-pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, ReportError> {
+/// The singular values of the full and the base regressor over a log.
+pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Spectra, ReportError> {
     let info = model.info();
     let (n, dof) = (info.coordinates.len().max(1), info.dof());
-    let stride = seen.t.len().div_ceil(STATES).max(1);
+    let stride = seen.t.len().div_ceil(MAX_STATES).max(1);
     let rows: Vec<usize> = (0..seen.t.len()).step_by(stride).collect();
     let of = |values: &[f64], row: usize| -> Vec<f64> {
         values.iter().skip(row * n).take(n).copied().collect()
@@ -156,7 +157,7 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, R
     })
 }
 
-/// A file's name without its folders, which differ from machine to machine.
+/// A file's name without its folders, since these differ between machines.
 pub(super) fn name(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     name.to_string_lossy().into_owned()

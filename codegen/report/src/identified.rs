@@ -1,4 +1,4 @@
-//! The report of an identified model: what it is made of, and what comes out.
+//! The report of an identified model: its inputs and the page that is made of them.
 
 use std::path::PathBuf;
 
@@ -14,20 +14,20 @@ use regen_runtime::BaseTerm;
 
 use crate::ReportError;
 use crate::charts::Figure;
-use crate::gather::{self, Errors, Seen, Spectra};
+use crate::gather::{self, Errors, LogRows, Spectra};
 use crate::{figures, page};
 
-/// What a report is made of.
+/// The inputs of a report.
 pub struct Inputs<'a> {
     /// The robot, with its base parameters.
     pub robot: &'a Robot,
-    /// The robot as a model, and how its logs are read.
+    /// The model, and the settings for reading its logs.
     pub session: &'a Session<'a, Interpreted<'a>>,
     /// The file of the identified parameters.
     pub file: &'a ParameterFile,
     /// The same parameters as a model.
     pub identified: &'a IdentifiedModel,
-    /// The logs that it was identified from, one at least; motion and forces are shown for the
+    /// The logs that it was identified from, at least one; motion and forces are shown for the
     /// first.
     pub logs: &'a [PathBuf],
     /// Logs that were not used for identification.
@@ -37,21 +37,20 @@ pub struct Inputs<'a> {
 /// A report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// The page, HTML that needs no other file.
+    /// The page: HTML that needs no other file.
     pub html: String,
-    /// Its figures, in the order in which they are on the page.
+    /// The page's figures, in the order in which they appear.
     pub figures: Vec<Figure>,
 }
 
-/// All that the page shows.
+/// The contents of the page.
 pub(crate) struct Content<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) model: &'a Interpreted<'a>,
     pub(crate) file: &'a ParameterFile,
-    /// Each base parameter that the spec's nominal values have, where it states all that it
-    /// combines.
+    /// Each base parameter's nominal value; `None` where the spec lacks a value of its combination.
     pub(crate) nominal: Vec<Option<f64>>,
-    pub(crate) seen: Seen,
+    pub(crate) seen: LogRows,
     pub(crate) spectra: Spectra,
     pub(crate) errors: Vec<Errors>,
     pub(crate) method: String,
@@ -62,13 +61,14 @@ pub(crate) struct Content<'a> {
     pub(crate) deviations: Figure,
 }
 
-/// Reads the logs and makes the report: the model and its base parameters, the motion beside its
-/// limits, forces measured and predicted, the parameters with their deviations, friction, the
-/// singular values of the regressor with the certificate of the base, and the errors on every log.
+/// Reads the logs and makes the report: the model and its base parameters, the motion with its
+/// limits, measured and predicted forces, the parameters with their standard deviations, friction,
+/// the singular values of the regressor with the certificate of the base parameters, and the errors
+/// on every log.
 ///
 /// # Errors
-/// [`ReportError::NoLog`]; what keeps a log from being read or predicted; a figure that cannot be
-/// drawn.
+/// [`ReportError::NoLog`] without logs; [`ReportError::Log`] or [`ReportError::Model`] where a log
+/// cannot be read or predicted; [`ReportError::Drawing`] where a figure cannot be drawn.
 ///
 /// ```
 /// use regen_codegen::{diag::Source, pipeline};
@@ -130,7 +130,7 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
     let (session, identified) = (inputs.session, inputs.identified);
     let model = session.model;
     let first = inputs.logs.first().ok_or(ReportError::NoLog)?;
-    let seen = gather::seen(session, first, identified)?;
+    let seen = gather::read_log(session, first, identified)?;
     let spectra = gather::spectra(model, &seen)?;
     let mut errors = Vec::new();
     let logs = inputs.logs.iter().map(|log| (log, true));
@@ -173,7 +173,8 @@ impl Content<'_> {
     }
 }
 
-/// How logs were differentiated; `measured` where velocities and accelerations were read.
+/// The method by which logs were differentiated; `measured` where velocities and accelerations are
+/// columns of the log.
 fn method(reading: &Settings, measured: bool) -> String {
     if measured {
         return "velocities and accelerations as they were measured".to_owned();

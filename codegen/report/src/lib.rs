@@ -5,7 +5,7 @@
 //! | [`report`] | what was identified from logs: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
 //! | [`view::page`] | a mechanism in 3D, moving along a trajectory or swept coordinate by coordinate |
 //!
-//! Nothing here writes a file: a page and its figures are handed back as text.
+//! Nothing here writes a file: a page and its figures are returned as text.
 
 mod charts;
 mod error;

@@ -1,4 +1,4 @@
-//! The page of a report.
+//! The HTML page of a report.
 
 use std::fmt::Write as _;
 
@@ -11,13 +11,13 @@ use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
 use regen_identify::status::{self, Status};
 
-/// Text that is safe between tags and in quotes.
+/// Escapes a text for use between HTML tags and in quotes.
 fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;");
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A figure in four digits, without an exponent where it can be read so.
+/// A number in four digits, without an exponent where it is readable so.
 fn four(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -66,7 +66,7 @@ fn section(id: &str, title: &str, content: &str) -> String {
 }
 
 fn figure(figure: &Figure) -> String {
-    // in a page, drawings need no name space
+    // an SVG inside HTML needs no namespace
     let svg = figure
         .svg
         .replace(" xmlns=\"http://www.w3.org/2000/svg\"", "");
@@ -301,7 +301,7 @@ fn parameters(report: &Content<'_>) -> String {
     section("parameters", "Parameters", &out)
 }
 
-/// A relative deviation with its bar, from 0.1 to 100 percent over a logarithmic scale.
+/// A relative standard deviation with its bar, from 0.1 to 100 percent on a logarithmic scale.
 fn bar(row: &ParameterRow) -> String {
     if !row.sigma.is_finite() {
         return "–".to_owned();
@@ -324,7 +324,7 @@ fn bar(row: &ParameterRow) -> String {
     )
 }
 
-/// A part in percent.
+/// A percentage as text; a dash where it is unknown.
 fn part(percent: f64) -> String {
     if !percent.is_finite() {
         "–".to_owned()
@@ -335,7 +335,7 @@ fn part(percent: f64) -> String {
     }
 }
 
-/// All parameters of each body, where they are physical, and what joints have.
+/// All parameters of the bodies and joints, where the model has physical parameters.
 fn physical(report: &Content<'_>) -> String {
     let file = report.file;
     if file.physical.is_empty() {

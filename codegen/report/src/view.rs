@@ -1,4 +1,4 @@
-//! The page of a mechanism in 3D: the tree's constants, and the frames of all links over time.
+//! The page of a mechanism in 3D: its constant geometry, and the frames of all links over time.
 
 use std::f64::consts::TAU;
 
@@ -10,33 +10,33 @@ use serde::Serialize;
 
 use crate::ViewError;
 
-/// Samples of one coordinate's sweep, and its time in s.
+/// The number of samples of one coordinate's sweep, and its duration in s.
 const SWEEP: (usize, f64) = (40, 4.0);
-/// Samples of a trajectory's period at most, and their least distance in s.
+/// The largest number of samples of a trajectory's period, and their smallest distance in s.
 const TRAJECTORY: (usize, f64) = (400, 0.02);
-/// The part of the range that a sweep uses: its ends are singularities or limits.
-const PART: f64 = 0.9;
+/// The part of a coordinate's range that a sweep uses: its ends are singularities or limits.
+const SWEEP_RANGE_PART: f64 = 0.9;
 
-/// What the page draws, which it holds as JSON.
+/// The data that the page draws, stored in it as JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct Data {
     name: String,
     description: String,
-    /// Why it does not move.
+    /// Why the mechanism does not move; empty if it does.
     note: String,
-    /// Against gravity, a unit vector.
+    /// The direction against gravity, a unit vector in the world frame.
     up: [f64; 3],
     coordinates: Vec<Coordinate>,
     bodies: Vec<Body>,
     joints: Vec<Joint>,
     cuts: Vec<Cut>,
-    /// Seconds of all samples together.
+    /// The duration of all samples together, s.
     duration: f64,
-    /// The parts of the motion: first sample and what moves.
+    /// The parts of the motion: the index of the first sample, and the name of what moves.
     parts: Vec<(usize, String)>,
-    /// For each sample all links: quaternion w x y z, then position.
+    /// For each sample the poses of all links: quaternion w x y z, then position in m.
     poses: Vec<Vec<Fixed>>,
-    /// For each sample all coordinates.
+    /// For each sample all coordinates, rad or m.
     q: Vec<Vec<Fixed>>,
 }
 
@@ -60,12 +60,12 @@ struct Joint {
     name: String,
     kind: &'static str,
     actuated: bool,
-    /// The link that it stands on, none for the world.
+    /// The link that the joint is mounted on; `None` for the world.
     parent: Option<usize>,
-    /// The link that it carries.
+    /// The link that the joint carries.
     link: usize,
-    /// One per coordinate: the link behind it, the constant frame on the link before it as
-    /// quaternion and position, and the axis there.
+    /// One entry per coordinate: the link that it moves, the constant frame on the preceding link
+    /// as quaternion and position, and the axis in that frame.
     axes: Vec<Moving>,
 }
 
@@ -81,25 +81,26 @@ struct Moving {
 struct Cut {
     name: String,
     kind: &'static str,
-    /// Link and frame of each side.
+    /// The link of each side (`None` for the world) and the frame on it.
     sides: [(Option<usize>, Vec<Fixed>); 2],
 }
 
-/// A number of six decimals: a micrometre, and pages of a tenth of the size.
+/// A number rounded to six decimals, a micrometre: this makes pages ten times smaller.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[serde(transparent)]
 struct Fixed(f64);
 
 fn fixed(x: f64) -> Fixed {
-    // no negative zeros
+    // adding 0.0 turns a negative zero into zero
     Fixed((x * 1e6).round() / 1e6 + 0.0)
 }
 
-/// A mechanism that moves along a trajectory for one period, or else is swept: each independent
-/// coordinate in turn as far as limits and loops let it.
+/// The data of a mechanism that moves along one period of a trajectory or, without one, is swept:
+/// each independent coordinate in turn, as far as limits and loops allow.
 ///
 /// # Errors
-/// [`ViewError::NotFollowed`] where the loops cannot be closed along the motion.
+/// [`ViewError::NotFollowed`] where the loops cannot be closed along the motion;
+/// [`ViewError::Model`] where the model refuses a state.
 pub fn moving<M: Model<f64> + ?Sized>(
     scene: &Scene,
     model: &M,
@@ -166,14 +167,14 @@ pub fn moving<M: Model<f64> + ?Sized>(
 /// ```
 pub fn page(data: &Data) -> String {
     let escaped = data.name.replace('&', "&amp;").replace('<', "&lt;");
-    // a script ends at the first of these, wherever it stands
+    // a script element ends at the first `</`, even inside a string
     let json = serde_json::to_string(data).unwrap_or_default();
     let json = json.replace("</", "<\\/");
     let parts = [
         ("{{name}}", escaped.as_str()),
         ("{{style}}", include_str!("view/view.css")),
         ("{{script}}", include_str!("view/view.js")),
-        // last: nothing is looked for in it
+        // the data come last, so that no placeholder is replaced inside them
         ("{{data}}", json.as_str()),
     ];
     let page = include_str!("view/view.html").to_owned();
@@ -182,7 +183,7 @@ pub fn page(data: &Data) -> String {
         .fold(page, |page, (place, text)| page.replace(place, text))
 }
 
-/// Times, parts and independent coordinates of a sweep of each coordinate in turn.
+/// The duration, the parts, and the independent coordinates of every sample of a sweep.
 type Swept = (f64, Vec<(usize, String)>, Vec<Vec<f64>>);
 
 fn swept<M: Model<f64> + ?Sized>(model: &M) -> Result<Swept, ClosureError> {
@@ -201,7 +202,7 @@ fn swept<M: Model<f64> + ?Sized>(model: &M) -> Result<Swept, ClosureError> {
             let sine = libm::sin(TAU * sample as f64 / SWEEP.0 as f64);
             let way = if sine > 0.0 { hi - at } else { at - lo };
             let mut q = home.clone();
-            q[k] += PART * way * sine;
+            q[k] += SWEEP_RANGE_PART * way * sine;
             asked.push(q);
         }
     }
@@ -210,7 +211,8 @@ fn swept<M: Model<f64> + ?Sized>(model: &M) -> Result<Swept, ClosureError> {
     Ok((duration, parts, asked))
 }
 
-/// A mechanism as its home states it, and why it does not move.
+/// The data of a mechanism that does not move, in the home configuration that its spec states;
+/// `note` says why.
 pub fn still(scene: &Scene, note: &str) -> Data {
     let bodies = scene.bodies.iter().map(|body| Body {
         label: body.label.clone(),
@@ -261,7 +263,8 @@ pub fn still(scene: &Scene, note: &str) -> Data {
 }
 
 fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Moving {
-    // with the parent at the world's frame, the frame before the motion is the placement
+    // without coordinates the parent's frame is the world's, and the frame before the motion is the
+    // constant placement
     Moving {
         link,
         parent: parents.get(link).copied().flatten(),
@@ -270,15 +273,15 @@ fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Moving {
     }
 }
 
-/// All links' frames and all coordinates.
+/// The poses of all links, and all coordinates.
 fn sample(scene: &Scene, q: &[f64]) -> (Vec<Fixed>, Vec<Fixed>) {
     let frames = scene.frames(q);
     let poses = frames.iter().flat_map(compact).collect();
     (poses, q.iter().copied().map(fixed).collect())
 }
 
-/// The unit quaternion of a rotation matrix, w x y z, then the position. From the largest of
-/// the four squares (Shepperd, 1978).
+/// A pose as the unit quaternion of its rotation, w x y z, then its position. The quaternion is
+/// computed from the largest of the four squared components (Shepperd, 1978).
 fn compact(pose: &Pose) -> Vec<Fixed> {
     let [a, b, c, d, e, f, g, h, i, x, y, z] = *pose;
     let squares = [

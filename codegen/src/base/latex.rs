@@ -1,15 +1,15 @@
-//! Coefficients and parameters as LaTeX, in math mode.
+//! Writes coefficients and parameters as LaTeX, for math mode.
 
 use crate::model::{Parameter, ParameterKind};
 use crate::spec::Function;
 
 use super::Coefficient;
 
-/// A parameter: the symbol with its index, and the body or coordinate that it is of.
+/// A parameter: its symbol with an index, and the body or coordinate that it belongs to.
 pub fn parameter(parameter: &Parameter) -> String {
     let symbol = parameter.symbol();
     let symbol = match parameter.kind {
-        // the first moments and the mass
+        // first moments, masses and rotors have symbols without an index
         ParameterKind::Inertial { entry: 6.., .. } | ParameterKind::Rotor { .. } => {
             symbol.to_owned()
         }
@@ -18,7 +18,7 @@ pub fn parameter(parameter: &Parameter) -> String {
     format!("{symbol}({})", name(&parameter.owner))
 }
 
-/// A letter with its index, and the direction of motion as an exponent: `Ixx`, `Fc+`.
+/// A letter with its index, and the sign of the velocity as an exponent: `Ixx`, `Fc+`.
 fn indexed(symbol: &str) -> String {
     let stem = symbol.trim_end_matches(['+', '-']);
     let sign = match symbol.strip_prefix(stem) {
@@ -31,7 +31,7 @@ fn indexed(symbol: &str) -> String {
     }
 }
 
-/// A name: a letter or a Greek letter's name with an index, or else upright.
+/// A name: a letter or the name of a Greek letter, with an index; anything else upright.
 fn name(text: &str) -> String {
     const GREEK: [&str; 22] = [
         "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
@@ -64,7 +64,7 @@ fn upright(text: &str) -> String {
     format!("\\mathrm{{{}}}", escaped(text))
 }
 
-/// Text outside math mode, with what LaTeX would read as commands written out.
+/// A text for use outside math mode, with the characters escaped that LaTeX would interpret.
 pub fn escaped(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -82,7 +82,7 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// A number's digits: `1.5e-3` with a power of ten.
+/// A number: `1.5e-3` becomes a product with a power of ten.
 pub fn number(digits: &str) -> String {
     match digits.split_once(['e', 'E']) {
         Some((mantissa, exponent)) => {
@@ -93,7 +93,7 @@ pub fn number(digits: &str) -> String {
     }
 }
 
-/// An expression.
+/// An expression as LaTeX.
 pub fn expression(tree: &Coefficient) -> String {
     match tree {
         Coefficient::Number(digits) => number(digits),
@@ -145,7 +145,7 @@ pub fn expression(tree: &Coefficient) -> String {
     }
 }
 
-/// An expression as a factor: sums and signs in parentheses.
+/// An expression as a factor: sums and negations in parentheses.
 fn factor(tree: &Coefficient) -> String {
     match tree {
         Coefficient::Sum(_) | Coefficient::Neg(_) => {

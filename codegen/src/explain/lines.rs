@@ -1,11 +1,11 @@
-//! Text in lines that fit a terminal of 80 columns.
+//! Formats text in lines that fit a terminal of 80 columns.
 
 use std::fmt::Write as _;
 
-/// Characters of a line at most, where words allow it.
+/// The largest number of characters of a line, unless a single word is longer.
 pub const WIDTH: usize = 80;
 
-/// Rows in columns, the first aligned left and the others right.
+/// Formats rows in columns, the first aligned left and the others right.
 ///
 /// ```
 /// use regen_codegen::explain::lines::columns;
@@ -40,7 +40,7 @@ pub fn columns(head: &[&str], rows: &[Vec<String>]) -> String {
     out
 }
 
-/// A named value, wrapped under itself.
+/// Formats a name and its value; further lines of the value are aligned with its first.
 ///
 /// ```
 /// use regen_codegen::explain::lines::field;
@@ -52,7 +52,7 @@ pub fn field(name: &str, value: &str) -> String {
     format!("  {name:<w$}{}", wrapped(value, INDENT), w = INDENT - 2)
 }
 
-/// A statement in a list, wrapped under itself.
+/// Formats an entry of a list; further lines are aligned with its text.
 ///
 /// ```
 /// assert_eq!(regen_codegen::explain::lines::item("one"), "  - one\n");
@@ -62,7 +62,7 @@ pub fn item(text: &str) -> String {
     format!("  - {}", wrapped(text, INDENT))
 }
 
-/// Words in lines that fit the width.
+/// Wraps words into lines of at most [`WIDTH`] characters.
 ///
 /// ```
 /// let text = regen_codegen::explain::lines::paragraph(&"word ".repeat(20));
@@ -72,7 +72,7 @@ pub fn paragraph(text: &str) -> String {
     wrapped(text, 0)
 }
 
-/// Words in lines that fit the width, all but the first indented.
+/// Wraps words into lines of at most [`WIDTH`] characters, all but the first indented.
 fn wrapped(text: &str, indent: usize) -> String {
     let mut out = String::new();
     let mut column = indent;

@@ -1,4 +1,4 @@
-//! The base parameters as a table, like Table 1 of the chapter: for reading, in Markdown and in
+//! The base parameters as a table, like Table 1 of the chapter: as plain text, in Markdown and in
 //! LaTeX.
 
 mod factor;
@@ -17,16 +17,16 @@ pub use words::{certificate, completed, doubt, label, layer};
 use factor::{Factor, Signed};
 use words::mark;
 
-/// The kinds of a body's parameters, in their order.
+/// The number of inertial parameters of a body; they come first, body by body.
 const PER_BODY: usize = 10;
 
-/// Rows that a printed page takes, if they are short.
+/// The largest number of short rows that fit a printed page.
 const ROWS_OF_A_PAGE: usize = 40;
 
-/// The mark of a number for a long expression.
-const INSTEAD: &str = "~";
+/// The mark before a number that replaces a long expression.
+const NUMBER_MARK: &str = "~";
 
-/// A factor and a parameter, by its label as plain text and as LaTeX.
+/// A term of a combination: a factor, and the parameter's label as plain text and as LaTeX.
 #[derive(Clone, Debug)]
 struct Part {
     signed: Signed,
@@ -41,8 +41,8 @@ struct Row {
     exactness: Exactness,
 }
 
-/// A table of base parameters: the combinations, on which derivation each rests, and what is
-/// known about the table as a whole.
+/// A table of base parameters: the combinations, whether each was derived or completed, and facts
+/// about the table as a whole.
 ///
 /// ```
 /// use regen_codegen::explain::table::{Style, Table};
@@ -66,13 +66,14 @@ struct Row {
 pub struct Table {
     robot: String,
     rows: Vec<Row>,
-    /// Why it is not complete.
+    /// Why the base parameters are not known to be complete; `None` where they are.
     doubt: Option<String>,
-    /// What is known about the table as a whole: a title and a text.
+    /// Facts about the table as a whole, each a title and a text.
     facts: Vec<(&'static str, String)>,
 }
 
-/// The combinations of the base parameters that functions take, each in one line.
+/// The combinations of the base parameters in the order of the base regressor's columns, each as
+/// one line of text.
 ///
 /// ```
 /// # use regen_codegen::{Mechanism, diag::Source, explain::table::combinations};
@@ -94,10 +95,10 @@ pub fn combinations(robot: &Robot, analysis: &Analysis) -> Vec<String> {
 }
 
 impl Table {
-    /// The table of a robot's base parameters.
+    /// Makes the table of a robot's base parameters.
     ///
     /// - `style`: how factors of the combinations are printed;
-    /// - `reasons`: why parameters act together whose direction was completed, see
+    /// - `reasons`: the reasons why parameters of completed directions act only together, see
     ///   [`Explanation`](super::Explanation).
     pub fn new(robot: &Robot, analysis: &Analysis, style: Style, reasons: &[Grouped]) -> Self {
         let base = &analysis.base;
@@ -117,7 +118,7 @@ impl Table {
         if shortened {
             let text = "a number for an expression of more than 60 characters, or with a number of \
                         more than 6 digits";
-            facts.push((INSTEAD, text.to_owned()));
+            facts.push((NUMBER_MARK, text.to_owned()));
         }
         Self {
             robot: robot.name.clone(),
@@ -127,10 +128,11 @@ impl Table {
         }
     }
 
-    /// Adds how long expressions are printed in full, where the table shows numbers for some.
+    /// Appends advice on how to print long expressions in full, if the table replaces some by
+    /// numbers.
     #[must_use]
     pub fn with_remedy(mut self, remedy: &str) -> Self {
-        for (_, text) in self.facts.iter_mut().filter(|fact| fact.0 == INSTEAD) {
+        for (_, text) in self.facts.iter_mut().filter(|fact| fact.0 == NUMBER_MARK) {
             text.push_str("; ");
             text.push_str(remedy);
         }
@@ -144,7 +146,7 @@ impl Table {
         }
     }
 
-    /// For reading in 80 columns.
+    /// The table as plain text of 80 columns.
     pub fn human(&self) -> String {
         const GAP: &str = "  ";
         let mut out = paragraph(&self.title());
@@ -180,7 +182,7 @@ impl Table {
         out
     }
 
-    /// A Markdown table.
+    /// The table in Markdown.
     pub fn markdown(&self) -> String {
         let mut out = format!("## {}\n\n", self.title());
         for (name, text) in &self.facts {
@@ -199,7 +201,7 @@ impl Table {
         out
     }
 
-    /// A LaTeX table; over several pages where it is too long for one.
+    /// The table in LaTeX, as a `longtable` over several pages where it is too long for one.
     pub fn latex(&self) -> String {
         let mut out = format!("% {}\n", self.title());
         let long = self.rows.len() > ROWS_OF_A_PAGE;
@@ -252,7 +254,7 @@ impl Table {
 }
 
 impl Part {
-    /// The sign that joins the part at place `k` to what stands before it.
+    /// The sign before the term at index `k`; none before a first, positive term.
     fn sign(&self, k: usize) -> &'static str {
         match (k, self.signed.negative) {
             (0, false) => "",
@@ -288,7 +290,7 @@ impl Part {
 }
 
 impl Row {
-    /// The layer, marked where factors are not known as functions of the names.
+    /// The layer, with a mark where factors are not known as functions of the geometry names.
     fn rests_on(&self) -> String {
         format!("{}{}", layer(self.layer), mark(self.exactness))
     }
@@ -298,7 +300,7 @@ impl Row {
         parts.map(|(k, part)| part.plain(k)).collect()
     }
 
-    /// Lines of the combination: broken between terms, or else between the words of a term.
+    /// The combination in lines of at most this width, broken between terms, or else within a term.
     fn lines(&self, width: usize) -> Vec<String> {
         let mut lines = vec![String::new()];
         let mut append = |piece: &str, joint: &str| {
@@ -325,7 +327,7 @@ impl Row {
             let mut sign = String::new();
             for word in text.split(' ') {
                 if matches!(word, "+" | "-") {
-                    // a sign stays with what it belongs to
+                    // a sign stays on the line of the term that it belongs to
                     word.clone_into(&mut sign);
                     sign.push(' ');
                     continue;
@@ -340,7 +342,7 @@ impl Row {
     }
 }
 
-/// A word in pieces that fit, broken after operators where there are some.
+/// Splits a word into pieces of at most this width, after operators where there are some.
 fn pieces(word: &str, width: usize) -> Vec<&str> {
     let mut pieces = Vec::new();
     let mut rest = word;
@@ -360,8 +362,7 @@ fn pieces(word: &str, width: usize) -> Vec<&str> {
     pieces
 }
 
-/// Why completed directions are there: reasons with the parameters that they
-/// explain.
+/// The reasons of completed directions, each with the parameters that it explains.
 fn because(reasons: &[Grouped]) -> Vec<(&'static str, String)> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for one in reasons {
@@ -377,7 +378,7 @@ fn because(reasons: &[Grouped]) -> Vec<(&'static str, String)> {
     groups.into_iter().map(line).collect()
 }
 
-/// What the marks of rows mean, where there are some.
+/// The meanings of the marks that occur in the rows.
 fn marks(rows: &[Row]) -> Vec<(&'static str, String)> {
     [
         (
@@ -460,13 +461,13 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
     facts
 }
 
-/// What `base.zero` and `base.equal` say, identical bodies in one word.
+/// The relations known from `base.zero` and `base.equal`; two identical bodies are one entry.
 fn known(robot: &Robot, all: &[Known]) -> String {
     let terms = |column: usize| {
         let known = all.iter().find(|known| known.column == column);
         known.map(|known| known.terms.as_slice())
     };
-    // every parameter of a body is the other's, or is known by the same terms
+    // whether each parameter of a body equals the other body's, or is known by the same terms
     let like = |body: usize, other: usize| {
         (0..PER_BODY).all(|k| {
             let twin = PER_BODY * other + k;

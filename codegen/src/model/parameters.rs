@@ -4,7 +4,8 @@ use crate::spec::{Friction, Spec};
 
 use super::{Body, Coordinate};
 
-/// A linear friction column in the row of its joint.
+/// A column of linear friction: its entry in the row of its joint, as a function of the velocity
+/// qd.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrictionColumn {
     /// `Fv`: qd.
@@ -31,13 +32,13 @@ impl FrictionColumn {
         FrictionColumn::CoulombNegative,
     ];
 
-    /// The columns of a friction law, in order (Eq. 14, 15); none of one that is not linear.
+    /// The columns of a friction law, in order (Eq. 14, 15); none for a law that is not linear.
     pub fn of(law: Friction) -> impl Iterator<Item = FrictionColumn> {
         let symbols = law.parameters().iter();
         symbols.filter_map(|symbol| Self::ALL.into_iter().find(|c| c.symbol() == *symbol))
     }
 
-    /// The symbol in labels.
+    /// The symbol with which labels begin.
     pub fn symbol(self) -> &'static str {
         match self {
             FrictionColumn::Viscous => "Fv",
@@ -50,15 +51,16 @@ impl FrictionColumn {
     }
 }
 
-/// The ten inertial parameters of a body, about its frame's origin in its axes.
+/// The symbols of a body's ten inertial parameters, about the origin of its frame and in its axes:
+/// moments and products of inertia in kg m^2, first moments in kg m, mass in kg.
 pub const INERTIAL: [&str; 10] = [
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
 ];
 
-/// What a parameter is.
+/// The kind of a parameter, with the body or the coordinate that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterKind {
-    /// One of the ten of a body.
+    /// One of the ten inertial parameters of a body.
     Inertial {
         /// Index of the body.
         body: usize,
@@ -69,10 +71,10 @@ pub enum ParameterKind {
     Friction {
         /// Index of the coordinate.
         coordinate: usize,
-        /// Which column.
+        /// The column of the friction law.
         column: FrictionColumn,
     },
-    /// Rotor and drive inertia at a coordinate (Eq. 18).
+    /// The inertia of rotor and drive at a coordinate (Eq. 18).
     Rotor {
         /// Index of the coordinate.
         coordinate: usize,
@@ -85,11 +87,11 @@ const ROTOR: &str = "J";
 /// A dynamic parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// What it is.
+    /// The kind, with the index of the body or coordinate.
     pub kind: ParameterKind,
     /// The label of the body, or the name of the coordinate.
     pub owner: String,
-    /// Its label, such as `Ixx(3)`, `Fc+(q2)`, `J(q2)`: printed once, from its symbol and its owner.
+    /// The label, such as `Ixx(3)`, `Fc+(q2)`, `J(q2)`, made of the symbol and the owner.
     pub label: String,
 }
 
@@ -105,7 +107,7 @@ impl ParameterKind {
 }
 
 impl Parameter {
-    /// A parameter of a body, by its label, or of a coordinate, by its name.
+    /// Creates a parameter; `owner` is the label of its body or the name of its coordinate.
     pub fn new(kind: ParameterKind, owner: &str) -> Self {
         Parameter {
             kind,
@@ -125,8 +127,8 @@ impl Parameter {
     }
 }
 
-/// The parameters in order: ten per body, then friction coordinate by
-/// coordinate, then rotors (Eq. 20).
+/// All parameters in order: ten per body, then friction coordinate by coordinate, then rotors (Eq.
+/// 20).
 pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for (index, body) in bodies.iter().enumerate() {

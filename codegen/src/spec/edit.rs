@@ -1,20 +1,21 @@
-//! Values of a spec's text replaced, and every other byte of it left as it is.
+//! Replaces values in a spec's text; every other byte of it stays the same.
 
 use super::{Joint, Spec};
 use crate::diag::Span;
 
-/// A change of a text: what stands at these bytes, and what shall stand there.
+/// A replacement in a text: these bytes by this text.
 struct Change {
     span: Span,
     text: String,
 }
 
-/// A spec's text with other `nominal:` values at its joints, and what could not be written.
+/// Returns a spec's text with other `nominal:` values at its joints, and notes on values that could
+/// not be written.
 ///
-/// - `value`: the value of a symbol, such as `Fv`, at a coordinate; joints whose values are all
-///   unknown stay as they are.
+/// - `value`: the value of a symbol, such as `Fv`, at a coordinate; joints without any known value
+///   are not changed.
 ///
-/// The values of one joint stand for all its coordinates: where these differ they are not
+/// A joint has one nominal value for all its coordinates: where their values differ, none is
 /// written.
 ///
 /// ```
@@ -64,7 +65,7 @@ pub fn with_nominal(
     (changed(text, changes), notes)
 }
 
-/// The changes that give a joint these nominal values.
+/// Appends the changes that give a joint these nominal values.
 fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<Change>) {
     if wanted.is_empty() {
         return;
@@ -80,7 +81,7 @@ fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<
             });
             continue;
         }
-        // `Fc` that stood for both signs
+        // an unsigned `Fc` gave the values of both directions
         let signs = ["+", "-"].map(|sign| format!("{}{sign}", symbol.value));
         let (own, others): (Vec<_>, Vec<_>) = left
             .iter()
@@ -117,8 +118,8 @@ fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<
     });
 }
 
-/// What stands between two entries of the mapping that an entry (or its value) is of: a comma, or
-/// a new line with the same indentation.
+/// The separator between two entries of the mapping that contains this entry (or value): a comma,
+/// or a new line with the same indentation.
 fn separator(text: &str, entry: &Span) -> String {
     let behind = text
         .get(behind_quote(text, entry.end)..)
@@ -130,11 +131,11 @@ fn separator(text: &str, entry: &Span) -> String {
     let line = before.rfind('\n').map_or(0, |k| k + 1);
     let line = text.get(line..).unwrap_or_default();
     let indent = line.find(|c: char| c != ' ' && c != '-').unwrap_or(0);
-    // a dash of a list stands in the column of the indentation
+    // a list's dash counts as indentation: the entry begins after it
     format!("\n{:indent$}", "")
 }
 
-/// Whether a comma or a closing brace comes next, behind blanks and comments.
+/// Whether the text continues, after blanks and comments, with a comma or a closing brace.
 fn in_braces(behind: &str) -> bool {
     let mut rest = behind.trim_start();
     while rest.starts_with('#') {
@@ -146,7 +147,7 @@ fn in_braces(behind: &str) -> bool {
     rest.starts_with([',', '}'])
 }
 
-/// One past the quote that may close a scalar which ends here.
+/// The position after the quote that may close a scalar at `end`.
 fn behind_quote(text: &str, end: usize) -> usize {
     let quoted = text.get(end..).is_some_and(|t| t.starts_with(['"', '\'']));
     if quoted { end + 1 } else { end }
@@ -156,12 +157,12 @@ fn pair((symbol, value): &(&str, f64)) -> String {
     format!("{symbol}: {}", number(*value))
 }
 
-/// A number that reads back to the same double; the sum with zero takes the sign off a zero.
+/// A number that reads back to the same double; adding zero turns a negative zero into zero.
 fn number(value: f64) -> String {
     format!("{:?}", value + 0.0)
 }
 
-/// The text with all changes, which do not overlap.
+/// The text with all changes made; changes must not overlap.
 fn changed(text: &str, mut changes: Vec<Change>) -> String {
     changes.sort_by_key(|change| (change.span.start, change.span.end));
     let mut out = String::with_capacity(text.len());
@@ -175,8 +176,8 @@ fn changed(text: &str, mut changes: Vec<Change>) -> String {
     out
 }
 
-/// A spec's text with its top-level key `bodies` replaced by this block, or with the block added at
-/// the end.
+/// Returns a spec's text with the top-level key `bodies` replaced by this block; without the key,
+/// the block is added at the end.
 ///
 /// ```
 /// use regen_codegen::spec::edit::with_bodies;
@@ -189,7 +190,7 @@ pub fn with_bodies(text: &str, block: &str) -> String {
     let mut out = String::with_capacity(text.len() + block.len());
     let mut inside = false;
     let mut placed = false;
-    // comments and blank lines before the next key belong to that
+    // comments and blank lines before the next key belong to that key, and stay
     let mut held = String::new();
     for line in text.split_inclusive('\n') {
         let starts = line.starts_with(|c: char| !c.is_whitespace() && c != '#');
@@ -228,7 +229,7 @@ mod tests {
     use crate::diag::Source;
     use crate::spec;
 
-    /// A robot with joints in both styles.
+    /// A robot with joints in flow and in block style.
     const TEXT: &str = "\
 name: x
 limbs:
@@ -296,7 +297,7 @@ limbs:
             notes[0].starts_with("Fv of s.1, s.2, s.3 is not written"),
             "{notes:?}"
         );
-        // what is read back is what was meant
+        // the values read back are those that were written
         let read = spec::parse(&Source::new("x", &*text)).unwrap();
         let joints = &read.limbs[0].joints;
         for joint in &joints[..4] {

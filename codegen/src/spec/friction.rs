@@ -1,12 +1,12 @@
-//! The friction laws of joints: one row of a table per law. The reader, errors, the JSON Schema,
-//! parameters and generated modules follow from it.
+//! The friction laws of joints, one table row per law, from which the reader, its errors, the JSON
+//! Schema, the parameters and the generated modules follow.
 //!
-//! The runtime has the same table with the efforts (`regen_runtime::Friction`); a test holds the
-//! two equal, because neither side knows the other.
+//! The runtime has the same table with the efforts (`regen_runtime::Friction`). Neither crate
+//! depends on the other; a test checks that the two tables are equal.
 
 use super::shape::choices;
 
-/// The laws in order: variant, word in specs, whether the effort is linear in all its
+/// Defines the laws in order: variant, word in specs, whether the effort is linear in all its
 /// coefficients, their symbols in order, meaning.
 macro_rules! laws {
     ($($law:ident $word:literal $linear:literal [$($symbol:literal)*] $meaning:literal;)+) => {
@@ -19,21 +19,21 @@ macro_rules! laws {
         choices! { Friction, "friction kind" { $($word => $law: $meaning,)+ } }
 
         impl Friction {
-            /// Every law.
+            /// All laws.
             pub const ALL: &'static [Friction] = &[$(Friction::$law),+];
 
-            /// Its word in a spec.
+            /// The law's word in a spec.
             pub fn word(self) -> &'static str {
                 match self { $(Friction::$law => $word,)+ }
             }
 
-            /// Its name in code.
+            /// The variant's name in Rust.
             pub fn name(self) -> &'static str {
                 match self { $(Friction::$law => stringify!($law),)+ }
             }
 
-            /// Whether its effort is linear in all its coefficients, which then are parameters
-            /// with columns of the regressor.
+            /// Whether the effort is linear in all its coefficients, which then are parameters with
+            /// columns of the regressor.
             pub fn is_linear(self) -> bool {
                 match self { $(Friction::$law => $linear,)+ }
             }
@@ -60,7 +60,7 @@ laws! {
 }
 
 impl Friction {
-    /// The symbols of the parameters it adds, in the order of its columns.
+    /// The symbols of the parameters that the law adds, in the order of its columns.
     pub fn parameters(self) -> &'static [&'static str] {
         if self.is_linear() {
             self.symbols()
@@ -69,8 +69,8 @@ impl Friction {
         }
     }
 
-    /// The symbols that `nominal` may give: of laws with a coefficient for each direction, one for
-    /// both as well.
+    /// The symbols that `nominal` may contain: of laws with a coefficient for each direction, also
+    /// the unsigned symbol for both.
     pub(super) fn nominal(self) -> &'static [&'static str] {
         match self {
             Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],

@@ -1,10 +1,10 @@
-//! The names that a spec defines: coordinates, bodies, parameters, in their order.
+//! The names that a spec defines: coordinates, bodies and parameters, each list in order.
 
 use super::expression::INERTIAL;
 use super::friction::Friction;
 use super::types::{Joint, JointKind, Quantity, Spec};
 
-/// The names of a joint's coordinates: `q2`, or `s1.1`, `s1.2`, `s1.3`.
+/// The names of a joint's coordinates, such as `q2`, or `s1.1`, `s1.2`, `s1.3`.
 pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {
     match kind.coordinates() {
         0 => Vec::new(),
@@ -13,7 +13,7 @@ pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {
     }
 }
 
-/// A parameter by its symbol and what it is of: the label of a body, the name of a coordinate.
+/// A parameter's symbol and its owner: the label of a body, or the name of a coordinate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ParameterName {
     pub(super) symbol: String,
@@ -28,19 +28,20 @@ impl ParameterName {
         }
     }
 
-    /// What a person wrote as a label, which may be of no parameter: `Fc+` and `q2` of `Fc+(q2)`.
+    /// Splits a label that a person wrote, such as `Fc+(q2)` into `Fc+` and `q2`; the parameter may
+    /// not exist.
     pub(super) fn read(label: &str) -> Option<Self> {
         let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;
         Some(Self::new(symbol, owner))
     }
 
-    /// Its label.
+    /// The parameter's label, such as `Fc+(q2)`.
     pub(super) fn label(&self) -> String {
         format!("{}({})", self.symbol, self.owner)
     }
 }
 
-/// What the labels depend on.
+/// The properties of a joint that labels depend on.
 pub(super) struct JointFacts<'a> {
     pub(super) name: &'a str,
     pub(super) kind: JointKind,
@@ -49,7 +50,7 @@ pub(super) struct JointFacts<'a> {
     pub(super) rotor: bool,
 }
 
-/// All labels of a robot, each list in its order.
+/// All labels of a robot, each list in order.
 pub(super) struct Inventory {
     pub(super) coordinates: Vec<String>,
     pub(super) bodies: Vec<String>,
@@ -57,7 +58,7 @@ pub(super) struct Inventory {
 }
 
 impl Inventory {
-    /// The labels that some joints define.
+    /// The labels that these joints define.
     pub(super) fn of<'a>(joints: impl IntoIterator<Item = JointFacts<'a>>) -> Self {
         let mut coordinates = Vec::new();
         let mut bodies: Vec<String> = Vec::new();
@@ -86,13 +87,14 @@ impl Inventory {
 }
 
 impl Joint {
-    /// The names of its coordinates.
+    /// The names of the joint's coordinates.
     pub fn coordinates(&self) -> Vec<String> {
         let name = self.name.as_ref().map_or("", |name| name.value.as_str());
         coordinates_of(name, self.kind.value)
     }
 
-    /// The nominal value of one of its parameters; `Fv` and `Fc` stand for both signs.
+    /// The nominal value of one of the joint's parameters; a value of `Fv` or `Fc` applies to both
+    /// directions that have none of their own.
     pub fn nominal_value(&self, symbol: &str) -> Option<&Quantity> {
         let find = |wanted: &str| {
             let mut entries = self.nominal.iter();
@@ -116,17 +118,17 @@ impl Spec {
         }))
     }
 
-    /// The coordinates, in the order of the limbs.
+    /// The coordinates' names, in the order of the limbs.
     pub fn coordinates(&self) -> Vec<String> {
         self.inventory().coordinates
     }
 
-    /// The bodies, in the order in which joints declare them.
+    /// The bodies' labels, in the order in which joints declare them.
     pub fn body_labels(&self) -> Vec<String> {
         self.inventory().bodies
     }
 
-    /// The parameters: ten per body, then friction coordinate by coordinate, then rotors.
+    /// The parameters' labels: ten per body, then friction coordinate by coordinate, then rotors.
     pub fn parameters(&self) -> Vec<String> {
         let parameters = self.inventory().parameters;
         parameters.iter().map(ParameterName::label).collect()

@@ -1,4 +1,5 @@
-//! The keys of the format: the one list of them. Reading, errors and the JSON Schema follow from it.
+//! The keys of the spec format, in the one list from which the reader, its errors and the JSON
+//! Schema follow.
 
 use super::shape::{
     BodyReference, Chosen, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey,
@@ -210,14 +211,14 @@ record! {
 }
 
 impl RawPlacement {
-    /// Its expressions in the geometry names.
+    /// The placement's expressions in the geometry names.
     pub(super) fn constants(&self) -> impl Iterator<Item = &Scalar> {
         self.xyz.iter().chain(&self.rpy)
     }
 }
 
 impl RawJoint {
-    /// Its expressions in the geometry names.
+    /// The joint's expressions in the geometry names.
     pub(super) fn constants(&self) -> Vec<&Scalar> {
         let mut all = Vec::new();
         if let Some(dh) = &self.dh {
@@ -242,7 +243,7 @@ impl RawJoint {
 }
 
 impl RawCut {
-    /// Its expressions in the geometry names.
+    /// The cut's expressions in the geometry names.
     pub(super) fn constants(&self) -> Vec<&Scalar> {
         let sides = self.between.iter();
         let mut all: Vec<&Scalar> = sides

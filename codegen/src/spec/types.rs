@@ -1,5 +1,5 @@
-//! The spec as written, validated: every name resolves, every expression is
-//! finite, every label is unique. Nothing here knows dynamics.
+//! The validated spec: every name resolves, every expression is finite, every label is unique. The
+//! types describe the file only; dynamics are derived elsewhere.
 
 use crate::diag::Span;
 use crate::sym::Number;
@@ -11,7 +11,7 @@ pub use super::friction::Friction;
 pub struct Spanned<T> {
     /// The value.
     pub value: T,
-    /// Where it stands in the file.
+    /// The place in the file.
     pub span: Span,
 }
 
@@ -20,9 +20,9 @@ pub struct Spanned<T> {
 pub struct Quantity {
     /// The expression, geometry names unresolved.
     pub expr: Expr,
-    /// The value at the given geometry.
+    /// The value at the spec's geometry.
     pub value: Number,
-    /// Where it stands in the file.
+    /// The place in the file.
     pub span: Span,
 }
 
@@ -44,7 +44,7 @@ pub enum Function {
 /// An arithmetic expression over numbers, `pi` and geometry names.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expr {
-    /// A number from its source text.
+    /// A number, exact as in the source text.
     Number(Number),
     /// The constant pi.
     Pi,
@@ -73,7 +73,7 @@ pub struct LinearForm {
     pub constant: Quantity,
     /// Names with their coefficients, in the order written.
     pub terms: Vec<(Spanned<String>, Quantity)>,
-    /// Where the whole form stands.
+    /// The place of the whole form in the file.
     pub span: Span,
 }
 
@@ -94,20 +94,21 @@ pub struct Spec {
     pub cuts: Vec<Cut>,
     /// The independent coordinates, where given.
     pub independent: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Coordinates tied linearly to others.
+    /// Coordinates that are linear in others, with the form of each.
     pub couplings: Vec<(Spanned<String>, LinearForm)>,
-    /// Start of the closure solve by coordinate.
+    /// The coordinates at which the closure solve starts, rad or m; they select the assembly
+    /// branch.
     pub home: Vec<(Spanned<String>, Quantity)>,
-    /// Where `home` stands, if it is given.
+    /// The place of `home` in the file; `None` without `home`.
     pub home_span: Option<Span>,
-    /// Nominal inertias by body label.
+    /// Nominal inertial parameters by body label.
     pub bodies: Vec<(Spanned<String>, BodyInertia)>,
     /// Choices about the base parameters.
     pub base: BaseChoices,
 }
 
 impl Spec {
-    /// Every quantity that the mechanism and its home depend on, but for the geometry's own.
+    /// Every quantity that the mechanism and its home depend on, except the geometry's values.
     pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {
         let mut all: Vec<&mut Quantity> = self.gravity.iter_mut().collect();
         for limb in &mut self.limbs {
@@ -151,7 +152,7 @@ pub struct Limb {
     pub base: Placement,
     /// The joints, from the base outward.
     pub joints: Vec<Joint>,
-    /// Where the limb starts in the file.
+    /// The place of the limb in the file.
     pub span: Span,
 }
 
@@ -164,14 +165,15 @@ pub struct Placement {
     pub rpy: [Quantity; 3],
 }
 
-/// Joint types of `limbs`.
+/// The joint types of `limbs`; R and T are rotations and translations by the coordinates n.1, n.2,
+/// n.3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum JointKind {
     /// One rotation.
     Revolute,
     /// One translation.
     Prismatic,
-    /// A rotation and a translation in proportion.
+    /// A rotation and a proportional translation.
     Helical,
     /// Rz(n.1) Tz(n.2).
     Cylindrical,
@@ -183,7 +185,7 @@ pub enum JointKind {
     Fixed,
 }
 
-/// Where a joint's frame stands in the frame before it.
+/// The constant placement of a joint's frame in the preceding frame.
 #[derive(Clone, Debug)]
 pub enum JointFrame {
     /// Modified Denavit-Hartenberg row: Rx(alpha) Tx(a) Rz(theta) Tz(d).
@@ -197,7 +199,7 @@ pub enum JointFrame {
         /// Angle about z, rad.
         theta: Quantity,
     },
-    /// Any placement.
+    /// A placement by translation and rotation.
     Origin(Placement),
 }
 
@@ -213,7 +215,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Its place in a vector.
+    /// The axis's index in a vector.
     pub fn index(self) -> usize {
         match self {
             Axis::X => 0,
@@ -223,7 +225,7 @@ impl Axis {
     }
 }
 
-/// A closed interval.
+/// A closed interval: lowest and highest value.
 pub type Interval = [Quantity; 2];
 
 /// Limits of a joint or a cut, all optional.
@@ -237,24 +239,24 @@ pub struct Limits {
     pub acceleration: Option<Interval>,
     /// Effort, N m or N.
     pub effort: Option<Interval>,
-    /// Greatest angle between the z axes before and after, rad.
+    /// Greatest angle between the z axes before and after the joint, rad.
     pub cone: Option<Quantity>,
 }
 
 /// A joint of a limb.
 #[derive(Clone, Debug)]
 pub struct Joint {
-    /// Names the coordinate; only `fixed` joints may lack it.
+    /// The joint's name, which names its coordinates; only `fixed` joints may lack it.
     pub name: Option<Spanned<String>>,
-    /// Its type.
+    /// The joint's type.
     pub kind: Spanned<JointKind>,
-    /// Its frame.
+    /// The placement of the joint's frame.
     pub frame: JointFrame,
     /// The axis that a joint of one coordinate moves about or along.
     pub axis: Axis,
-    /// How far a helical joint slides, m per radian: its pitch over 2 pi.
+    /// The lead of a helical joint, m per radian: its pitch over 2 pi.
     pub lead: Option<Quantity>,
-    /// Label of the body it carries; `None` is massless.
+    /// Label of the body that the joint carries; `None` if there is no mass.
     pub body: Option<Spanned<String>>,
     /// Whether each of its coordinates is actuated.
     pub actuated: bool,
@@ -266,26 +268,26 @@ pub struct Joint {
     pub limits: Limits,
     /// Nominal friction and rotor values by parameter symbol (`Fv`, `Fc`, `J`, ...).
     pub nominal: Vec<(Spanned<String>, Quantity)>,
-    /// Where the joint starts in the file.
+    /// The place of the joint in the file.
     pub span: Span,
 }
 
-/// Joint types of `cuts`.
+/// The joint types of `cuts`, with the number of closure equations of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CutKind {
-    /// 3 rows.
+    /// 3 equations.
     Spherical,
-    /// 4 rows.
+    /// 4 equations.
     Universal,
-    /// 5 rows.
+    /// 5 equations.
     Revolute,
-    /// 5 rows.
+    /// 5 equations.
     Prismatic,
-    /// 5 rows.
+    /// 5 equations.
     Helical,
-    /// 4 rows.
+    /// 4 equations.
     Cylindrical,
-    /// 6 rows.
+    /// 6 equations.
     Fixed,
 }
 
@@ -298,20 +300,20 @@ pub struct CutSide {
     pub placement: Placement,
 }
 
-/// A loop closure.
+/// A joint opened to obtain the tree; its closure equations close the loop.
 #[derive(Clone, Debug)]
 pub struct Cut {
     /// Unique name.
     pub name: Spanned<String>,
-    /// The joint that was opened.
+    /// The type of the joint that was opened.
     pub kind: Spanned<CutKind>,
-    /// How far a helical cut slides, m per radian: its pitch over 2 pi.
+    /// The lead of a helical cut, m per radian: its pitch over 2 pi.
     pub lead: Option<Quantity>,
-    /// Frame A, then frame B.
+    /// The frames A and B that the closure equations hold together.
     pub sides: [CutSide; 2],
-    /// Only `cone` is used.
+    /// Limits of the opened joint; only `cone` is used.
     pub limits: Limits,
-    /// Where the cut starts in the file.
+    /// The place of the cut in the file.
     pub span: Span,
 }
 
@@ -326,15 +328,15 @@ pub struct BodyInertia {
     pub inertia: [Quantity; 6],
 }
 
-/// Choices about the base parameters.
+/// The user's choices about the base parameters.
 #[derive(Clone, Debug, Default)]
 pub struct BaseChoices {
-    /// Parameters eliminated first, in this order.
+    /// Parameters to eliminate first, in this order.
     pub eliminate: Vec<Spanned<String>>,
-    /// Linear forms in the parameters known to be zero.
+    /// Linear forms in the parameters that are known to be zero.
     pub zero: Vec<LinearForm>,
-    /// Groups of bodies known to be identical.
+    /// Groups of bodies that are known to be identical.
     pub equal: Vec<Vec<Spanned<String>>>,
-    /// Base parameters left out.
+    /// Base parameters to leave out of the model.
     pub drop: Vec<Spanned<String>>,
 }

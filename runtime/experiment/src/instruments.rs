@@ -1,5 +1,5 @@
-//! Identification by instrumental variables: the motion that the instruments are taken at is the
-//! measured one, smoothed, or that of a simulated robot under control along a reference.
+//! Identification by instrumental variables. The instruments are evaluated at the measured motion
+//! after smoothing, or at that of a robot simulated under control along a reference.
 
 use core::fmt;
 use std::path::PathBuf;
@@ -18,31 +18,33 @@ use crate::simulate::{
 };
 use crate::trajectory::FourierReference;
 
-/// The bandwidth of simulated controllers without gains, Hz.
-const BANDWIDTH: f64 = 3.0;
+/// The bandwidth of simulated controllers whose gains are not given, Hz.
+const BANDWIDTH_HZ: f64 = 3.0;
 
-/// What instrumental variables found.
+/// The result of identification by instrumental variables.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The estimate, its rounds, and how it differs from least squares.
+    /// The estimate, its rounds, and its difference from least squares.
     pub instrumental: Instrumental,
-    /// Where the measured motion was smoothed, Hz; `None` where the motion was simulated.
+    /// The cut-off frequency at which the measured motion was smoothed, Hz; `None` where the motion
+    /// was simulated.
     pub cutoff: Option<f64>,
-    /// The model, whose intervals know what sampling leaves unknown of the motion.
+    /// The identified model; its intervals include the uncertainty that sampling leaves in the
+    /// motion.
     pub model: IdentifiedModel,
 }
 
 /// Identifies base parameters by instrumental variables.
 ///
 /// - `start`: least squares from the same logs;
-/// - `logs`: the logs, read as `session` says; the measured motion is taken from all of their
-///   positions as they are;
-/// - `reference`: what the robot was to follow, and gains of its controllers, where the instruments
-///   are to be simulated; without it the measured motion is smoothed.
+/// - `logs`: the logs, read with the settings of `session`; the measured motion is taken from all
+///   of their positions, unfiltered;
+/// - `reference`: the motion that the robot was to follow, and gains of its controllers, if the
+///   instruments are to be simulated; without it the measured motion is smoothed.
 ///
 /// # Errors
-/// What keeps logs from being read, the measured motion from being smoothed, or the robot from
-/// being simulated with an estimate.
+/// The logs cannot be read, the measured motion cannot be smoothed, or the robot cannot be
+/// simulated with an estimate: see [`InstrumentError`].
 pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &Start,
@@ -50,8 +52,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     reference: Option<(&FourierReference, &[Gains])>,
 ) -> Result<Found, InstrumentError> {
     let model = session.model;
-    // positions as they are, whatever filter the regressor's pass, and all of them: what passes a
-    // filter is thinned behind it
+    // all positions, unfiltered, whatever filter the regressor passes: filtered rows would be
+    // decimated
     let raw = Reading {
         method: Method::Central,
         decimation: 1,
@@ -77,7 +79,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     })?;
     let mut cutoff = Some(cutoff);
     if let Some((reference, gains)) = reference {
-        // least squares may be too far from a robot to be simulated; this is not biased as much
+        // least squares may be too biased for a simulation; this estimate is less biased
         let first = found.estimate.values.clone();
         let mut failed = None;
         let simulation = identify::instrumental(
@@ -106,7 +108,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// The model with the intervals of its values.
+/// The identified model with the confidence intervals of its values.
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &Start,
@@ -116,7 +118,7 @@ fn identified<M: BaseModel<f64> + ?Sized>(
         "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
         found.bandwidth
     );
-    // the regressor of the measured motion is that of least squares
+    // the regressor, and so its sampling uncertainty, is that of least squares
     let mut estimate = found.estimate.clone();
     if let Some(blocks) = &start.blocks {
         let n = estimate.values.len();
@@ -138,8 +140,9 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// The motion of the robot with these base parameters under PID control along a reference, at the
-/// samples of the measured motion. Each run begins one period earlier, so that it has settled.
+/// Simulates the robot with these base parameters under PID control along a reference, and returns
+/// its motion at the sample times of the measured motion. Each run begins one period earlier, so
+/// that the initial transient has decayed.
 fn simulated<M: BaseModel<f64> + ?Sized>(
     model: &M,
     reference: &FourierReference,
@@ -166,7 +169,7 @@ fn simulated<M: BaseModel<f64> + ?Sized>(
         let begin = first - early * step;
         let start = reference.position(begin);
         let controllers =
-            control(BANDWIDTH, gains, model, &phi, &start).map_err(InstrumentError::Untuned)?;
+            control(BANDWIDTH_HZ, gains, model, &phi, &start).map_err(InstrumentError::Untuned)?;
         let drive = |joint: &usize| Drive {
             lag: 0.0,
             limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
@@ -204,7 +207,7 @@ fn simulated<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// What keeps instrumental variables from being found.
+/// Why instrumental variables cannot be computed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum InstrumentError {
@@ -212,7 +215,7 @@ pub enum InstrumentError {
     Data(DataError),
     /// The measured motion cannot be smoothed.
     Unsmoothed(SignalError),
-    /// The robot with the present estimate has no controllers.
+    /// No controllers can be tuned for the robot with the present estimate.
     Untuned(TuningError),
     /// The robot with the present estimate cannot be simulated.
     Refused(SimulationError),
@@ -220,7 +223,7 @@ pub enum InstrumentError {
     Termination(Termination),
     /// The simulated motion does not have the samples of the measured one.
     Samples(EstimateError),
-    /// An estimate that does not fit the model.
+    /// The estimate and the model differ in size.
     Size(SizeError),
 }
 

@@ -1,5 +1,5 @@
-//! Trajectory files: finite Fourier series of the independent coordinates (Eq. 25), from JSON
-//! and to it, mistakes with their places.
+//! Trajectory files: finite Fourier series of the independent coordinates (Eq. 25), read from JSON
+//! and written to it; mistakes are reported with their places.
 
 mod reference;
 
@@ -13,9 +13,10 @@ use serde_json::value::RawValue;
 
 pub use reference::{FourierReference, ReferenceError};
 
-/// What the key `format` says.
+/// The value of the key `format`.
 const FORMAT: &str = "regen-trajectory";
-/// More is a mistake: the fit of [`regen_identify::signals::FourierFit`] takes no more.
+/// The largest number of harmonics: the fit of [`regen_identify::signals::FourierFit`] takes no
+/// more.
 const MAX_HARMONICS: usize = 200;
 
 /// A periodic motion of the independent coordinates:
@@ -41,27 +42,28 @@ const MAX_HARMONICS: usize = 200;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trajectory {
     format: &'static str,
-    /// The robot that it was made for.
+    /// The name of the robot that the trajectory was made for.
     pub robot: String,
-    /// The independent coordinates in model order.
+    /// The names of the independent coordinates, in the model's order.
     pub coordinates: Vec<String>,
-    /// f, Hz.
+    /// The frequency f of the first harmonic, Hz.
     pub base_frequency: f64,
     /// The number of harmonics.
     pub harmonics: usize,
-    /// One for each coordinate.
+    /// The offset of each coordinate, rad or m.
     pub offset: Vec<f64>,
-    /// One per harmonic for each coordinate.
+    /// The cosine coefficients of each coordinate, one per harmonic, rad or m.
     pub cosine: Vec<Vec<f64>>,
-    /// As `cosine`.
+    /// The sine coefficients of each coordinate, one per harmonic, rad or m.
     pub sine: Vec<Vec<f64>>,
-    /// Figures that whoever made it states about it.
+    /// Figures about the trajectory that its creator states, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub criterion: BTreeMap<String, f64>,
 }
 
 impl Trajectory {
-    /// A series of a robot's independent coordinates, with figures about it.
+    /// Creates the trajectory of a robot from a series of its independent coordinates, with figures
+    /// about it.
     pub fn new(info: &Info<'_>, series: &Fourier, criterion: BTreeMap<String, f64>) -> Self {
         let names = info.independent.iter().map(|c| info.coordinates.get(*c));
         let coordinates: Vec<String> = names.flatten().map(|&name| name.to_owned()).collect();
@@ -81,10 +83,10 @@ impl Trajectory {
         }
     }
 
-    /// The series, its signals the independent coordinates.
+    /// The Fourier series; its signals are the independent coordinates.
     ///
     /// # Errors
-    /// When the lengths do not fit, which [`parse`](Self::parse) has checked.
+    /// Lists of different lengths, which [`parse`](Self::parse) excludes.
     pub fn series(&self) -> Result<Fourier, SignalError> {
         let parts = self.offset.iter().zip(&self.cosine).zip(&self.sine);
         let parts: Vec<_> = parts
@@ -95,14 +97,14 @@ impl Trajectory {
 
     /// The file's text: JSON in one line.
     pub fn text(&self) -> String {
-        // the keys are strings, so that writing to a string cannot fail
+        // all keys are strings, so that serialising cannot fail
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }
 
-    /// Reads a file's text for a robot.
+    /// Parses a file's text for a robot.
     ///
     /// # Errors
-    /// Every mistake in it with its place.
+    /// All mistakes in the text with their places.
     pub fn parse(text: &str, info: &Info<'_>) -> Result<Self, Mistakes> {
         let mut reader = Reader {
             text,
@@ -116,7 +118,7 @@ impl Trajectory {
     }
 }
 
-/// The keys as they stand in the file.
+/// The keys of the file, undecoded.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "expected a trajectory: an object")]
 struct Raw<'a> {
@@ -270,7 +272,7 @@ impl<'a> Reader<'a> {
             self.fits(raw, &path, values.len(), harmonics, "harmonic")?;
             Some(values)
         };
-        // every row is read before one is missed, so that every error is told
+        // every row is read before the first wrong one returns, so that every error is reported
         let rows: Vec<_> = rows.into_iter().enumerate().map(&mut read).collect();
         rows.into_iter().collect()
     }
@@ -354,7 +356,7 @@ mod tests {
         let series = again.series().unwrap();
         let made = Trajectory::new(&INFO, &series, BTreeMap::new());
         assert_eq!(made.text(), text);
-        // q_1(0) = offset + the cosines; the sines are velocities there
+        // q_1(0) is the offset plus the cosines; the sines determine the velocity there
         let [q, qd, _] = series.at(1, 0.0);
         assert!((q - (0.6 + 0.3 + 0.4)).abs() < 1e-15);
         let w = std::f64::consts::TAU * 0.1;
@@ -399,7 +401,7 @@ mod tests {
             assert_eq!(found, line, "{told}");
             assert!(told.contains(words), "{told}");
         }
-        // all of them at once
+        // both mistakes are reported at once
         let text = GOOD.replace("\"arm\"", "\"leg\"").replace("[1, 2]", "[1]");
         assert_eq!(read(&text).unwrap_err().0.len(), 2);
     }

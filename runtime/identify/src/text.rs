@@ -1,6 +1,6 @@
-//! Numbers as text for people.
+//! Formats numbers for people.
 
-/// A figure in five digits, with an exponent only where it is hard to read without.
+/// A number in five significant digits, with an exponent only where it is hard to read without.
 ///
 /// ```
 /// assert_eq!(regen_identify::text::figure(2.2), "2.2000");
@@ -10,7 +10,8 @@ pub fn figure(value: f64) -> String {
     figure_of(5, value)
 }
 
-/// A figure in some digits, one at least, with an exponent only where it is hard to read without.
+/// A number in `digits` significant digits, at least one, with an exponent only where it is hard to
+/// read without.
 ///
 /// ```
 /// assert_eq!(regen_identify::text::figure_of(2, 0.012_34), "0.012");
@@ -18,7 +19,7 @@ pub fn figure(value: f64) -> String {
 pub fn figure_of(digits: usize, value: f64) -> String {
     let digits = digits.max(1);
     let text = format!("{value:.*e}", digits - 1);
-    // the exponent of what is printed: 0.99999 may round to 1.0
+    // the exponent after rounding: 0.99999 may become 1.0
     let exponent = text.split_once('e').and_then(|(_, e)| e.parse().ok());
     let places = match exponent {
         _ if value == 0.0 => return "0".to_owned(),

@@ -91,7 +91,7 @@ pub(crate) enum CriterionArg {
     Smallest,
 }
 
-/// `q2.velocity=-0.6,0.6`
+/// A limit given with `--limit`, such as `q2.velocity=-0.6,0.6`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LimitArg {
     pub(crate) coordinate: String,
@@ -99,11 +99,11 @@ pub(crate) struct LimitArg {
     pub(crate) range: [f64; 2],
 }
 
-/// `s1=45deg`
+/// A cone given with `--cone`, such as `s1=45deg`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ConeArg {
     pub(crate) name: String,
-    /// rad
+    /// The largest angle between the two z axes, rad.
     pub(crate) angle: f64,
 }
 

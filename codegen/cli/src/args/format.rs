@@ -1,4 +1,4 @@
-//! How results are printed.
+//! The output formats of the commands.
 
 use clap::ValueEnum;
 

@@ -1,4 +1,4 @@
-//! `observe`, `identify` and `validate`: from logs to parameters.
+//! The options of `regen observe`, `identify` and `validate`.
 
 use std::path::PathBuf;
 
@@ -118,7 +118,7 @@ pub(crate) struct IdentifyArgs {
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
-    // options behind these would come under their headings
+    // clap would list options declared after these flattened ones under their headings
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
     #[command(flatten)]

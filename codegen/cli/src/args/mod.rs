@@ -1,4 +1,4 @@
-//! The command line as a user sees it.
+//! The command line: commands, options and the help text that clap prints of them.
 
 mod excite;
 mod format;
@@ -67,13 +67,16 @@ fn after_help() -> String {
     format!("{EXAMPLES}\n\n{EXIT_CODES}")
 }
 
-/// The command line, or what is wrong with a word that is neither command nor file; ends the
-/// process where the command line asks for help, or is wrong otherwise.
+/// Parses the command line. Ends the process where it asks for help or is malformed.
+///
+/// # Errors
+///
+/// A first word that is neither a command nor a file, with the nearest command as a hint.
 pub(crate) fn parse() -> Result<Cli, Failure> {
     let command = with_negative_numbers(Cli::command());
     let words: Vec<OsString> = std::env::args_os().collect();
     if let Some(word) = words.get(1).and_then(|word| word.to_str())
-        && let Some(why) = neither(&command, word)
+        && let Some(why) = unknown_command(&command, word)
     {
         return Err(Failure::Usage(why));
     }
@@ -81,8 +84,9 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))
 }
 
-/// What is wrong with a first word that looks like a command and is none.
-fn neither(command: &clap::Command, word: &str) -> Option<String> {
+/// The error message for a first word that looks like a command but is neither a command nor a
+/// file; `None` for any other word.
+fn unknown_command(command: &clap::Command, word: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let looks = word.starts_with(|c: char| c.is_ascii_alphabetic()) && word.chars().all(plain);
     if !looks || word == "help" || command.find_subcommand(word).is_some() || exists(word) {
@@ -100,8 +104,8 @@ fn exists(word: &str) -> bool {
     std::path::Path::new(word).exists()
 }
 
-/// Numbers may be negative wherever an option takes a value: what is wrong with them is then
-/// said by who knows what they mean.
+/// Lets every option take a negative number, so that the code that knows the option's meaning, and
+/// not clap, rejects it where it is wrong.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let takes = |arg: clap::Arg| {
         let values = arg.get_action().takes_values() && !arg.is_positional();

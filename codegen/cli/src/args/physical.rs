@@ -1,4 +1,4 @@
-//! What `regen identify` may be told beyond least squares.
+//! The options of `regen identify` for physical parameters, friction and model reduction.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -61,18 +61,18 @@ pub(crate) struct PhysicalArgs {
 }
 
 impl PhysicalArgs {
-    /// Whether physical parameters are asked for.
+    /// Whether an option asks for physical parameters.
     pub(crate) fn wanted(&self) -> bool {
         self.feasible || self.friction
     }
 }
 
-/// How nominal values are believed in.
+/// The trust in nominal values, as given with `--prior`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum PriorArg {
-    /// Each by a standard deviation of this part of it.
+    /// Each nominal value has a standard deviation of this part of itself.
     Weighted(f64),
-    /// Bodies by the log-det divergence with this weight.
+    /// The log-det divergence of each body from its nominal one, with this weight.
     Entropic(f64),
 }
 
@@ -106,7 +106,7 @@ fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Draws that give an interval at all.
+/// The smallest number of draws that gives an interval.
 const MIN_DRAWS: usize = 5;
 
 fn draws(text: &str) -> Result<usize, String> {

@@ -1,4 +1,4 @@
-//! How logs are read, for all commands that do.
+//! The options for reading logs, shared by all commands that read them.
 
 use clap::{Args, ValueEnum};
 
@@ -68,10 +68,10 @@ pub(crate) enum ProblemsArg {
     Tell,
 }
 
-/// By how much efforts are logged late
+/// The delay of logged efforts, as given with `--delay`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum DelayArg {
-    /// By as much as is found.
+    /// The delays are estimated from the logs.
     Auto,
     /// The delay of one joint's effort, by its name, s.
     Of(String, f64),

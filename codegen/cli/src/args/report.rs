@@ -1,4 +1,4 @@
-//! The options of reports.
+//! The options of `regen report` and of `regen identify --report`.
 
 use std::path::PathBuf;
 

@@ -92,7 +92,7 @@ pub(crate) struct SimulateArgs {
     pub(crate) format: Format,
 }
 
-/// Gains as options state them.
+/// Parses the controller gains of an option.
 pub(super) fn gains(text: &str) -> Result<Gains, String> {
     let (name, rest) = match text.rsplit_once('=') {
         Some((name, rest)) => (Some(name.trim().to_owned()), rest),
@@ -122,7 +122,7 @@ fn one_or_two(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Numbers of at least 0.
+/// Parses a comma-separated list of numbers of at least 0.
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
     let number = |part: &str| {
         let x: f64 = part.trim().parse().map_err(|e| format!("{part}: {e}"))?;

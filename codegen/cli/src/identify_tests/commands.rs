@@ -1,4 +1,4 @@
-//! The commands as a user gives them: logs in, files out, and those files read again.
+//! Tests of whole commands: logs in, files out, and these files read again.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use crate::{export, identify, load, observe, parameters, validate};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 
-/// Runs a command line; spaces divide its words.
+/// Runs a command line, whose words are separated by spaces.
 fn regen(line: &str) -> Result<(), Failure> {
     let words = std::iter::once("regen").chain(line.split_whitespace());
     match Cli::try_parse_from(words).unwrap().command.unwrap() {
@@ -55,7 +55,7 @@ fn physical(file: &Value) -> (Vec<String>, Vec<f64>) {
     .unzip()
 }
 
-/// Logs of the five-bar with noise, which least squares finds no robot for.
+/// A noisy log of the five-bar whose least-squares parameters are not physical.
 fn noisy(name: &str, seed: u64, sigma: f64) -> PathBuf {
     Bench::new().with(500, 0.01, |model, mut rows, _| {
         let mut random = Random::new(seed);
@@ -90,7 +90,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
     let (labels, phi) = physical(&written);
     let layout = ParameterLayout::new(&labels).unwrap();
     assert!(layout.check(&phi, Scale::default()).unwrap().is_physical());
-    // a deviation stands beside its own value or not at all; those of least squares are there too
+    // a deviation belongs to its own value or is missing; those of least squares are present
     let least = written["least_squares"].as_array().unwrap();
     for (row, least) in written["parameters"].as_array().unwrap().iter().zip(least) {
         assert!(number(&least["sigma"]) > 0.0 && row["unit"].is_string());
@@ -101,7 +101,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
         }
     }
 
-    // JSON and YAML hold the same parameters to the bit
+    // JSON and YAML contain the same parameters to the bit
     let robot = load::robot(Path::new(&spec)).unwrap();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -118,7 +118,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
     ))
     .unwrap();
 
-    // the spec's bodies are these, and have these base parameters
+    // the bodies of the written spec are the identified ones, with the same base parameters
     let filled = load::robot(&bodies).unwrap();
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let nominal: Vec<f64> = filled.nominal.iter().map(|x| x.unwrap()).collect();
@@ -131,7 +131,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
         assert!((x - y).abs() < 1e-9, "{x} {y}");
     }
 
-    // a compiler takes the constants, and they are the numbers
+    // the constants compile and are the same numbers
     let check = rust.with_file_name("feasible_check.rs");
     let text = fs::read_to_string(&rust).unwrap();
     let last = a.len() - 1;
@@ -152,7 +152,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
             .output()
             .unwrap()
     };
-    // beside the module of another model they do not compile
+    // constants next to the module of another model do not compile
     let digest = regen_codegen::digest::digest(&robot);
     let refused = compile(digest ^ 1);
     assert!(!refused.status.success());
@@ -185,7 +185,7 @@ fn known_masses_totals_bounds_and_twins_are_kept() {
     assert!((of("m(2)") + of("m(4)") - 0.7).abs() < 1e-7);
     assert!((0.2 - 1e-7..=0.3 + 1e-7).contains(&of("m(3)")));
     assert!((of("Izz(2)") - of("Izz(4)")).abs() < 1e-12);
-    // nonsense is refused in words
+    // wrong options are refused with a message
     let wrong = regen(&format!("{line} --feasible --known m(9)=1")).unwrap_err();
     assert!(wrong.to_string().contains("m(9)"), "{wrong}");
     let none = regen(&format!("{line} --friction")).unwrap_err();
@@ -219,7 +219,7 @@ fn a_reduction_leaves_well_identified_parameters_that_predict_another_log() {
     }
 }
 
-/// The five-bar with Stribeck's friction at its cranks.
+/// Adds Stribeck friction at the cranks of the five-bar.
 fn with_friction(rows: &mut [Made], places: [usize; 2], laws: &[JointFit; 2]) {
     for row in rows {
         for ((tau, place), law) in row.tau.iter_mut().zip(places).zip(laws) {
@@ -321,7 +321,7 @@ fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
         let robot = load::robot(&args.file).unwrap();
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
-        // the good log predicted by parameters from the bad one
+        // the error of the good log, predicted by parameters from the bad one
         cross(&identify::session(&args, &model), &args.logs).unwrap()[0].relative_absolute
     };
     let (plain, robust) = (error(""), error("--huber 1.345"));

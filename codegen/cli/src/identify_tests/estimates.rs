@@ -1,4 +1,4 @@
-//! Ways to derivatives, kinds of equations, noise, outliers, windows, fusion.
+//! Tests of differentiation methods, kinds of equations, noise, outliers, windows and fusion.
 
 use std::fs;
 
@@ -13,16 +13,16 @@ use regen_identify::signals::{Derivatives, Method, differences};
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
 use regen_reference::Random;
 
-/// The chapter's comparison of ways to derivatives (section 5.1), and of the integral method
+/// The chapter's comparison of differentiation methods (section 5.1), and of the integral method
 /// (section 2), on one log.
 #[test]
 fn all_methods_and_both_kinds_of_equations_agree_on_one_log() {
     Bench::new().with(5001, 0.001, |model, rows, beta| {
         let path = scratch("methods.csv", &csv(model, &rows));
         let energy = EquationKind::Energy { window: 0.05 };
-        // their own errors: of differences over 1 ms at 1 Hz, of a cutoff 60 times that, of
-        // cubics over a fiftieth of the shortest period, of the trapezoidal rule; all magnified by
-        // the weakest excited parameter
+        // the bounds are the methods' truncation errors: of differences over 1 ms at 1 Hz, of a
+        // cutoff 60 times that, of cubics over a fiftieth of the shortest period, of the
+        // trapezoidal rule; all magnified by the weakest excited parameter
         for (method, kind, bound) in [
             (Method::Central, EquationKind::Forces, 1e-3),
             (
@@ -96,10 +96,10 @@ fn noise_is_found_and_errors_stay_within_their_own_sigma() {
             }
         }
         for k in 0..n {
-            // the mean of 40 runs within four of its deviations
+            // the mean of 40 runs is within four of its standard deviations
             assert!(mean[k].abs() < 4.0 * (variance[k] / f64::from(runs)).sqrt());
         }
-        // errors are as large as they say: 440 correlated squares around 1
+        // errors are as large as their deviations state: 440 correlated squares around 1
         assert!((standard - 1.0).abs() < 0.35, "{standard}");
     });
 }
@@ -110,7 +110,7 @@ fn hubers_weights_hold_outliers_off() {
         let mut random = Random::new(8);
         let mut source = Recorded::new();
         for row in &rows {
-            // a tenth of the samples is off, all to one side
+            // a tenth of the samples is wrong, all to one side
             let hit = if random.signed() < -0.8 { 8.0 } else { 0.0 };
             let tau: Vec<f64> = row
                 .tau
@@ -147,7 +147,7 @@ fn hubers_weights_hold_outliers_off() {
         }
         for (k, exact) in beta.iter().enumerate() {
             let off = (robust.estimate.values[k] - exact).abs();
-            // all on one side, the outliers still pull a little
+            // outliers that are all on one side still bias the estimate a little
             assert!(off < 8.0 * robust.estimate.sigma(k), "{k}");
         }
     });
@@ -155,7 +155,7 @@ fn hubers_weights_hold_outliers_off() {
 
 #[test]
 fn windows_change_nothing() {
-    // more rows than a window
+    // the log has more rows than a window
     Bench::new().with(20_000, 0.0005, |model, rows, _| {
         let path = scratch("windows.csv", &csv(model, &rows));
         for method in [
@@ -173,7 +173,8 @@ fn windows_change_nothing() {
             };
             let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
             let (set, _) = observe(model, EquationKind::Forces, &mut logs).unwrap();
-            // the same, filtered as a whole; positions without noise have three neighbours
+            // the same rows filtered as a whole; differences of noiseless positions need three
+            // neighbours
             let times: Vec<f64> = rows.iter().map(|r| r.time).collect();
             let whole: Vec<_> = [0, 2]
                 .iter()
@@ -187,7 +188,7 @@ fn windows_change_nothing() {
                 .collect();
             let mut completion = Completion::new(model, &[0, 2], &[1.0; 2]).unwrap();
             let filtering = logs.filtering();
-            // what passes no filter is decimated before
+            // without a filter, rows are decimated before they are differentiated
             let every = if filtering.smoothing.is_none() { 7 } else { 1 };
             let mut source = Recorded::new().filtered(filtering);
             for k in whole[0].valid.clone().step_by(every) {
@@ -225,7 +226,7 @@ fn windows_change_nothing() {
 #[test]
 fn more_measured_coordinates_than_needed_are_fused() {
     Bench::new().with(50, 0.05, |model, rows, _| {
-        // a passive one instead of an actuated one, and all of them
+        // two measured coordinates with a passive one, all of them, and three in another order
         for measured in [vec![0, 1], vec![0, 1, 2, 3], vec![3, 0, 2]] {
             let deviations = vec![0.5; measured.len()];
             let mut completion = Completion::new(model, &measured, &deviations).unwrap();
@@ -244,7 +245,7 @@ fn more_measured_coordinates_than_needed_are_fused() {
                 }
             }
         }
-        // where measurements disagree, the ones with smaller deviations are believed
+        // where measurements contradict each other, those with smaller deviations have more weight
         let row = &rows[10];
         let off = |deviations: &[f64]| {
             let mut completion = Completion::new(model, &[0, 1, 2, 3], deviations).unwrap();

@@ -1,4 +1,4 @@
-//! What can be wrong with logs, their columns, and periodic runs.
+//! Tests of faulty logs, of their columns, and of periodic runs.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -62,7 +62,7 @@ fn faults_are_told_with_their_rows_or_left_out() {
         let found = run(model, &path, &settings, EquationKind::Forces);
         let off = worst(&found.estimate.values, beta);
         assert!(off < 1e-7, "{off:e}");
-        // filters do not look over gaps
+        // filters do not reach across gaps
         let settings = Settings {
             method: Method::Central,
             ..settings

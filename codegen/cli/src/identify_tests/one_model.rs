@@ -1,5 +1,5 @@
-//! One model, one prediction: whatever is asked for, the base parameters, the physical parameters
-//! and everything that is printed or written are of the same model.
+//! Tests that all outputs describe one model: with any options, the base parameters, the physical
+//! parameters and everything printed or written are of the same model.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,22 +22,22 @@ use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 
-/// What base and physical predictions may differ by, of the largest effort.
-const SAME: f64 = 1e-9;
+/// The largest difference of base and physical predictions, relative to the largest effort.
+const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 
-/// Logs that were made so far.
-static MADE: AtomicUsize = AtomicUsize::new(0);
+/// The number of logs made so far, which makes file names unique.
+static LOGS_MADE: AtomicUsize = AtomicUsize::new(0);
 
-/// A robot with a log of it, which has noise: constraints are active then.
-struct Tried {
+/// A robot with a noisy log of it: noise makes constraints active.
+struct RobotWithLog {
     source: Source,
     robot: Robot,
     rows: Vec<Made>,
     log: PathBuf,
 }
 
-impl Tried {
-    /// - `samples`: over one period of the motion, 5 s.
+impl RobotWithLog {
+    /// - `samples`: the number of samples over one period of the motion, 5 s.
     fn new(name: &str, samples: usize, change: impl Fn(String) -> String) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let path = root.join(name).with_extension("yaml");
@@ -56,8 +56,8 @@ impl Tried {
             for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
                 *tau += 0.02 * largest * normal(&mut random);
             }
-            // tests run side by side
-            let number = MADE.fetch_add(1, Ordering::Relaxed);
+            // tests run in parallel
+            let number = LOGS_MADE.fetch_add(1, Ordering::Relaxed);
             let file = format!("one-{}-{number}.csv", name.replace('/', "-"));
             let log = scratch(&file, &csv(&model, &rows));
             (rows, log)
@@ -75,7 +75,7 @@ impl Tried {
             "regen identify {} {} --fourier {FREQUENCY},{HARMONICS} {options} {}",
             self.source.name,
             self.log.display(),
-            // an interval of few draws is rough, but holds its value all the same
+            // an interval from few draws is rough, but must contain its value all the same
             if options.contains("--f") {
                 "--draws 6"
             } else {
@@ -89,9 +89,9 @@ impl Tried {
         }
     }
 
-    /// Everything that must agree after `regen identify` with these options.
+    /// Checks everything that must agree after `regen identify` with these options.
     #[track_caller]
-    fn holds(&self, options: &str) {
+    fn check(&self, options: &str) {
         let terms = BaseTerms::new(&self.robot);
         let model = Interpreted::with_terms(&self.robot, &terms);
         let what = format!("{} {options}", self.source.name);
@@ -100,8 +100,8 @@ impl Tried {
             solve(&args, &model).unwrap_or_else(|error| panic!("{what}: {error}"));
         self.predictions_are_one(&model, &identified, &what);
 
-        // what is read from the file is the model, to the bit
-        let number = MADE.fetch_add(1, Ordering::Relaxed);
+        // the model read from the file is the same to the bit
+        let number = LOGS_MADE.fetch_add(1, Ordering::Relaxed);
         let named = |ending: &str| format!("one-{number}.{ending}");
         let out = scratch(
             &named("json"),
@@ -120,11 +120,11 @@ impl Tried {
             identified.beta
         );
 
-        // so is what is printed
+        // the printed values are the same too
         let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
-        let human = identify_table::human(&json);
+        let human = identify_table::to_text(&json);
         let adopted = human.split("what least squares found").next().unwrap();
         assert!(
             !human.contains("NaN") && !human.contains("inf "),
@@ -140,7 +140,7 @@ impl Tried {
                 lines.any(|l| l.contains(&figure)),
                 "{what}: {label}\n{human}"
             );
-            // a value lies in its own interval
+            // a value lies in its interval
             if let (Some(low), Some(high)) = (row["low"].as_f64(), row["high"].as_f64()) {
                 assert!(low <= *value && *value <= high, "{what}: {row}");
             }
@@ -149,12 +149,12 @@ impl Tried {
             let rows = printed["physical"].as_array().unwrap();
             let values: Vec<f64> = rows.iter().map(|r| r["value"].as_f64().unwrap()).collect();
             assert_eq!(&values, phi, "{what}");
-            // it checks by itself that all values read back
+            // `spec` itself checks that all values read back
             outputs::spec(&self.source, &model, &identified)
                 .unwrap_or_else(|error| panic!("{what}: {error}"));
         }
 
-        // and the constants
+        // the Rust constants are the same
         let rust = regen_identify::files::rust_constants(&model, &identified, None).unwrap();
         let number = |line: &str| -> Option<f64> { line.trim().split_once(", //")?.0.parse().ok() };
         let numbers: Vec<f64> = rust.lines().filter_map(number).collect();
@@ -164,7 +164,7 @@ impl Tried {
             .chain(identified.phi.iter().flatten());
         assert_eq!(numbers, expected.copied().collect::<Vec<f64>>(), "{what}");
 
-        // what the summary says of the log is what the file predicts of it
+        // the errors that the summary states of the log are those of the model in the file
         let mut log =
             observe::open(&model, std::slice::from_ref(&self.log), &args.reading).unwrap();
         let kind = observe::kind(&args.reading);
@@ -176,10 +176,13 @@ impl Tried {
             json.summary.relative_absolute.unwrap(),
             found.relative_absolute(),
         );
-        assert!((told - own).abs() <= SAME * told, "{what}: {told} {own}");
+        assert!(
+            (told - own).abs() <= MAX_RELATIVE_DIFFERENCE * told,
+            "{what}: {told} {own}"
+        );
     }
 
-    /// The forces of base parameters are those of the physical parameters.
+    /// The base parameters predict the same forces as the physical parameters.
     #[track_caller]
     fn predictions_are_one(&self, model: &Interpreted<'_>, found: &IdentifiedModel, what: &str) {
         let Some(phi) = &found.phi else {
@@ -199,11 +202,14 @@ impl Tried {
                 apart = apart.max((a - b).abs());
             }
         }
-        assert!(apart <= SAME * largest, "{what}: {apart:e} of {largest}");
+        assert!(
+            apart <= MAX_RELATIVE_DIFFERENCE * largest,
+            "{what}: {apart:e} of {largest}"
+        );
     }
 }
 
-/// Options of every kind of model.
+/// Options that give every kind of model.
 const ALL: [&str; 11] = [
     "",
     "--weighting equal",
@@ -218,8 +224,8 @@ const ALL: [&str; 11] = [
     "--iv",
 ];
 
-/// With nominal values and labels of its own.
-fn constrained(robot: &Tried) {
+/// Checks options that need the robot's nominal values and labels.
+fn constrained(robot: &RobotWithLog) {
     let nominal: BTreeMap<&str, f64> = robot
         .robot
         .parameters
@@ -240,35 +246,35 @@ fn constrained(robot: &Tried) {
         format!("--feasible --bound {second}={}..{}", 0.8 * two, 1.1 * two),
         format!("--feasible --total {first},{second}={}", one + two),
     ] {
-        robot.holds(&options);
+        robot.check(&options);
     }
 }
 
 #[test]
 fn a_five_bars_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("robots/fivebar", 200, |text| text);
+    let robot = RobotWithLog::new("robots/fivebar", 200, |text| text);
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
     constrained(&robot);
-    robot.holds("--feasible --identical 2,4");
+    robot.check("--feasible --identical 2,4");
 }
 
 #[test]
 fn an_asymmetric_five_bars_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("runtime/guide/fivebar/fivebar", 200, |text| {
+    let robot = RobotWithLog::new("runtime/guide/fivebar/fivebar", 200, |text| {
         text.replacen("friction: linear", "friction: coulomb_asymmetric", 1)
     });
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
 }
 
 #[test]
 fn a_3rps_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("robots/3rps_friction", 200, |text| text);
+    let robot = RobotWithLog::new("robots/3rps_friction", 200, |text| text);
     for options in ["--reduce", "--feasible --prior weighted"] {
-        robot.holds(options);
+        robot.check(options);
     }
 }
 
@@ -276,21 +282,21 @@ fn a_3rps_models_are_one_whatever_is_asked_for() {
 fn nonlinear_frictions_models_are_one() {
     for law in ["atan", "power", "stribeck"] {
         let law = format!("actuated: true, friction: {law}");
-        let robot = Tried::new("robots/fivebar", 100, |text| {
+        let robot = RobotWithLog::new("robots/fivebar", 100, |text| {
             text.replace("actuated: true", &law)
         });
-        robot.holds("--friction");
+        robot.check("--friction");
     }
 }
 
-/// Small robots, arms and platforms: one model each way.
+/// Small robots, arms and platforms, with each of the options.
 #[track_caller]
 fn models_are_one(names: &[&str], options: &[&str]) {
     for name in names {
-        // so few samples as still determine all parameters: the test shall be cheap
-        let robot = Tried::new(&format!("robots/{name}"), 60, |text| text);
+        // as few samples as still determine all parameters, to make the test cheap
+        let robot = RobotWithLog::new(&format!("robots/{name}"), 60, |text| text);
         for options in options {
-            robot.holds(options);
+            robot.check(options);
         }
     }
 }
@@ -308,8 +314,9 @@ fn trees_and_platforms_models_are_one() {
     models_are_one(&["tree_branch", "delta", "palletiser"], &["--feasible"]);
 }
 
-/// A fit with every constraint at once, which an arm's efforts and weights may pull at.
-fn all_at_once(robot: &Tried) -> String {
+/// Options of a fit with every constraint at once, for a robot whose efforts and weights may work
+/// against them.
+fn all_at_once(robot: &RobotWithLog) -> String {
     let mass = |k: usize| {
         let label = format!("m({})", robot.robot.bodies[k]);
         let places = robot.robot.parameters.iter().zip(&robot.robot.nominal);
@@ -329,14 +336,14 @@ fn all_at_once(robot: &Tried) -> String {
     )
 }
 
-/// Large robots, whose equations the interpreter takes long for: so few samples as leave the fit
-/// an optimum, and a physical fit without and with all else.
+/// Large robots, whose equations take the interpreter long: as few samples as still give the fit an
+/// optimum, and a physical fit without and with all other options.
 #[track_caller]
 fn large_robots_models_are_one(names: &[&str]) {
     for name in names {
-        let robot = Tried::new(&format!("robots/{name}"), 40, |text| text);
-        robot.holds("--feasible");
-        robot.holds(&all_at_once(&robot));
+        let robot = RobotWithLog::new(&format!("robots/{name}"), 40, |text| text);
+        robot.check("--feasible");
+        robot.check(&all_at_once(&robot));
     }
 }
 
@@ -355,22 +362,22 @@ fn large_platforms_models_are_one() {
     large_robots_models_are_one(&["3prs", "linear_delta", "hybrid"]);
 }
 
-/// Six loops: each option takes ten seconds, so that all of them are one.
+/// Six loops: one option takes ten seconds, so all options are combined in one run.
 #[test]
 fn a_stewart_platforms_models_are_one() {
-    let robot = Tried::new("robots/stewart", 24, |text| text);
-    robot.holds("--feasible");
-    robot.holds(&all_at_once(&robot));
+    let robot = RobotWithLog::new("robots/stewart", 24, |text| text);
+    robot.check("--feasible");
+    robot.check(&all_at_once(&robot));
 }
 
-/// What the spec says of the base: parameters and forms that are zero, bodies that are equal,
-/// and base parameters that are dropped. All of it is true of the nominal bodies but for the
-/// last, of which the log knows better.
+/// The choices about base parameters in the spec: parameters and forms that are zero, bodies that
+/// are equal, and base parameters that are dropped. All of them are true of the nominal bodies but
+/// the last, which the log contradicts.
 #[test]
 fn models_with_choices_about_the_base_are_one() {
     let five = |base: &str| {
         let base = format!("\nbase:\n{base}\n");
-        Tried::new("robots/fivebar", 100, |text| text + &base)
+        RobotWithLog::new("robots/fivebar", 100, |text| text + &base)
     };
     for base in [
         "  zero: [my(1), mx(2) - l2/2*m(2)]",
@@ -379,7 +386,7 @@ fn models_with_choices_about_the_base_are_one() {
     ] {
         let robot = five(base);
         for options in ["--reduce", "--feasible", "--feasible --prior weighted:20"] {
-            robot.holds(options);
+            robot.check(options);
         }
     }
     let robot = five(
@@ -387,22 +394,22 @@ fn models_with_choices_about_the_base_are_one() {
          eliminate: [m(2)]",
     );
     for options in ALL {
-        robot.holds(options);
+        robot.check(options);
     }
     constrained(&robot);
 
-    let robot = Tried::new("robots/3rps_friction", 60, |text| {
+    let robot = RobotWithLog::new("robots/3rps_friction", 60, |text| {
         let more = "  zero: [mx(1), Ixy(3) + a/2*my(3)]\n  equal: [[1, 4, 6], [2, 5, 7]]\n  \
                     drop: [mx(2), Ixz(3), Iyz(3), mz(3)]\n";
         text.replacen("\nbase:\n", &format!("\nbase:\n{more}"), 1)
     });
-    robot.holds("--reduce");
-    robot.holds("--feasible");
+    robot.check("--reduce");
+    robot.check("--feasible");
 
-    let robot = Tried::new("robots/rx90", 40, |text| {
+    let robot = RobotWithLog::new("robots/rx90", 40, |text| {
         text + "\nbase:\n  zero: [Ixy(2), my(2), mx(5), mz(3)]\n  drop: [mx(3), Ixz(4)]\n"
     });
-    robot.holds("--feasible");
+    robot.check("--feasible");
 }
 
 /// A base parameter of bodies that the spec says are equal has the energy of all of them.

@@ -1,4 +1,4 @@
-//! Parquet logs beside CSV logs.
+//! Tests that Parquet logs give the same results as CSV logs.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, run, scratch, with};
 
-/// Writes a table of numbers, some missing, in row groups of this size.
+/// Writes a table of numbers, some of them missing, in row groups of `group` rows.
 fn write(path: &Path, header: &[&str], rows: &[Vec<Option<f64>>], group: usize) {
     let fields = header.iter().map(|name| format!("optional double {name};"));
     let message = format!("message log {{ {} }}", fields.collect::<String>());
@@ -43,7 +43,7 @@ fn write(path: &Path, header: &[&str], rows: &[Vec<Option<f64>>], group: usize) 
     writer.close().unwrap();
 }
 
-/// A CSV text as header and numbers.
+/// The header and the numbers of a CSV text.
 fn table(text: &str) -> (Vec<&str>, Vec<Vec<Option<f64>>>) {
     let mut lines = text.lines();
     let header = lines.next().unwrap().split(',').collect();
@@ -109,7 +109,7 @@ fn nulls_and_missing_columns_are_told_as_in_csv() {
         write(&path, &header[..3], &numbers, 300);
         let error = open(&drop).err().unwrap();
         assert!(error.to_string().contains("no column `tau_q1`"), "{error}");
-        // a file that only starts as one
+        // a file with the first bytes of Parquet and nothing else
         fs::write(&path, "PAR1 and no more").unwrap();
         assert!(matches!(open(&drop), Err(DataError::Io { .. })));
         fs::remove_file(path).unwrap();

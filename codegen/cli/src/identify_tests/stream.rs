@@ -1,4 +1,5 @@
-//! Filters over efforts and regressor, delays, and joints at rest, on an arm with one joint.
+//! Tests of filters over efforts and regressor, of delays and of joints at rest, on an arm with one
+//! joint.
 
 use std::fmt::Write as _;
 
@@ -23,7 +24,7 @@ limbs:
 /// `Izz mx my Fv Fc`, the arm's base parameters.
 const TRUTH: [f64; 5] = [0.5, 2.0, 0.3, 0.8, 1.5];
 
-/// A state of the arm at a time: position, velocity, acceleration.
+/// Position, velocity and acceleration of the arm at a time.
 type Motion = dyn Fn(f64) -> [f64; 3];
 
 fn effort([q, qd, qdd]: [f64; 3]) -> f64 {
@@ -32,7 +33,7 @@ fn effort([q, qd, qdd]: [f64; 3]) -> f64 {
     TRUTH[0] * qdd + weight + TRUTH[3] * qd + TRUTH[4] * sign
 }
 
-/// Two harmonics that do not repeat within the log.
+/// Two harmonics without a common period within the log.
 fn swing(t: f64) -> [f64; 3] {
     let mut out = [0.3, 0.0, 0.0];
     for (size, w) in [(0.8, 2.1), (0.4, 5.3)] {
@@ -80,7 +81,7 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
             },
             Smoothing::Local { half_width: 0.1 },
         ] {
-            // far below what the sign of the velocity has, and more rows than one block
+            // a cutoff far below the spectrum of the velocity's sign, and more rows than one block
             let mut log = recorded(&swing, 0.005, 6000).filtered(Filtering {
                 smoothing,
                 decimation: 7,
@@ -88,7 +89,7 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
             });
             let found =
                 identify(model, EquationKind::Forces, &Options::default(), &mut log).unwrap();
-            // blocks start from guesses that are forgotten to 1e-16, ends to 1e-3 only
+            // blocks start from guesses that decay to 1e-16, the ends of the log to 1e-3 only
             assert!(error(&found) < 1e-3, "{smoothing:?} {:?}", found.estimate);
             let samples = found.left_out.samples;
             assert!(samples > 700 && samples < 6000 / 7, "{samples}");
@@ -121,7 +122,7 @@ fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
             &mut |found| {
                 #[allow(clippy::cast_sign_loss)]
                 let k = (found.time / 0.01).round() as usize;
-                // efforts of some 30 N m, to the filter's memory of 1e-16 and rounding
+                // efforts are some 30 N m; the error is the filter's memory of 1e-16 and rounding
                 assert!((found.tau[0] - whole[k]).abs() < 1e-10, "{k}");
                 seen += 1;
                 Ok(())
@@ -159,7 +160,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
         let before = fit(0.0);
         let delay = &before.delays.efforts[0];
         assert!(delay.is_significant(), "{delay:?}");
-        // of first order: the rest is found when it is repeated
+        // the estimate is of first order: a second one finds the rest
         assert!((delay.seconds / late - 1.0).abs() < 0.2, "{delay:?}");
         let once = delay.seconds;
         let again = fit(once).delays.efforts[0].seconds + once;
@@ -177,7 +178,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
 #[test]
 fn what_holds_a_joint_at_rest_does_not_count() {
     with_arm(|model| {
-        // swings with rests of a second between them
+        // swings separated by rests of a second
         let motion = |t: f64| {
             let phase = t.rem_euclid(4.0);
             if phase < 3.0 {
@@ -185,7 +186,7 @@ fn what_holds_a_joint_at_rest_does_not_count() {
                 let turn = (t / 4.0).floor();
                 let size = 0.5 + 0.2 * turn.rem_euclid(3.0);
                 let (sin, cos) = (w * phase).sin_cos();
-                // it starts and ends at rest
+                // each swing starts and ends at rest
                 [0.3 + size * (1.0 - cos), size * w * sin, size * w * w * cos]
             } else {
                 [0.3, 0.0, 0.0]
@@ -195,7 +196,7 @@ fn what_holds_a_joint_at_rest_does_not_count() {
         for k in 0..8000 {
             let t = f64::from(k) * 0.005;
             let state = motion(t);
-            // static friction holds the joint against what the drive happens to do
+            // at rest, static friction balances an arbitrary effort of the drive
             let held = if state[1] == 0.0 { 1.2 } else { 0.0 };
             let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + held);
         }
@@ -216,7 +217,7 @@ fn what_holds_a_joint_at_rest_does_not_count() {
         let share = drop.left_out.resting[0] as f64 / drop.left_out.samples as f64;
         assert!((0.2..0.35).contains(&share), "{share}");
         assert_eq!(keep.left_out.resting, [0]);
-        // accelerations jump where the joint starts and stops, which the filter smears
+        // accelerations jump where the joint starts and stops, and the filter smears the jumps
         assert!(error(&drop) < 0.05, "{:?}", drop.estimate.values);
         assert!(
             error(&keep) > 3.0 * error(&drop),

@@ -1,4 +1,4 @@
-//! `regen simulate`: what a log of the real robot would hold.
+//! `regen simulate`: simulates a controlled robot and writes the logs that it would record.
 
 mod parameters;
 
@@ -19,7 +19,7 @@ use regen_interpreted::Interpreted;
 
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]
-struct Json {
+struct SimulateJson {
     robot: String,
     motion: String,
     duration: f64,
@@ -38,20 +38,21 @@ struct Controller {
     offset: f64,
 }
 
-/// What one run came to.
+/// The figures of one run.
 #[derive(Serialize)]
 struct Run {
     file: String,
     samples: usize,
     steps: usize,
-    /// The largest |f| of the closure equations, m or without unit.
+    /// The largest absolute entry of the closure residual f(q), m or without unit.
     drift: f64,
-    /// The largest imbalance of energy, J, and what it is compared with.
+    /// The largest imbalance of energy, J; `work`, `loss` and `kinetic`, J, are what to compare it
+    /// with.
     imbalance: f64,
     work: f64,
     loss: f64,
     kinetic: f64,
-    /// The largest distance of an independent coordinate from the motion, rad or m.
+    /// The largest distance of an independent coordinate from the reference motion, rad or m.
     tracking: f64,
 }
 
@@ -74,7 +75,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     } else {
         parameters::friction(args, &info, &phi, &fitted, &mut chance)?
     };
-    // the controllers know the nominal robot
+    // the controllers are tuned to the nominal robot, not to the perturbed one
     let control = control(
         args.bandwidth,
         &args.pid,
@@ -117,7 +118,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         })
         .collect();
 
-    // all runs before any file: an interrupt leaves all or none
+    // all runs are simulated before any file is written: an interrupt leaves all files or none
     let length = thousandths(args.runs as f64 * settings.duration);
     let bar = progress::bar(length, "{bar:24} {percent:>3} %, {eta} left");
     let mut texts = Vec::with_capacity(args.runs);
@@ -151,7 +152,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     for (file, text) in &texts {
         write::atomically(file, text)?;
     }
-    let json = Json {
+    let json = SimulateJson {
         robot: robot.name.clone(),
         motion: motion.name().to_owned(),
         duration,
@@ -162,7 +163,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => human(&json),
+        Format::Human => to_text(&json),
     })?;
     for (file, _) in &texts {
         terminal::note(&format!("{}: written", file.display()));
@@ -170,7 +171,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Options that no robot can make good.
+/// Refuses options that are wrong for every robot.
 fn check(args: &SimulateArgs) -> Result<(), Failure> {
     let positive = [
         ("--step", Some(args.step)),
@@ -199,7 +200,7 @@ fn check(args: &SimulateArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A seed for each run's sensors, apart from those of other seeds.
+/// The seed of a run's sensor noise; it differs from those of other runs and other small seeds.
 fn seed(seed: u64, run: usize) -> u64 {
     seed ^ ((run as u64 + 1) << 32)
 }
@@ -208,7 +209,7 @@ fn misuse(error: &SimulationError) -> Failure {
     Failure::Input(error.to_string())
 }
 
-/// Why a run ended before its time, with the options that may help.
+/// Why a run ended before its time, with the options that may help; `None` for a complete run.
 pub(crate) fn reason(ended: Termination) -> Option<String> {
     let remedy = match ended {
         Termination::Complete => return None,
@@ -235,13 +236,13 @@ fn summary(info: &Info<'_>, log: &Log, motion: &FourierReference) -> Run {
     }
 }
 
-/// Milliseconds for a bar.
+/// A time in milliseconds, for a progress bar.
 #[allow(clippy::cast_sign_loss, reason = "times are not negative")]
 fn thousandths(t: f64) -> u64 {
     (t * 1e3) as u64
 }
 
-/// `log.csv`, or `log-3.csv` where there are several.
+/// The file of a run: `log.csv`, or `log-3.csv` where there are several.
 fn numbered(out: &Path, number: usize, runs: usize) -> PathBuf {
     if runs == 1 {
         return out.to_owned();
@@ -251,7 +252,7 @@ fn numbered(out: &Path, number: usize, runs: usize) -> PathBuf {
     out.with_file_name(format!("{stem}-{}{}", number + 1, end.unwrap_or_default()))
 }
 
-fn human(json: &Json) -> String {
+fn to_text(json: &SimulateJson) -> String {
     let mut out = format!(
         "{}, {} s every {} s\n",
         json.robot, json.duration, json.step

@@ -11,8 +11,9 @@ use crate::exit::Failure;
 use crate::{load, parameters};
 use regen_interpreted::{BaseTerms, Interpreted};
 
-/// All parameters: nominal values, with those of a file over them; or any that have the base
-/// parameters of a file, and the friction beside them.
+/// The standard parameters of the simulated robot, and the friction fits of the parameter file. A
+/// file of labels and values replaces nominal values; a file of identified parameters gives some
+/// parameters with the same base parameters.
 pub(super) fn read(
     args: &SimulateArgs,
     model: &Interpreted<'_>,
@@ -52,9 +53,9 @@ pub(super) fn read(
     )))
 }
 
-/// What has no value, bodies that have none at all in short.
+/// The labels of parameters without a value; a body without any value is one entry.
 fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
-    /// A body's parameters, which come first.
+    /// The inertial parameters of a body; those of all bodies come before all other parameters.
     const INERTIAL: usize = 10;
     let mut found = Vec::new();
     let (bodies, others) = values.split_at(values.len().min(INERTIAL * info.bodies.len()));
@@ -80,7 +81,7 @@ fn unknown(parameters: &[Parameter<'_>], values: &[Option<f64>]) -> impl Iterato
         .map(|(parameter, _)| parameter.label())
 }
 
-/// Parameters that have the base parameters of a file; the others are zero.
+/// Parameters that have the base parameters of a file; all others are zero.
 fn identified(
     args: &SimulateArgs,
     path: &std::path::Path,
@@ -92,8 +93,8 @@ fn identified(
     Ok((found.parameters(&model)?, found.friction))
 }
 
-/// The friction law of each coordinate: linear ones with the coefficients among the parameters,
-/// others with fitted ones or else nominal ones, changed by chance as the parameters are.
+/// The friction law of each coordinate: coefficients of linear laws are among the parameters, those
+/// of other laws are fitted or else nominal ones, perturbed at random like the parameters.
 pub(super) fn friction(
     args: &SimulateArgs,
     info: &Info<'_>,

@@ -1,5 +1,5 @@
-//! Mistakes planted in the logs of robots: each is named with its remedy, and logs without one are
-//! read without a word.
+//! Tests with planted mistakes in logs: each mistake is reported with its remedy, and correct logs
+//! are read without a warning.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
@@ -20,7 +20,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A log: titles and columns.
+/// A log: column titles and columns.
 #[derive(Clone)]
 struct Log {
     titles: Vec<String>,
@@ -76,8 +76,8 @@ impl Log {
     }
 }
 
-/// What is told of a log, and the largest error of an effort as it is read, percent.
-fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
+/// The warnings about a log, read with these settings.
+fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
     let dir = std::env::temp_dir().join(format!("regen-suspicion-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();
     let path = dir.join(format!("{}.csv", model.info().name));
@@ -96,16 +96,16 @@ fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicio
     out
 }
 
-/// A planted mistake, and the words that name it.
+/// A planted mistake: its name, the log, and the words that the warning must contain.
 type Mistake<'a> = (&'a str, Log, &'a [&'a str]);
 
-/// Every mistake is the first that is told, in these words; where options are the remedy, the
-/// log is read without a word with them.
+/// Every mistake must be the first that is reported, in these words; where options are the remedy,
+/// the log must be read without a warning with them.
 #[track_caller]
 fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'_>]) {
     let mut missed = Vec::new();
     for (name, log, words) in mistakes {
-        let found = told(model, log, settings);
+        let found = warnings(model, log, settings);
         let text = found
             .iter()
             .map(ToString::to_string)
@@ -125,7 +125,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
             settings.columns.retain(|a| a.quantity != given.quantity);
             settings.columns.push(given);
         }
-        let again = told(model, log, &settings);
+        let again = warnings(model, log, &settings);
         if !again.is_empty() {
             missed.push(format!(
                 "{name}: the remedy {} leaves {}",
@@ -151,7 +151,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
         ..Settings::default()
     };
     for run in ["run1.csv", "run2.csv"] {
-        let clean = told(&model, &Log::read(&guide.join(run)), &settings);
+        let clean = warnings(&model, &Log::read(&guide.join(run)), &settings);
         assert!(clean.is_empty(), "{}", clean[0]);
     }
     let log = Log::read(&guide.join("run1.csv"));
@@ -227,7 +227,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
             ),
         ],
     );
-    // without a filter, which would refuse such a step
+    // without a filter: a filter would refuse such a step
     let plain = Settings {
         method: Method::Central,
         ..settings
@@ -243,8 +243,8 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
     );
 }
 
-/// Friction of two directions takes a constant up, and the fit is as good as without it: that one
-/// direction's friction is negative tells it.
+/// Friction with coefficients for each direction absorbs a constant offset, and the fit is as good
+/// as without it; the offset is detected by the negative friction of one direction.
 #[test]
 fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     let guide = root().join("runtime/guide/fivebar");
@@ -266,11 +266,11 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     let log = Log::read(&guide.join("run1.csv"));
     let other = Log::read(&guide.join("run2.csv"));
     for clean in [&log, &other] {
-        let clean = told(&model, clean, &settings);
+        let clean = warnings(&model, clean, &settings);
         assert!(clean.is_empty(), "{}", clean[0]);
     }
-    // an offset of the size of friction is not told from friction that differs a little
-    let little = told(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
+    // an offset of the size of friction cannot be distinguished from slightly different friction
+    let little = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
     assert!(little.is_empty(), "{}", little[0]);
     are_named(
         &model,
@@ -295,8 +295,8 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     );
 }
 
-/// The 3-RPS with rotors and friction on a series, with noise, and bodies that differ from the
-/// nominal ones.
+/// A log of the 3-RPS with rotors and friction along a series, with noise, and bodies that differ
+/// from the nominal ones.
 fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
     let info = model.info();
     let mut random = Random::new(3);
@@ -334,7 +334,7 @@ fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
     Log { titles, columns }
 }
 
-/// A constant offset is not among them: upright legs carry a constant weight, which takes it up.
+/// A constant offset is not tested: upright legs carry a constant weight, which absorbs it.
 #[test]
 fn mistakes_in_the_log_of_a_3rps_are_named() {
     let robot = load::robot(&root().join("robots/3rps_friction.yaml")).unwrap();
@@ -360,7 +360,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         },
         ..Settings::default()
     };
-    let clean = told(&model, &log, &settings);
+    let clean = warnings(&model, &log, &settings);
     assert!(clean.is_empty(), "{}", clean[0]);
     let all = ["tau_q2", "tau_q7", "tau_q9"];
     are_named(
@@ -387,7 +387,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
                 log.each(&all, |x| -x),
                 &["tau_q2", "tau_q7", "tau_q9", "flipped"],
             ),
-            // legs are alike: whether positions or efforts are swapped, no log can tell
+            // the legs are equal, so that no log can show whether positions or efforts are swapped
             (
                 "positions swapped",
                 log.swapped("q7", "q9"),
@@ -415,8 +415,8 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
             ),
         ],
     );
-    // more than the whole friction or rotor of a leg is taken away, as a drive does that
-    // compensates too much of it before it logs its effort
+    // more than the whole friction or rotor of a leg is subtracted, like by a drive that
+    // overcompensates it before it logs its effort
     let series = Fourier::new(frequency, &signals).unwrap();
     let without = |effort: &str, leg: usize, derivative: usize, part: f64| {
         let mut out = log.clone();
@@ -436,7 +436,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
             &["Fv(q7) is -", "cannot be negative", "--feasible"],
         )],
     );
-    // a rotor that the spec states is compared with the other bodies, one that it does not is not
+    // a rotor inertia stated in the spec is compared with the other bodies, another one is not
     let read = load::source(&root().join("robots/3rps_friction.yaml")).unwrap();
     let stated = read.text.matches(", J: 483.1").count();
     assert_eq!(stated, 3);

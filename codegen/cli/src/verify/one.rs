@@ -1,4 +1,4 @@
-//! Identities and the numeric path of one robot as tables and JSON.
+//! Prints the identities and the numeric path of one robot as tables and JSON.
 
 use regen_codegen::base::Analysis;
 use regen_codegen::explain::table::doubt;
@@ -7,17 +7,21 @@ use serde::Serialize;
 
 use crate::table;
 
-/// The result of `regen verify` of one robot.
-pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+/// The tables of `regen verify` of one robot.
+pub(super) fn to_text(
+    report: &Report,
+    numeric: &NumericPath,
+    analysis: Option<&Analysis>,
+) -> String {
     format!(
         "{}\n{}\n{}",
         table::paragraph(&report.robot),
         identities(report),
-        beside(numeric, analysis)
+        compare_numeric(numeric, analysis)
     )
 }
 
-/// Identities as a table.
+/// The identities as a table.
 pub(crate) fn identities(report: &Report) -> String {
     format!(
         "verified at {} random closed states, relative errors:\n{}",
@@ -39,7 +43,7 @@ fn identity_table(report: &Report) -> String {
     table::columns(&["identity", "largest", "bound", ""], &rows)
 }
 
-fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+fn compare_numeric(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: &str, columns: usize, rank: usize, kept: Option<(f64, f64)>| {
         let mut cells = vec![name.to_owned(), columns.to_string(), rank.to_string()];
@@ -112,17 +116,17 @@ fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     out
 }
 
-/// A check in the JSON of `regen verify` and of the main job.
+/// A check in the JSON of `regen verify` and of `regen FILE`.
 #[derive(Serialize)]
 pub(crate) struct CheckJson {
     name: &'static str,
-    /// NaN, `null` in JSON, where something could not be evaluated.
+    /// The largest error; NaN (`null` in JSON) where it could not be evaluated.
     largest: f64,
     bound: f64,
     ok: bool,
 }
 
-/// A report's checks for JSON.
+/// A report's checks in JSON.
 pub(crate) fn check_json(report: &Report) -> Vec<CheckJson> {
     let json = |check: &Check| CheckJson {
         name: check.what.statement,
@@ -183,7 +187,7 @@ impl From<Rank> for RankJson {
     }
 }
 
-/// The statements that do not hold.
+/// The statements that were found false.
 pub(super) fn failed<'a>(
     report: &'a Report,
     numeric: &'a NumericPath,
@@ -191,7 +195,7 @@ pub(super) fn failed<'a>(
     report.failed().chain(numeric.report.failed())
 }
 
-/// The result of `regen verify` of one robot as an object.
+/// The JSON of `regen verify` of one robot.
 pub(super) fn json(report: &Report, numeric: &NumericPath) -> String {
     let failed: Vec<&str> = failed(report, numeric).collect();
     table::json(&OneJson {

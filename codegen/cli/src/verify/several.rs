@@ -1,7 +1,7 @@
-//! Independent checks of several robots as tables and JSON.
+//! Prints the independent checks of several robots as tables and JSON.
 //!
-//! Figures are rounded up to one digit. In Markdown, which is kept, a cell is the power of ten that
-//! both the figure and its bound stay below: the same on every machine.
+//! Figures are rounded up to one digit. In Markdown, which is checked in, a cell is the power of
+//! ten above both the figure and its bound, so that it is the same on every machine.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::table;
 
-/// What is found about one of several robots.
+/// The independent checks of one of several robots.
 pub(super) struct Independent {
     pub(super) file: String,
     pub(super) report: Report,
@@ -21,7 +21,7 @@ fn up(value: f64) -> f64 {
     if !value.is_finite() || value <= 0.0 {
         return value;
     }
-    // what prints as `9.5e-3` is `1e-2`
+    // rounded in decimal, as printed: `9.5e-3` becomes `1e-2`
     let text = format!("{value:.15e}");
     let Some((mantissa, exponent)) = text.split_once('e') else {
         return value;
@@ -50,8 +50,9 @@ fn cell(check: &Check) -> String {
     }
 }
 
-/// One robot in full, several as a table with what failed below.
-pub(super) fn human(all: &[Independent]) -> String {
+/// The checks of one robot in full; of several robots a table, with those that failed in full
+/// below.
+pub(super) fn to_text(all: &[Independent]) -> String {
     let mut out = String::new();
     if let [one] = all {
         let _ = writeln!(out, "{}, from {}:", one.report.robot, one.file);
@@ -107,7 +108,7 @@ fn in_full(report: &Report) -> String {
     table::columns(&["check", "figure", "bound", ""], &table)
 }
 
-/// A table with one robot in a row.
+/// A Markdown table with one robot per row.
 pub(super) fn markdown(all: &[Independent]) -> String {
     let mut out = String::from("| robot |");
     for check in &INDEPENDENT {
@@ -131,8 +132,8 @@ pub(super) fn markdown(all: &[Independent]) -> String {
     out
 }
 
-/// What Markdown shows beside the figure: the bound, but for the certificate, whose numbers are
-/// exact and its bound far away.
+/// The number that Markdown compares with the figure: the bound; for the gap of the certificate the
+/// figure itself, since the certificate is computed exactly and its bound is far away.
 fn shown(check: &Check) -> f64 {
     if check.what.key == "gap" {
         check.worst
@@ -141,7 +142,7 @@ fn shown(check: &Check) -> f64 {
     }
 }
 
-/// The power of ten above a number.
+/// The power of ten above a number, as text.
 fn decade(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -151,7 +152,7 @@ fn decade(value: f64) -> String {
     exponent.map_or(text, |e| format!("1e{}", e + 1))
 }
 
-/// A verdict in JSON.
+/// A verdict's word in JSON.
 fn word(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Holds => "holds",
@@ -171,18 +172,18 @@ struct Row<'a> {
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct RobotJson<'a> {
     robot: &'a str,
     file: &'a str,
     ok: bool,
     checks: Vec<Row<'a>>,
 }
 
-/// A list with one object per robot.
+/// A JSON list with one object per robot.
 pub(super) fn json(all: &[Independent]) -> String {
-    let objects: Vec<Json<'_>> = all
+    let objects: Vec<RobotJson<'_>> = all
         .iter()
-        .map(|one| Json {
+        .map(|one| RobotJson {
             robot: &one.report.robot,
             file: &one.file,
             ok: one.report.failed().count() == 0,

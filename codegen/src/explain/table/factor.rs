@@ -1,22 +1,24 @@
-//! Factors of combinations as they are printed: signs apart, so that they can be joined.
+//! The factors of combinations as they are printed, with the sign apart, so that terms can be
+//! joined.
 
 use crate::base::{Coefficient, Term};
 
-/// Longer expressions are printed as numbers unless they are asked for.
-const LONGEST: usize = 60;
-/// Numbers of more digits in expressions, such as 632337041/115162534, say nothing to a reader.
-const MOST_DIGITS: usize = 6;
-/// Digits of numbers, as in the tables of papers.
+/// The longest expression that [`Style::Short`] prints, in characters.
+const MAX_EXPRESSION_CHARS: usize = 60;
+/// The longest number that [`Style::Short`] prints within an expression, in digits: longer ones,
+/// such as 632337041/115162534, say nothing to a reader.
+const MAX_NUMBER_DIGITS: usize = 6;
+/// The number of significant digits printed, as in the tables of papers.
 const DIGITS: usize = 4;
 
-/// What is printed of a coefficient.
+/// How a coefficient is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// Expressions, long ones as numbers.
+    /// As an expression; long ones as numbers.
     Short,
-    /// Expressions of any length.
+    /// As an expression of any length.
     Expressions,
-    /// Numbers.
+    /// As a number.
     Numbers,
 }
 
@@ -25,9 +27,9 @@ pub enum Style {
 pub(super) enum Factor {
     /// 1, which is not printed.
     One,
-    /// An expression.
+    /// An expression, printed in full.
     Expression(Coefficient),
-    /// A number, because numbers were asked for.
+    /// A number, because [`Style::Numbers`] was chosen.
     Number(String),
     /// A number in place of a long expression.
     Instead(String),
@@ -59,19 +61,19 @@ impl Signed {
     }
 }
 
-/// Whether an expression is too long to be read, or has a number that is.
+/// Whether an expression is too long to be read, or contains a number that is.
 fn is_long(text: &str) -> bool {
-    text.chars().count() > LONGEST || has_long_number(text)
+    text.chars().count() > MAX_EXPRESSION_CHARS || has_long_number(text)
 }
 
-/// Whether an expression has a whole number of many digits.
+/// Whether an expression contains a whole number with too many digits.
 fn has_long_number(text: &str) -> bool {
     let mut runs = text.split(|c: char| !c.is_ascii_digit());
-    runs.any(|run| run.len() > MOST_DIGITS)
+    runs.any(|run| run.len() > MAX_NUMBER_DIGITS)
 }
 
-/// A number in four digits, fewer where they are all it has. What is rounded is the decimal that
-/// reads back to the double: 0.22815 becomes 0.2282 as on paper, not by its binary neighbour.
+/// A number in four significant digits, or fewer where it has no more. The shortest decimal that
+/// reads back to the double is rounded, not the binary value: 0.22815 becomes 0.2282, as on paper.
 pub(super) fn digits(value: f64) -> String {
     let whole = format!("{value:e}");
     let (mantissa, exponent) = whole.split_once('e').unwrap_or((&whole, "0"));

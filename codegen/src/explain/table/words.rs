@@ -1,10 +1,11 @@
-//! What is said of base parameters, the same in every output.
+//! The wording about base parameters that all outputs share.
 
 use crate::base::certificate::Certificate;
 use crate::base::{Analysis, Exactness, Provenance};
 use crate::robot::Robot;
 
-/// How well a layer's factors are known, as a mark behind its name.
+/// The mark that follows a layer's name where factors are not exact functions of the geometry
+/// names.
 pub(super) fn mark(exactness: Exactness) -> &'static str {
     match exactness {
         Exactness::Symbolic => "",
@@ -13,7 +14,7 @@ pub(super) fn mark(exactness: Exactness) -> &'static str {
     }
 }
 
-/// Why a base is not known to be complete; `None` where it is.
+/// Why the base parameters are not known to be complete; `None` where they are.
 pub fn doubt(analysis: &Analysis) -> Option<String> {
     if analysis.complete {
         return None;
@@ -39,18 +40,18 @@ pub fn doubt(analysis: &Analysis) -> Option<String> {
     })
 }
 
-/// What the derived null directions leave of all columns: a bound of the rank from above.
+/// The number of columns less the derived null directions: an upper bound of the rank.
 fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
     let null = analysis.base.from_trees + completed(analysis);
     certificate.columns.saturating_sub(null)
 }
 
-/// Dimension of the null space beyond what trees account for.
+/// The number of null directions beyond those derived from spanning trees.
 pub fn completed(analysis: &Analysis) -> usize {
     analysis.base.completed
 }
 
-/// How a layer is called.
+/// The name of a layer.
 pub fn layer(layer: Provenance) -> &'static str {
     match layer {
         Provenance::Derived => "derived",
@@ -58,7 +59,7 @@ pub fn layer(layer: Provenance) -> &'static str {
     }
 }
 
-/// The label of a column.
+/// The label of the parameter of a column.
 pub fn label(robot: &Robot, column: usize) -> &str {
     robot
         .parameters
@@ -66,7 +67,7 @@ pub fn label(robot: &Robot, column: usize) -> &str {
         .map_or("?", |p| p.label.as_str())
 }
 
-/// The certificate in a line.
+/// The certificate in one line.
 pub fn certificate(analysis: &Analysis) -> String {
     match &analysis.certificate {
         Err(why) => format!("none: {why}"),

@@ -6,7 +6,7 @@ use regen_runtime::{Friction, Info, Joint, JointFriction};
 
 use super::Noise;
 
-/// The error of a friction law of which the model states no nominal value for one coefficient.
+/// The error that the model states no nominal value for one coefficient of a friction law.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MissingNominal {
     /// The coordinate's name.
@@ -51,8 +51,9 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
         .collect()
 }
 
-/// The laws of linear friction with the coefficients among all parameters, 0 where a model has no
-/// such parameter; other friction is left out. In the order of `q`.
+/// The linear friction laws of the coordinates, in the order of `q`, with their coefficients from
+/// the parameters `phi`, 0 where the model has no such parameter; nonlinear friction is replaced by
+/// none.
 ///
 /// ```
 /// use regen_experiment::simulate::linear_friction;
@@ -90,11 +91,11 @@ pub fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
     .unwrap_or_default()
 }
 
-/// The friction of each coordinate: linear laws with the coefficients among all parameters, others
-/// with fitted values, or else with the model's nominal ones. In the order of `q`.
+/// The friction law of each coordinate, in the order of `q`: linear laws with coefficients from the
+/// parameters, others with fitted values or else with the model's nominal ones.
 ///
 /// - `phi`: p parameters, SI;
-/// - `fitted`: the friction that was fitted, joints in any order.
+/// - `fitted`: the fitted friction, joints in any order.
 ///
 /// # Errors
 /// The first coordinate whose law has a symbol without any value.
@@ -139,9 +140,9 @@ pub fn fitted_friction(
     })
 }
 
-/// Changes the friction laws that are not linear by chance, each by up to `part` of itself: the
-/// coefficients of linear ones are among the parameters, which [`perturb_parameters`](super::perturb_parameters)
-/// changes.
+/// Multiplies the efforts of each nonlinear friction law by a random factor between 1 - `part` and
+/// 1 + `part`. Coefficients of linear laws are parameters, which
+/// [`perturb_parameters`](super::perturb_parameters) changes.
 pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Noise) {
     for law in laws.iter_mut().filter(|law| !law.law.is_linear()) {
         *law = law.scaled(1.0 + part * (2.0 * chance.uniform() - 1.0));

@@ -1,4 +1,4 @@
-//! A motion of the independent coordinates over time, from a series.
+//! A reference motion of the independent coordinates, as a Fourier series.
 
 use core::fmt;
 
@@ -8,10 +8,10 @@ use regen_runtime::{ClosureError, Model};
 use crate::reach;
 use crate::simulate::Reference;
 
-/// The fundamental frequency of the motion that is made without a file, Hz.
-const GENTLE: f64 = 0.1;
+/// The frequency of the default motion, which is used without a file, Hz.
+const GENTLE_FREQUENCY_HZ: f64 = 0.1;
 
-/// A finite Fourier series of the independent coordinates and its name.
+/// A named finite Fourier series of the independent coordinates.
 ///
 /// ```
 /// use regen_experiment::trajectory::FourierReference;
@@ -31,16 +31,16 @@ pub struct FourierReference {
 }
 
 impl FourierReference {
-    /// A series with one signal for each of `dof` independent coordinates.
+    /// Creates a reference from a series with one signal for each of `dof` independent coordinates.
     pub fn new(name: String, series: Fourier, dof: usize) -> Self {
         Self { name, series, dof }
     }
 
-    /// A gentle periodic motion about home, which every state of the period allows: see
-    /// [`reach::gentle`].
+    /// A gentle periodic motion about home, with amplitudes at which the loops close over the whole
+    /// period: see [`reach::gentle`].
     ///
     /// # Errors
-    /// When the model's home is not closed.
+    /// [`ReferenceError::Model`] where the model's home is not closed.
     pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, ReferenceError> {
         let info = model.info();
         let dof = info.dof();
@@ -55,21 +55,21 @@ impl FourierReference {
                 (home, vec![0.0; dof], sine)
             })
             .collect();
-        let series = Fourier::of_positions(GENTLE, &signals)?;
+        let series = Fourier::of_positions(GENTLE_FREQUENCY_HZ, &signals)?;
         Ok(Self::new("gentle swing about home".to_owned(), series, dof))
     }
 
-    /// What it is called.
+    /// The name of the motion.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its period, s.
+    /// The period, s.
     pub fn period(&self) -> f64 {
         1.0 / self.series.frequency()
     }
 
-    /// The independent coordinates at a time in s, in rad or m.
+    /// The independent coordinates at the time `t` in s, rad or m.
     pub fn position(&self, t: f64) -> Vec<f64> {
         (0..self.dof).map(|k| self.series.at(k, t)[0]).collect()
     }
@@ -84,13 +84,13 @@ impl Reference for FourierReference {
     }
 }
 
-/// What keeps a motion from being made.
+/// Why a reference motion cannot be made.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// The model cannot be asked for its motion.
+    /// The model refuses a state, such as a home that is not closed.
     Model(ClosureError),
-    /// The series is none.
+    /// The coefficients do not make a series.
     Series(SignalError),
 }
 

@@ -1,4 +1,4 @@
-//! States of motion from JSON: a list of states over all coordinates, or over the independent
+//! Reads states of motion from JSON: a list of states over all coordinates, or over the independent
 //! ones.
 
 use regen_runtime::Info;
@@ -7,7 +7,8 @@ use serde_json::value::RawValue;
 
 use super::mistakes::{Mistake, Mistakes, Remedy};
 
-/// Position, velocity and acceleration of some coordinates: rad or m, and per s and s^2.
+/// Position, velocity and acceleration of some coordinates: rad or m, and their derivatives by time
+/// in s.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// Positions.
@@ -18,12 +19,12 @@ pub struct Motion {
     pub qdd: Vec<f64>,
 }
 
-/// One state as given.
+/// A state as a file gives it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
-    /// Over all coordinates, to be used as it is.
+    /// A state over all coordinates, used as it is.
     Full(Motion),
-    /// Over the independent coordinates; the others are to be solved.
+    /// A state over the independent coordinates; the dependent ones are to be solved.
     Independent(Motion),
 }
 
@@ -60,8 +61,8 @@ struct RawMotion<'a> {
 /// Reads the states of a model, whose coordinates `info` names.
 ///
 /// # Errors
-/// Every mistake in the text with its place; [`Remedy::OtherFile`](super::Remedy::OtherFile) where
-/// it holds something else than a list.
+/// All mistakes in the text with their places; [`Remedy::OtherFile`](super::Remedy::OtherFile)
+/// where it contains something else than a list.
 ///
 /// ```
 /// use regen_identify::files::{State, states};
@@ -107,7 +108,7 @@ impl<'a> Reader<'a> {
         let list: Vec<&RawValue> = match serde_json::from_str(text) {
             Ok(list) => list,
             Err(error) if error.is_data() => {
-                // a state that stands alone, say
+                // for example a single state without brackets
                 let start = text.len() - text.trim_start().len();
                 self.errors.push(Mistake {
                     at: start,
@@ -176,7 +177,7 @@ impl<'a> Reader<'a> {
                 }
                 Some(values)
             });
-        // All three are read before any of them is missed, so that every error is told.
+        // All three are read before the first missing one returns, so that every error is reported.
         let (q, qd, qdd) = (values.next()?, values.next()?, values.next()?);
         Some(Motion {
             q: q?,

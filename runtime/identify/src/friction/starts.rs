@@ -1,13 +1,14 @@
-//! Where the search for a law's shape starts.
+//! The shapes from which the search for a friction law's shape starts.
 
 use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
 
-/// The number of starts.
+/// The number of starts per law.
 pub(super) const STARTS: usize = 5;
 
-/// Shapes to start from, velocities as parts of the highest one. A power law's first is linear
-/// friction; the others have it for any shape. So no start is worse than that.
+/// Initial shapes, with velocities relative to the highest velocity. The first one of the power law
+/// is linear friction, which the other laws contain at any shape, so no search ends worse than
+/// that.
 const STRIBECK: [[f64; SHAPES]; STARTS] =
     [[0.1, 1.0], [0.03, 1.5], [0.3, 1.5], [0.1, 2.0], [0.01, 1.0]];
 const ATAN: [[f64; SHAPES]; STARTS] = [
@@ -22,14 +23,14 @@ const POWER: [[f64; SHAPES]; STARTS] =
 const LUGRE: [[f64; SHAPES]; STARTS] =
     [[0.1, 1.0], [0.03, 1.0], [0.3, 1.0], [0.01, 1.0], [1.0, 1.0]];
 
-/// A start's shape in SI units.
+/// The shape of start number `which` in SI units; `fastest` is the highest velocity.
 pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] {
     let starts = match law {
         Friction::Stribeck => &STRIBECK,
         Friction::Atan => &ATAN,
         Friction::Power => &POWER,
         Friction::Lugre => &LUGRE,
-        // laws that are linear have no shape
+        // linear laws have no shape
         Friction::None
         | Friction::Viscous
         | Friction::Coulomb

@@ -2,7 +2,10 @@
 //! offset.
 
 use super::grams::{Fit, Grams};
-use super::{Change, EXPLAINED, HALF, Reading, SHIFTED, facts, nonsense, quality};
+use super::{
+    Change, MAX_EXPLAINED_ERROR, MIN_GAIN_PER_COLUMN, MIN_OFFSET_PART, Reading, facts,
+    implausible_count, quality,
+};
 use regen_runtime::BaseModel;
 
 /// Relative errors of the equations below this are normal, and no change is searched.
@@ -10,7 +13,7 @@ const GOOD_ERROR: f64 = 0.1;
 /// Fits whose product of errors is within this factor of the best count as equally good; their
 /// plausibility decides between them.
 const EQUIVALENT_RATIO: f64 = 1.05;
-/// Most changes one after the other.
+/// The largest number of changes made one after the other.
 const MAX_ROUNDS: usize = 3;
 /// A free factor on an effort must reduce the product of errors by this factor.
 const MIN_GAIN_OF_FACTOR: f64 = 3.0;
@@ -26,11 +29,11 @@ const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
 #[derive(Clone)]
 struct Candidate {
     read: Vec<Reading>,
-    /// The efforts with an offset.
+    /// The indices of the efforts with an offset.
     offsets: Vec<usize>,
-    /// The efforts that it changes.
+    /// The indices of the efforts that the candidate changes.
     touched: Vec<usize>,
-    /// The factor by which the product of errors must fall.
+    /// The factor by which the candidate must reduce the product of errors.
     needed: f64,
 }
 
@@ -62,11 +65,19 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             }
         }
         let top = fits.iter().fold(0.0, |m: f64, f| m.max(f.0));
-        let mut alike = fits.into_iter().filter(|f| f.0 * EQUIVALENT_RATIO >= top);
-        let Some(mut best) = alike.next() else { break };
-        let mut weight = (nonsense(model, grams, &best.1), best.2.touched.len());
-        for other in alike {
-            let own = (nonsense(model, grams, &other.1), other.2.touched.len());
+        let mut equivalent = fits.into_iter().filter(|f| f.0 * EQUIVALENT_RATIO >= top);
+        let Some(mut best) = equivalent.next() else {
+            break;
+        };
+        let mut weight = (
+            implausible_count(model, grams, &best.1),
+            best.2.touched.len(),
+        );
+        for other in equivalent {
+            let own = (
+                implausible_count(model, grams, &other.1),
+                other.2.touched.len(),
+            );
             if own < weight {
                 (best, weight) = (other, own);
             }
@@ -86,7 +97,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         sign: false,
         efforts: read,
     };
-    if let Some(turned) = turned(model, grams, &change.efforts, &offsets, &now) {
+    if let Some(turned) = flip_driving_signs(model, grams, &change.efforts, &offsets, &now) {
         change.efforts = turned.0;
     }
     Some(change)
@@ -104,17 +115,17 @@ fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64>
 /// Whether a candidate explains the efforts that it changes, and its offsets are large enough to be
 /// reported.
 fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
-    let equations = (0..grams.rows()).filter(|&i| match grams.alone(i) {
+    let equations = (0..grams.rows()).filter(|&i| match grams.only_effort(i) {
         Some(k) => candidate.touched.contains(&k),
         None => true,
     });
     let mut equations = equations.filter_map(|i| fit.errors.get(i));
     let values = fit.values.get(grams.columns()..).unwrap_or_default();
     let shifted = candidate.offsets.iter().zip(values).all(|(k, value)| {
-        let own = (0..grams.rows()).find(|i| grams.alone(*i) == Some(*k));
-        own.is_none_or(|i| fit.sizes[i] * SHIFTED <= value.abs())
+        let own = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(*k));
+        own.is_none_or(|i| fit.sizes[i] * MIN_OFFSET_PART <= value.abs())
     });
-    shifted && equations.all(|e| *e < EXPLAINED)
+    shifted && equations.all(|e| *e < MAX_EXPLAINED_ERROR)
 }
 
 /// All hypotheses that change one or two efforts further.
@@ -127,7 +138,7 @@ fn candidates(
     now: &Fit,
 ) -> Vec<Candidate> {
     let bad = |k: usize| {
-        let alone = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k));
+        let alone = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k));
         alone.is_none_or(|i| now.errors[i] > GOOD_ERROR)
     };
     let with = |changes: &[(usize, Reading)], needed: f64| {
@@ -148,14 +159,14 @@ fn candidates(
     };
     let mut out = Vec::new();
     for k in 0..read.len() {
-        out.push(with(&[(k, times(k, -1.0))], HALF));
+        out.push(with(&[(k, times(k, -1.0))], MIN_GAIN_PER_COLUMN));
         if let Some(factor) = gain(grams, read, offsets, k, now)
             && !touched.contains(&k)
         {
             out.push(with(&[(k, times(k, factor))], MIN_GAIN_OF_FACTOR));
         }
         if !offsets.contains(&k) && bad(k) {
-            let mut shifted = with(&[], HALF);
+            let mut shifted = with(&[], MIN_GAIN_PER_COLUMN);
             shifted.offsets.push(k);
             shifted.touched.push(k);
             out.push(shifted);
@@ -174,8 +185,15 @@ fn candidates(
                     from: from_k.from,
                     factor: from_k.factor * constant(l, k) * b,
                 };
-                let signs = if a * b > 0.0 && a > 0.0 { 1.0 } else { HALF };
-                out.push(with(&[(k, as_k), (l, as_l)], HALF * HALF * signs));
+                let signs = if a * b > 0.0 && a > 0.0 {
+                    1.0
+                } else {
+                    MIN_GAIN_PER_COLUMN
+                };
+                out.push(with(
+                    &[(k, as_k), (l, as_l)],
+                    MIN_GAIN_PER_COLUMN * MIN_GAIN_PER_COLUMN * signs,
+                ));
             }
         }
     }
@@ -224,7 +242,7 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
 
 /// Flips the signs of the efforts whose friction drives the joint; returns the readings if friction
 /// then brakes and the fit is as good as before.
-fn turned<M: BaseModel<f64> + ?Sized>(
+fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
     model: &M,
     grams: &Grams,
     read: &[Reading],
@@ -236,9 +254,11 @@ fn turned<M: BaseModel<f64> + ?Sized>(
     let mut turned = read.to_vec();
     for (coordinate, _) in &before {
         let k = info.actuated.iter().position(|a| a == coordinate)?;
-        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k))?;
+        let equation = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k))?;
         // the nominal bodies confirm the sign of this effort
-        let nominal = grams.nominal.then(|| grams.against(model, equation, read));
+        let nominal = grams
+            .nominal
+            .then(|| grams.compare_with_nominal(model, equation, read));
         if nominal.flatten().is_some_and(|(c, _, _)| c > 0.5) {
             return None;
         }
@@ -253,7 +273,7 @@ fn turned<M: BaseModel<f64> + ?Sized>(
         .iter()
         .zip(&now.errors)
         .any(|(a, b)| *a > MAX_LOSS_OF_SIGNS * b.max(0.01));
-    let fewer = nonsense(model, grams, &fit) < nonsense(model, grams, now);
+    let fewer = implausible_count(model, grams, &fit) < implausible_count(model, grams, now);
     (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((turned, fit))
 }
 
@@ -264,7 +284,7 @@ pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
     now: &Fit,
 ) -> Option<Change> {
     let count = model.info().actuated.len();
-    let (efforts, fit) = turned(model, grams, &Reading::plain(count), &[], now)?;
+    let (efforts, fit) = flip_driving_signs(model, grams, &Reading::plain(count), &[], now)?;
     Some(Change {
         efforts,
         positions: Vec::new(),

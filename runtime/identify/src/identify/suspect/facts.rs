@@ -2,7 +2,7 @@
 //! that contradict the nominal bodies, negative friction or rotor inertia.
 
 use super::grams::{Fit, Grams, named};
-use super::{Reading, SHIFTED, Sample};
+use super::{MIN_OFFSET_PART, Reading, Sample};
 use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
@@ -56,7 +56,7 @@ pub struct Shift {
 }
 
 /// Whether positions or velocities are far beyond the limits of the robot.
-pub(super) fn absurd<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
+pub(super) fn beyond_limits<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
     let info = model.info();
     let beyond = |(k, c): (usize, &usize)| {
         let Some(joint) = info.joints.get(*c) else {
@@ -117,8 +117,8 @@ pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
         return Vec::new();
     }
     let one = |equation: usize| {
-        let effort = grams.alone(equation)?;
-        let (correlation, factor, part) = grams.against(model, equation, read)?;
+        let effort = grams.only_effort(equation)?;
+        let (correlation, factor, part) = grams.compare_with_nominal(model, equation, read)?;
         Some(Nominal {
             equation,
             effort,
@@ -211,9 +211,9 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
             return None;
         }
         let offset = 0.5 * (forward.0 - back.0);
-        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(effort));
+        let equation = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(effort));
         let size = equation.and_then(|i| now.sizes.get(i)).copied();
-        let matters = size.is_none_or(|size| offset.abs() > SHIFTED * size);
+        let matters = size.is_none_or(|size| offset.abs() > MIN_OFFSET_PART * size);
         matters.then_some(Shift {
             effort,
             offset,

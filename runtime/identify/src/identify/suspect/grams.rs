@@ -4,25 +4,26 @@ use super::{Reading, Sample};
 use crate::identify::{Completed, Completion};
 use regen_runtime::{BaseModel, Parameter, Status};
 
-/// The Gram matrix of each equation's columns: those of the base regressor, then for each effort
-/// that acts on the equation every measured effort in its place, then a constant in its place, then
-/// the effort of the nominal bodies, and 1.
+/// The Gram matrix of each equation's columns, in this order: the columns of the base regressor;
+/// for each effort that acts on the equation, every measured effort multiplied by that effort's
+/// transfer factor; for each acting effort, a constant multiplied by its factor; the effort of the
+/// nominal bodies; and 1.
 #[derive(Clone, Debug)]
 pub(super) struct Grams {
     columns: usize,
     efforts: usize,
-    /// The efforts that act on each equation.
+    /// The indices of the efforts that act on each equation.
     acting: Vec<Vec<usize>>,
     matrices: Vec<Vec<f64>>,
     /// The number of states in the sums.
     count: f64,
-    /// The number of states tried, with those whose loops do not close.
+    /// The number of states tried, including those at which the loops do not close.
     tried: usize,
     /// For each base parameter, the sum over the states of its power at value 1.
     pub(super) power: Vec<f64>,
     /// For each equation, the sum over the states of the absolute power of its effort.
     pub(super) spent: Vec<f64>,
-    /// Whether the nominal bodies are known.
+    /// Whether nominal bodies are known.
     pub(super) nominal: bool,
 }
 
@@ -37,29 +38,30 @@ pub(super) struct Fit {
     pub(super) sizes: Vec<f64>,
 }
 
-/// Passes of reweighting: the errors settle to a few percent in three.
+/// The number of reweighted passes: the errors settle to a few percent in three.
 const REWEIGHTING_PASSES: usize = 4;
 /// Ridge on the diagonal of the Gram matrix whose columns have unit length.
 const RIDGE: f64 = 1e-10;
-/// Least relative error of an equation that its weight is computed from.
+/// The smallest relative error of an equation that its weight is computed from.
 const MIN_RELATIVE_ERROR: f64 = 1e-3;
-/// Least part of the states at which the loops must close.
+/// The smallest part of the states at which the loops must close.
 const MIN_CLOSED_PART: f64 = 0.8;
 
-/// The index among all parameters of the one that a base parameter is named by.
+/// The index, among all parameters, of the parameter that names a base parameter.
 fn place<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<usize> {
     let base = model.base_info().base;
     Some(base.get(column)?.terms.first()?.index)
 }
 
-/// The parameter that a base parameter is named by.
+/// The parameter that names a base parameter.
 pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<Parameter<'_>> {
     let parameters = model.info().parameters;
     parameters.get(place(model, column)?).copied()
 }
 
-/// Whether a base parameter is named by friction, or by a rotor without a nominal value.
-fn unstated<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
+/// Whether the parameter that names a base parameter is friction, or a rotor without a nominal
+/// value.
+fn lacks_nominal<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
     named(model, column).is_some_and(|p| p.is_friction() || (p.is_rotor() && unknown))
@@ -73,7 +75,7 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     }
     let mut phi = Vec::with_capacity(info.parameters.len());
     for (value, parameter) in info.nominal.iter().zip(info.parameters) {
-        // `against` fits friction by columns of its own
+        // `compare_with_nominal` fits friction by separate columns
         let value = if parameter.is_friction() {
             Some(0.0)
         } else {
@@ -222,7 +224,7 @@ impl Grams {
     }
 
     /// The effort that acts on an equation, if it is the only one.
-    pub(super) fn alone(&self, i: usize) -> Option<usize> {
+    pub(super) fn only_effort(&self, i: usize) -> Option<usize> {
         match self.acting.get(i).map(Vec::as_slice) {
             Some([k]) => Some(*k),
             _ => None,
@@ -265,7 +267,7 @@ impl Grams {
         self.solve(read, offsets, None)
     }
 
-    /// The same with one base parameter at zero.
+    /// As [`fit`](Self::fit) without offsets, with one base parameter fixed at zero.
     pub(super) fn fit_without(&self, read: &[Reading], column: usize) -> Option<Fit> {
         self.solve(read, &[], Some(column))
     }
@@ -318,7 +320,7 @@ impl Grams {
             }
             values = solve(&mut gram, &right)?;
             for i in 0..rows {
-                left[i] = self.rest(i, &places[i], &values, squares[i], &sides[i]);
+                left[i] = self.squared_residuals(i, &places[i], &values, squares[i], &sides[i]);
             }
         }
         let pairs = left.iter().zip(&spreads);
@@ -330,7 +332,7 @@ impl Grams {
     }
 
     /// The sum of the squared residuals of an equation.
-    fn rest(
+    fn squared_residuals(
         &self,
         i: usize,
         place: &[Option<usize>],
@@ -356,7 +358,7 @@ impl Grams {
     /// Compares the effort of equation `i` with the one that the nominal bodies need, after
     /// subtracting from both what friction, rotors without nominal values and a constant explain.
     /// Returns the correlation, the slope, and the remaining part of the effort's rms.
-    pub(super) fn against<M: BaseModel<f64> + ?Sized>(
+    pub(super) fn compare_with_nominal<M: BaseModel<f64> + ?Sized>(
         &self,
         model: &M,
         i: usize,
@@ -364,7 +366,7 @@ impl Grams {
     ) -> Option<(f64, f64, f64)> {
         let last = self.size(i) - 1;
         let aside: Vec<usize> = (0..self.columns)
-            .filter(|c| unstated(model, *c))
+            .filter(|c| lacks_nominal(model, *c))
             .filter(|c| self.entry(i, *c, *c) > 0.0)
             .chain([last])
             .collect();

@@ -1,5 +1,5 @@
-//! What looks wrong with a log, in words and with the remedy, from what its columns say of each
-//! other, of the nominal bodies and of the limits.
+//! Describes what looks wrong with a log, and the remedy, by comparing its columns with each other,
+//! with the nominal bodies and with the limits.
 
 use regen_runtime::BaseModel;
 use serde::Serialize;
@@ -10,76 +10,82 @@ use crate::data::{Assignment, Quantity};
 use crate::estimate::Estimate;
 use crate::text;
 
-/// The part of the positions that a Fourier series may leave: more is no noise.
-const LEFT: f64 = 0.1;
-/// A step from which on, in s, no robot is logged that moves.
-const SLOW: f64 = 0.5;
-/// A robot that is slower than this, in rad/s or m/s, at such steps is read with a wrong clock.
-const STILL: f64 = 0.05;
-/// The correlation of an effort with that of the nominal bodies from which on they are one thing.
-pub(super) const ONE: f64 = 0.8;
-/// The same for a factor between the two, which payloads and unknown bodies change as well.
-const SURE: f64 = 0.95;
-/// Nominal values are not more wrong than by this factor.
-const FAR: f64 = 4.0;
-/// The part of an effort that must be neither friction nor constant, to compare it with bodies.
-pub(super) const PART: f64 = 0.2;
-/// An effort this many times beyond its limit is in another unit.
-const BEYOND: f64 = 10.0;
+/// The largest rms of a Fourier series' residuals, relative to that of the positions about their
+/// mean: more cannot be noise.
+const MAX_SERIES_RESIDUAL: f64 = 0.1;
+/// The smallest step, s, at which the unit of time is doubted: no moving robot is logged so slowly.
+const MIN_SLOW_STEP_S: f64 = 0.5;
+/// The highest speed, rad/s or m/s, of a log whose unit of time is doubted.
+const MAX_STILL_SPEED: f64 = 0.05;
+/// The smallest absolute correlation at which an effort is compared with that of the nominal
+/// bodies.
+pub(super) const MIN_CORRELATION: f64 = 0.8;
+/// The smallest correlation at which a factor between the two is reported, as payloads and unknown
+/// bodies change it too.
+const MIN_CORRELATION_OF_FACTOR: f64 = 0.95;
+/// The largest factor by which nominal values may be wrong.
+const MAX_NOMINAL_FACTOR: f64 = 4.0;
+/// The smallest part of an effort's rms that is neither friction nor constant, for it to be
+/// compared with the nominal bodies.
+pub(super) const MIN_COMPARED_PART: f64 = 0.2;
+/// An effort of more than this many times its limit is in another unit.
+const MIN_LIMIT_RATIO: f64 = 10.0;
 
-/// What looks wrong with a log. Its remedy is not serialised: a program says it by its own options.
+/// A suspected mistake in a log. Its remedy is not serialised: each program words it in its own
+/// options.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Suspicion {
-    /// The log.
+    /// The name of the log.
     pub file: String,
-    /// What it looks like.
+    /// A description of the mistake.
     pub what: String,
-    /// The largest error among the efforts that it is about as the log is: rms of the residuals
-    /// over rms of the effort about its mean, percent; none where the loops do not close.
+    /// The largest error of the efforts without the change: rms of the residuals over rms of the
+    /// effort about its mean, percent; `None` where the loops do not close, or the suspicion is not
+    /// about errors.
     pub error: Option<f64>,
-    /// The same with the change.
+    /// The same error with the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub changed: Option<f64>,
-    /// Each effort that fits otherwise with the change.
+    /// The error of each effort without and with the change.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub efforts: Vec<EffortChange>,
-    /// What to do about it.
+    /// The remedy.
     #[serde(skip)]
     pub remedy: Remedy,
 }
 
-/// An effort's error without and with a change, percent.
+/// The error of an effort without and with a change, percent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EffortChange {
-    /// The coordinate.
+    /// The name of the coordinate.
     pub name: String,
-    /// Without the change; none where the loops do not close.
+    /// The error without the change; `None` where the loops do not close.
     pub error: Option<f64>,
-    /// With it.
+    /// The error with the change.
     pub changed: f64,
 }
 
-/// What to do about a log that looks wrong.
+/// The remedy for a log that looks wrong.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Remedy {
-    /// To follow advice, and to read columns in another way, if any of the two is needed.
+    /// Follow advice, and read columns in another way; either may be empty.
     Read {
-        /// What to do first, each in a sentence without its full stop.
+        /// The steps to take first, each a sentence without its full stop.
         advice: Vec<String>,
-        /// The quantities that are to be read in another way.
+        /// The new assignment of columns to quantities.
         columns: Vec<Assignment>,
     },
-    /// To fit a Fourier series of the motion's own frequency and of enough harmonics, or to smooth
-    /// by a filter.
+    /// Fit a Fourier series with the frequency of the motion and enough harmonics, or smooth by a
+    /// filter.
     Series,
-    /// To look for the cause in the sign, the delay or the offset of an effort or in the motion, or
-    /// to solve for physical parameters only.
+    /// Look for the cause in the sign, the delay or the offset of an effort or in the motion, or
+    /// solve for physical parameters only.
     Physical,
 }
 
 impl Remedy {
-    /// Reading columns in another way.
+    /// The remedy of reading columns in another way.
     pub(super) fn columns(columns: Vec<Assignment>) -> Self {
         Self::Read {
             advice: Vec::new(),
@@ -107,14 +113,14 @@ impl std::fmt::Display for Suspicion {
     }
 }
 
-/// What looks wrong with one log, the most certain first: its clock, its series, columns that are
-/// swapped, turned round, shifted or in another unit, efforts that contradict the nominal bodies
-/// or their limits, and parameters that no body has.
+/// Lists what looks wrong with one log, the most certain first: its clock, its Fourier series,
+/// columns that are swapped, of flipped sign, shifted or in another unit, efforts that contradict
+/// the nominal bodies or their limits, and parameters that no body has.
 ///
-/// - `columns`: the log and how its columns are read;
+/// - `columns`: the log and the assignment of its columns;
 /// - `sample`: some of its states, see [`Logs::sample`](crate::data::Logs::sample);
-/// - `found`: what was identified from all logs, with deviations; none where nothing was;
-/// - `step`: is called with the number of hypotheses tried and of all.
+/// - `found`: the estimate from all logs, with standard deviations; `None` where there is none;
+/// - `step`: called with the number of hypotheses tried so far and in total.
 ///
 /// ```
 /// use regen_identify::identify::suspect::{LogColumns, Measured, Remedy, Sample, suspicions};
@@ -173,7 +179,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     if out.is_empty() {
         out.extend(series(columns, sample));
     }
-    // behind a wrong clock or a wrong series nothing fits
+    // with a wrong clock or a wrong series no other check is meaningful
     if !out.is_empty() || sample.states.is_empty() {
         return out;
     }
@@ -209,11 +215,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.shifted(&findings.shifts));
     }
     if out.is_empty() {
-        out.extend(findings.negative.iter().map(|told| {
+        out.extend(findings.negative.iter().map(|negative| {
             columns.say(
                 format!(
                     "{} is {:.4} +- {:.2}, and cannot be negative",
-                    told.label, told.value, told.sigma
+                    negative.label, negative.value, negative.sigma
                 ),
                 Remedy::Physical,
             )
@@ -222,21 +228,21 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     out
 }
 
-/// Times that are in another unit.
+/// Whether the times are in another unit than s.
 fn clock<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
 ) -> Option<Suspicion> {
     let speeds = sample.states.iter().flat_map(|s| &s.motion[1]);
     let fastest = speeds.fold(0.0, |m: f64, v| m.max(v.abs()));
-    if sample.step < SLOW || fastest > STILL {
+    if sample.step < MIN_SLOW_STEP_S || fastest > MAX_STILL_SPEED {
         return None;
     }
     let (unit, factor) = match sample.step {
         step if step < 100.0 => ("ms", 1e-3),
         step if step < 1e5 => ("us", 1e-6),
         step if step < 1e11 => ("ns", 1e-9),
-        // no clock of any unit is that slow
+        // no unit of time explains such a step
         _ => return None,
     };
     let time = columns.source(&Quantity::Time);
@@ -253,17 +259,21 @@ fn clock<M: BaseModel<f64> + ?Sized>(
     ))
 }
 
-/// A series that is not that of the motion.
+/// Whether the Fourier series is not that of the motion.
 fn series<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
 ) -> Option<Suspicion> {
     let pairs = sample.left.iter().zip(&sample.measured);
     let worst = pairs.max_by(|a, b| a.0.total_cmp(b.0))?;
-    if *worst.0 < LEFT {
+    if *worst.0 < MAX_SERIES_RESIDUAL {
         return None;
     }
-    let bad = sample.left.iter().filter(|left| **left >= LEFT).count();
+    let bad = sample
+        .left
+        .iter()
+        .filter(|left| **left >= MAX_SERIES_RESIDUAL)
+        .count();
     Some(columns.say(
         format!(
             "the Fourier series leaves {:.1} % of the motion of `{}` ({} of {} positions above \
@@ -272,19 +282,24 @@ fn series<M: BaseModel<f64> + ?Sized>(
             columns.name(*worst.1),
             bad,
             sample.left.len(),
-            100.0 * LEFT,
+            100.0 * MAX_SERIES_RESIDUAL,
         ),
         Remedy::Series,
     ))
 }
 
-/// Efforts that contradict the nominal bodies.
+/// Compares the efforts with those that the nominal bodies need.
 fn weights<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     findings: &Findings,
 ) -> Vec<Suspicion> {
-    let compared = findings.nominal.iter().filter(|n| n.part >= PART);
-    let compared: Vec<_> = compared.filter(|n| n.correlation.abs() >= ONE).collect();
+    let compared = findings
+        .nominal
+        .iter()
+        .filter(|n| n.part >= MIN_COMPARED_PART);
+    let compared: Vec<_> = compared
+        .filter(|n| n.correlation.abs() >= MIN_CORRELATION)
+        .collect();
     let mut out = Vec::new();
     let list = |which: &[&Nominal], value: &dyn Fn(&Nominal) -> f64| {
         let each = which.iter().map(|n| format!("{:.3}", value(n)));
@@ -302,7 +317,7 @@ fn weights<M: BaseModel<f64> + ?Sized>(
         .filter(|n| n.correlation < 0.0)
         .collect();
     if !against.is_empty() {
-        // one machine has one convention, unless an effort agrees with the bodies as surely
+        // one machine has one sign convention, unless another effort agrees with the bodies
         let agree = compared.len() > against.len();
         let turned: Vec<usize> = if against.len() > 1 && !agree {
             (0..columns.model.info().actuated.len()).collect()
@@ -322,11 +337,14 @@ fn weights<M: BaseModel<f64> + ?Sized>(
     let far: Vec<_> = compared
         .iter()
         .copied()
-        .filter(|n| n.correlation >= SURE && !(1.0 / FAR..FAR).contains(&n.factor))
+        .filter(|n| {
+            n.correlation >= MIN_CORRELATION_OF_FACTOR
+                && !(1.0 / MAX_NOMINAL_FACTOR..MAX_NOMINAL_FACTOR).contains(&n.factor)
+        })
         .collect();
     if !far.is_empty() {
         let milli = far.iter().all(|n| (300.0..3000.0).contains(&n.factor));
-        // a unit is that of all, unless one of them agrees with the bodies
+        // all efforts have one unit, unless one of them agrees with the bodies
         let agree = compared.len() > far.len() || far.len() < 2;
         let efforts: Vec<(usize, f64)> = if milli && !agree {
             let all = 0..columns.model.info().actuated.len();
@@ -358,7 +376,7 @@ fn weights<M: BaseModel<f64> + ?Sized>(
     out
 }
 
-/// Efforts far beyond what the actuators can give.
+/// Finds efforts far beyond the limits of their actuators.
 fn limits<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
@@ -372,7 +390,7 @@ fn limits<M: BaseModel<f64> + ?Sized>(
         let limit = low.abs().max(high.abs());
         let efforts = sample.states.iter().filter_map(|s| s.efforts.get(k));
         let most = efforts.fold(0.0, |m: f64, u| m.max(u.abs()));
-        if limit > 0.0 && most > BEYOND * limit {
+        if limit > 0.0 && most > MIN_LIMIT_RATIO * limit {
             let source = columns.effort(k);
             out.push(columns.say(
                 format!(
@@ -391,7 +409,7 @@ fn limits<M: BaseModel<f64> + ?Sized>(
     out
 }
 
-/// The diagonal of the mass matrix at home, kg m^2 or kg, with these base parameters.
+/// The diagonal of the mass matrix at home with these base parameters, kg m^2 or kg.
 fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<f64>> {
     let info = model.info();
     let dof = info.dof();
@@ -400,8 +418,9 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
     Some(mass.into_iter().step_by(dof + 1).collect())
 }
 
-/// Whether a fit makes the inertia of every coordinate negative, by more than the deviations of
-/// the parameters explain: then the signs of all efforts, or of all positions, are flipped.
+/// Whether a fit makes the inertia of every coordinate negative, by more than the standard
+/// deviations of the parameters allow: then the signs of all efforts, or of all positions, are
+/// flipped.
 fn upside_down<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64], sigmas: &[f64]) -> bool {
     let Some(mut inertia) = inertia(model, values) else {
         return false;

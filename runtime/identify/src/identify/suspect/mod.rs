@@ -1,11 +1,11 @@
-//! What may be wrong with a log that was read without a fault: columns that are swapped, turned
-//! round, shifted or in another unit, found effort by effort.
+//! Detects mistakes in a log that was read without an error: columns that are swapped, of flipped
+//! sign, shifted or in another unit.
 //!
-//! One pass over a sample of the log's states makes a Gram matrix for each equation, of the base
-//! regressor's columns beside every effort in the place of every other. Each hypothesis on the
-//! efforts is then a small least-squares problem that reads nothing again. Hypotheses on the
-//! positions take another pass each, over fewer states, and are tried only where efforts do not
-//! explain what does not fit.
+//! One pass over a sample of the log's states computes a Gram matrix for each equation: of the base
+//! regressor's columns, and of every measured effort in the place of each effort that acts on the
+//! equation. Each hypothesis on the efforts is then a small least-squares problem without another
+//! pass. A hypothesis on the positions needs a pass of its own, over fewer states, and is tried
+//! only where changes of efforts do not explain the errors.
 
 mod efforts;
 mod facts;
@@ -30,10 +30,10 @@ pub struct Sample {
     pub states: Vec<Measured>,
     /// The usual step between rows of the log, s.
     pub step: f64,
-    /// The states that a pass over the log has.
+    /// The number of states of a whole pass over the log.
     pub whole: usize,
-    /// Where positions were fitted by a Fourier series: the rms of what it leaves of each
-    /// measured coordinate over the rms about its mean.
+    /// For each measured coordinate, the rms of the residuals of its Fourier series over the rms
+    /// about its mean; empty where no series was fitted.
     pub left: Vec<f64>,
 }
 
@@ -48,86 +48,90 @@ pub struct Measured {
     pub efforts: Vec<f64>,
 }
 
-/// Which column holds a quantity: that of another, times a factor.
+/// The column that a quantity is read from, and the factor on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The one whose column it is: an index into `Info::actuated` for efforts, into the measured
-    /// coordinates for positions.
+    /// The quantity whose column is read: an index into `Info::actuated` for efforts, into the
+    /// measured coordinates for positions.
     pub from: usize,
-    /// What its entries are multiplied by.
+    /// The factor that the column is multiplied by.
     pub factor: f64,
 }
 
 impl Reading {
-    /// Every quantity from its own column.
+    /// Every quantity read from its own column.
     fn plain(count: usize) -> Vec<Self> {
         let own = |from| Self { from, factor: 1.0 };
         (0..count).map(own).collect()
     }
 }
 
-/// A way to read the columns of a log with which it fits far better, or as well and without
-/// nonsense.
+/// An assignment of columns with which a log fits far better, or equally well with fewer
+/// implausible parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// How each effort is read, in the order of `Info::actuated`.
+    /// The reading of each effort, in the order of `Info::actuated`.
     pub efforts: Vec<Reading>,
-    /// How each measured coordinate is read.
+    /// The reading of each measured coordinate.
     pub positions: Vec<Reading>,
-    /// What is constant in each effort beside what the model says, N or N m; 0 where nothing is.
+    /// The constant offset of each effort, N or N m; 0 where there is none.
     pub offsets: Vec<f64>,
-    /// The errors of the equations as the log is: the rms of the residuals over the rms of the
-    /// efforts about their mean. Empty where the loops do not close.
+    /// The errors of the equations without the change: rms of the residuals over rms of the efforts
+    /// about their mean. Empty where the loops do not close.
     pub before: Vec<f64>,
-    /// The same with the change.
+    /// The errors with the change.
     pub after: Vec<f64>,
-    /// Whether the errors are alike, and friction or inertia is negative without the change.
+    /// Whether the change only flips signs: the errors stay about the same, but friction or inertia
+    /// is negative without it.
     pub sign: bool,
 }
 
-/// What is said of a log.
+/// The results of checking a log.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Findings {
-    /// The change of columns, if one explains what does not fit.
+    /// The change of columns that explains the errors, if there is one.
     pub change: Option<Change>,
-    /// The efforts against those of the nominal bodies, for each equation where they can be
-    /// compared; as they are read with the change.
+    /// The comparison of each equation's effort with that of the nominal bodies, where they can be
+    /// compared; efforts are read with the change.
     pub nominal: Vec<Nominal>,
-    /// The errors of the equations as the log is, as in [`Change::before`].
+    /// The errors of the equations without a change, as in [`Change::before`].
     pub errors: Vec<f64>,
-    /// The power that friction has in each coordinate's joint over the efforts' power there,
-    /// where it is negative.
+    /// The coordinates whose friction drives the joint, with its power over the efforts' power
+    /// (negative).
     pub driving: Vec<(usize, f64)>,
-    /// Friction and rotors that are identified as negative, and matter; only where no change
-    /// explains them.
+    /// Friction and rotor parameters identified as negative that matter for the errors; only where
+    /// no change explains them.
     pub negative: Vec<NegativeParameter>,
-    /// Efforts that look shifted by a constant, which friction of two directions took up; only
-    /// where no change explains them.
+    /// Efforts with a constant offset that direction-dependent friction has absorbed; only where no
+    /// change explains them.
     pub shifts: Vec<Shift>,
 }
 
-/// States that are enough for hypotheses on efforts.
+/// The largest number of states used for hypotheses on efforts; more are not needed.
 pub const STATES: usize = 1000;
-/// States that are enough for a hypothesis on positions.
-const FEW: usize = 240;
-/// Equations that a hypothesis on positions must have for each parameter.
-const SPARE: usize = 3;
-/// Errors that efforts alone do not explain: hypotheses on positions are tried.
-const BAD: f64 = 0.25;
-/// A change that halves the errors of each effort that it touches is no accident.
-const HALF: f64 = 2.0;
+/// The largest number of states used for a hypothesis on positions, unless the parameters need
+/// more.
+const MAX_POSITION_STATES: usize = 240;
+/// The smallest number of equations per base parameter for a hypothesis on positions.
+const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
+/// Relative errors above this, after changes of efforts, cause hypotheses on positions to be tried.
+const UNEXPLAINED_ERROR: f64 = 0.25;
+/// The factor by which a change must reduce the product of errors for each column that it changes:
+/// halving is no accident.
+const MIN_GAIN_PER_COLUMN: f64 = 2.0;
 
-/// An offset is told from this part of the rms of its effort on.
-const SHIFTED: f64 = 0.05;
-/// An error with which an effort is explained after a change.
-const EXPLAINED: f64 = 0.5;
+/// The smallest offset that is reported, relative to the rms of its effort.
+const MIN_OFFSET_PART: f64 = 0.05;
+/// The largest relative error at which an effort counts as explained after a change.
+const MAX_EXPLAINED_ERROR: f64 = 0.5;
 
-/// Looks for a change of columns with which a log fits far better.
+/// Searches for a change of columns with which a log fits far better, and checks the fit for
+/// results that are physically impossible.
 ///
 /// - `own`: a factor for each effort that belongs to its joint and not to its column, such as a
-///   torque constant: it stays where columns are exchanged. 1 where there is none.
-/// - `estimate`: the base parameters identified from the whole log, with their deviations.
-/// - `step`: is called with the number of hypotheses tried and of all.
+///   torque constant: it stays with the joint where columns are exchanged; 1 where there is none.
+/// - `estimate`: the base parameters identified from the whole log, and their standard deviations.
+/// - `step`: called with the number of hypotheses tried so far and in total.
 pub fn look<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
@@ -152,7 +156,8 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     }
     let worst = |errors: &[f64]| errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     let open = grams.as_ref().is_none_or(|grams| !grams.closes()) || fits.is_none();
-    let wrong = open || worst(&out.errors) > BAD || facts::absurd(model, sample);
+    let wrong =
+        open || worst(&out.errors) > UNEXPLAINED_ERROR || facts::beyond_limits(model, sample);
     if wrong && let Some(found) = positions::search(model, sample, own, open, best.as_ref(), step) {
         best = Some(found);
     }
@@ -185,13 +190,14 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     out
 }
 
-/// The product of errors; what is below a percent is as good as a percent.
+/// The product of the errors, each taken as 1 % at least: smaller ones do not matter.
 fn quality(errors: &[f64]) -> f64 {
     errors.iter().map(|e| e.max(0.01)).product()
 }
 
-/// How many coordinates have negative inertia at home or friction that drives.
-fn nonsense<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, fit: &Fit) -> usize {
+/// The number of coordinates with negative inertia at home, plus those whose friction drives the
+/// joint.
+fn implausible_count<M: BaseModel<f64> + ?Sized>(model: &M, grams: &Grams, fit: &Fit) -> usize {
     let info = model.info();
     let dof = info.dof();
     let mut mass = vec![0.0; dof * dof];

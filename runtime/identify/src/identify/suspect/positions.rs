@@ -2,7 +2,10 @@
 //! millimetres. Each takes a pass over some of the states.
 
 use super::grams::Grams;
-use super::{BAD, Change, EXPLAINED, FEW, HALF, Reading, SPARE, Sample, nonsense, quality};
+use super::{
+    Change, MAX_EXPLAINED_ERROR, MAX_POSITION_STATES, MIN_EQUATIONS_PER_PARAMETER,
+    MIN_GAIN_PER_COLUMN, Reading, Sample, UNEXPLAINED_ERROR, implausible_count, quality,
+};
 use regen_runtime::{BaseModel, Motion};
 
 /// Fits whose product of errors is within this factor of the best count as equally good.
@@ -10,9 +13,9 @@ const EQUIVALENT_RATIO: f64 = 1.05;
 /// A change of positions is preferred to one of efforts only if its product of errors is smaller
 /// by this factor.
 const MIN_GAIN_OVER_EFFORTS: f64 = 1.5;
-/// Most changes one after the other.
+/// The largest number of changes made one after the other.
 const MAX_ROUNDS: usize = 2;
-/// Least number of states for a hypothesis.
+/// The smallest number of states for a hypothesis.
 const MIN_STATES: usize = 40;
 
 /// A hypothesis on how positions and efforts are to be read.
@@ -45,14 +48,16 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut positions = Reading::plain(sample.measured.len());
     let mut read = plain.clone();
     let all = candidates(model, sample, own, &positions, &read).len();
-    let least = (SPARE * model.base_info().base.len()).div_ceil(info.dof().max(1));
-    let states = (3 * sample.whole / all.max(1)).clamp(least.max(MIN_STATES), FEW.max(least));
+    let least =
+        (MIN_EQUATIONS_PER_PARAMETER * model.base_info().base.len()).div_ceil(info.dof().max(1));
+    let states = (3 * sample.whole / all.max(1))
+        .clamp(least.max(MIN_STATES), MAX_POSITION_STATES.max(least));
     let every = sample.states.len() / states.max(1);
     let present = Grams::of(model, sample, &positions, every);
     let present = present.filter(Grams::closes);
     let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
     let start = start.filter(|_| !open);
-    // fit the change of efforts to the same states, with its offsets
+    // the change of efforts is fitted to the same states, with its offsets
     let rival = match (efforts, &present) {
         (Some(change), Some(grams)) => {
             let offsets = change.offsets.iter().enumerate();
@@ -76,20 +81,21 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             if !grams.closes() {
                 continue;
             }
-            // the efforts' columns may change together with the positions' or stay
+            // the efforts' columns may change together with the positions', or not
             let ways = [candidate.efforts.clone(), read.clone()];
             for efforts in &ways[..if candidate.efforts == read { 1 } else { 2 }] {
                 let Some(fit) = grams.fit(efforts, &[]) else {
                     continue;
                 };
                 let error = quality(&fit.errors);
-                let fits_well = fit.errors.iter().all(|e| *e < 2.0 * BAD);
-                let needed = HALF.powi(i32::try_from(candidate.touched).unwrap_or(i32::MAX));
+                let fits_well = fit.errors.iter().all(|e| *e < 2.0 * UNEXPLAINED_ERROR);
+                let needed =
+                    MIN_GAIN_PER_COLUMN.powi(i32::try_from(candidate.touched).unwrap_or(i32::MAX));
                 let explained = explained(model, sample, &positions, &candidate, &fit.errors);
                 if now.is_none_or(|now| now >= needed * error)
                     && (now.is_some() && explained || fits_well)
                 {
-                    let weight = (nonsense(model, &grams, &fit), candidate.touched);
+                    let weight = (implausible_count(model, &grams, &fit), candidate.touched);
                     let candidate = Candidate {
                         efforts: efforts.clone(),
                         positions: candidate.positions.clone(),
@@ -100,15 +106,16 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
             }
         }
         let top = fits.iter().fold(f64::INFINITY, |m, f| m.min(f.0));
-        let alike = fits.into_iter().filter(|f| f.0 <= top * EQUIVALENT_RATIO);
-        let Some(best) = alike.reduce(|best, other| if other.1 < best.1 { other } else { best })
+        let equivalent = fits.into_iter().filter(|f| f.0 <= top * EQUIVALENT_RATIO);
+        let Some(best) =
+            equivalent.reduce(|best, other| if other.1 < best.1 { other } else { best })
         else {
             break;
         };
         now = Some(best.0);
         positions = best.2.positions;
         read = best.2.efforts;
-        let good = best.3.iter().all(|e| *e < BAD);
+        let good = best.3.iter().all(|e| *e < UNEXPLAINED_ERROR);
         found = Some(best.3);
         if good {
             break;
@@ -130,8 +137,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     })
 }
 
-/// Whether the changed positions explain the efforts of their joints: between two columns that
-/// explain next to nothing, a fit cannot decide.
+/// Whether the changed positions explain the efforts of their joints: a fit cannot decide between
+/// two columns that explain next to nothing.
 fn explained<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
@@ -149,11 +156,12 @@ fn explained<M: BaseModel<f64> + ?Sized>(
     changed.all(|(coordinate, _)| {
         let equation = info.independent.iter().position(|c| c == coordinate);
         let error = equation.and_then(|i| errors.get(i));
-        error.is_none_or(|error| *error < EXPLAINED)
+        error.is_none_or(|error| *error < MAX_EXPLAINED_ERROR)
     })
 }
 
-/// All hypotheses on the positions' units, signs and exchange, starting from these readings.
+/// All hypotheses on the units, the signs and the exchange of positions, starting from these
+/// readings.
 fn candidates<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,

@@ -1,12 +1,12 @@
-//! A change of columns in words, and as the columns that are to be read so.
+//! Describes a change of columns in words, and as the assignments of columns that make it.
 
 use regen_runtime::{BaseModel, Parameter, Symbol};
 
-use super::judge::{EffortChange, ONE, PART, Remedy, Suspicion};
+use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
 use super::{Change, Nominal, Reading, Sample, Shift};
 use crate::data::{Assignment, Quantity};
 
-/// Factors that are units.
+/// Factors between units, with their description.
 const UNITS: [(f64, &str); 5] = [
     (1e-3, "1000 times too large, as in mN m or mm"),
     (1e3, "1000 times too small, as in kN"),
@@ -15,12 +15,12 @@ const UNITS: [(f64, &str); 5] = [
     (0.01, "in cm"),
 ];
 
-/// What the nominal bodies say of efforts that a change turns round, where they agree with it.
+/// The evidence of the nominal bodies for the signs that a change flips, where they agree with it.
 fn agreeing(change: &Change, nominal: &[Nominal]) -> Option<String> {
     let turned = |effort: usize| change.efforts.get(effort).is_some_and(|r| r.factor < 0.0);
-    let agree = nominal
-        .iter()
-        .filter(|n| turned(n.effort) && n.part >= PART && n.correlation >= ONE);
+    let agree = nominal.iter().filter(|n| {
+        turned(n.effort) && n.part >= MIN_COMPARED_PART && n.correlation >= MIN_CORRELATION
+    });
     let figures: Vec<String> = agree.map(|n| format!("{:.3}", n.correlation)).collect();
     (!figures.is_empty()).then(|| {
         format!(
@@ -31,18 +31,18 @@ fn agreeing(change: &Change, nominal: &[Nominal]) -> Option<String> {
     })
 }
 
-/// One log and how its columns are read.
+/// A log and the assignment of its columns.
 #[derive(Debug)]
 pub struct LogColumns<'a, M: ?Sized> {
-    /// What the log is called.
+    /// The name of the log.
     pub file: &'a str,
-    /// The columns that are not read by the names of their quantities.
+    /// The assignments of columns that do not have the names of their quantities.
     pub given: &'a [Assignment],
-    /// The model whose quantities they hold.
+    /// The model whose quantities the columns contain.
     pub model: &'a M,
 }
 
-/// A factor with the digits that it is known by.
+/// A factor rounded to three significant digits, all that a fit determines of it.
 pub(super) fn rounded(factor: f64) -> f64 {
     format!("{factor:.2e}").parse().unwrap_or(factor)
 }
@@ -56,7 +56,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             .map_or_else(String::new, |n| (*n).to_owned())
     }
 
-    /// Where a quantity is read from now.
+    /// The present assignment of a quantity.
     pub(super) fn source(&self, quantity: &Quantity) -> Assignment {
         let found = self.given.iter().find(|a| a.quantity == *quantity);
         found.cloned().unwrap_or_else(|| Assignment {
@@ -68,14 +68,15 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
-    /// Where an effort is read from now.
+    /// The present assignment of an effort.
     pub(super) fn effort(&self, effort: usize) -> Assignment {
         let coordinate = self.model.info().actuated.get(effort).copied();
         let name = coordinate.map_or_else(String::new, |c| self.name(c));
         self.source(&Quantity::Effort(name))
     }
 
-    /// The factor of a quantity that belongs to its joint: the torque constant of a current.
+    /// The factor that belongs to the joint and not to the column: the torque constant of a
+    /// current, else 1.
     pub(super) fn own(&self, quantity: &Quantity) -> f64 {
         let source = self.source(quantity);
         if source.is_current() {
@@ -85,7 +86,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         }
     }
 
-    /// The columns that turn efforts round.
+    /// The assignments that flip the signs of these efforts.
     pub(super) fn turned(&self, efforts: &[usize]) -> Vec<Assignment> {
         let each = efforts.iter().map(|k| {
             let source = self.effort(*k);
@@ -97,7 +98,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         each.collect()
     }
 
-    /// Something that is not about errors.
+    /// A suspicion that is not about errors.
     pub(super) fn say(&self, what: String, remedy: Remedy) -> Suspicion {
         Suspicion {
             file: self.file.to_owned(),
@@ -109,7 +110,8 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         }
     }
 
-    /// Efforts that look shifted by constants, as friction of two directions tells: all in one.
+    /// The suspicion that these efforts have constant offsets, which direction-dependent friction
+    /// has absorbed; `None` if there are none.
     pub(super) fn shifted(&self, shifts: &[Shift]) -> Option<Suspicion> {
         let mut words = Vec::new();
         let mut subtract = Vec::new();
@@ -145,9 +147,9 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
-    /// What a change of columns looks like.
+    /// The suspicion that a change of columns corrects the log; `None` if it changes nothing.
     ///
-    /// - `nominal`: the efforts against those of the nominal bodies, as they are read with it.
+    /// - `nominal`: the comparison with the nominal bodies' efforts, with the change.
     pub(super) fn change(
         &self,
         change: &Change,
@@ -231,7 +233,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         })
     }
 
-    /// Words and columns for quantities of one kind.
+    /// Appends the words and the assignments for the changed quantities of one kind.
     fn describe(
         &self,
         quantities: &[Quantity],
