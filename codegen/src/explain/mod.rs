@@ -18,7 +18,7 @@ use core::fmt;
 
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
-use crate::base::{Analysis, Form, LinkPath, link_paths, velocity_constraints};
+use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -51,9 +51,9 @@ pub enum Evidence {
 
 impl Evidence {
     /// Sampled evidence; `off` is the largest relative error that was taken for zero.
-    fn sampled(states: usize, off: f64) -> Evidence {
+    fn sampled(states: usize, largest_error: f64) -> Evidence {
         let all = crate::base::certificate::DIGITS;
-        let holds = |digits: &usize| off <= libm::pow(10.0, -(*digits as f64));
+        let holds = |digits: &usize| largest_error <= libm::pow(10.0, -(*digits as f64));
         let digits = (0..=all).rev().find(holds).unwrap_or(0);
         Evidence::Sampled { states, digits }
     }
@@ -91,17 +91,17 @@ impl Fact {
 }
 
 /// The predicate of a sentence whose subject is a body with this kind of motion.
-pub fn words(freedom: Freedom) -> &'static str {
+pub fn predicate(freedom: Freedom) -> &'static str {
     match freedom {
-        Freedom::Still => "never moves",
-        Freedom::Line => "never rotates: it slides along a line",
-        Freedom::Plane => "never rotates: it translates in a plane",
-        Freedom::Translates => "never rotates: it translates only",
-        Freedom::Spin => "turns about an axis at rest",
+        Freedom::Fixed => "never moves",
+        Freedom::LinearTranslation => "never rotates: it slides along a line",
+        Freedom::PlanarTranslation => "never rotates: it translates in a plane",
+        Freedom::SpatialTranslation => "never rotates: it translates only",
+        Freedom::FixedAxisRotation => "turns about an axis at rest",
         Freedom::Screw => "turns about an axis at rest and moves along it in proportion",
-        Freedom::Planar => "moves in a plane",
-        Freedom::Direction => "turns about a fixed direction only, and moves along it too",
-        Freedom::Point => "turns about a point at rest",
+        Freedom::PlanarMotion => "moves in a plane",
+        Freedom::Schoenflies => "turns about a fixed direction only, and moves along it too",
+        Freedom::Spherical => "turns about a point at rest",
         Freedom::General => "moves in general ways",
     }
 }
@@ -122,7 +122,7 @@ pub struct BodyMotion {
 
 impl fmt::Display for BodyMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "body {} {}", self.body, words(self.freedom))?;
+        write!(f, "body {} {}", self.body, predicate(self.freedom))?;
         match self.direction {
             Some(n) => write!(f, ", about {}", direction_text(&n)),
             None => Ok(()),
@@ -172,7 +172,7 @@ pub struct Explanation {
     /// The mobility: number of degrees of freedom.
     pub mobility: usize,
     /// Statements about coordinates, closure rows, mobility and drives.
-    pub coordinates: Vec<Fact>,
+    pub coordinate_facts: Vec<Fact>,
     /// Statements about the loops.
     pub loops: Vec<Fact>,
     /// How the bodies move; empty if no closed state could be sampled.
@@ -180,32 +180,37 @@ pub struct Explanation {
     /// Statements about relations among coordinates and among orientations on this branch.
     pub relations: Vec<Fact>,
     /// Parameters that cannot be identified at all.
-    pub unseen: Vec<Unidentifiable>,
+    pub unidentifiable: Vec<Unidentifiable>,
     /// Parameters that can be identified only in combination with others.
-    pub merged: Vec<Grouped>,
+    pub grouped: Vec<Grouped>,
     /// Statements that hold only at the given values of the geometry.
-    pub values: Vec<Fact>,
+    pub geometry_facts: Vec<Fact>,
     /// Warnings about limits, singularities, inertias and sampling.
-    pub trouble: Vec<Fact>,
+    pub warnings: Vec<Fact>,
 }
 
 impl Explanation {
     /// The parameters that act together or not at all by directions completed from samples, each
     /// with its reason. Directions that the order of joints proves need no other reason and are
     /// left out.
-    pub fn completed(self) -> Vec<Grouped> {
-        let unseen = self.unseen.into_iter();
-        let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
-            let reason = u.reason;
-            u.parameters.into_iter().map(move |parameter| Grouped {
-                parameter,
-                with: Vec::new(),
-                reason: reason.clone(),
-                derived: false,
-            })
-        });
-        let together = self.merged.into_iter().filter(|m| !m.derived);
-        alone.chain(together).collect()
+    pub fn grouped_from_samples(self) -> Vec<Grouped> {
+        let unidentifiable = self.unidentifiable.into_iter();
+        let without_effect = unidentifiable
+            .filter(|group| !group.derived)
+            .flat_map(|group| {
+                let reason = group.reason;
+                group.parameters.into_iter().map(move |parameter| Grouped {
+                    parameter,
+                    with: Vec::new(),
+                    reason: reason.clone(),
+                    derived: false,
+                })
+            });
+        let in_combination = self
+            .grouped
+            .into_iter()
+            .filter(|parameter| !parameter.derived);
+        without_effect.chain(in_combination).collect()
     }
 }
 
@@ -221,10 +226,10 @@ pub fn explain(
     let link_paths = link_paths(model);
     let velocity_constraints = velocity_constraints(spec, model);
     let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
-    let mut trouble = limits::facts(spec, model, home);
-    trouble.extend(limits::inertias(spec));
+    let mut warnings = limits::facts(spec, model, home);
+    warnings.extend(limits::inertias(spec));
     if let Err(why) = &states {
-        trouble.push(Fact::given(format!("nothing could be sampled: {why}")));
+        warnings.push(Fact::given(format!("nothing could be sampled: {why}")));
     }
     let states = states.unwrap_or_default();
     let motions = Motions::new(&states);
@@ -232,7 +237,7 @@ pub fn explain(
     let mut explanation = Explanation {
         robot: spec.name.value.clone(),
         mobility: model.independent.len(),
-        coordinates: coordinates(model, redundant),
+        coordinate_facts: coordinate_facts(model, redundant),
         loops: loops::facts(
             model,
             redundant,
@@ -243,10 +248,10 @@ pub fn explain(
         ),
         bodies: Vec::new(),
         relations: Vec::new(),
-        unseen: Vec::new(),
-        merged: Vec::new(),
-        values: values(analysis),
-        trouble,
+        unidentifiable: Vec::new(),
+        grouped: Vec::new(),
+        geometry_facts: geometry_facts(analysis),
+        warnings,
     };
     let Some(motions) = sampled else {
         return explanation;
@@ -268,7 +273,7 @@ pub fn explain(
                 evidence: if exact || observed.freedom == Freedom::General {
                     Evidence::Exact
                 } else {
-                    Evidence::sampled(states.len(), observed.off)
+                    Evidence::sampled(states.len(), observed.largest_error)
                 },
             }
         })
@@ -292,13 +297,13 @@ pub fn explain(
         observed: &observed,
         gravity: [0, 1, 2].map(|k: usize| model.gravity[k].value.to_f64()),
     };
-    explanation.unseen = bodies.without_effect(&analysis.base);
-    explanation.merged = bodies.merged(&analysis.base);
+    explanation.unidentifiable = bodies.without_effect(&analysis.base);
+    explanation.grouped = bodies.merged(&analysis.base);
     explanation
 }
 
 /// Statements about the number of coordinates, the mobility and the drives.
-fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
+fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let names = |of: &[usize]| -> String {
         let names = of.iter().map(|c| model.coordinates[*c].name.as_str());
         names.collect::<Vec<_>>().join(" ")
@@ -326,9 +331,9 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let difference = |a: &[usize], b: &[usize]| -> Vec<usize> {
         a.iter().copied().filter(|c| !b.contains(c)).collect()
     };
-    let extra = difference(&model.actuated, &model.independent);
+    let redundant_drives = difference(&model.actuated, &model.independent);
     let passive = difference(&model.independent, &model.actuated);
-    if extra.is_empty() && passive.is_empty() {
+    if redundant_drives.is_empty() && passive.is_empty() {
         facts.push(Fact::given("actuated are the same".to_owned()));
         return facts;
     }
@@ -358,16 +363,21 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
 }
 
 /// Statements that hold only at the given values of the geometry.
-fn values(analysis: &Analysis) -> Vec<Fact> {
+fn geometry_facts(analysis: &Analysis) -> Vec<Fact> {
     let base = &analysis.base;
-    let equal = base.coincidences.iter();
-    let equal =
-        equal.map(|e| format!("the base parameters rest on {e}, which holds by value only"));
-    let held = base.held.iter();
-    let held = held.map(|h| format!("completed factors hold for {h}"));
-    let numbers = base.unrecognised.iter();
-    let numbers = numbers.map(|n| format!("a number only: {n}"));
-    equal.chain(held).chain(numbers).map(Fact::given).collect()
+    let coincidences = base.coincidences.iter();
+    let coincidences = coincidences.map(|equality| {
+        format!("the base parameters rest on {equality}, which holds by value only")
+    });
+    let fixed_names = base.held.iter();
+    let fixed_names = fixed_names.map(|h| format!("completed factors hold for {h}"));
+    let unrecognised = base.unrecognised.iter();
+    let unrecognised = unrecognised.map(|n| format!("a number only: {n}"));
+    coincidences
+        .chain(fixed_names)
+        .chain(unrecognised)
+        .map(Fact::given)
+        .collect()
 }
 
 /// Statements about bodies whose orientations always agree.
@@ -375,7 +385,7 @@ fn orientations(
     model: &Model,
     motions: &Motions<'_>,
     link_paths: &[LinkPath],
-    velocity_constraints: &[Form],
+    velocity_constraints: &[LinearForm],
     observed: &[ObservedMotion],
     states: usize,
 ) -> Vec<Fact> {
@@ -385,10 +395,10 @@ fn orientations(
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);
-        let with = classes
+        let class = classes
             .iter_mut()
             .find(|class| motions.same_orientation(link(class[0]), link(body)).0);
-        match with {
+        match class {
             Some(class) => class.push(body),
             None => classes.push(vec![body]),
         }
@@ -401,24 +411,24 @@ fn orientations(
             let exact = class.iter().all(|b| {
                 link_paths[first].has_same_orientation(&link_paths[link(*b)], velocity_constraints)
             });
-            let off = class
+            let errors = class
                 .iter()
                 .map(|b| motions.same_orientation(Some(first), Some(link(*b))).1);
-            let alike = class.iter().all(|b| motions.same_move(first, link(*b)));
+            let same_motion = class.iter().all(|b| motions.same_move(first, link(*b)));
             let names: Vec<&str> = class
                 .iter()
                 .map(|b| model.bodies[*b].label.as_str())
                 .collect();
             let names = names.join(" ");
-            let text = if alike {
+            let text = if same_motion {
                 format!("bodies {names} always move alike, shifted by a constant")
             } else {
                 format!("bodies {names} always have the same orientation but for a constant turn")
             };
-            let evidence = if exact && !alike {
+            let evidence = if exact && !same_motion {
                 Evidence::Exact
             } else {
-                Evidence::sampled(states, off.fold(0.0, f64::max))
+                Evidence::sampled(states, errors.fold(0.0, f64::max))
             };
             Fact::new(text, evidence)
         })

@@ -33,7 +33,7 @@ pub(super) fn relate(program: &mut Program) {
         if values.len() > MAX_VALUES || !sweep(program, &values) {
             return;
         }
-        program.drop_double_signs();
+        program.drop_double_negations();
         program.drop_unused();
     }
 }
@@ -45,9 +45,9 @@ const MAX_ERROR_GROWTH: f64 = 2.0;
 struct Value {
     operand: Operand,
     /// The number of steps after which it is computed.
-    after: usize,
+    available_at: usize,
     /// Its value modulo the prime, for each of two sets of random numbers.
-    numbers: [u64; 2],
+    residues: [u64; 2],
     /// The sum of the absolute values of all its terms; rounding errors are proportional to it.
     size: f64,
     /// Whether a quotient contributes to it.
@@ -64,41 +64,41 @@ enum Rewrite {
     /// `a b`
     Product(usize, usize),
     /// `-a b`
-    Negative(usize, usize),
+    NegMul(usize, usize),
     /// `a b + c`
-    With(usize, usize, usize),
+    MulAdd(usize, usize, usize),
     /// `c - a b`
-    From(usize, usize, usize),
+    NegMulAdd(usize, usize, usize),
     /// `a b - c`
-    Less(usize, usize, usize),
+    MulSub(usize, usize, usize),
 }
 
 impl Rewrite {
-    fn places(self) -> Vec<usize> {
+    fn operand_indices(self) -> Vec<usize> {
         match self {
             Rewrite::Sum(a, b)
             | Rewrite::Difference(a, b)
             | Rewrite::Product(a, b)
-            | Rewrite::Negative(a, b) => {
+            | Rewrite::NegMul(a, b) => {
                 vec![a, b]
             }
-            Rewrite::With(a, b, c) | Rewrite::From(a, b, c) | Rewrite::Less(a, b, c) => {
+            Rewrite::MulAdd(a, b, c) | Rewrite::NegMulAdd(a, b, c) | Rewrite::MulSub(a, b, c) => {
                 vec![a, b, c]
             }
         }
     }
 
     /// Its value modulo the prime, for one set of random numbers.
-    fn number(self, values: &[Value], draw: usize) -> u64 {
-        let at = |place: usize| values[place].numbers[draw];
+    fn residue(self, values: &[Value], draw: usize) -> u64 {
+        let at = |place: usize| values[place].residues[draw];
         match self {
             Rewrite::Sum(a, b) => field::add(at(a), at(b)),
             Rewrite::Difference(a, b) => field::sub(at(a), at(b)),
             Rewrite::Product(a, b) => field::mul(at(a), at(b)),
-            Rewrite::Negative(a, b) => field::neg(field::mul(at(a), at(b))),
-            Rewrite::With(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
-            Rewrite::From(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
-            Rewrite::Less(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
+            Rewrite::NegMul(a, b) => field::neg(field::mul(at(a), at(b))),
+            Rewrite::MulAdd(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
+            Rewrite::NegMulAdd(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
+            Rewrite::MulSub(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
         }
     }
 
@@ -107,33 +107,33 @@ impl Rewrite {
         let at = |place: usize| values[place].size;
         match self {
             Rewrite::Sum(a, b) | Rewrite::Difference(a, b) => at(a) + at(b),
-            Rewrite::Product(a, b) | Rewrite::Negative(a, b) => at(a) * at(b),
-            Rewrite::With(a, b, c) | Rewrite::From(a, b, c) | Rewrite::Less(a, b, c) => {
+            Rewrite::Product(a, b) | Rewrite::NegMul(a, b) => at(a) * at(b),
+            Rewrite::MulAdd(a, b, c) | Rewrite::NegMulAdd(a, b, c) | Rewrite::MulSub(a, b, c) => {
                 at(a) * at(b) + at(c)
             }
         }
     }
 
-    /// The operation, and whether its result must still be negated, as [`Rewrite::Negative`] does.
+    /// The operation, and whether its result must still be negated, as [`Rewrite::NegMul`] does.
     fn op(self, values: &[Value]) -> (Op, bool) {
         let at = |place: usize| values[place].operand;
         match self {
             Rewrite::Sum(a, b) => (Op::Add(at(a), at(b)), false),
             Rewrite::Difference(a, b) => (Op::Sub(at(a), at(b)), false),
             Rewrite::Product(a, b) => (Op::Mul(at(a), at(b)), false),
-            Rewrite::Negative(a, b) => match at(a) {
+            Rewrite::NegMul(a, b) => match at(a) {
                 Operand::Constant(c) => (Op::Mul(Operand::Constant(-c), at(b)), false),
                 factor => (Op::Mul(factor, at(b)), true),
             },
-            Rewrite::With(a, b, c) => (Op::MulAdd(at(a), at(b), at(c)), false),
-            Rewrite::From(a, b, c) => (Op::NegMulAdd(at(a), at(b), at(c)), false),
-            Rewrite::Less(a, b, c) => (Op::MulSub(at(a), at(b), at(c)), false),
+            Rewrite::MulAdd(a, b, c) => (Op::MulAdd(at(a), at(b), at(c)), false),
+            Rewrite::NegMulAdd(a, b, c) => (Op::NegMulAdd(at(a), at(b), at(c)), false),
+            Rewrite::MulSub(a, b, c) => (Op::MulSub(at(a), at(b), at(c)), false),
         }
     }
 }
 
 /// The number of products and of sums of an operation.
-fn price(op: &Op) -> [i32; 2] {
+fn cost(op: &Op) -> [i32; 2] {
     match op {
         Op::Add(..) | Op::Sub(..) => [0, 1],
         Op::Mul(..) => [1, 0],
@@ -144,7 +144,7 @@ fn price(op: &Op) -> [i32; 2] {
 
 /// Whether an operation is a sum or a product, which may be replaced.
 fn is_arithmetic(op: &Op) -> bool {
-    price(op) != [0, 0]
+    cost(op) != [0, 0]
 }
 
 /// Makes one pass over all steps; returns whether anything changed.
@@ -154,7 +154,7 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
     let mut signs: Vec<(usize, Op)> = Vec::new();
     let mut changed = false;
     for value in values {
-        let Some(at) = value.after.checked_sub(1) else {
+        let Some(at) = value.available_at.checked_sub(1) else {
             continue;
         };
         if uses.dead[at] || !is_arithmetic(&program.steps[at].op) {
@@ -166,13 +166,14 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
         let end = end.map_or(at, |group| group.steps.end);
         let mut best = None;
         known.candidates(values, end, value, saved, |rewrite| {
-            let places = rewrite.places();
-            let is_allowed = places.iter().all(|place| {
+            let operand_indices = rewrite.operand_indices();
+            let is_allowed = operand_indices.iter().all(|place| {
                 let other = &values[*place];
-                other.after <= end && (value.quotient || !other.quotient)
+                other.available_at <= end && (value.quotient || !other.quotient)
             });
             let is_allowed = is_allowed && rewrite.size(values) <= MAX_ERROR_GROWTH * value.size;
-            let agrees = || (0..2).all(|draw| rewrite.number(values, draw) == value.numbers[draw]);
+            let agrees =
+                || (0..2).all(|draw| rewrite.residue(values, draw) == value.residues[draw]);
             if !is_allowed || !agrees() {
                 return;
             }
@@ -180,9 +181,9 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
             if uses.needs(program, &op, at) {
                 return;
             }
-            let gain = uses.gain(program, at, &op);
-            if gain.is_some() && gain > best.as_ref().and_then(|(most, _)| *most) {
-                best = Some((gain, rewrite));
+            let improvement = uses.improvement(program, at, &op);
+            if improvement.is_some() && improvement > best.as_ref().and_then(|(most, _)| *most) {
+                best = Some((improvement, rewrite));
             }
         });
         let Some((_, rewrite)) = best else { continue };
@@ -214,9 +215,9 @@ impl ValueTable {
             products: FxHashMap::default(),
         };
         for (b, second) in values.iter().enumerate() {
-            known.values.entry(second.numbers[0]).or_insert(b);
+            known.values.entry(second.residues[0]).or_insert(b);
             for (a, first) in values[..=b].iter().enumerate() {
-                let product = field::mul(first.numbers[0], second.numbers[0]);
+                let product = field::mul(first.residues[0], second.residues[0]);
                 known.products.entry(product).or_insert((a, b));
             }
         }
@@ -234,23 +235,23 @@ impl ValueTable {
         [products, sums]: [i32; 2],
         mut found: impl FnMut(Rewrite),
     ) {
-        let number = value.numbers[0];
-        let product = |number: u64| self.products.get(&number).copied();
+        let residue = value.residues[0];
+        let product = |residue: u64| self.products.get(&residue).copied();
         if products > 0 && products + sums > 1 {
-            if let Some((a, b)) = product(number) {
+            if let Some((a, b)) = product(residue) {
                 found(Rewrite::Product(a, b));
             }
-            if let Some((a, b)) = product(field::neg(number)) {
-                found(Rewrite::Negative(a, b));
+            if let Some((a, b)) = product(field::neg(residue)) {
+                found(Rewrite::NegMul(a, b));
             }
         }
         if sums == 0 || products + sums < 2 {
             return;
         }
-        let before = values.iter().take_while(|other| other.after <= end);
+        let before = values.iter().take_while(|other| other.available_at <= end);
         for (c, third) in before.enumerate() {
-            let less = field::sub(number, third.numbers[0]);
-            let more = field::add(number, third.numbers[0]);
+            let less = field::sub(residue, third.residues[0]);
+            let more = field::add(residue, third.residues[0]);
             if let Some(a) = self.values.get(&less) {
                 found(Rewrite::Sum(*a, c));
             }
@@ -261,13 +262,13 @@ impl ValueTable {
                 continue;
             }
             if let Some((a, b)) = product(less) {
-                found(Rewrite::With(a, b, c));
+                found(Rewrite::MulAdd(a, b, c));
             }
             if let Some((a, b)) = product(field::neg(less)) {
-                found(Rewrite::From(a, b, c));
+                found(Rewrite::NegMulAdd(a, b, c));
             }
             if let Some((a, b)) = product(more) {
-                found(Rewrite::Less(a, b, c));
+                found(Rewrite::MulSub(a, b, c));
             }
         }
     }
@@ -278,13 +279,13 @@ fn values(program: &Program) -> Vec<Value> {
     let draws = [RandomValues::new(program, 0), RandomValues::new(program, 1)];
     let sizes = sizes(program);
     let mut values = Vec::new();
-    let mut add = |operand: Operand, after: usize| {
-        let numbers = draws.each_ref().map(|draw| draw.at(&operand));
+    let mut add = |operand: Operand, available_at: usize| {
+        let residues = draws.each_ref().map(|draw| draw.at(&operand));
         let (size, quotient) = size_of(&operand, &sizes);
         values.push(Value {
             operand,
-            after,
-            numbers,
+            available_at,
+            residues,
             size,
             quotient,
         });
@@ -421,7 +422,7 @@ impl RandomValues {
 struct Uses {
     count: Vec<u32>,
     /// For each value, the step that computes it.
-    made: Vec<usize>,
+    producer: Vec<usize>,
     /// For each step, whether its results are no longer used.
     dead: Vec<bool>,
 }
@@ -430,12 +431,12 @@ impl Uses {
     fn of(program: &Program) -> Self {
         let mut uses = Uses {
             count: vec![0; program.names.len()],
-            made: vec![usize::MAX; program.names.len()],
+            producer: vec![usize::MAX; program.names.len()],
             dead: vec![false; program.steps.len()],
         };
         for (at, step) in program.steps.iter().enumerate() {
             for result in &step.results {
-                uses.made[result.0 as usize] = at;
+                uses.producer[result.0 as usize] = at;
             }
         }
         let operands = program.steps.iter().flat_map(|s| s.op.operands());
@@ -464,7 +465,7 @@ impl Uses {
                 let Operand::Temp(t) = operand else { continue };
                 let fewer = fewer.entry(t).or_default();
                 *fewer += 1;
-                let maker = self.made[t.0 as usize];
+                let maker = self.producer[t.0 as usize];
                 let single = program.steps[maker].results.len() == 1;
                 if single && i64::from(self.count[t.0 as usize]) == *fewer {
                     steps.push(maker);
@@ -477,18 +478,18 @@ impl Uses {
     /// The number of products and sums that the program would save without a step.
     fn saved(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
         let steps = self.steps_only_for(program, at, kept);
-        let prices = steps.iter().map(|step| price(&program.steps[*step].op));
+        let prices = steps.iter().map(|step| cost(&program.steps[*step].op));
         prices.fold([0, 0], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
     }
 
     /// The number of operations saved by another operation in place of a step's, and of products
     /// among them; `None` if none are saved, or if an operand is no longer computed.
-    fn gain(&self, program: &Program, at: usize, op: &Op) -> Option<(i32, i32)> {
+    fn improvement(&self, program: &Program, at: usize, op: &Op) -> Option<(i32, i32)> {
         let operands = op.operands();
         let gone = operands
             .iter()
-            .any(|o| matches!(o, Operand::Temp(t) if self.dead[self.made[t.0 as usize]]));
-        let (saved, takes) = (self.saved(program, at, &operands), price(op));
+            .any(|o| matches!(o, Operand::Temp(t) if self.dead[self.producer[t.0 as usize]]));
+        let (saved, takes) = (self.saved(program, at, &operands), cost(op));
         let [products, sums] = [saved[0] - takes[0], saved[1] - takes[1]];
         let fewer = products >= 0 && sums >= 0 && products + sums > 0;
         (fewer && !gone).then_some((products + sums, products))
@@ -500,7 +501,7 @@ impl Uses {
         let mut operands = op.operands();
         while let Some(operand) = operands.pop() {
             let Operand::Temp(t) = operand else { continue };
-            let maker = self.made[t.0 as usize];
+            let maker = self.producer[t.0 as usize];
             if maker == at {
                 return true;
             }
@@ -535,7 +536,7 @@ impl Program {
     /// Inserts an operation before each of the given steps, in order; the step then negates its
     /// result.
     fn insert_negated(&mut self, operations: Vec<(usize, Op)>) {
-        let places: Vec<usize> = operations.iter().map(|(at, _)| *at).collect();
+        let operand_indices: Vec<usize> = operations.iter().map(|(at, _)| *at).collect();
         // from the back, so that the indices before it stay valid
         for (at, op) in operations.into_iter().rev() {
             let temp = Temp(self.names.len() as u32);
@@ -547,7 +548,7 @@ impl Program {
             };
             self.steps.insert(at, step);
         }
-        let moved = |at: usize| at + places.iter().filter(|place| **place < at).count();
+        let moved = |at: usize| at + operand_indices.iter().filter(|place| **place < at).count();
         for group in &mut self.groups {
             group.steps = moved(group.steps.start)..moved(group.steps.end);
         }
@@ -556,10 +557,10 @@ impl Program {
     /// Orders the steps of every group so that each follows its operands, with as few changes as
     /// possible.
     fn sort_groups(&mut self) {
-        let mut made = vec![usize::MAX; self.names.len()];
+        let mut producer = vec![usize::MAX; self.names.len()];
         for (at, step) in self.steps.iter().enumerate() {
             for result in &step.results {
-                made[result.0 as usize] = at;
+                producer[result.0 as usize] = at;
             }
         }
         let mut done = vec![false; self.steps.len()];
@@ -570,7 +571,7 @@ impl Program {
                 while let Some(&step) = stack.last() {
                     let operands = self.steps[step].op.operands().into_iter();
                     let makers = operands.filter_map(|o| match o {
-                        Operand::Temp(t) => Some(made[t.0 as usize]),
+                        Operand::Temp(t) => Some(producer[t.0 as usize]),
                         Operand::Input { .. } | Operand::Constant(_) => None,
                     });
                     let first = makers.filter(|maker| !done[*maker]).min();
@@ -593,7 +594,7 @@ impl Program {
     }
 
     /// Replaces values that are negated twice by the value itself.
-    fn drop_double_signs(&mut self) {
+    fn drop_double_negations(&mut self) {
         let mut of: FxHashMap<Temp, Operand> = FxHashMap::default();
         let mut same: FxHashMap<Temp, Operand> = FxHashMap::default();
         for step in &mut self.steps {

@@ -10,7 +10,9 @@ use crate::base_identities;
 use crate::check::{Identities, Report};
 use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
-use crate::vector::{dot, fill, product, relative_difference, size, slope, times};
+use crate::vector::{
+    derivative_at_zero, dot, fill, max_abs, mul_column_major, mul_row_major, relative_difference,
+};
 
 /// Number of closed states.
 const STATES: usize = 8;
@@ -91,7 +93,7 @@ impl CheckedState<'_> {
         &self,
         f: impl Fn(&[f64]) -> Result<Vec<f64>, SizeError>,
     ) -> Result<Vec<f64>, SizeError> {
-        slope(|t| f(&self.displaced(t)))
+        derivative_at_zero(|t| f(&self.displaced(t)))
     }
 
     fn closure(&self, all: &mut Identities) -> Result<(), SizeError> {
@@ -106,7 +108,7 @@ impl CheckedState<'_> {
         let a = jacobian(q)?;
         let mut differences = vec![0.0; rows * n];
         for column in 0..n {
-            let rates = slope(|h| {
+            let rates = derivative_at_zero(|h| {
                 let mut q = q.clone();
                 q[column] += h;
                 f(&q)
@@ -116,24 +118,24 @@ impl CheckedState<'_> {
             }
         }
         self.compare(all, "A = df/dq", [&a, &differences], 0.0, DIFFERENCE_BOUND);
-        let scale = size(&a) * size(qd);
+        let scale = max_abs(&a) * max_abs(qd);
         self.compare(
             all,
             "A qd = 0",
-            [&times(&a, qd), &zero],
+            [&mul_row_major(&a, qd), &zero],
             scale,
             ROUNDING_BOUND,
         );
         let b = fill(rows, |out| self.model.bias(q, qd, out))?;
-        let scale = size(&a) * size(qdd);
+        let scale = max_abs(&a) * max_abs(qdd);
         self.compare(
             all,
             "A qdd = b",
-            [&times(&a, qdd), &b],
+            [&mul_row_major(&a, qdd), &b],
             scale,
             ROUNDING_BOUND,
         );
-        let drift: Vec<f64> = times(&self.rate(jacobian)?, qd)
+        let drift: Vec<f64> = mul_row_major(&self.rate(jacobian)?, qd)
             .iter()
             .map(|x| -x)
             .collect();
@@ -148,7 +150,7 @@ impl CheckedState<'_> {
         let away: Vec<f64> = (0..info.dependent.len())
             .map(|k| 1.0 / (k as f64 + 1.0))
             .collect();
-        let back = slope(|h| {
+        let back = derivative_at_zero(|h| {
             let mut q = q.clone();
             for (k, d) in info.dependent.iter().zip(&away) {
                 q[*k] -= h * d;
@@ -174,7 +176,7 @@ impl CheckedState<'_> {
         let qdd_i = self.independent(qdd);
 
         let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
-        let w_phi = product(&w, phi, dof);
+        let w_phi = mul_column_major(&w, phi, dof);
         let tau = fill(dof, |out| model.inverse_dynamics(q, qd, qdd, phi, out))?;
         self.compare(
             all,
@@ -187,7 +189,7 @@ impl CheckedState<'_> {
         let mass = fill(dof * dof, |out| model.mass_matrix(q, phi, out))?;
         let rest = fill(dof, |out| model.bias_forces(q, qd, phi, out))?;
         let gravity = fill(dof, |out| model.gravity(q, phi, out))?;
-        let sum: Vec<f64> = times(&mass, &qdd_i)
+        let sum: Vec<f64> = mul_row_major(&mass, &qdd_i)
             .iter()
             .zip(rest.iter().zip(&gravity))
             .map(|(inertial, (bias, gravity))| inertial + bias + gravity)
@@ -256,7 +258,7 @@ impl CheckedState<'_> {
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
-        let twice = dot(&times(&mass(q)?, &qd_i), &qd_i);
+        let twice = dot(&mul_row_major(&mass(q)?, &qd_i), &qd_i);
         self.compare(
             all,
             "kinetic energy of M = of the bodies' poses",
@@ -267,7 +269,7 @@ impl CheckedState<'_> {
 
         let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
         let rise = self.rate(mass)?;
-        let along = dot(&times(&rise, &qd_i), &qd_i);
+        let along = dot(&mul_row_major(&rise, &qd_i), &qd_i);
         self.compare(
             all,
             "power of bias forces = qd_i (dM/dt) qd_i / 2",
@@ -288,8 +290,8 @@ impl CheckedState<'_> {
             all,
             "v C v = v (dM/dt) v / 2",
             [
-                &[dot(&product(&y, &phi, dof), &v) - dot(&gravity, &v)],
-                &[0.5 * dot(&times(&rise, &v), &v)],
+                &[dot(&mul_column_major(&y, &phi, dof), &v) - dot(&gravity, &v)],
+                &[0.5 * dot(&mul_row_major(&rise, &v), &v)],
             ],
             1.0,
             DIFFERENCE_BOUND,
@@ -320,7 +322,7 @@ impl CheckedState<'_> {
                 v[2] * w[0] - v[0] * w[2],
                 v[0] * w[1] - v[1] * w[0],
             ];
-            energy += 0.5 * dot(&times(&inertia, &w), &w)
+            energy += 0.5 * dot(&mul_row_major(&inertia, &w), &w)
                 + 0.5 * p[9] * dot(&v, &v)
                 + dot(&swept, &p[6..9]);
         }

@@ -8,7 +8,7 @@ use regen_identify::data::{DataError, Logs, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{self, InstrumentOptions, Instrumental, Motion};
 use regen_identify::model::{IdentifiedModel, Intervals};
-use regen_identify::session::{Session, Start};
+use regen_identify::session::{LeastSquaresStart, Session};
 use regen_identify::signals::{Method, SignalError};
 use regen_runtime::{BaseModel, SizeError};
 
@@ -45,7 +45,7 @@ pub struct Found {
 /// being simulated with an estimate.
 pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &Start,
+    start: &LeastSquaresStart,
     logs: &[PathBuf],
     reference: Option<(&FourierReference, &[Gains])>,
 ) -> Result<Found, InstrumentError> {
@@ -109,7 +109,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
 /// The model with the intervals of its values.
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &Start,
+    start: &LeastSquaresStart,
     found: &Instrumental,
 ) -> IdentifiedModel {
     let method = format!(
@@ -118,7 +118,7 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     );
     // the regressor of the measured motion is that of least squares
     let mut estimate = found.estimate.clone();
-    if let Some(blocks) = &start.blocks {
+    if let Some(blocks) = &start.score_blocks {
         let n = estimate.values.len();
         let all: Vec<usize> = (0..n).collect();
         let mut change = blocks.change(&start.factor, &all);

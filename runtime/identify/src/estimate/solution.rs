@@ -44,7 +44,7 @@ pub struct Estimate {
     pub degrees_of_freedom: usize,
     /// The degrees of freedom of Student's distribution for each parameter, n entries: rows minus
     /// parameters for white residuals, fewer for correlated residuals.
-    pub students: Vec<f64>,
+    pub parameter_degrees_of_freedom: Vec<f64>,
     /// The efforts with the standard deviations of their residuals.
     pub efforts: Vec<EffortFit>,
     /// The condition number of the weighted W (Eq. 24).
@@ -164,7 +164,7 @@ impl Estimate {
                 .into_iter()
                 .map(|c| c * variance)
                 .collect(),
-            students: vec![degrees_of_freedom as f64; values.len()],
+            parameter_degrees_of_freedom: vec![degrees_of_freedom as f64; values.len()],
             values,
             degrees_of_freedom,
             efforts: vec![EffortFit {
@@ -197,7 +197,11 @@ impl Estimate {
     ///
     /// - `level`: the confidence level, such as 0.95; outside of (0, 1) the result is NaN.
     pub fn half_width(&self, parameter: usize, level: f64) -> f64 {
-        let freedom = self.students.get(parameter).copied().unwrap_or(f64::NAN);
+        let freedom = self
+            .parameter_degrees_of_freedom
+            .get(parameter)
+            .copied()
+            .unwrap_or(f64::NAN);
         quantile(freedom, level) * self.sigma(parameter)
     }
 
@@ -219,7 +223,7 @@ impl Estimate {
     pub fn with_deviations(&self, deviations: &Deviations) -> Self {
         Self {
             covariance: deviations.covariance.clone(),
-            students: deviations.degrees_of_freedom.clone(),
+            parameter_degrees_of_freedom: deviations.degrees_of_freedom.clone(),
             ..self.clone()
         }
     }

@@ -5,7 +5,7 @@ use regen_runtime::{BaseModel, Status};
 
 /// A sample of a log: a whole state of motion with its efforts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row<'a> {
+pub struct StateSample<'a> {
     /// Time, s.
     pub time: f64,
     /// All coordinates, rad or m.
@@ -180,7 +180,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
     ///
     /// # Errors
     /// When a length does not fit the model.
-    pub fn observe(&mut self, row: &Row<'_>) -> Result<Equations<'_>, EstimateError> {
+    pub fn observe(&mut self, row: &StateSample<'_>) -> Result<Equations<'_>, EstimateError> {
         self.tau.clear();
         self.weights.clear();
         let regular = match self.kind {
@@ -202,7 +202,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         })
     }
 
-    fn forces(&mut self, row: &Row<'_>) -> Result<bool, EstimateError> {
+    fn forces(&mut self, row: &StateSample<'_>) -> Result<bool, EstimateError> {
         let dof = self.model.info().dof();
         self.w.clear();
         self.w.resize(dof * self.alone.len(), 0.0);
@@ -216,7 +216,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(condition.status() != Status::Singular && self.w.iter().all(|x| x.is_finite()))
     }
 
-    fn energy(&mut self, row: &Row<'_>, window: f64) -> Result<bool, EstimateError> {
+    fn energy(&mut self, row: &StateSample<'_>, window: f64) -> Result<bool, EstimateError> {
         let info = self.model.info();
         super::require("tau", info.dof(), row.tau.len())?;
         super::require("qd", info.coordinates.len(), row.qd.len())?;
@@ -268,7 +268,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
     }
 
     /// The row of the kinetic energy and the power at a sample; `None` where A_e is singular.
-    fn power(&self, row: &Row<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
+    fn power(&self, row: &StateSample<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
         let info = self.model.info();
         let (dof, n) = (info.dof(), info.coordinates.len());
         let qd_i: Vec<f64> = info.independent.iter().map(|&c| row.qd[c]).collect();

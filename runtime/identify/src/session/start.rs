@@ -15,7 +15,7 @@ use crate::identify::{self, Delays, EquationKind, Identified, LeftOut, digest};
 use crate::model::{IdentifiedModel, Intervals};
 
 /// The result of least squares, and the data that further estimators need.
-pub struct Start {
+pub struct LeastSquaresStart {
     /// The kind of equations, in words.
     pub kind: String,
     /// The weighted QR factor whose solution the values are.
@@ -48,7 +48,7 @@ pub struct Start {
     pub reports: Vec<FileReport>,
 }
 
-impl Start {
+impl LeastSquaresStart {
     /// The least-squares parameters as an identified model.
     pub fn model(&self) -> IdentifiedModel {
         IdentifiedModel {
@@ -74,7 +74,7 @@ const NOISE_PASSES: usize = 3;
 pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &mut MonitoredLogs<'_, M>,
-) -> Result<Start, SessionError> {
+) -> Result<LeastSquaresStart, SessionError> {
     let (model, kind) = (session.model, session.kind);
     let mut found = identify::identify(model, kind, &session.options, logs)?;
     let sampled = match kind {
@@ -87,7 +87,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     } else {
         format!("least squares, {}{sampled}", describe(&found.deviations))
     };
-    Ok(Start {
+    Ok(LeastSquaresStart {
         kind: kind.name(),
         factor: found.factor,
         intervals: Intervals::of(&found.estimate, &used, session.confidence, method),
@@ -146,7 +146,7 @@ pub fn describe(deviations: &Deviations) -> String {
 pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     sets: Vec<FactorSet>,
-) -> Result<Start, SessionError> {
+) -> Result<LeastSquaresStart, SessionError> {
     let own = digest(session.model);
     for (place, set) in sets.iter().enumerate() {
         if set.model != own {
@@ -175,9 +175,9 @@ fn white<M: BaseModel<f64> + ?Sized>(
     kind: String,
     factor: QrFactor,
     estimate: Estimate,
-) -> Start {
+) -> LeastSquaresStart {
     let method = "least squares, for white residuals".to_owned();
-    Start {
+    LeastSquaresStart {
         kind,
         factor,
         intervals: Intervals::of(&estimate, &estimate, session.confidence, method),
@@ -204,7 +204,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
 pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
-) -> Result<Start, SessionError> {
+) -> Result<LeastSquaresStart, SessionError> {
     let model = session.model;
     let info = model.info();
     let joints = nonlinear_joints(model);
