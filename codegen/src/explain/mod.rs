@@ -29,7 +29,8 @@ use unseen::Bodies;
 const SAMPLED_STATES: usize = 12;
 /// Seed of the sampled states, other than the certificate's.
 const SAMPLING_SEED: u64 = 7;
-/// Largest error of a relation among rates, as a fraction of the largest rate.
+/// Largest error of a linear relation among the rates at the sampled states, relative to the largest
+/// rate: the states are computed with 96 digits.
 const RELATION_TOLERANCE: f64 = 1e-60;
 
 /// The evidence for a statement.
@@ -50,7 +51,8 @@ pub enum Evidence {
 }
 
 impl Evidence {
-    /// Sampled evidence; `off` is the largest relative error that was taken for zero.
+    /// Evidence from a number of sampled states; `largest_error` is the largest relative error that
+    /// was taken for zero, from which the number of digits follows.
     fn sampled(states: usize, largest_error: f64) -> Evidence {
         let all = crate::base::certificate::DIGITS;
         let holds = |digits: &usize| largest_error <= libm::pow(10.0, -(*digits as f64));
@@ -90,7 +92,8 @@ impl Fact {
     }
 }
 
-/// The predicate of a sentence whose subject is a body with this kind of motion.
+/// The predicate of a sentence whose subject is a body with this class of motion, such as `moves in
+/// a plane`.
 pub fn predicate(freedom: Freedom) -> &'static str {
     match freedom {
         Freedom::Fixed => "never moves",
@@ -139,7 +142,7 @@ fn direction_text(n: &[f64; 3]) -> String {
     format!("({x:.3}, {y:.3}, {z:.3})")
 }
 
-/// Parameters without any effect on the forces, for one reason.
+/// Parameters that have no effect on the forces, for one common reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unidentifiable {
     /// The labels of the parameters.
@@ -148,6 +151,7 @@ pub struct Unidentifiable {
     pub reason: Option<String>,
     /// Whether this was derived exactly rather than completed from samples.
     pub derived: bool,
+    /// The index of the parameters' body; `None` for parameters of joints.
     body: Option<usize>,
 }
 
@@ -171,7 +175,7 @@ pub struct Explanation {
     pub robot: String,
     /// The mobility: number of degrees of freedom.
     pub mobility: usize,
-    /// Statements about coordinates, closure rows, mobility and drives.
+    /// Statements about the numbers of coordinates and closure equations, mobility and drives.
     pub coordinate_facts: Vec<Fact>,
     /// Statements about the loops.
     pub loops: Vec<Fact>,
@@ -183,16 +187,17 @@ pub struct Explanation {
     pub unidentifiable: Vec<Unidentifiable>,
     /// Parameters that can be identified only in combination with others.
     pub grouped: Vec<Grouped>,
-    /// Statements that hold only at the given values of the geometry.
+    /// Statements about the base parameters that hold only at the given values of the geometry.
     pub geometry_facts: Vec<Fact>,
     /// Warnings about limits, singularities, inertias and sampling.
     pub warnings: Vec<Fact>,
 }
 
 impl Explanation {
-    /// The parameters that act together or not at all by directions completed from samples, each
-    /// with its reason. Directions that the order of joints proves need no other reason and are
-    /// left out.
+    /// The parameters without effect (`with` is empty) or identifiable only in combination with
+    /// others, each with its reason, as far as this follows from null directions completed from
+    /// samples. Parameters whose directions are derived exactly are left out: the derivation is
+    /// their reason.
     pub fn grouped_from_samples(self) -> Vec<Grouped> {
         let unidentifiable = self.unidentifiable.into_iter();
         let without_effect = unidentifiable
@@ -214,8 +219,11 @@ impl Explanation {
     }
 }
 
-/// Explains a mechanism that closes at `home`; `redundant` lists the redundant rows of the closure
-/// equations.
+/// Explains a mechanism.
+///
+/// - `home`: one value per coordinate, rad or m, which satisfies the closure equations;
+/// - `redundant`: the indices of the redundant rows of the closure equations;
+/// - `analysis`: the base parameters of the same model.
 pub fn explain(
     spec: &Spec,
     model: &Model,
@@ -263,7 +271,8 @@ pub fn explain(
         .zip(&observed)
         .map(|(body, observed)| {
             let bound = link_paths[body.link].freedom(&velocity_constraints);
-            // the sampled motions bound the freedom from below, the joints from above
+            // The class of the sampled motions is a lower bound, the class that the joints allow an
+            // upper bound: the result is exact where both agree.
             let exact =
                 bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
             BodyMotion {

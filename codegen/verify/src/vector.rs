@@ -11,7 +11,7 @@ pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
 
-/// The largest magnitude of an entry.
+/// The largest absolute value of an entry; NaN if an entry is NaN.
 pub(crate) fn max_abs(values: &[f64]) -> f64 {
     values.iter().map(|v| v.abs()).fold(0.0, larger)
 }
