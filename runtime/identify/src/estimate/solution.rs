@@ -28,7 +28,7 @@ pub struct EffortFit {
     /// The standard deviation of its residuals, N or N m, or J for energy balances; of the residuals
     /// of weighted rows in the result of [`Estimate::of`]. Infinite there with too few rows.
     pub sigma: f64,
-    /// The factor by which its rows were multiplied: 1 / sigma for [`Weighting::PerEffort`], else 1.
+    /// The factor by which its rows were multiplied; 1 without weighting.
     pub weight: f64,
 }
 

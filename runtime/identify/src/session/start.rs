@@ -84,10 +84,12 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     let estimate_for_intervals = identified.correlated();
     let method = if let Some(n) = session.options.bandwidth {
-        format!("least squares, residuals correlated in {n} samples (Newey and West){sampled}")
+        format!(
+            "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}"
+        )
     } else {
         format!(
-            "least squares, {}{sampled}",
+            "least squares, {}{sampling_note}",
             describe(&identified.deviations)
         )
     };
