@@ -54,9 +54,9 @@ impl Evidence {
     /// Evidence from a number of sampled states; `largest_error` is the largest relative error that
     /// was taken for zero, from which the number of digits follows.
     fn sampled(states: usize, largest_error: f64) -> Evidence {
-        let all = crate::base::certificate::DIGITS;
-        let holds = |digits: &usize| largest_error <= libm::pow(10.0, -(*digits as f64));
-        let digits = (0..=all).rev().find(holds).unwrap_or(0);
+        let max_digits = crate::base::certificate::DIGITS;
+        let is_attained = |digits: &usize| largest_error <= libm::pow(10.0, -(*digits as f64));
+        let digits = (0..=max_digits).rev().find(is_attained).unwrap_or(0);
         Evidence::Sampled { states, digits }
     }
 }
@@ -323,14 +323,15 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let mut facts = vec![Fact::given(if rows == 0 {
         format!("{n} coordinates and no loop: mobility {mobility}")
     } else {
-        let used = rows - redundant.len();
-        let apart = match redundant.len() {
+        let independent_rows = rows - redundant.len();
+        let redundancy_note = match redundant.len() {
             0 => String::new(),
             1 => ", one of them redundant".to_owned(),
             k => format!(", {k} of them redundant"),
         };
         format!(
-            "{n} coordinates and {rows} closure rows{apart}: mobility {n} - {used} = {mobility}"
+            "{n} coordinates and {rows} closure rows{redundancy_note}: mobility {n} - \
+             {independent_rows} = {mobility}"
         )
     })];
     facts.push(Fact::given(format!(

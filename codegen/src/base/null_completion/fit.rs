@@ -138,16 +138,16 @@ fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Optio
 
 /// A sum, found as an integer relation among products of powers at unrelated values of the names.
 fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
-    let place = observed.all_scaled.first()?;
+    let sample = observed.all_scaled.first()?;
     let involved: Vec<bool> = observed
         .one_scaled
         .iter()
         .map(|a| a.is_some_and(|a| power(&observed.value, &a, scale) != Some(0)))
         .collect();
-    let mut all = vec![vec![]];
+    let mut exponents = vec![vec![]];
     for is_involved in involved {
         let range = if is_involved { MAX_POWER_IN_SUM } else { 0 };
-        all = all
+        exponents = exponents
             .into_iter()
             .flat_map(|powers: Vec<i64>| {
                 (-range..=range).map(move |p| {
@@ -157,33 +157,33 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
                 })
             })
             .collect();
-        if all.len() > 1000 {
+        if exponents.len() > 1000 {
             return None;
         }
     }
     let roots = [Number::one(), Number::from_i64(3).sqrt()?];
     // the factor has a dimension, so all terms have the same degree in the lengths
     for degree in [0, 1, -1, 2, -2] {
-        let mut candidates: Vec<&Vec<i64>> = all
+        let mut candidates: Vec<&Vec<i64>> = exponents
             .iter()
             .filter(|p| p.iter().sum::<i64>() == degree)
             .collect();
         candidates.sort_by_key(|p| p.iter().map(|e| e.abs()).sum::<i64>());
         for roots in [&roots[..1], &roots[..]] {
-            let most = MAX_CANDIDATES / roots.len();
+            let max_candidates = MAX_CANDIDATES / roots.len();
             let mut products = Vec::new();
             let mut values = Vec::new();
-            for powers in candidates.iter().take(most) {
+            for powers in candidates.iter().take(max_candidates) {
                 for root in roots {
-                    let value = powers_of(groups, Some(&place.scales), powers)?;
+                    let value = powers_of(groups, Some(&sample.scales), powers)?;
                     values.push(value.mul(root));
                     products.push((root, (*powers).clone()));
                 }
             }
-            let Some(found) = factors(&place.value, &values) else {
+            let Some(coefficients) = factors(&sample.value, &values) else {
                 continue;
             };
-            let terms = products.into_iter().zip(found);
+            let terms = products.into_iter().zip(coefficients);
             let terms = terms.map(|((root, powers), f)| Product {
                 factor: root.mul(&Number::from_rational(f)),
                 powers,
@@ -244,8 +244,8 @@ mod tests {
             &|a, b| a.div(b).unwrap().sub(&b.mul(b).div(&a.mul(a)).unwrap()),
         ];
         for (k, f) in functions.into_iter().enumerate() {
-            let (seen, groups, scale) = observed(f);
-            let fit = Fit::find(&seen, &groups, &scale);
+            let (sampled, groups, scale) = observed(f);
+            let fit = Fit::find(&sampled, &groups, &scale);
             let fit = fit.unwrap_or_else(|| panic!("function {k}"));
             // at lengths that were not used to find the function
             let scales = [5, 3].map(Number::from_i64);

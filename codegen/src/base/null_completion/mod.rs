@@ -75,6 +75,7 @@ impl<'a> NullCompletion<'a> {
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {
         let columns = self.samples.certificate().columns;
         let residual = |direction: &Vector| {
+            // entries beyond the parameters' columns mark completed directions
             let in_parameters = direction.range(..columns);
             let in_parameters: Vector = in_parameters.map(|(c, e)| (*c, e.clone())).collect();
             self.samples.left_over(&values(&in_parameters, columns))

@@ -120,7 +120,7 @@ struct Balance {
     /// The power at the last sample, for the trapezoidal rule.
     last_power: Power,
     /// The weight of the equation: that of the first equation of the sample at the start.
-    weights: f64,
+    weight: f64,
 }
 
 /// The power at one sample.
@@ -198,12 +198,12 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
     ///
     /// # Errors
     /// When a length does not fit the model.
-    pub fn observe(&mut self, row: &StateSample<'_>) -> Result<Equations<'_>, EstimateError> {
+    pub fn observe(&mut self, sample: &StateSample<'_>) -> Result<Equations<'_>, EstimateError> {
         self.tau.clear();
         self.weights.clear();
         let regular = match self.kind {
-            EquationKind::Forces => self.set_up_forces(row)?,
-            EquationKind::Energy { window } => self.extend_balance(row, window)?,
+            EquationKind::Forces => self.set_up_forces(sample)?,
+            EquationKind::Energy { window } => self.extend_balance(sample, window)?,
         };
         if !regular {
             self.tau.clear();
@@ -212,24 +212,24 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             self.balance = None;
         }
         Ok(Equations {
-            time: row.time,
+            time: sample.time,
             w: &self.w,
             tau: &self.tau,
             weights: &self.weights,
-            follows: row.follows,
+            follows: sample.follows,
         })
     }
 
     /// Sets up the equations of motion at a sample; returns false where A_e is singular.
-    fn set_up_forces(&mut self, row: &StateSample<'_>) -> Result<bool, EstimateError> {
+    fn set_up_forces(&mut self, sample: &StateSample<'_>) -> Result<bool, EstimateError> {
         let dof = self.model.info().dof();
         self.w.clear();
         self.w.resize(dof * self.representatives.len(), 0.0);
         let condition = self
             .model
-            .base_regressor(row.q, row.qd, row.qdd, &mut self.w)?;
-        self.tau.extend_from_slice(row.tau);
-        self.weights.extend_from_slice(row.weights);
+            .base_regressor(sample.q, sample.qd, sample.qdd, &mut self.w)?;
+        self.tau.extend_from_slice(sample.tau);
+        self.weights.extend_from_slice(sample.weights);
         super::require("tau", dof, self.tau.len())?;
         super::require("weights", dof, self.weights.len())?;
         Ok(condition.status() != Status::Singular && self.w.iter().all(|x| x.is_finite()))
@@ -239,19 +239,19 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
     /// returns false where A_e is singular.
     fn extend_balance(
         &mut self,
-        row: &StateSample<'_>,
+        sample: &StateSample<'_>,
         window: f64,
     ) -> Result<bool, EstimateError> {
         let info = self.model.info();
-        super::require("tau", info.dof(), row.tau.len())?;
-        super::require("qd", info.coordinates.len(), row.qd.len())?;
-        let Some((kinetic, power)) = self.power(row)? else {
+        super::require("tau", info.dof(), sample.tau.len())?;
+        super::require("qd", info.coordinates.len(), sample.qd.len())?;
+        let Some((kinetic, power)) = self.power(sample)? else {
             return Ok(false);
         };
-        if !row.follows {
+        if !sample.follows {
             self.balance = None;
         }
-        let weights = row.weights.first().copied().unwrap_or(1.0);
+        let weight = sample.weights.first().copied().unwrap_or(1.0);
         let mut balance = match self.balance.take() {
             Some(mut balance) => {
                 let half = 0.5 * (power.time - balance.last_power.time);
@@ -269,7 +269,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
                 opposed: vec![0.0; power.row.len()],
                 work: 0.0,
                 last_power: power,
-                weights,
+                weight,
             },
         };
         // a window ends at the first sample that completes its length, up to rounding of the times
@@ -281,14 +281,14 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             let equation_row = kinetic_change.zip(&balance.opposed).map(|(g, d)| g + d);
             self.w = equation_row.collect();
             self.tau.push(balance.work);
-            self.weights.push(balance.weights);
+            self.weights.push(balance.weight);
             balance = Balance {
                 start_time: balance.last_power.time,
                 initial_kinetic: kinetic,
                 opposed: vec![0.0; balance.opposed.len()],
                 work: 0.0,
                 last_power: balance.last_power,
-                weights,
+                weight,
             };
         }
         self.balance = Some(balance);
@@ -297,10 +297,10 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
 
     /// The kinetic energy at a sample as a row over the base parameters, and the power; `None` where
     /// A_e is singular.
-    fn power(&self, row: &StateSample<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
+    fn power(&self, sample: &StateSample<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
         let info = self.model.info();
         let (dof, n) = (info.dof(), info.coordinates.len());
-        let qd_i: Vec<f64> = info.independent.iter().map(|&c| row.qd[c]).collect();
+        let qd_i: Vec<f64> = info.independent.iter().map(|&c| sample.qd[c]).collect();
         let size = dof * info.parameters.len();
         let zero_qd = vec![0.0; n];
         let zero_qdd_i = vec![0.0; dof];
@@ -310,20 +310,21 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         // W(q, 0, qd) - W(q, 0, 0) is the regressor of the momentum; times qd_i^T it gives 2 T
         let condition = self
             .model
-            .regressor(row.q, &zero_qd, row.qd, &mut w_accelerated)?;
+            .regressor(sample.q, &zero_qd, sample.qd, &mut w_accelerated)?;
         let _ = self
             .model
-            .regressor(row.q, &zero_qd, &zero_qd, &mut w_rest)?;
+            .regressor(sample.q, &zero_qd, &zero_qd, &mut w_rest)?;
         // vanishing velocities with full reference velocities leave gravity and friction only
-        let vanishing_qd: Vec<f64> = row.qd.iter().map(|v| VANISHING_VELOCITY * v).collect();
+        let vanishing_qd: Vec<f64> = sample.qd.iter().map(|v| VANISHING_VELOCITY * v).collect();
         // its condition is that of the same A_e as above
         let _ = self.model.adaptive_regressor(
-            row.q,
+            sample.q,
             &vanishing_qd,
             &qd_i,
             &zero_qdd_i,
             &mut w_opposing,
         )?;
+        // qd_i^T W phi
         let power_of = |matrix: &[f64], parameters: &[(usize, f64)]| -> f64 {
             let column = |(c, value): &(usize, f64)| -> f64 {
                 let entries = matrix.iter().skip(c * dof).zip(&qd_i);
@@ -336,21 +337,21 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             .iter()
             .map(|phi| 0.5 * (power_of(&w_accelerated, phi) - power_of(&w_rest, phi)))
             .collect();
-        let power: Vec<f64> = self
+        let opposing_power: Vec<f64> = self
             .representatives
             .iter()
             .map(|phi| power_of(&w_opposing, phi))
             .collect();
-        let finite = kinetic.iter().chain(&power).all(|x| x.is_finite());
+        let finite = kinetic.iter().chain(&opposing_power).all(|x| x.is_finite());
         if condition.status() == Status::Singular || !finite {
             return Ok(None);
         }
-        let efforts = row.tau.iter().zip(&qd_i).map(|(t, v)| t * v).sum();
+        let efforts = sample.tau.iter().zip(&qd_i).map(|(t, v)| t * v).sum();
         Ok(Some((
             kinetic,
             Power {
                 time: row.time,
-                row: power,
+                row: opposing_power,
                 efforts,
             },
         )))
