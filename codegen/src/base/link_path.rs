@@ -328,30 +328,30 @@ mod tests {
             vec![vec![(0, n(1)), (1, n(-1))]],
             vec![vec![(0, n(1)), (1, n(1))]],
         );
-        let along = turned(&[], 0, 2);
+        let turned_about_z = turned(&[], 0, 2);
         // y rotated into z: the same direction
         let again = turned(&[(Axis::X, 1)], 1, 1);
         assert!(
-            along.has_same_orientation(&again, &same)
-                ^ along.has_same_orientation(&again, &opposite)
+            turned_about_z.has_same_orientation(&again, &same)
+                ^ turned_about_z.has_same_orientation(&again, &opposite)
         );
         let again = turned(&[(Axis::Z, 3)], 1, 2);
-        assert!(along.has_same_orientation(&again, &same));
-        assert!(!along.has_same_orientation(&again, &opposite));
+        assert!(turned_about_z.has_same_orientation(&again, &same));
+        assert!(!turned_about_z.has_same_orientation(&again, &opposite));
         // upside down: the axis points in the opposite direction
         let against = turned(&[(Axis::X, 2)], 1, 2);
-        assert!(along.has_same_orientation(&against, &opposite));
-        assert!(!along.has_same_orientation(&against, &same));
+        assert!(turned_about_z.has_same_orientation(&against, &opposite));
+        assert!(!turned_about_z.has_same_orientation(&against, &same));
         // an axis in another direction never gives the same orientation
         let across = turned(&[], 1, 0);
         assert!(
-            !along.has_same_orientation(&across, &same)
-                && !along.has_same_orientation(&across, &opposite)
+            !turned_about_z.has_same_orientation(&across, &same)
+                && !turned_about_z.has_same_orientation(&across, &opposite)
         );
         // nor do two axes that are not parallel
         let mut bent = turned(&[], 1, 2);
         bent.add_revolute(2, 0);
-        assert!(!along.has_same_orientation(&bent, &same));
+        assert!(!turned_about_z.has_same_orientation(&bent, &same));
     }
 
     #[test]

@@ -29,8 +29,8 @@ use unseen::Bodies;
 const SAMPLED_STATES: usize = 12;
 /// Seed of the sampled states, other than the certificate's.
 const SAMPLING_SEED: u64 = 7;
-/// Largest error of a linear relation among the rates at the sampled states, relative to the largest
-/// rate: the states are computed with 96 digits.
+/// Largest error of a linear relation among the rates at the sampled states, relative to the
+/// largest rate: the states are computed with 96 digits.
 const RELATION_TOLERANCE: f64 = 1e-60;
 
 /// The evidence for a statement.
@@ -341,9 +341,9 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let difference = |a: &[usize], b: &[usize]| -> Vec<usize> {
         a.iter().copied().filter(|c| !b.contains(c)).collect()
     };
-    let redundant_drives = difference(&model.actuated, &model.independent);
+    let dependent_drives = difference(&model.actuated, &model.independent);
     let passive = difference(&model.independent, &model.actuated);
-    if redundant_drives.is_empty() && passive.is_empty() {
+    if dependent_drives.is_empty() && passive.is_empty() {
         facts.push(Fact::given("actuated are the same".to_owned()));
         return facts;
     }

@@ -7,9 +7,9 @@
 //! evaluated modulo a prime, at random inputs and at random points of the unit circle for sines and
 //! cosines, and each value is compared with sums, products, and products plus or minus a third
 //! value, of values that are available before it. All are rational functions of the random numbers,
-//! so a relation that does not hold everywhere holds at random numbers with a probability of at most
-//! their degree over the prime, some 1e-16 (Schwartz, 1980; Zippel, 1979), and a second set of random
-//! numbers has to agree.
+//! so a relation that does not hold everywhere holds at random numbers with a probability of at
+//! most their degree over the prime, some 1e-16 (Schwartz, 1980; Zippel, 1979), and a second set of
+//! random numbers has to agree.
 //!
 //! A relation that is exact over rational numbers may lose digits or be undefined in floating
 //! point: so a value is not recovered from a sum with a far larger one, nor from quotients if it
@@ -50,8 +50,8 @@ struct Value {
     available_at: usize,
     /// Its value modulo the prime, for each of two sets of random numbers.
     residues: [u64; 2],
-    /// The sum of the absolute values of its terms, for inputs of about one; its rounding errors are
-    /// proportional to this sum.
+    /// The sum of the absolute values of its terms, for inputs of about one; its rounding errors
+    /// are proportional to this sum.
     absolute_sum: f64,
     /// Whether its computation contains a division.
     has_quotient: bool,
@@ -247,8 +247,8 @@ impl ValueTable {
         table
     }
 
-    /// Calls `propose` with expressions that equal the value for the first set of random numbers and
-    /// take fewer operations than `products` and `sums` together: what the program saves if the
+    /// Calls `propose` with expressions that equal the value for the first set of random numbers
+    /// and take fewer operations than `products` and `sums` together: what the program saves if the
     /// value's step is dropped with the steps that only this step uses.
     ///
     /// Only the operand `c` is restricted to values that are available by step `end`; the caller
@@ -480,8 +480,8 @@ impl Uses {
         uses
     }
 
-    /// The steps that are dead if the step `target` is dropped: `target` itself, then the steps whose
-    /// results only these use. Each value in `extra_uses` counts as used once more, as by the
+    /// The steps that are dead if the step `target` is dropped: `target` itself, then the steps
+    /// whose results only these use. Each value in `extra_uses` counts as used once more, as by the
     /// operation that replaces the step.
     fn steps_dead_without(
         &self,
@@ -513,8 +513,8 @@ impl Uses {
         steps
     }
 
-    /// The operations that the program saves if the step `target` is dropped with all steps that are
-    /// dead without it.
+    /// The operations that the program saves if the step `target` is dropped with all steps that
+    /// are dead without it.
     fn saved_without(&self, program: &Program, target: usize, extra_uses: &[Operand]) -> Cost {
         let steps = self.steps_dead_without(program, target, extra_uses);
         let costs = steps.iter().map(|step| cost(&program.steps[*step].op));
@@ -525,8 +525,8 @@ impl Uses {
     }
 
     /// The number of operations that the program saves if `op` replaces the operation of the step
-    /// `target`, and the number of products among them; `None` if it saves nothing, or if an operand
-    /// of `op` is the result of a dead step.
+    /// `target`, and the number of products among them; `None` if it saves nothing, or if an
+    /// operand of `op` is the result of a dead step.
     fn improvement(&self, program: &Program, target: usize, op: &Op) -> Option<(i32, i32)> {
         let operands = op.operands();
         let uses_dead_value = operands

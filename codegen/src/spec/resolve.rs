@@ -21,9 +21,9 @@ use crate::sym::Number;
 /// its largest entry.
 const SEMIDEFINITE_TOLERANCE: f64 = 1e-12;
 
-/// Evaluates a spec whose names have been checked, and reports all errors to `sink`; `None` if a part
-/// cannot be evaluated. The result may be `Some` although an error was reported, such as a negative
-/// mass: the caller must consult `sink`.
+/// Evaluates a spec whose names have been checked, and reports all errors to `sink`; `None` if a
+/// part cannot be evaluated. The result may be `Some` although an error was reported, such as a
+/// negative mass: the caller must consult `sink`.
 pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     let mut resolver = Resolver {
         values: BTreeMap::new(),
@@ -106,8 +106,8 @@ struct PitchOwner<'a> {
     path: &'a str,
 }
 
-/// Evaluates the parts of a spec one after the other. Its methods return `None` after they reported an
-/// error.
+/// Evaluates the parts of a spec one after the other. Its methods return `None` after they reported
+/// an error.
 struct Resolver<'a> {
     /// The values of the geometry names evaluated so far; `None` for a name whose expression has
     /// a reported error, so that no error is reported for the expressions that use it.

@@ -19,8 +19,8 @@ const STATES: usize = 8;
 /// Largest error of identities whose sides differ by rounding only, relative to the larger side:
 /// rounding of 1e-16, with seven digits left for terms that cancel.
 pub(crate) const ROUNDING_BOUND: f64 = 1e-9;
-/// Largest error of comparisons with finite differences, relative to the larger side: epsilon over the
-/// step of the differences is some 1e-12, with six digits left for terms that cancel.
+/// Largest error of comparisons with finite differences, relative to the larger side: epsilon over
+/// the step of the differences is some 1e-12, with six digits left for terms that cancel.
 const DIFFERENCE_BOUND: f64 = 1e-6;
 
 /// Checks a robot's functions against each other; the errors of the identities are relative.

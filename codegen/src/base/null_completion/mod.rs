@@ -33,9 +33,9 @@ use fit::{Fit, SampledFactor, ScaledFactor};
 pub use recognise::recognise;
 use scaled_geometry::{Group, fixed_angles, groups, sample};
 
-/// The largest residual of a null direction, relative to the largest sampled entry times the largest
-/// entry of the direction (see `Samples::left_over`): the samples carry 96 digits, so the residual of
-/// a true null direction is far smaller.
+/// The largest residual of a null direction, relative to the largest sampled entry times the
+/// largest entry of the direction (see `Samples::left_over`): the samples carry 96 digits, so the
+/// residual of a true null direction is far smaller.
 const MAX_NULL_RESIDUAL: f64 = 1e-60;
 
 /// The completion of a null space from samples of the regressor at random closed states.
@@ -193,8 +193,8 @@ struct Recognised {
     factors: Vec<Factor>,
 }
 
-/// Score of a factor that is known by its digits only: it outweighs the constants of a direction, so
-/// that a form with fewer such factors is preferred.
+/// Score of a factor that is known by its digits only: it outweighs the constants of a direction,
+/// so that a form with fewer such factors is preferred.
 const DIGITS_SCORE: usize = 1000;
 
 impl Recognised {
@@ -381,8 +381,8 @@ impl ScaledSamples {
 /// The null direction with one support at each scaled set of values of the names, as entries in the
 /// order of the support.
 struct ScaledCircuits {
-    /// For each group, the direction with this group alone scaled; `None` where there are no samples
-    /// or no unique direction.
+    /// For each group, the direction with this group alone scaled; `None` where there are no
+    /// samples or no unique direction.
     one_scaled: Vec<Option<Vec<Float320>>>,
     /// Sets of scales, one for each group, and the directions with all groups scaled by them.
     all_scaled: Vec<(Vec<Number>, Vec<Float320>)>,

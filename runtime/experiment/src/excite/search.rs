@@ -34,8 +34,8 @@ const MAX_SHRINKS: usize = 40;
 
 /// Trust radius at the start: the bound on the change of each variable in one step.
 const INITIAL_TRUST_RADIUS: f64 = 0.1;
-/// Least trust radius at the start of a stage, so that a stage can move although the stage before it
-/// ended with small steps.
+/// Least trust radius at the start of a stage, so that a stage can move although the stage before
+/// it ended with small steps.
 const MIN_STAGE_TRUST_RADIUS: f64 = 0.02;
 /// Largest trust radius: a step changes no variable by more than a reachable amplitude.
 const MAX_TRUST_RADIUS: f64 = 1.0;
@@ -48,14 +48,14 @@ const NOT_CLOSED_FACTOR: f64 = 0.25;
 const ACCEPTED_RATIO: f64 = 0.01;
 /// Below this ratio of actual to predicted decrease the trust radius becomes half the step's size.
 const POOR_RATIO: f64 = 0.25;
-/// Above this ratio of actual to predicted decrease the trust radius is doubled, if the step reaches
-/// the boundary of the box.
+/// Above this ratio of actual to predicted decrease the trust radius is doubled, if the step
+/// reaches the boundary of the box.
 const GOOD_RATIO: f64 = 0.75;
 /// A step longer than this part of the trust radius counts as one to the boundary.
 const BOUNDARY_FRACTION: f64 = 0.9;
 
-/// Decrease of the merit below which a step counts as small. It is coarse because the result of a stage
-/// is only the start of the next one.
+/// Decrease of the merit below which a step counts as small. It is coarse because the result of a
+/// stage is only the start of the next one.
 const MIN_DECREASE: f64 = 1e-3;
 /// The same for the last stage.
 const FINAL_MIN_DECREASE: f64 = 1e-6;
@@ -73,19 +73,19 @@ const PENALTY_GROWTH: f64 = 10.0;
 const MAX_PENALTY: f64 = 1e4;
 /// Predicted decrease of the merit below which a step counts as none.
 const MIN_PREDICTED_DECREASE: f64 = 1e-9;
-/// Largest number of quadratic programmes per step: after each, the limits that its step would exceed
-/// are added.
+/// Largest number of quadratic programmes per step: after each, the limits that its step would
+/// exceed are added.
 const MAX_PROGRAMMES: usize = 6;
-/// Excess over a limit that is not in the programme, relative to half its range and beyond that of the
-/// limits in it, from which the limit is added.
+/// Excess over a limit that is not in the programme, relative to half its range and beyond that of
+/// the limits in it, from which the limit is added.
 const VIOLATION_TOLERANCE: f64 = 1e-6;
 
 /// Lagrange multipliers below this count as zero, so that their limits' curvature is not computed.
 const MIN_MULTIPLIER: f64 = 1e-6;
 /// Least curvature `d^T B d` along a step with which the Hessian is updated.
 const MIN_CURVATURE: f64 = 1e-14;
-/// Powell's damping (1978): the change of the gradient is replaced such that its product with the step
-/// is at least this part of `d^T B d`, which keeps the Hessian positive definite.
+/// Powell's damping (1978): the change of the gradient is replaced such that its product with the
+/// step is at least this part of `d^T B d`, which keeps the Hessian positive definite.
 const POWELL_DAMPING: f64 = 0.2;
 
 /// The state of one start of the trust-region sequential quadratic programming.
@@ -176,8 +176,8 @@ where
         &self.y
     }
 
-    /// Takes up to `steps` steps of a stage; calls `keep_going` before each and stops where it returns
-    /// false.
+    /// Takes up to `steps` steps of a stage; calls `keep_going` before each and stops where it
+    /// returns false.
     pub(super) fn stage(
         &mut self,
         stage: usize,
@@ -250,12 +250,12 @@ where
     }
 
     /// The exact penalty function (merit): the objective plus the penalty times the largest excess.
-    fn merit(&self, at: &Evaluation) -> f64 {
-        at.objective + self.penalty * excess(at)
+    fn merit(&self, evaluation: &Evaluation) -> f64 {
+        evaluation.objective + self.penalty * excess(evaluation)
     }
 
-    /// The step of the quadratic programme, the indices of the limits in it (in the order of the step's
-    /// multipliers), and the predicted decrease of the merit; `None` where the solver fails.
+    /// The step of the quadratic programme, the indices of the limits in it (in the order of the
+    /// step's multipliers), and the predicted decrease of the merit; `None` where the solver fails.
     fn step(
         &mut self,
         current: &Evaluation,
@@ -330,8 +330,8 @@ where
         rows.zip(d).map(|(row, x)| x * dot(row, d)).sum()
     }
 
-    /// The damped BFGS update of the Lagrangian's Hessian from the gradients of the Lagrangian at both
-    /// ends of a step, with the step's multipliers of the `active` limits.
+    /// The damped BFGS update of the Lagrangian's Hessian from the gradients of the Lagrangian at
+    /// both ends of a step, with the step's multipliers of the `active` limits.
     fn update_hessian(
         &mut self,
         current: &Evaluation,
@@ -389,6 +389,6 @@ where
 }
 
 /// The largest excess over a limit, relative to half its range; 0 within all limits.
-fn excess(at: &Evaluation) -> f64 {
-    at.values.iter().fold(0.0, |m: f64, v| m.max(*v))
+fn excess(evaluation: &Evaluation) -> f64 {
+    evaluation.values.iter().fold(0.0, |m: f64, v| m.max(*v))
 }

@@ -258,7 +258,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             qdd: &state.qdd,
             tau: &tau,
             efforts: &actuated,
-            still: &rests,
+            at_standstill: &rests,
             weights: &weights,
             follows: self.follows,
         };

@@ -25,8 +25,9 @@ pub struct EffortFit {
     pub name: String,
     /// The number of its equations (rows of W).
     pub rows: usize,
-    /// The standard deviation of its residuals, N or N m, or J for energy balances; of the residuals
-    /// of weighted rows in the result of [`Estimate::of`]. Infinite there with too few rows.
+    /// The standard deviation of its residuals, N or N m, or J for energy balances; of the
+    /// residuals of weighted rows in the result of [`Estimate::of`]. Infinite there with too few
+    /// rows.
     pub sigma: f64,
     /// The factor by which its rows were multiplied; 1 without weighting.
     pub weight: f64,
@@ -60,17 +61,17 @@ pub struct Estimate {
 const MAX_REWEIGHTING_PASSES: usize = 50;
 /// Reweighting ends when no weight changes by more than this relative amount.
 const WEIGHT_TOLERANCE: f64 = 1e-12;
-/// Lower bound on the standard deviation of an effort's residuals, relative to the root mean square of
-/// the effort: smaller residuals are rounding errors.
+/// Lower bound on the standard deviation of an effort's residuals, relative to the root mean square
+/// of the effort: smaller residuals are rounding errors.
 const MIN_SIGMA_PART: f64 = 1e-14;
-/// Lower bound on the relative standard deviation of an effort (residuals over the root mean square of
-/// the effort), as a fraction of the largest one of all efforts: otherwise the weight of an effort
-/// that is fitted exactly would be so large that the equations of the other efforts were lost to
-/// rounding.
+/// Lower bound on the relative standard deviation of an effort (residuals over the root mean square
+/// of the effort), as a fraction of the largest one of all efforts: otherwise the weight of an
+/// effort that is fitted exactly would be so large that the equations of the other efforts were
+/// lost to rounding.
 const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
-/// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N or
-/// N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
+/// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N
+/// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
 fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
@@ -141,9 +142,9 @@ impl Estimate {
         })
     }
 
-    /// Estimates parameters from one QR factor whose rows have the same standard deviation. With less
-    /// than three rows for two parameters the residuals give no information on the noise, and the
-    /// standard deviations are infinite.
+    /// Estimates parameters from one QR factor whose rows have the same standard deviation. With
+    /// less than three rows for two parameters the residuals give no information on the noise, and
+    /// the standard deviations are infinite.
     ///
     /// # Errors
     /// As [`new`](Estimate::new).
@@ -253,8 +254,9 @@ fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
         .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
 }
 
-/// The standard deviations of the efforts' residuals at these parameters, N or N m, or J. The degrees
-/// of freedom of an effort are its rows minus its share of the parameters, in proportion to the rows.
+/// The standard deviations of the efforts' residuals at these parameters, N or N m, or J. The
+/// degrees of freedom of an effort are its rows minus its share of the parameters, in proportion to
+/// the rows.
 fn residual_sigmas(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
     let total_rows: usize = set.factors().iter().map(QrFactor::rows).sum();
     let free_fraction = 1.0 - values.len() as f64 / total_rows.max(1) as f64;

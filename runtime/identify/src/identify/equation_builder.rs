@@ -21,11 +21,11 @@ pub struct StateSample<'a> {
     /// The efforts of the actuated joints as they were measured, in the order of
     /// `Info::actuated`, N or N m; empty where they are not known.
     pub efforts: &'a [f64],
-    /// Whether each coordinate rests, or moves so slowly that noise decides on the direction of
-    /// its friction; empty where that is not known.
-    pub still: &'a [bool],
-    /// The weight of each equation of this sample, `dof` entries, which multiplies the weight of the
-    /// effort; an energy balance has the first entry of the sample at which its window starts.
+    /// For each of the n coordinates, whether it is at rest, or moves so slowly that noise decides on
+    /// the direction of its friction; empty where that is not known.
+    pub at_standstill: &'a [bool],
+    /// The weight of each equation of this sample, `dof` entries, which multiplies the weight of
+    /// the effort; an energy balance has the first entry of the sample at which its window starts.
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
@@ -68,8 +68,8 @@ impl EquationKind {
 pub struct Equations<'a> {
     /// The sample's time, s.
     pub time: f64,
-    /// The regressor of the r base parameters, `tau.len()` x r, column-major; its contents are stale
-    /// where `tau` is empty.
+    /// The regressor of the r base parameters, `tau.len()` x r, column-major; its contents are
+    /// stale where `tau` is empty.
     pub w: &'a [f64],
     /// The right-hand sides: `dof` entries in N or N m, or one entry in J; empty where A_e is
     /// singular, and at the samples inside a window of an energy balance.
@@ -80,8 +80,8 @@ pub struct Equations<'a> {
     pub follows: bool,
 }
 
-/// Factor on the velocities, so small that terms quadratic in them underflow to 0, while their signs,
-/// on which friction depends, remain.
+/// Factor on the velocities, so small that terms quadratic in them underflow to 0, while their
+/// signs, on which friction depends, remain.
 const VANISHING_VELOCITY: f64 = 1e-150;
 
 /// Sets up the equations of one sample after the other.
@@ -91,15 +91,15 @@ pub struct EquationBuilder<'m, M: ?Sized> {
     kind: EquationKind,
     /// For each base parameter k, the sparse phi (indices and values) with beta_k = 1 and all other
     /// base parameters and free parameters 0, so that W phi is the k-th column of the base
-    /// regressor: the parameter that beta_k is named by, and those that the spec's choices about the
-    /// base tie to it.
+    /// regressor: the parameter that beta_k is named by, and those that the spec's choices about
+    /// the base tie to it.
     representatives: Vec<Vec<(usize, f64)>>,
     /// The buffers of [`Equations`].
     w: Vec<f64>,
     tau: Vec<f64>,
     weights: Vec<f64>,
-    /// The current window of the energy balance; `None` before the first sample and after a gap or a
-    /// singularity.
+    /// The current window of the energy balance; `None` before the first sample and after a gap or
+    /// a singularity.
     balance: Option<Balance>,
     /// The number of samples without equations because A_e is singular.
     singular: usize,
@@ -192,9 +192,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
 
     /// Sets up the equations of a sample.
     ///
-    /// An energy balance gives one equation at the sample that ends its window; at the other samples,
-    /// inside an incomplete window, `tau` of the result is empty. A gap or a singularity starts a new
-    /// window. Where A_e is singular, `tau` is empty too.
+    /// An energy balance gives one equation at the sample that ends its window; at the other
+    /// samples, inside an incomplete window, `tau` of the result is empty. A gap or a singularity
+    /// starts a new window. Where A_e is singular, `tau` is empty too.
     ///
     /// # Errors
     /// When a length does not fit the model.
@@ -235,8 +235,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(condition.status() != Status::Singular && self.w.iter().all(|x| x.is_finite()))
     }
 
-    /// Extends the energy balance by a sample, and sets up its equation if the sample ends the window;
-    /// returns false where A_e is singular.
+    /// Extends the energy balance by a sample, and sets up its equation if the sample ends the
+    /// window; returns false where A_e is singular.
     fn extend_balance(
         &mut self,
         sample: &StateSample<'_>,
@@ -295,8 +295,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(true)
     }
 
-    /// The kinetic energy at a sample as a row over the base parameters, and the power; `None` where
-    /// A_e is singular.
+    /// The kinetic energy at a sample as a row over the base parameters, and the power; `None`
+    /// where A_e is singular.
     fn power(&self, sample: &StateSample<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
         let info = self.model.info();
         let (dof, n) = (info.dof(), info.coordinates.len());

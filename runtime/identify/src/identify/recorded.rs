@@ -56,7 +56,7 @@ impl Recorded {
             motion: [row.q.to_vec(), row.qd.to_vec(), row.qdd.to_vec()],
             tau: row.tau.to_vec(),
             efforts: row.efforts.to_vec(),
-            still: row.still.to_vec(),
+            still: row.at_standstill.to_vec(),
             weights: row.weights.to_vec(),
             follows: row.follows,
         });
@@ -93,7 +93,7 @@ impl Source for Recorded {
                 qdd,
                 tau: &row.tau,
                 efforts: &row.efforts,
-                still: &row.still,
+                at_standstill: &row.still,
                 weights: &row.weights,
                 follows: row.follows,
             })?;

@@ -295,7 +295,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if self.filtering.standstill == Standstill::Keep {
             self.values.extend(core::iter::repeat_n(1.0, self.dof));
         } else {
-            self.friction.moved(row.still, &mut self.values);
+            self.friction.moved(row.at_standstill, &mut self.values);
         }
         self.times.push(row.time);
         self.weights.extend_from_slice(row.weights);

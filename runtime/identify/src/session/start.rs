@@ -1,5 +1,5 @@
-//! The least-squares estimate with which every identification starts: from logs, from QR factors, or
-//! with linear friction in place of nonlinear friction.
+//! The least-squares estimate with which every identification starts: from logs, from QR factors,
+//! or with linear friction in place of nonlinear friction.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,8 @@ pub struct LeastSquaresStart {
     /// The estimate with the covariance and degrees of freedom that `intervals` are computed from.
     pub estimate_for_intervals: Estimate,
     /// The scores (contributions of the residuals to the gradient of least squares), summed over
-    /// blocks of consecutive samples; `None` for a start from QR factors or with nonlinear friction.
+    /// blocks of consecutive samples; `None` for a start from QR factors or with nonlinear
+    /// friction.
     pub score_blocks: Option<Blocks>,
     /// The samples of all logs; `None` unless the start is for nonlinear friction.
     pub data: Option<FrictionData>,
@@ -38,8 +39,8 @@ pub struct LeastSquaresStart {
     pub errors: Vec<EffortError>,
     /// eps_RA in percent (Eq. 33); `None` for a start from QR factors.
     pub relative_absolute: Option<f64>,
-    /// The number of consecutive samples over which residuals count as correlated; `None` where they
-    /// count as white.
+    /// The number of consecutive samples over which residuals count as correlated; `None` where
+    /// they count as white.
     pub bandwidth: Option<usize>,
     /// The samples and equations that were left out; `None` for a start from QR factors.
     pub left_out: Option<LeftOut>,
@@ -62,8 +63,8 @@ impl LeastSquaresStart {
     }
 }
 
-/// The sampling error is mentioned in the name of the method if it increases a standard deviation by
-/// at least this fraction.
+/// The sampling error is mentioned in the name of the method if it increases a standard deviation
+/// by at least this fraction.
 const MIN_MENTIONED_GROWTH: f64 = 0.1;
 /// Number of passes that estimate the efforts' noise; it converges to a percent in two.
 const NOISE_PASSES: usize = 3;
@@ -215,9 +216,9 @@ fn white<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// Reads logs into memory and solves least squares for a robot with nonlinear friction. The equations
-/// are the equations of motion, also in a session for energy balances, and joints with nonlinear
-/// friction have linear friction at first; the intervals assume white residuals.
+/// Reads logs into memory and solves least squares for a robot with nonlinear friction. The
+/// equations are the equations of motion, also in a session for energy balances, and joints with
+/// nonlinear friction have linear friction at first; the intervals assume white residuals.
 ///
 /// # Errors
 /// [`SessionError::NoNonlinearFriction`] for a robot without such joints; when the logs cannot be
@@ -273,8 +274,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         }
         residuals = Some(statistics);
     }
-    // the efforts' residual statistics replace those of the estimate only after `white` has computed
-    // the intervals from the estimate of the weighted rows
+    // the efforts' residual statistics replace those of the estimate only after `white` has
+    // computed the intervals from the estimate of the weighted rows
     let mut start = white(session, EquationKind::Forces.name(), factor, estimate);
     if let Some(statistics) = residuals {
         let errors_and_weights = statistics.efforts().into_iter().zip(&weights);

@@ -67,7 +67,7 @@ fn row<'a>(
         qdd: &made.qdd,
         tau,
         efforts: &[],
-        still: &[],
+        at_standstill: &[],
         weights,
         follows,
     }
@@ -186,7 +186,7 @@ fn a_row_that_is_not_finite_gives_no_equation() {
             qdd: &[qdd],
             tau: &[1.0],
             efforts: &[],
-            still: &[],
+            at_standstill: &[],
             weights: &[1.0],
             follows: true,
         };

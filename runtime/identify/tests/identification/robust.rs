@@ -228,7 +228,7 @@ fn a_bound_beyond_all_residuals_is_none() {
             qdd: &[-t.sin()],
             tau: &[*tau],
             efforts: &[],
-            still: &[],
+            at_standstill: &[],
             weights: &[1.0 + (k % 3) as f64],
             follows: k > 0,
         });
