@@ -350,7 +350,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(Some((
             kinetic,
             Power {
-                time: row.time,
+                time: sample.time,
                 row: opposing_power,
                 efforts,
             },
