@@ -107,6 +107,7 @@ fn is_unit(x: &Number) -> bool {
 }
 
 impl LinkPath {
+    /// The empty path, which ends at the ground.
     fn ground() -> LinkPath {
         LinkPath {
             world: [0, 1, 2].map(unit),
@@ -121,6 +122,7 @@ impl LinkPath {
         }
     }
 
+    /// Expresses all directions in the frame that a placement leads to.
     fn apply_placement(&mut self, placement: &Placement) {
         for step in placement {
             let Step::Rotate(axis, angle) = step else {
@@ -134,6 +136,7 @@ impl LinkPath {
         }
     }
 
+    /// Appends a rotation about the axis of number `axis` of the link's frame.
     fn add_revolute(&mut self, coordinate: usize, axis: usize) {
         match &self.axis_in_link {
             None => {
@@ -149,6 +152,7 @@ impl LinkPath {
         }
     }
 
+    /// Appends a translation along the axis of number `axis` of the link's frame.
     fn add_prismatic(&mut self, axis: usize) {
         self.slide_count += 1;
         match &self.axis_in_link {
@@ -220,6 +224,8 @@ impl LinkPath {
         path
     }
 
+    /// Appends a link: its placement, then its joint; a helical joint is a rotation and a
+    /// translation.
     fn add_link(&mut self, link: &Link) {
         self.apply_placement(&link.placement);
         if let Some(motion) = &link.motion {

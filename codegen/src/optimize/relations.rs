@@ -438,6 +438,7 @@ impl RandomValues {
         field::drawn((1 << 60) + u64::from(result.0), self.draw)
     }
 
+    /// The residue of an operand.
     fn residue(&self, operand: &Operand) -> u64 {
         match *operand {
             Operand::Input { argument, element } => {
