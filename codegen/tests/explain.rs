@@ -36,14 +36,17 @@ fn is_sampled(evidence: Evidence) -> bool {
 /// The reason why a parameter has no effect.
 fn reason<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
     let has = |labels: &[String]| labels.iter().any(|l| l == parameter);
-    let found = explanation.unseen.iter().find(|u| has(&u.parameters))?;
+    let found = explanation
+        .unidentifiable
+        .iter()
+        .find(|u| has(&u.parameters))?;
     found.reason.as_deref()
 }
 
 /// The reason why a parameter acts only together with others.
 fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str> {
     let found = explanation
-        .merged
+        .grouped
         .iter()
         .find(|m| m.parameter == parameter)?;
     found.reason.as_deref()
@@ -54,7 +57,7 @@ fn a_screw_is_said_to_move_along_its_axis_in_proportion() {
     let found = explained(&file("tests/fixtures/mechanisms/screw_jack.yaml"));
     let screw = (Freedom::Screw, Evidence::Exact);
     assert_eq!(freedom(&found, "spindle"), screw);
-    assert_eq!(freedom(&found, "block").0, Freedom::Line);
+    assert_eq!(freedom(&found, "block").0, Freedom::LinearTranslation);
     let found = explained(&file("tests/fixtures/pairs/screw/thread.yaml"));
     let loops: Vec<&str> = found.loops.iter().map(|f| f.text.as_str()).collect();
     let said = |part: &str| loops.iter().any(|text| text.contains(part));
@@ -80,9 +83,12 @@ fn a_parallelogram_is_recognised_by_samples() {
     assert!(is_sampled(relation(&found, "q3 = q1 ").unwrap()));
     assert!(is_sampled(relation(&found, "q2 = -q1 ").unwrap()));
     let (coupler, evidence) = freedom(&found, "2");
-    assert_eq!(coupler, Freedom::Plane);
+    assert_eq!(coupler, Freedom::PlanarTranslation);
     assert!(is_sampled(evidence));
-    assert_eq!(freedom(&found, "1"), (Freedom::Spin, Evidence::Exact));
+    assert_eq!(
+        freedom(&found, "1"),
+        (Freedom::FixedAxisRotation, Evidence::Exact)
+    );
     assert_eq!(reason(&found, "Izz(2)"), Some("body 2 never rotates"));
     assert_eq!(
         together(&found, "mx(3)"),
@@ -94,7 +100,10 @@ fn a_parallelogram_is_recognised_by_samples() {
 fn couplings_show_a_parallelogram_exactly() {
     let found = explained(&file("tests/fixtures/mechanisms/parallelogram.yaml"));
     assert_eq!(relation(&found, "q3 = q1 "), Some(Evidence::Exact));
-    assert_eq!(freedom(&found, "2"), (Freedom::Plane, Evidence::Exact));
+    assert_eq!(
+        freedom(&found, "2"),
+        (Freedom::PlanarTranslation, Evidence::Exact)
+    );
 }
 
 #[test]
@@ -102,7 +111,7 @@ fn a_delta_has_a_platform_that_never_rotates() {
     let found = explained(&file("tests/fixtures/mechanisms/delta.yaml"));
     assert_eq!(found.mobility, 3);
     let (platform, evidence) = freedom(&found, "platform");
-    assert_eq!(platform, Freedom::Translates);
+    assert_eq!(platform, Freedom::SpatialTranslation);
     assert!(is_sampled(evidence));
     assert_eq!(
         reason(&found, "mz(platform)"),
@@ -126,7 +135,7 @@ fn an_ordinary_planar_loop_has_the_one_relation_of_its_turns_and_it_is_exact() {
 fn gravity_along_the_axes_is_named() {
     let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
     let found = explained(&text);
-    let why = reason(&found, "my(1)").unwrap_or_else(|| panic!("{:?}", found.unseen));
+    let why = reason(&found, "my(1)").unwrap_or_else(|| panic!("{:?}", found.unidentifiable));
     assert!(why.contains("gravity is parallel"), "{why}");
     let none = explained(&text.replace("[0, -9.81, 0]", "[0, 0, 0]"));
     assert!(reason(&none, "my(1)").unwrap().contains("no gravity"));
@@ -141,7 +150,7 @@ fn special_loops_are_told_apart() {
             .iter()
             .any(|f| f.text.contains("is spherical"))
     );
-    assert_eq!(freedom(&spherical, "2").0, Freedom::Point);
+    assert_eq!(freedom(&spherical, "2").0, Freedom::Spherical);
     let bennett = explained(&file("tests/fixtures/base/bennett.yaml"));
     assert!(
         bennett
@@ -151,15 +160,18 @@ fn special_loops_are_told_apart() {
     );
     assert!(
         bennett
-            .values
+            .geometry_facts
             .iter()
             .any(|f| f.text.contains("in proportion"))
     );
     let sarrus = explained(&file("tests/fixtures/base/sarrus.yaml"));
-    assert_eq!(freedom(&sarrus, "plate").0, Freedom::Line);
+    assert_eq!(freedom(&sarrus, "plate").0, Freedom::LinearTranslation);
     assert!(is_sampled(relation(&sarrus, "q5 = -2*q1 - pi ").unwrap()));
     let scara = explained(&file("tests/fixtures/base/scara.yaml"));
-    assert_eq!(freedom(&scara, "4"), (Freedom::Direction, Evidence::Exact));
+    assert_eq!(
+        freedom(&scara, "4"),
+        (Freedom::Schoenflies, Evidence::Exact)
+    );
 }
 
 #[test]
@@ -182,7 +194,7 @@ fn limits_and_cones_close_to_home_are_named() {
             1,
         );
     let found = explained(&near);
-    let trouble: Vec<&str> = found.trouble.iter().map(|f| f.text.as_str()).collect();
+    let trouble: Vec<&str> = found.warnings.iter().map(|f| f.text.as_str()).collect();
     let all = trouble.join("\n");
     assert!(
         all.contains("home of p1") && all.contains("near the end of its limits"),
@@ -196,13 +208,17 @@ fn limits_and_cones_close_to_home_are_named() {
         all.contains("cut 's2'") && all.contains("beyond its cone"),
         "{all}"
     );
-    assert_eq!(explained(&base).trouble, []);
+    assert_eq!(explained(&base).warnings, []);
 }
 
 #[test]
 fn drives_beside_the_mobility_are_named() {
     let found = explained(&file("tests/fixtures/mechanisms/fivebar_redundant.yaml"));
-    let all: Vec<&str> = found.coordinates.iter().map(|f| f.text.as_str()).collect();
+    let all: Vec<&str> = found
+        .coordinate_facts
+        .iter()
+        .map(|f| f.text.as_str())
+        .collect();
     let all = all.join("\n");
     assert!(all.contains("actuated are q1 q3 q4"), "{all}");
     assert!(all.contains("3 drives for mobility 2"), "{all}");
@@ -212,7 +228,7 @@ fn drives_beside_the_mobility_are_named() {
 fn nominal_inertias_that_no_body_has_are_named() {
     let base = file("robots/fivebar.yaml");
     let all = |text: &str| -> Vec<String> {
-        let trouble = explained(text).trouble.into_iter();
+        let trouble = explained(text).warnings.into_iter();
         trouble.map(|fact| fact.text).collect()
     };
     assert_eq!(all(&base), [""; 0]);
@@ -239,7 +255,7 @@ fn rotors_explain_only_the_moments_that_they_took_over() {
         outer.contains("what joint q2 does not change of body 2"),
         "{outer}"
     );
-    for one in &driven.merged {
+    for one in &driven.grouped {
         let rotors = one.reason.as_deref().unwrap().contains("rotor of");
         assert_eq!(rotors, one.parameter.starts_with("Izz("), "{one:?}");
     }

@@ -18,7 +18,7 @@ use regen_codegen::pipeline::derive;
 use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale};
 use regen_identify::friction::{self, JointFit, nonlinear_joints};
 use regen_identify::identifiability::{Checks, reduce};
-use regen_identify::identify::{self, EquationKind, Filtering, Recorded, Row, Source};
+use regen_identify::identify::{self, EquationKind, Filtering, Recorded, Source, StateSample};
 use regen_identify::intervals::{LeastSquares, Spread, constrained};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::{BaseModel, Friction};
@@ -79,7 +79,9 @@ impl Source for Log {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), regen_identify::estimate::EstimateError>,
+        each: &mut dyn FnMut(
+            &StateSample<'_>,
+        ) -> Result<(), regen_identify::estimate::EstimateError>,
     ) -> Result<(), FeasibilityError> {
         Ok(self.0.visit(each)?)
     }

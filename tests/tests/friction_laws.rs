@@ -9,7 +9,7 @@ use regen_generated::fivebar;
 use regen_identify::estimate::EstimateError;
 use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout};
 use regen_identify::friction::{FrictionJoint, collect, fit};
-use regen_identify::identify::{Filtering, Recorded, Row, Source};
+use regen_identify::identify::{Filtering, Recorded, Source, StateSample};
 use regen_interpreted::Interpreted;
 use regen_runtime::{BaseModel, Friction, JointFriction, Model};
 use regen_tests::reference;
@@ -96,7 +96,7 @@ impl Source for Log {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), FeasibilityError> {
         Ok(self.0.visit(each)?)
     }

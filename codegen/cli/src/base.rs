@@ -53,7 +53,7 @@ fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, F
     if analysis.base.completed == 0 {
         return Ok(Vec::new());
     }
-    Ok(mechanism.explanation()?.completed())
+    Ok(mechanism.explanation()?.grouped_from_samples())
 }
 
 /// The JSON of `regen base`.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Grouped, words};
+use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Grouped, predicate};
 use serde::Serialize;
 
 use crate::args::{CheckArgs, Format};
@@ -53,7 +53,11 @@ fn to_text(explanation: &Explanation) -> String {
         "{}: a mechanism of mobility {}",
         explanation.robot, explanation.mobility
     ));
-    section(&mut out, "Coordinates", &facts(&explanation.coordinates));
+    section(
+        &mut out,
+        "Coordinates",
+        &facts(&explanation.coordinate_facts),
+    );
     section(&mut out, "Loops", &facts(&explanation.loops));
     let bodies = explanation.bodies.iter();
     let bodies: Vec<String> = bodies
@@ -65,7 +69,7 @@ fn to_text(explanation: &Explanation) -> String {
         "Relations on this branch",
         &facts(&explanation.relations),
     );
-    let unseen = explanation.unseen.iter();
+    let unseen = explanation.unidentifiable.iter();
     let unseen: Vec<String> = unseen
         .map(|unseen| {
             let parameters = unseen.parameters.join(" ");
@@ -80,17 +84,17 @@ fn to_text(explanation: &Explanation) -> String {
     section(
         &mut out,
         "Parameters that act only together with others",
-        &merged(&explanation.merged),
+        &merged(&explanation.grouped),
     );
     section(
         &mut out,
         "What holds at these values only",
-        &facts(&explanation.values),
+        &facts(&explanation.geometry_facts),
     );
     section(
         &mut out,
         "Where numbers are in trouble",
-        &facts(&explanation.trouble),
+        &facts(&explanation.warnings),
     );
     out
 }
@@ -202,11 +206,11 @@ fn list(facts: &[Fact]) -> Vec<FactJson<'_>> {
 }
 
 fn json(explanation: &Explanation) -> ExplanationJson<'_> {
-    let body = |b: &'_ BodyMotion| (words(b.freedom).to_owned(), evidence(b.evidence));
+    let body = |b: &'_ BodyMotion| (predicate(b.freedom).to_owned(), evidence(b.evidence));
     ExplanationJson {
         robot: &explanation.robot,
         mobility: explanation.mobility,
-        coordinates: list(&explanation.coordinates),
+        coordinates: list(&explanation.coordinate_facts),
         loops: list(&explanation.loops),
         bodies: explanation
             .bodies
@@ -223,7 +227,7 @@ fn json(explanation: &Explanation) -> ExplanationJson<'_> {
             .collect(),
         relations: list(&explanation.relations),
         without_effect: explanation
-            .unseen
+            .unidentifiable
             .iter()
             .map(|u| UnseenJson {
                 parameters: &u.parameters,
@@ -232,7 +236,7 @@ fn json(explanation: &Explanation) -> ExplanationJson<'_> {
             })
             .collect(),
         only_together: explanation
-            .merged
+            .grouped
             .iter()
             .map(|m| MergedJson {
                 parameter: &m.parameter,
@@ -241,7 +245,7 @@ fn json(explanation: &Explanation) -> ExplanationJson<'_> {
                 rests_on: provenance(m.derived),
             })
             .collect(),
-        at_these_values: list(&explanation.values),
-        trouble: list(&explanation.trouble),
+        at_these_values: list(&explanation.geometry_facts),
+        trouble: list(&explanation.warnings),
     }
 }

@@ -8,7 +8,7 @@ use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_co
 use regen_identify::identify::{Options, digest};
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
-    self, Session, SessionError, Start, from_factors, from_logs, with_friction,
+    self, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
 };
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -142,7 +142,7 @@ pub(crate) fn session<'m>(
 fn models(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
-    start: &Start,
+    start: &LeastSquaresStart,
     summary: &mut Summary,
 ) -> Result<(IdentifiedModel, bool), Failure> {
     let least = IdentifiedModel {
@@ -173,7 +173,7 @@ fn models(
             let reduction = session::reduction(session, start, &args.physical.against)?;
             summary.reduction = reduce::json(&reduction, &start.estimate.labels);
             let columns = start.estimate.labels.len();
-            let correlated = start.blocks.is_some();
+            let correlated = start.score_blocks.is_some();
             found.push(session::adopt(
                 &reduction,
                 columns,
@@ -237,7 +237,7 @@ fn options(args: &IdentifyArgs) -> Options {
 fn factors(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
-) -> Result<(Start, Summary), Failure> {
+) -> Result<(LeastSquaresStart, Summary), Failure> {
     let mut sets = Vec::with_capacity(args.from.len());
     for path in &args.from {
         let set = FactorSet::from_text(&load::text(path)?);
@@ -258,7 +258,7 @@ fn factors(
 fn logs(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
-) -> Result<(Start, Summary), Failure> {
+) -> Result<(LeastSquaresStart, Summary), Failure> {
     let model = session.model;
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
     let start = from_logs(session, &mut logs).inspect_err(|error| {
@@ -278,7 +278,12 @@ fn logs(
     note_unexplained(&start.errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::delays(&args.reading);
-    summary.suspicions = suspect::warn(args, model, logs.logs(), Some(&start.used));
+    summary.suspicions = suspect::warn(
+        args,
+        model,
+        logs.logs(),
+        Some(&start.estimate_for_intervals),
+    );
     if args.cross {
         summary.cross = session::cross(session, &args.logs)?;
     }

@@ -11,7 +11,7 @@ use crate::exit::Failure;
 use crate::simulate::reason;
 use crate::{observe, path, table};
 use regen_identify::model::IdentifiedModel;
-use regen_identify::session::{Session, Start};
+use regen_identify::session::{LeastSquaresStart, Session};
 use regen_interpreted::Interpreted;
 
 /// The instruments and the test of least squares for bias, in JSON.
@@ -54,7 +54,7 @@ struct Figure {
 pub(crate) fn run(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
-    start: &Start,
+    start: &LeastSquaresStart,
 ) -> Result<(IdentifiedModel, InstrumentsJson, usize), Failure> {
     observe::require_consistent(&args.reading)?;
     let file = args.reference.as_deref();

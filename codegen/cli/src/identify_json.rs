@@ -3,7 +3,7 @@
 use regen_identify::estimate::EffortError;
 use regen_identify::files::{FrictionRow, ParameterFile};
 use regen_identify::identify::{Delays, LeftOut};
-use regen_identify::session::{CrossValidation, LogError, Start};
+use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
 use serde::Serialize;
 
 use crate::identify_iv::InstrumentsJson;
@@ -83,7 +83,7 @@ pub(crate) struct ModelJson {
 
 impl Summary {
     /// The summary of a least-squares fit; the results of later steps are empty.
-    pub(crate) fn of(start: &Start) -> Self {
+    pub(crate) fn of(start: &LeastSquaresStart) -> Self {
         let estimate = &start.estimate;
         let efforts = estimate.efforts.iter().enumerate();
         let efforts = efforts.map(|(k, e)| EffortJson {

@@ -4,7 +4,7 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use super::certificate::{Certificate, Samples, certify};
-use super::null_completion::Sampled;
+use super::null_completion::NullCompletion;
 use super::{Base, derive_all};
 
 /// Seed of the random states of every certificate, fixed so that results are reproducible.
@@ -45,9 +45,9 @@ pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let certificate = certificate.map_err(Clone::clone);
     let certain = certificate.as_ref().ok().filter(|c| c.is_certain());
     let target = certain.map(|c| c.columns - c.rank);
-    let sampled = samples.as_ref().ok().filter(|_| target.is_some());
-    let sampled = sampled.map(|samples| Sampled::new(samples, home, SEED));
-    let base = derive_all(spec, model, target, sampled.as_ref());
+    let completion = samples.as_ref().ok().filter(|_| target.is_some());
+    let completion = completion.map(|samples| NullCompletion::new(samples, home, SEED));
+    let base = derive_all(spec, model, target, completion.as_ref());
     Analysis {
         complete: target == Some(base.from_trees + base.completed) && base.refuted == 0,
         base,

@@ -13,7 +13,9 @@ use crate::model::{Model, MotionKind, Step};
 use crate::sym::Number;
 
 use super::field::{Element, Field};
-use super::link_path::{Form, Freedom, LinkPath, follows, into, link_paths};
+use super::link_path::{
+    Freedom, LinearForm, LinkPath, in_rotated_frame, is_implied_by, link_paths,
+};
 use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
@@ -51,11 +53,13 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
             }
             if let Some(relative) = same_orientation(model, &couplings, i, j) {
                 let on_axis = |b: usize| {
-                    free[b] == Freedom::Spin && own_joint(model, &link_paths, b).is_some()
+                    free[b] == Freedom::FixedAxisRotation
+                        && own_joint(model, &link_paths, b).is_some()
                 };
                 let spin_equally = on_axis(i) && on_axis(j);
                 all.extend(summed_moments(field, i, j, &relative, spin_equally));
-            } else if free[i] == Freedom::Spin && free[j] == Freedom::Spin {
+            } else if free[i] == Freedom::FixedAxisRotation && free[j] == Freedom::FixedAxisRotation
+            {
                 all.extend(in_proportion(
                     field,
                     model,
@@ -70,7 +74,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 }
 
 /// The axes of body j in those of body i, if couplings keep this orientation constant.
-fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Option<Matrix> {
+fn same_orientation(model: &Model, couplings: &[LinearForm], i: usize, j: usize) -> Option<Matrix> {
     let [a, b] = [i, j].map(|k| model.path(Some(model.bodies[k].link)));
     let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
     let (a, b) = (&a[shared..], &b[shared..]);
@@ -79,7 +83,9 @@ fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Op
         // rigidly connected: the tree recursion finds this
         return None;
     }
-    if !LinkPath::over(model, a).has_same_orientation(&LinkPath::over(model, b), couplings) {
+    if !LinkPath::along_links(model, a)
+        .has_same_orientation(&LinkPath::along_links(model, b), couplings)
+    {
         return None;
     }
     let (a, b) = (axes(model, a), axes(model, b));
@@ -104,7 +110,7 @@ fn axes(model: &Model, links: &[usize]) -> Matrix {
     });
     let mut turn = |axis: usize, angle: &Number| {
         for row in &mut rows {
-            *row = into(row, axis, angle);
+            *row = in_rotated_frame(row, axis, angle);
         }
     };
     for &link in links {
@@ -185,7 +191,7 @@ fn in_proportion(
     field: &mut Field,
     model: &Model,
     link_paths: &[LinkPath],
-    velocity_constraints: &[Form],
+    velocity_constraints: &[LinearForm],
     pair: [usize; 2],
 ) -> Option<Vector> {
     let [i, j] = pair;
@@ -206,25 +212,25 @@ fn in_proportion(
 /// body's origin is then on the axis, which is an axis of the body's frame.
 fn own_joint(model: &Model, link_paths: &[LinkPath], body: usize) -> Option<usize> {
     let link = model.bodies[body].link;
-    let coordinate = link_paths[link].turn.first()?.0;
+    let coordinate = link_paths[link].rotation_angle.first()?.0;
     (model.coordinates[coordinate].link == link).then_some(coordinate)
 }
 
 /// The ratio k in qd_b = k qd_a, if the velocity constraints fix it.
-fn ratio(velocity_constraints: &[Form], a: usize, b: usize) -> Option<Number> {
+fn ratio(velocity_constraints: &[LinearForm], a: usize, b: usize) -> Option<Number> {
     // eliminate all other coordinates, which leaves the constraint between a and b alone
-    let mut rows: Vec<Form> = velocity_constraints.to_vec();
+    let mut rows: Vec<LinearForm> = velocity_constraints.to_vec();
     while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
         let outside = row.iter().find(|(c, k)| *c != a && *c != b && !k.is_zero());
         outside.map(|(c, _)| (r, *c))
     }) {
         let pivot = rows.swap_remove(r);
-        let lead = pivot.iter().find(|(c, _)| *c == outside)?.1.clone();
+        let pivot_coefficient = pivot.iter().find(|(c, _)| *c == outside)?.1.clone();
         for row in &mut rows {
             let Some(at) = row.iter().position(|(c, _)| *c == outside) else {
                 continue;
             };
-            let factor = row[at].1.div(&lead)?;
+            let factor = row[at].1.div(&pivot_coefficient)?;
             for (c, k) in &pivot {
                 let change = k.mul(&factor).neg();
                 match row.iter_mut().find(|(o, _)| o == c) {
@@ -235,7 +241,7 @@ fn ratio(velocity_constraints: &[Form], a: usize, b: usize) -> Option<Number> {
             row.retain(|(_, k)| !k.is_zero());
         }
     }
-    let of = |row: &Form, coordinate: usize| {
+    let of = |row: &LinearForm, coordinate: usize| {
         row.iter()
             .find(|(c, _)| *c == coordinate)
             .map(|(_, k)| k.clone())
@@ -244,7 +250,7 @@ fn ratio(velocity_constraints: &[Form], a: usize, b: usize) -> Option<Number> {
         .iter()
         .find_map(|row| Some((of(row, a)?, of(row, b)?)))?;
     let k = found.0.div(&found.1)?.neg();
-    follows(velocity_constraints, &[(b, Number::one()), (a, k.neg())]).then_some(k)
+    is_implied_by(velocity_constraints, &[(b, Number::one()), (a, k.neg())]).then_some(k)
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ mod trees;
 
 pub use analysis::{Analysis, analyse};
 pub use coefficient::Coefficient;
-pub use link_path::{Form, Freedom, LinkPath, follows, link_paths};
+pub use link_path::{Freedom, LinearForm, LinkPath, is_implied_by, link_paths};
 pub use null_completion::recognise;
 pub use rates::velocity_constraints;
 pub use store::{StoreProblem, is_slow_in_debug, restore, store};
@@ -146,12 +146,12 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
 }
 
 /// Derives the base parameters by all layers: null directions that layers 1 and 2 do not find are
-/// completed from `sampled`, where it is given.
+/// completed from the samples of `completion`, where it is given.
 fn derive_all(
     spec: &Spec,
     model: &Model,
     target: Option<usize>,
-    sampled: Option<&null_completion::Sampled<'_>>,
+    completion: Option<&null_completion::NullCompletion<'_>>,
 ) -> Base {
     let mut field = Field::default();
     let linkage = linkage::Linkage::new(&mut field, spec, model);
@@ -176,10 +176,10 @@ fn derive_all(
     let mut unrecognised = Vec::new();
     let mut held = Vec::new();
     let mut exactness = Vec::new();
-    if let Some(sampled) = sampled {
-        let found = sampled.complete(&mut field, spec, model, &null, &order, requested.len());
+    if let Some(completion) = completion {
+        let found = completion.complete(&mut field, spec, model, &null, &order, requested.len());
         unrecognised = found.unrecognised;
-        held = found.held;
+        held = found.fixed_names;
         // an entry 1 behind the parameters' columns marks every row that uses this direction
         for (k, (mut direction, how)) in found.directions.into_iter().enumerate() {
             exactness.push(how);
@@ -188,7 +188,7 @@ fn derive_all(
         }
     }
     let null_dimension = null.len();
-    let refuted = sampled.map_or(0, |sampled| sampled.refuted(&null));
+    let refuted = completion.map_or(0, |completion| completion.refuted(&null));
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());

@@ -14,7 +14,7 @@ use crate::sym::Number;
 
 use super::field::{Element, Field};
 use super::geometry::Placed;
-use super::link_path::Form;
+use super::link_path::LinearForm;
 use super::linkage::{Linkage, Stage};
 use super::span::{Vector, add_scaled};
 use super::trees::path;
@@ -53,7 +53,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 
 /// The velocity constraints that hold by construction: each is a list of coordinates with factors,
 /// and the sum of factors times rates is 0 at all times.
-pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<Form> {
+pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<LinearForm> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
     all_velocity_constraints(&mut field, &linkage, model)
@@ -64,18 +64,18 @@ pub(super) fn all_velocity_constraints(
     field: &mut Field,
     linkage: &Linkage,
     model: &Model,
-) -> Vec<Form> {
+) -> Vec<LinearForm> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
     velocity_constraints.iter().map(to_form).collect()
 }
 
 /// The velocity constraints of couplings alone.
-pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<Form> {
+pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<LinearForm> {
     couplings(model).iter().map(to_form).collect()
 }
 
-fn to_form(constraint: &Vector) -> Form {
+fn to_form(constraint: &Vector) -> LinearForm {
     constraint
         .iter()
         .map(|(c, e)| (*c, e.value().clone()))

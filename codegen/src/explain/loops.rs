@@ -3,7 +3,7 @@
 
 use core::fmt::Write as _;
 
-use crate::base::{Form, LinkPath};
+use crate::base::{LinearForm, LinkPath};
 use crate::model::{Cut, Model};
 use crate::spec::CutKind;
 
@@ -94,7 +94,7 @@ pub(super) fn facts(
     model: &Model,
     redundant: &[usize],
     link_paths: &[LinkPath],
-    velocity_constraints: &[Form],
+    velocity_constraints: &[LinearForm],
     motions: Option<&Motions<'_>>,
     states: usize,
 ) -> Vec<Fact> {
@@ -196,7 +196,7 @@ fn shape(
 fn parallelogram(
     ring: &Loop<'_>,
     link_paths: &[LinkPath],
-    velocity_constraints: &[Form],
+    velocity_constraints: &[LinearForm],
     motions: &Motions<'_>,
     states: usize,
 ) -> Option<Fact> {

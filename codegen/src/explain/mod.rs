@@ -18,7 +18,7 @@ use core::fmt;
 
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
-use crate::base::{Analysis, Form, LinkPath, link_paths, velocity_constraints};
+use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -29,7 +29,8 @@ use unseen::Bodies;
 const SAMPLED_STATES: usize = 12;
 /// Seed of the sampled states, other than the certificate's.
 const SAMPLING_SEED: u64 = 7;
-/// Largest error of a relation among rates, as a fraction of the largest rate.
+/// Largest error of a linear relation among the rates at the sampled states, relative to the
+/// largest rate: the states are computed with 96 digits.
 const RELATION_TOLERANCE: f64 = 1e-60;
 
 /// The evidence for a statement.
@@ -50,11 +51,12 @@ pub enum Evidence {
 }
 
 impl Evidence {
-    /// Sampled evidence; `off` is the largest relative error that was taken for zero.
-    fn sampled(states: usize, off: f64) -> Evidence {
-        let all = crate::base::certificate::DIGITS;
-        let holds = |digits: &usize| off <= libm::pow(10.0, -(*digits as f64));
-        let digits = (0..=all).rev().find(holds).unwrap_or(0);
+    /// Evidence from a number of sampled states; `largest_error` is the largest relative error that
+    /// was taken for zero, from which the number of digits follows.
+    fn sampled(states: usize, largest_error: f64) -> Evidence {
+        let max_digits = crate::base::certificate::DIGITS;
+        let is_attained = |digits: &usize| largest_error <= libm::pow(10.0, -(*digits as f64));
+        let digits = (0..=max_digits).rev().find(is_attained).unwrap_or(0);
         Evidence::Sampled { states, digits }
     }
 }
@@ -90,18 +92,19 @@ impl Fact {
     }
 }
 
-/// The predicate of a sentence whose subject is a body with this kind of motion.
-pub fn words(freedom: Freedom) -> &'static str {
+/// The predicate of a sentence whose subject is a body with this class of motion, such as `moves in
+/// a plane`.
+pub fn predicate(freedom: Freedom) -> &'static str {
     match freedom {
-        Freedom::Still => "never moves",
-        Freedom::Line => "never rotates: it slides along a line",
-        Freedom::Plane => "never rotates: it translates in a plane",
-        Freedom::Translates => "never rotates: it translates only",
-        Freedom::Spin => "turns about an axis at rest",
+        Freedom::Fixed => "never moves",
+        Freedom::LinearTranslation => "never rotates: it slides along a line",
+        Freedom::PlanarTranslation => "never rotates: it translates in a plane",
+        Freedom::SpatialTranslation => "never rotates: it translates only",
+        Freedom::FixedAxisRotation => "turns about an axis at rest",
         Freedom::Screw => "turns about an axis at rest and moves along it in proportion",
-        Freedom::Planar => "moves in a plane",
-        Freedom::Direction => "turns about a fixed direction only, and moves along it too",
-        Freedom::Point => "turns about a point at rest",
+        Freedom::PlanarMotion => "moves in a plane",
+        Freedom::Schoenflies => "turns about a fixed direction only, and moves along it too",
+        Freedom::Spherical => "turns about a point at rest",
         Freedom::General => "moves in general ways",
     }
 }
@@ -122,7 +125,7 @@ pub struct BodyMotion {
 
 impl fmt::Display for BodyMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "body {} {}", self.body, words(self.freedom))?;
+        write!(f, "body {} {}", self.body, predicate(self.freedom))?;
         match self.direction {
             Some(n) => write!(f, ", about {}", direction_text(&n)),
             None => Ok(()),
@@ -139,7 +142,7 @@ fn direction_text(n: &[f64; 3]) -> String {
     format!("({x:.3}, {y:.3}, {z:.3})")
 }
 
-/// Parameters without any effect on the forces, for one reason.
+/// Parameters that have no effect on the forces, for one common reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unidentifiable {
     /// The labels of the parameters.
@@ -148,6 +151,7 @@ pub struct Unidentifiable {
     pub reason: Option<String>,
     /// Whether this was derived exactly rather than completed from samples.
     pub derived: bool,
+    /// The index of the parameters' body; `None` for parameters of joints.
     body: Option<usize>,
 }
 
@@ -171,8 +175,8 @@ pub struct Explanation {
     pub robot: String,
     /// The mobility: number of degrees of freedom.
     pub mobility: usize,
-    /// Statements about coordinates, closure rows, mobility and drives.
-    pub coordinates: Vec<Fact>,
+    /// Statements about the numbers of coordinates and closure equations, mobility and drives.
+    pub coordinate_facts: Vec<Fact>,
     /// Statements about the loops.
     pub loops: Vec<Fact>,
     /// How the bodies move; empty if no closed state could be sampled.
@@ -180,37 +184,46 @@ pub struct Explanation {
     /// Statements about relations among coordinates and among orientations on this branch.
     pub relations: Vec<Fact>,
     /// Parameters that cannot be identified at all.
-    pub unseen: Vec<Unidentifiable>,
+    pub unidentifiable: Vec<Unidentifiable>,
     /// Parameters that can be identified only in combination with others.
-    pub merged: Vec<Grouped>,
-    /// Statements that hold only at the given values of the geometry.
-    pub values: Vec<Fact>,
+    pub grouped: Vec<Grouped>,
+    /// Statements about the base parameters that hold only at the given values of the geometry.
+    pub geometry_facts: Vec<Fact>,
     /// Warnings about limits, singularities, inertias and sampling.
-    pub trouble: Vec<Fact>,
+    pub warnings: Vec<Fact>,
 }
 
 impl Explanation {
-    /// The parameters that act together or not at all by directions completed from samples, each
-    /// with its reason. Directions that the order of joints proves need no other reason and are
-    /// left out.
-    pub fn completed(self) -> Vec<Grouped> {
-        let unseen = self.unseen.into_iter();
-        let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
-            let reason = u.reason;
-            u.parameters.into_iter().map(move |parameter| Grouped {
-                parameter,
-                with: Vec::new(),
-                reason: reason.clone(),
-                derived: false,
-            })
-        });
-        let together = self.merged.into_iter().filter(|m| !m.derived);
-        alone.chain(together).collect()
+    /// The parameters without effect (`with` is empty) or identifiable only in combination with
+    /// others, each with its reason, as far as this follows from null directions completed from
+    /// samples. Parameters whose directions are derived exactly are left out: the derivation is
+    /// their reason.
+    pub fn grouped_from_samples(self) -> Vec<Grouped> {
+        let unidentifiable = self.unidentifiable.into_iter();
+        let without_effect = unidentifiable
+            .filter(|group| !group.derived)
+            .flat_map(|group| {
+                let reason = group.reason;
+                group.parameters.into_iter().map(move |parameter| Grouped {
+                    parameter,
+                    with: Vec::new(),
+                    reason: reason.clone(),
+                    derived: false,
+                })
+            });
+        let in_combination = self
+            .grouped
+            .into_iter()
+            .filter(|parameter| !parameter.derived);
+        without_effect.chain(in_combination).collect()
     }
 }
 
-/// Explains a mechanism that closes at `home`; `redundant` lists the redundant rows of the closure
-/// equations.
+/// Explains a mechanism.
+///
+/// - `home`: one value per coordinate, rad or m, which satisfies the closure equations;
+/// - `redundant`: the indices of the redundant rows of the closure equations;
+/// - `analysis`: the base parameters of the same model.
 pub fn explain(
     spec: &Spec,
     model: &Model,
@@ -221,10 +234,10 @@ pub fn explain(
     let link_paths = link_paths(model);
     let velocity_constraints = velocity_constraints(spec, model);
     let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
-    let mut trouble = limits::facts(spec, model, home);
-    trouble.extend(limits::inertias(spec));
+    let mut warnings = limits::facts(spec, model, home);
+    warnings.extend(limits::inertias(spec));
     if let Err(why) = &states {
-        trouble.push(Fact::given(format!("nothing could be sampled: {why}")));
+        warnings.push(Fact::given(format!("nothing could be sampled: {why}")));
     }
     let states = states.unwrap_or_default();
     let motions = Motions::new(&states);
@@ -232,7 +245,7 @@ pub fn explain(
     let mut explanation = Explanation {
         robot: spec.name.value.clone(),
         mobility: model.independent.len(),
-        coordinates: coordinates(model, redundant),
+        coordinate_facts: coordinate_facts(model, redundant),
         loops: loops::facts(
             model,
             redundant,
@@ -243,10 +256,10 @@ pub fn explain(
         ),
         bodies: Vec::new(),
         relations: Vec::new(),
-        unseen: Vec::new(),
-        merged: Vec::new(),
-        values: values(analysis),
-        trouble,
+        unidentifiable: Vec::new(),
+        grouped: Vec::new(),
+        geometry_facts: geometry_facts(analysis),
+        warnings,
     };
     let Some(motions) = sampled else {
         return explanation;
@@ -258,7 +271,8 @@ pub fn explain(
         .zip(&observed)
         .map(|(body, observed)| {
             let bound = link_paths[body.link].freedom(&velocity_constraints);
-            // the sampled motions bound the freedom from below, the joints from above
+            // The class of the sampled motions is a lower bound, the class that the joints allow an
+            // upper bound: the result is exact where both agree.
             let exact =
                 bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
             BodyMotion {
@@ -268,7 +282,7 @@ pub fn explain(
                 evidence: if exact || observed.freedom == Freedom::General {
                     Evidence::Exact
                 } else {
-                    Evidence::sampled(states.len(), observed.off)
+                    Evidence::sampled(states.len(), observed.largest_error)
                 },
             }
         })
@@ -292,13 +306,13 @@ pub fn explain(
         observed: &observed,
         gravity: [0, 1, 2].map(|k: usize| model.gravity[k].value.to_f64()),
     };
-    explanation.unseen = bodies.without_effect(&analysis.base);
-    explanation.merged = bodies.merged(&analysis.base);
+    explanation.unidentifiable = bodies.without_effect(&analysis.base);
+    explanation.grouped = bodies.merged(&analysis.base);
     explanation
 }
 
 /// Statements about the number of coordinates, the mobility and the drives.
-fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
+fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let names = |of: &[usize]| -> String {
         let names = of.iter().map(|c| model.coordinates[*c].name.as_str());
         names.collect::<Vec<_>>().join(" ")
@@ -309,14 +323,15 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let mut facts = vec![Fact::given(if rows == 0 {
         format!("{n} coordinates and no loop: mobility {mobility}")
     } else {
-        let used = rows - redundant.len();
-        let apart = match redundant.len() {
+        let independent_rows = rows - redundant.len();
+        let redundancy_note = match redundant.len() {
             0 => String::new(),
             1 => ", one of them redundant".to_owned(),
             k => format!(", {k} of them redundant"),
         };
         format!(
-            "{n} coordinates and {rows} closure rows{apart}: mobility {n} - {used} = {mobility}"
+            "{n} coordinates and {rows} closure rows{redundancy_note}: mobility {n} - \
+             {independent_rows} = {mobility}"
         )
     })];
     facts.push(Fact::given(format!(
@@ -326,9 +341,9 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let difference = |a: &[usize], b: &[usize]| -> Vec<usize> {
         a.iter().copied().filter(|c| !b.contains(c)).collect()
     };
-    let extra = difference(&model.actuated, &model.independent);
+    let dependent_drives = difference(&model.actuated, &model.independent);
     let passive = difference(&model.independent, &model.actuated);
-    if extra.is_empty() && passive.is_empty() {
+    if dependent_drives.is_empty() && passive.is_empty() {
         facts.push(Fact::given("actuated are the same".to_owned()));
         return facts;
     }
@@ -358,16 +373,21 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
 }
 
 /// Statements that hold only at the given values of the geometry.
-fn values(analysis: &Analysis) -> Vec<Fact> {
+fn geometry_facts(analysis: &Analysis) -> Vec<Fact> {
     let base = &analysis.base;
-    let equal = base.coincidences.iter();
-    let equal =
-        equal.map(|e| format!("the base parameters rest on {e}, which holds by value only"));
-    let held = base.held.iter();
-    let held = held.map(|h| format!("completed factors hold for {h}"));
-    let numbers = base.unrecognised.iter();
-    let numbers = numbers.map(|n| format!("a number only: {n}"));
-    equal.chain(held).chain(numbers).map(Fact::given).collect()
+    let coincidences = base.coincidences.iter();
+    let coincidences = coincidences.map(|equality| {
+        format!("the base parameters rest on {equality}, which holds by value only")
+    });
+    let fixed_names = base.held.iter();
+    let fixed_names = fixed_names.map(|h| format!("completed factors hold for {h}"));
+    let unrecognised = base.unrecognised.iter();
+    let unrecognised = unrecognised.map(|n| format!("a number only: {n}"));
+    coincidences
+        .chain(fixed_names)
+        .chain(unrecognised)
+        .map(Fact::given)
+        .collect()
 }
 
 /// Statements about bodies whose orientations always agree.
@@ -375,7 +395,7 @@ fn orientations(
     model: &Model,
     motions: &Motions<'_>,
     link_paths: &[LinkPath],
-    velocity_constraints: &[Form],
+    velocity_constraints: &[LinearForm],
     observed: &[ObservedMotion],
     states: usize,
 ) -> Vec<Fact> {
@@ -385,10 +405,10 @@ fn orientations(
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);
-        let with = classes
+        let class = classes
             .iter_mut()
             .find(|class| motions.same_orientation(link(class[0]), link(body)).0);
-        match with {
+        match class {
             Some(class) => class.push(body),
             None => classes.push(vec![body]),
         }
@@ -401,24 +421,24 @@ fn orientations(
             let exact = class.iter().all(|b| {
                 link_paths[first].has_same_orientation(&link_paths[link(*b)], velocity_constraints)
             });
-            let off = class
+            let errors = class
                 .iter()
                 .map(|b| motions.same_orientation(Some(first), Some(link(*b))).1);
-            let alike = class.iter().all(|b| motions.same_move(first, link(*b)));
+            let same_motion = class.iter().all(|b| motions.same_move(first, link(*b)));
             let names: Vec<&str> = class
                 .iter()
                 .map(|b| model.bodies[*b].label.as_str())
                 .collect();
             let names = names.join(" ");
-            let text = if alike {
+            let text = if same_motion {
                 format!("bodies {names} always move alike, shifted by a constant")
             } else {
                 format!("bodies {names} always have the same orientation but for a constant turn")
             };
-            let evidence = if exact && !alike {
+            let evidence = if exact && !same_motion {
                 Evidence::Exact
             } else {
-                Evidence::sampled(states, off.fold(0.0, f64::max))
+                Evidence::sampled(states, errors.fold(0.0, f64::max))
             };
             Fact::new(text, evidence)
         })

@@ -16,7 +16,7 @@ pub(super) struct ObservedMotion {
     /// Whether its origin never moves.
     pub(super) origin_rests: bool,
     /// The largest relative error that was taken for zero.
-    pub(super) off: f64,
+    pub(super) largest_error: f64,
 }
 
 /// The sampled states from which motions are inferred.
@@ -73,24 +73,24 @@ impl<'a> Motions<'a> {
             direction: None,
             in_link: None,
             origin_rests: moving == 0,
-            off: off_turns,
+            largest_error: off_turns,
         };
         match turning {
             0 => {
                 seen.freedom = match moving {
-                    0 => Freedom::Still,
-                    1 => Freedom::Line,
-                    2 => Freedom::Plane,
-                    _ => Freedom::Translates,
+                    0 => Freedom::Fixed,
+                    1 => Freedom::LinearTranslation,
+                    2 => Freedom::PlanarTranslation,
+                    _ => Freedom::SpatialTranslation,
                 };
-                seen.off = seen.off.max(off_moves);
+                seen.largest_error = seen.largest_error.max(off_moves);
             }
             1 => self.about_a_direction(link, &turns, &moves, &mut seen),
             _ => {
                 let (point, off) = self.has_fixed_point(link);
                 if point {
-                    seen.freedom = Freedom::Point;
-                    seen.off = seen.off.max(off);
+                    seen.freedom = Freedom::Spherical;
+                    seen.largest_error = seen.largest_error.max(off);
                 }
             }
         }
@@ -108,16 +108,16 @@ impl<'a> Motions<'a> {
         let Some(n) = fastest else { return };
         let along: Vec<Vec<Float320>> = moves.iter().map(|v| vec![dot(v, n)]).collect();
         let (leaves, off) = rank_of(along, self.size.0 * self.size.1);
-        seen.off = seen.off.max(off);
+        seen.largest_error = seen.largest_error.max(off);
         let (screws, off) = self.screw_rank(link);
         seen.freedom = match (screws, leaves) {
-            (1, 0) => Freedom::Spin,
+            (1, 0) => Freedom::FixedAxisRotation,
             (1, _) => Freedom::Screw,
-            (_, 0) => Freedom::Planar,
-            _ => Freedom::Direction,
+            (_, 0) => Freedom::PlanarMotion,
+            _ => Freedom::Schoenflies,
         };
         if screws == 1 {
-            seen.off = seen.off.max(off);
+            seen.largest_error = seen.largest_error.max(off);
         }
         let length = libm::sqrt(dot(n, n).to_f64());
         // orient the axis so that its largest component is positive

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use crate::base::certificate::{ClosedState, Float320, relations};
-use crate::base::{Form, follows, recognise};
+use crate::base::{LinearForm, is_implied_by, recognise};
 use crate::model::Model;
 use crate::sym::Number;
 
@@ -13,7 +13,7 @@ use super::{Evidence, Fact};
 #[derive(Clone, Debug)]
 pub(super) struct Relation {
     coordinate: usize,
-    terms: Form,
+    terms: LinearForm,
     /// The largest error at the sampled states, as a fraction of the largest rate.
     off: f64,
 }
@@ -93,11 +93,11 @@ impl Relation {
         &self,
         model: &Model,
         states: &[ClosedState],
-        velocity_constraints: &[Form],
+        velocity_constraints: &[LinearForm],
     ) -> Fact {
         let mut form = self.terms.clone();
         form.push((self.coordinate, Number::from_i64(-1)));
-        let evidence = if follows(velocity_constraints, &form) {
+        let evidence = if is_implied_by(velocity_constraints, &form) {
             Evidence::Exact
         } else {
             Evidence::sampled(states.len(), self.off)

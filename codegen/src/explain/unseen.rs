@@ -4,7 +4,7 @@ use crate::base::{Base, Direction, Provenance};
 use crate::model::{Model, ParameterKind};
 
 use super::motion::{Motions, ObservedMotion};
-use super::{Freedom, Grouped, Unidentifiable, words};
+use super::{Freedom, Grouped, Unidentifiable, predicate};
 
 /// Index of the mass among a body's ten parameters.
 const MASS_ENTRY: usize = 9;
@@ -48,7 +48,7 @@ impl Bodies<'_> {
     fn reason(&self, body: usize, entry: usize) -> Option<String> {
         let observed = self.observed.get(body)?;
         let name = self.label(body);
-        if observed.freedom == Freedom::Still {
+        if observed.freedom == Freedom::Fixed {
             return Some(format!("body {name} never moves"));
         }
         if entry == MASS_ENTRY {
@@ -198,7 +198,7 @@ impl Bodies<'_> {
         let name = self.label(body);
         match self.observed.get(body).map(|s| s.freedom) {
             Some(freedom) if freedom != Freedom::General => {
-                format!("body {name} {}", words(freedom))
+                format!("body {name} {}", predicate(freedom))
             }
             _ => format!("the way body {name} moves shows them together only"),
         }
@@ -297,7 +297,7 @@ impl Bodies<'_> {
         if reasons.is_empty() {
             let carried = self.observed.iter().enumerate();
             let carried =
-                carried.filter(|(_, s)| s.freedom.never_turns() && s.freedom != Freedom::Still);
+                carried.filter(|(_, s)| s.freedom.never_turns() && s.freedom != Freedom::Fixed);
             let names: Vec<&str> = carried.map(|(b, _)| self.label(b)).collect();
             if !names.is_empty() {
                 let plural = if names.len() == 1 { "body" } else { "bodies" };

@@ -1,4 +1,5 @@
-//! Evaluates every expression of a spec whose names are checked, and checks the values.
+//! Evaluates every expression of a spec whose names have been checked, and checks the values:
+//! intervals, cone angles, pitches, masses, inertias.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +21,9 @@ use crate::sym::Number;
 /// its largest entry.
 const SEMIDEFINITE_TOLERANCE: f64 = 1e-12;
 
-/// Evaluates a spec whose names are checked; `None` if an error was reported.
+/// Evaluates a spec whose names have been checked, and reports all errors to `sink`; `None` if a
+/// part cannot be evaluated. The result may be `Some` although an error was reported, such as a
+/// negative mass: the caller must consult `sink`.
 pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     let mut resolver = Resolver {
         values: BTreeMap::new(),
@@ -28,21 +31,21 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     };
     // evaluate every part, also after an error, so that all errors are reported
     let geometry = resolver.geometry(raw);
-    let gravity = resolver.all(&raw.gravity);
-    let limbs = each(&raw.limbs, |limb| resolver.limb(limb));
-    let cuts = each(raw.cuts.iter().flatten(), |cut| resolver.cut(cut));
-    let couplings = each(
+    let gravity = resolver.quantities(&raw.gravity);
+    let limbs = collect_all(&raw.limbs, |limb| resolver.limb(limb));
+    let cuts = collect_all(raw.cuts.iter().flatten(), |cut| resolver.cut(cut));
+    let couplings = collect_all(
         raw.couplings.iter().flat_map(|couplings| &couplings.0),
         |(key, form)| {
             let form = resolver.linear(&form.0)?;
             Some((spanned(&key.0), form))
         },
     );
-    let home = each(
+    let home = collect_all(
         raw.home.iter().flat_map(|home| &home.value.0),
         |(key, value)| Some((spanned(&key.0), resolver.quantity(value)?)),
     );
-    let bodies = each(
+    let bodies = collect_all(
         raw.bodies.iter().flat_map(|bodies| &bodies.0),
         |(label, inertia)| Some((spanned(&label.0), resolver.inertia(inertia, &label.0)?)),
     );
@@ -69,9 +72,13 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     })
 }
 
-/// Calls `act` for every item, also after a failure; `None` if any call failed.
-fn each<I: IntoIterator, T>(items: I, act: impl FnMut(I::Item) -> Option<T>) -> Option<Vec<T>> {
-    let results: Vec<Option<T>> = items.into_iter().map(act).collect();
+/// The results of `evaluate_item` for all items; `None` if any call failed. The remaining items are
+/// evaluated also after a failure, so that their errors are reported too.
+fn collect_all<I: IntoIterator, T>(
+    items: I,
+    evaluate_item: impl FnMut(I::Item) -> Option<T>,
+) -> Option<Vec<T>> {
+    let results: Vec<Option<T>> = items.into_iter().map(evaluate_item).collect();
     results.into_iter().collect()
 }
 
@@ -82,32 +89,36 @@ fn spanned(word: &Word) -> Spanned<String> {
     }
 }
 
-/// The label of a body; `None` for the world.
-fn body(reference: &BodyReference) -> Option<Spanned<String>> {
+/// The label of the body that is referred to; `None` for the world.
+fn body_label(reference: &BodyReference) -> Option<Spanned<String>> {
     (reference.0.text != "world").then(|| spanned(&reference.0))
 }
 
 /// Returned after an error was reported to the sink.
 struct Reported;
 
-/// A joint or a cut, as the owner of a pitch.
-struct Screw<'a> {
+/// A joint or a cut whose pitch is evaluated, for the messages about it.
+struct PitchOwner<'a> {
     kind: JointKind,
-    /// The word for it in messages: `joint` or `cut`.
-    what: &'static str,
+    /// The noun for it in messages: `joint` or `cut`.
+    noun: &'static str,
+    /// The path of its name in the spec; empty for a joint without a name.
     path: &'a str,
 }
 
+/// Evaluates the parts of a spec one after the other. Its methods return `None` after they reported
+/// an error.
 struct Resolver<'a> {
-    /// Values of the geometry names so far; `None` for a value with a reported error, so that its
-    /// uses are not reported too.
+    /// The values of the geometry names evaluated so far; `None` for a name whose expression has
+    /// a reported error, so that no error is reported for the expressions that use it.
     values: BTreeMap<String, Option<Number>>,
     sink: &'a mut Sink,
 }
 
 impl Resolver<'_> {
+    /// Evaluates the geometry names in order, so that each may use those before it.
     fn geometry(&mut self, raw: &RawSpec) -> Option<Vec<(Spanned<String>, Quantity)>> {
-        each(
+        collect_all(
             raw.geometry.iter().flat_map(|geometry| &geometry.0),
             |(name, scalar)| {
                 let quantity = self.quantity(scalar);
@@ -118,55 +129,56 @@ impl Resolver<'_> {
         )
     }
 
-    /// Whether an expression uses a value with a reported error.
-    fn uses_bad_value(&self, ast: &Ast) -> bool {
-        let mut bad = false;
-        ast.names(&mut |_, name| bad |= matches!(self.values.get(name), Some(None)));
-        bad
+    /// Whether an expression uses a geometry name whose own expression has a reported error.
+    fn uses_failed_value(&self, ast: &Ast) -> bool {
+        let mut is_failed = false;
+        ast.names(&mut |_, name| is_failed |= matches!(self.values.get(name), Some(None)));
+        is_failed
     }
 
+    /// Evaluates an expression of numbers and geometry names.
     fn quantity(&mut self, scalar: &Scalar) -> Option<Quantity> {
-        if self.uses_bad_value(&scalar.ast) {
+        if self.uses_failed_value(&scalar.ast) {
             return None;
         }
         let lookup = |name: &str| self.values.get(name).cloned().flatten();
         match quantity(&scalar.ast, &lookup) {
             Ok(quantity) => Some(quantity),
-            Err(fault) => {
-                self.sink.push(fault.at(&scalar.path));
+            Err(error) => {
+                self.sink.push(error.at(&scalar.path));
                 None
             }
         }
     }
 
+    /// Evaluates an expression that is linear in coordinates or parameters.
     fn linear(&mut self, scalar: &Scalar) -> Option<LinearForm> {
-        if self.uses_bad_value(&scalar.ast) {
+        if self.uses_failed_value(&scalar.ast) {
             return None;
         }
         let lookup = |name: &str| self.values.get(name).cloned().flatten();
-        // names that are not geometry names are coordinates or parameters, since the names are
-        // checked
+        // since the names have been checked, each is a geometry name, a coordinate or a parameter
         match linear(
             &scalar.ast,
             &|name| !self.values.contains_key(name),
             &lookup,
         ) {
             Ok(form) => Some(form),
-            Err(fault) => {
-                self.sink.push(fault.at(&scalar.path));
+            Err(error) => {
+                self.sink.push(error.at(&scalar.path));
                 None
             }
         }
     }
 
-    fn all<const N: usize>(&mut self, scalars: &[Scalar; N]) -> Option<[Quantity; N]> {
-        each(scalars, |scalar| self.quantity(scalar))?
+    fn quantities<const N: usize>(&mut self, scalars: &[Scalar; N]) -> Option<[Quantity; N]> {
+        collect_all(scalars, |scalar| self.quantity(scalar))?
             .try_into()
             .ok()
     }
 
     fn placement(&mut self, raw: &RawPlacement) -> Option<Placement> {
-        let (xyz, rpy) = (self.all(&raw.xyz), self.all(&raw.rpy));
+        let (xyz, rpy) = (self.quantities(&raw.xyz), self.quantities(&raw.rpy));
         Some(Placement {
             xyz: xyz?,
             rpy: rpy?,
@@ -175,10 +187,10 @@ impl Resolver<'_> {
 
     fn limb(&mut self, raw: &RawLimb) -> Option<Limb> {
         let base = self.placement(&raw.base);
-        let joints = each(&raw.joints, |joint| self.joint(joint));
+        let joints = collect_all(&raw.joints, |joint| self.joint(joint));
         Some(Limb {
             name: spanned(&raw.name.0),
-            from: body(&raw.from),
+            from: body_label(&raw.from),
             base: base?,
             joints: joints?,
             span: raw.span,
@@ -201,7 +213,7 @@ impl Resolver<'_> {
             (Some(dh), _) => self.dh(dh),
             (None, Some(origin)) => self.placement(origin).map(JointFrame::Origin),
             (None, None) => {
-                let zero = || zero(raw.span);
+                let zero = || zero_quantity(raw.span);
                 Some(JointFrame::Dh {
                     alpha: zero(),
                     a: zero(),
@@ -212,22 +224,22 @@ impl Resolver<'_> {
         };
         let kind = raw.kind.value;
         let path = raw.name.as_ref().map_or("", |name| &*name.0.path);
-        let screw = Screw {
+        let pitch_owner = PitchOwner {
             kind,
-            what: "joint",
+            noun: "joint",
             path,
         };
-        let lead = self.lead(&screw, raw.kind.span, raw.pitch.as_ref());
+        let lead = self.lead(&pitch_owner, raw.kind.span, raw.pitch.as_ref());
         let limits = match &raw.limits {
             Some(limits) => self.limits(limits),
             None => Some(Limits::default()),
         };
-        let nominal = each(
+        let nominal = collect_all(
             raw.nominal.iter().flat_map(|nominal| &nominal.0),
             |(symbol, scalar)| {
                 let quantity = self.quantity(scalar)?;
                 if symbol.0.text == "J" && quantity.value.is_negative() {
-                    self.refuse(scalar, "a rotor inertia must not be negative");
+                    self.report(scalar, "a rotor inertia must not be negative");
                     return None;
                 }
                 Some((spanned(&symbol.0), quantity))
@@ -252,7 +264,8 @@ impl Resolver<'_> {
         })
     }
 
-    fn refuse(&mut self, scalar: &Scalar, message: &str) {
+    /// Reports an error at a value.
+    fn report(&mut self, scalar: &Scalar, message: &str) {
         self.sink
             .push(Diagnostic::new(scalar.ast.span, message).path(&*scalar.path));
     }
@@ -274,7 +287,7 @@ impl Resolver<'_> {
     }
 
     fn interval(&mut self, raw: &[Scalar; 2]) -> Option<Interval> {
-        let interval = self.all(raw)?;
+        let interval = self.quantities(raw)?;
         if interval[0].value.cmp_value(&interval[1].value).is_gt() {
             let [low, high] = [interval[0].value.to_f64(), interval[1].value.to_f64()];
             let path = raw[0]
@@ -294,7 +307,8 @@ impl Resolver<'_> {
         Some(interval)
     }
 
-    /// The largest swing angle, rad, if the spec limits it; `Err` after reporting an error.
+    /// The largest swing angle of a cone limit, rad, if the spec has one; `Err` after reporting an
+    /// error.
     fn cone(&mut self, raw: Option<&Scalar>) -> Result<Option<Quantity>, Reported> {
         let Some(raw) = raw else {
             return Ok(None);
@@ -302,37 +316,37 @@ impl Resolver<'_> {
         let cone = self.quantity(raw).ok_or(Reported)?;
         let positive = !cone.value.is_negative() && !cone.value.is_zero();
         if !positive || cone.value.cmp_value(&Number::pi()).is_gt() {
-            self.refuse(raw, "a cone's angle must be above 0 and at most pi");
+            self.report(raw, "a cone's angle must be above 0 and at most pi");
             return Err(Reported);
         }
         Ok(Some(cone))
     }
 
-    /// The lead (pitch over 2 pi) of a joint or cut that has a pitch; `Err` after reporting an
-    /// error.
+    /// The lead (pitch over 2 pi, in m/rad for a pitch in m per turn) of a joint or cut that has a
+    /// pitch, else `None`; `Err` after reporting an error.
     fn lead(
         &mut self,
-        screw: &Screw<'_>,
+        owner: &PitchOwner<'_>,
         kind_span: Span,
         raw: Option<&Scalar>,
     ) -> Result<Option<Quantity>, Reported> {
-        let (word, what) = (screw.kind.name(), screw.what);
-        match (screw.kind.takes_pitch(), raw) {
+        let (kind_name, noun) = (owner.kind.name(), owner.noun);
+        match (owner.kind.takes_pitch(), raw) {
             (false, None) => Ok(None),
             (false, Some(raw)) => {
                 self.sink.push(
-                    Diagnostic::new(raw.ast.span, format!("a {word} {what} takes no pitch"))
+                    Diagnostic::new(raw.ast.span, format!("a {kind_name} {noun} takes no pitch"))
                         .path(&*raw.path)
-                        .secondary(kind_span, format!("the {what} is {word}"))
-                        .hint(format!("only helical {what}s do")),
+                        .secondary(kind_span, format!("the {noun} is {kind_name}"))
+                        .hint(format!("only helical {noun}s do")),
                 );
                 Err(Reported)
             }
             (true, None) => {
                 self.sink.push(
-                    Diagnostic::new(kind_span, format!("a {word} {what} needs a pitch"))
+                    Diagnostic::new(kind_span, format!("a {kind_name} {noun} needs a pitch"))
                         // the path of the joint or the cut, not that of its name
-                        .path(screw.path.trim_end_matches(", name"))
+                        .path(owner.path.trim_end_matches(", name"))
                         .hint("write `pitch: 0.005` for 5 mm per turn"),
                 );
                 Err(Reported)
@@ -340,17 +354,17 @@ impl Resolver<'_> {
             (true, Some(raw)) => {
                 let pitch = self.quantity(raw).ok_or(Reported)?;
                 if pitch.value.is_zero() {
-                    self.refuse(raw, "a pitch must not be 0: that is a revolute joint");
+                    self.report(raw, "a pitch must not be 0: that is a revolute joint");
                     return Err(Reported);
                 }
-                let turn = Number::from_i64(2).mul(&Number::pi());
-                let value = pitch.value.div(&turn).ok_or(Reported)?;
-                let turn = Expr::Mul(
+                let two_pi = Number::from_i64(2).mul(&Number::pi());
+                let value = pitch.value.div(&two_pi).ok_or(Reported)?;
+                let two_pi = Expr::Mul(
                     Box::new(Expr::Number(Number::from_i64(2))),
                     Box::new(Expr::Pi),
                 );
                 Ok(Some(Quantity {
-                    expr: Expr::Div(Box::new(pitch.expr), Box::new(turn)),
+                    expr: Expr::Div(Box::new(pitch.expr), Box::new(two_pi)),
                     value,
                     span: pitch.span,
                 }))
@@ -359,10 +373,10 @@ impl Resolver<'_> {
     }
 
     fn cut(&mut self, raw: &RawCut) -> Option<Cut> {
-        let sides = each(&raw.between, |side| {
-            let (xyz, rpy) = (self.all(&side.xyz), self.all(&side.rpy));
+        let sides = collect_all(&raw.between, |side| {
+            let (xyz, rpy) = (self.quantities(&side.xyz), self.quantities(&side.rpy));
             Some(CutSide {
-                body: body(&side.body),
+                body: body_label(&side.body),
                 placement: Placement {
                     xyz: xyz?,
                     rpy: rpy?,
@@ -370,12 +384,12 @@ impl Resolver<'_> {
             })
         });
         let cone = self.cone(raw.limits.as_ref().and_then(|limits| limits.cone.as_ref()));
-        let screw = Screw {
+        let pitch_owner = PitchOwner {
             kind: raw.joint.value.joint(),
-            what: "cut",
+            noun: "cut",
             path: &raw.name.0.path,
         };
-        let lead = self.lead(&screw, raw.joint.span, raw.pitch.as_ref());
+        let lead = self.lead(&pitch_owner, raw.joint.span, raw.pitch.as_ref());
         Some(Cut {
             name: spanned(&raw.name.0),
             kind: Spanned {
@@ -394,10 +408,10 @@ impl Resolver<'_> {
 
     fn inertia(&mut self, raw: &RawInertia, label: &Word) -> Option<BodyInertia> {
         let mass = self.quantity(&raw.mass);
-        let (com, inertia) = (self.all(&raw.com), self.all(&raw.inertia));
+        let (com, inertia) = (self.quantities(&raw.com), self.quantities(&raw.inertia));
         let (mass, com, inertia) = (mass?, com?, inertia?);
         if mass.value.is_negative() {
-            self.refuse(&raw.mass, "a mass must not be negative");
+            self.report(&raw.mass, "a mass must not be negative");
         }
         let tensor = inertia.each_ref().map(|entry| entry.value.to_f64());
         if flaw(tensor, SEMIDEFINITE_TOLERANCE) == Some(Flaw::Indefinite) {
@@ -420,7 +434,7 @@ impl Resolver<'_> {
     }
 
     fn base(&mut self, raw: &RawBase) -> Option<BaseChoices> {
-        let zero = each(&raw.zero, |form| {
+        let zero = collect_all(&raw.zero, |form| {
             let linear = self.linear(&form.0)?;
             if !linear.constant.value.is_zero() {
                 self.sink.push(
@@ -461,7 +475,7 @@ impl Resolver<'_> {
 }
 
 /// The value zero, for keys that are missing.
-fn zero(span: Span) -> Quantity {
+fn zero_quantity(span: Span) -> Quantity {
     let ast = Ast::number(Number::zero(), span);
     Quantity {
         expr: ast.to_expr(),

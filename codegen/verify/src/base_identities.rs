@@ -6,7 +6,7 @@ use regen_runtime::{BaseModel, Model, SizeError};
 
 use crate::check::Identities;
 use crate::identities::{CheckedState, ROUNDING_BOUND};
-use crate::vector::{fill, larger, product};
+use crate::vector::{fill, larger, mul_column_major};
 
 /// Checks that parameters computed from random base parameters have the same forces as the
 /// functions over base parameters give.
@@ -42,11 +42,15 @@ pub(crate) fn check(
     };
 
     let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
-    let w_phi = product(&w, &phi, dof);
+    let w_phi = mul_column_major(&w, &phi, dof);
     let w_base = fill(dof * beta.len(), |out| {
         model.base_regressor(q, qd, qdd, out)
     })?;
-    compare("W_red beta = W phi", &product(&w_base, &beta, dof), &w_phi);
+    compare(
+        "W_red beta = W phi",
+        &mul_column_major(&w_base, &beta, dof),
+        &w_phi,
+    );
 
     let tau = fill(dof, |out| {
         model.base_inverse_dynamics(q, qd, qdd, &beta, out)

@@ -10,13 +10,17 @@ use crate::base_identities;
 use crate::check::{Identities, Report};
 use crate::error::VerifyError;
 use crate::states::{Reach, SEED, closed_state};
-use crate::vector::{dot, fill, product, relative_difference, size, slope, times};
+use crate::vector::{
+    derivative_at_zero, dot, fill, max_abs, mul_column_major, mul_row_major, relative_difference,
+};
 
 /// Number of closed states.
 const STATES: usize = 8;
-/// Bound of errors that are due to rounding only, relative to the larger side.
+/// Largest error of identities whose sides differ by rounding only, relative to the larger side:
+/// rounding of 1e-16, with seven digits left for terms that cancel.
 pub(crate) const ROUNDING_BOUND: f64 = 1e-9;
-/// Bound of errors in comparisons with finite differences, relative to the larger side.
+/// Largest error of comparisons with finite differences, relative to the larger side: epsilon over
+/// the step of the differences is some 1e-12, with six digits left for terms that cancel.
 const DIFFERENCE_BOUND: f64 = 1e-6;
 
 /// Checks a robot's functions against each other; the errors of the identities are relative.
@@ -28,24 +32,24 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
     let mut closure = LoopClosure::new(&model)?;
     let mut random = Random::new(SEED);
     let mut all = Identities::default();
-    for place in 0..STATES {
+    for index in 0..STATES {
         let state = closed_state(&model, &mut closure, &mut random, Reach::IDENTITIES)?;
         let phi: Vec<f64> = robot.parameters.iter().map(|_| random.signed()).collect();
-        let at = CheckedState {
+        let checked_state = CheckedState {
             model: &model,
-            place,
+            index,
             state: &state,
             phi: &phi,
         };
         if robot.rows > 0 {
-            at.closure(&mut all)?;
+            checked_state.closure(&mut all)?;
         }
-        at.dynamics(&mut all, &mut random)?;
-        at.energy(&mut all, &mut random)?;
+        checked_state.dynamics(&mut all, &mut random)?;
+        checked_state.energy(&mut all, &mut random)?;
         // the identities of base parameters need base parameters
         let analysis = robot.analysis.as_ref();
         if let Some(analysis) = analysis.filter(|a| a.base.rank() > 0) {
-            base_identities::check(&at, &analysis.base, &mut all, &mut random)?;
+            base_identities::check(&checked_state, &analysis.base, &mut all, &mut random)?;
         }
     }
     Ok(Report {
@@ -58,9 +62,10 @@ pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
 /// A closed state with parameters, at which identities are checked.
 pub(crate) struct CheckedState<'a> {
     pub(crate) model: &'a Interpreted<'a>,
-    /// The index of the state.
-    place: usize,
+    /// The index of the state in the order of sampling, from 0.
+    index: usize,
     pub(crate) state: &'a State,
+    /// The dynamic parameters, random numbers in the order of `Info::parameters`.
     phi: &'a [f64],
 }
 
@@ -75,8 +80,8 @@ impl CheckedState<'_> {
         scale: f64,
         bound: f64,
     ) {
-        let figure = relative_difference(a, b, scale);
-        all.note(self.place, statement, figure, bound);
+        let error = relative_difference(a, b, scale);
+        all.note(self.index, statement, error, bound);
     }
 
     /// q + t qd. The functions accept any q, closed or not, so that only the direction matters for
@@ -91,7 +96,7 @@ impl CheckedState<'_> {
         &self,
         f: impl Fn(&[f64]) -> Result<Vec<f64>, SizeError>,
     ) -> Result<Vec<f64>, SizeError> {
-        slope(|t| f(&self.displaced(t)))
+        derivative_at_zero(|t| f(&self.displaced(t)))
     }
 
     fn closure(&self, all: &mut Identities) -> Result<(), SizeError> {
@@ -106,7 +111,7 @@ impl CheckedState<'_> {
         let a = jacobian(q)?;
         let mut differences = vec![0.0; rows * n];
         for column in 0..n {
-            let rates = slope(|h| {
+            let rates = derivative_at_zero(|h| {
                 let mut q = q.clone();
                 q[column] += h;
                 f(&q)
@@ -116,24 +121,24 @@ impl CheckedState<'_> {
             }
         }
         self.compare(all, "A = df/dq", [&a, &differences], 0.0, DIFFERENCE_BOUND);
-        let scale = size(&a) * size(qd);
+        let scale = max_abs(&a) * max_abs(qd);
         self.compare(
             all,
             "A qd = 0",
-            [&times(&a, qd), &zero],
+            [&mul_row_major(&a, qd), &zero],
             scale,
             ROUNDING_BOUND,
         );
         let b = fill(rows, |out| self.model.bias(q, qd, out))?;
-        let scale = size(&a) * size(qdd);
+        let scale = max_abs(&a) * max_abs(qdd);
         self.compare(
             all,
             "A qdd = b",
-            [&times(&a, qdd), &b],
+            [&mul_row_major(&a, qdd), &b],
             scale,
             ROUNDING_BOUND,
         );
-        let drift: Vec<f64> = times(&self.rate(jacobian)?, qd)
+        let drift: Vec<f64> = mul_row_major(&self.rate(jacobian)?, qd)
             .iter()
             .map(|x| -x)
             .collect();
@@ -144,21 +149,22 @@ impl CheckedState<'_> {
             scale,
             DIFFERENCE_BOUND,
         );
-        // A Newton step leads back: from q + h d it is -h d, to first order.
-        let away: Vec<f64> = (0..info.dependent.len())
+        // Newton's step at q - h d, with the dependent coordinates displaced by d, is h d to first
+        // order.
+        let offset: Vec<f64> = (0..info.dependent.len())
             .map(|k| 1.0 / (k as f64 + 1.0))
             .collect();
-        let back = slope(|h| {
+        let recovered = derivative_at_zero(|h| {
             let mut q = q.clone();
-            for (k, d) in info.dependent.iter().zip(&away) {
+            for (k, d) in info.dependent.iter().zip(&offset) {
                 q[*k] -= h * d;
             }
-            fill(away.len(), |out| self.model.newton_step(&q, out))
+            fill(offset.len(), |out| self.model.newton_step(&q, out))
         })?;
         self.compare(
             all,
             "Newton's step leads back",
-            [&back, &away],
+            [&recovered, &offset],
             1.0,
             DIFFERENCE_BOUND,
         );
@@ -174,7 +180,7 @@ impl CheckedState<'_> {
         let qdd_i = self.independent(qdd);
 
         let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
-        let w_phi = product(&w, phi, dof);
+        let w_phi = mul_column_major(&w, phi, dof);
         let tau = fill(dof, |out| model.inverse_dynamics(q, qd, qdd, phi, out))?;
         self.compare(
             all,
@@ -185,11 +191,11 @@ impl CheckedState<'_> {
         );
 
         let mass = fill(dof * dof, |out| model.mass_matrix(q, phi, out))?;
-        let rest = fill(dof, |out| model.bias_forces(q, qd, phi, out))?;
+        let bias_forces = fill(dof, |out| model.bias_forces(q, qd, phi, out))?;
         let gravity = fill(dof, |out| model.gravity(q, phi, out))?;
-        let sum: Vec<f64> = times(&mass, &qdd_i)
+        let sum: Vec<f64> = mul_row_major(&mass, &qdd_i)
             .iter()
-            .zip(rest.iter().zip(&gravity))
+            .zip(bias_forces.iter().zip(&gravity))
             .map(|(inertial, (bias, gravity))| inertial + bias + gravity)
             .collect();
         self.compare(
@@ -210,15 +216,15 @@ impl CheckedState<'_> {
             ROUNDING_BOUND,
         );
 
-        let (still, none) = (vec![0.0; n], vec![0.0; dof]);
-        let held = fill(n, |out| model.accelerations(q, &still, &none, out))?;
-        let hold = fill(dof, |out| {
-            model.inverse_dynamics(q, &still, &held, phi, out)
+        let (zero_qd, zero_qdd_i) = (vec![0.0; n], vec![0.0; dof]);
+        let qdd_at_rest = fill(n, |out| model.accelerations(q, &zero_qd, &zero_qdd_i, out))?;
+        let tau_at_rest = fill(dof, |out| {
+            model.inverse_dynamics(q, &zero_qd, &qdd_at_rest, phi, out)
         })?;
         self.compare(
             all,
             "gravity = W phi at rest",
-            [&gravity, &hold],
+            [&gravity, &tau_at_rest],
             1.0,
             ROUNDING_BOUND,
         );
@@ -228,13 +234,16 @@ impl CheckedState<'_> {
         })?;
         self.compare(all, "Y(q, qd, qd, qdd) = W", [&y, &w], 1.0, ROUNDING_BOUND);
 
-        let drives: Vec<f64> = info.actuated.iter().map(|_| random.signed()).collect();
-        let efforts = fill(dof, |out| model.generalized_forces(q, &drives, out))?;
-        let driven: Vec<f64> = info.actuated.iter().map(|&k| qd[k]).collect();
+        let drive_efforts: Vec<f64> = info.actuated.iter().map(|_| random.signed()).collect();
+        let generalized_forces = fill(dof, |out| model.generalized_forces(q, &drive_efforts, out))?;
+        let drive_rates: Vec<f64> = info.actuated.iter().map(|&k| qd[k]).collect();
         self.compare(
             all,
             "power of the drives = efforts . qd_i",
-            [&[dot(&efforts, &qd_i)], &[dot(&drives, &driven)]],
+            [
+                &[dot(&generalized_forces, &qd_i)],
+                &[dot(&drive_efforts, &drive_rates)],
+            ],
             1.0,
             ROUNDING_BOUND,
         );
@@ -256,22 +265,22 @@ impl CheckedState<'_> {
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
-        let twice = dot(&times(&mass(q)?, &qd_i), &qd_i);
+        let twice_kinetic = dot(&mul_row_major(&mass(q)?, &qd_i), &qd_i);
         self.compare(
             all,
             "kinetic energy of M = of the bodies' poses",
-            [&[0.5 * twice], &[self.kinetic(&phi)?]],
+            [&[0.5 * twice_kinetic], &[self.kinetic(&phi)?]],
             1.0,
             DIFFERENCE_BOUND,
         );
 
-        let rest = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
-        let rise = self.rate(mass)?;
-        let along = dot(&times(&rise, &qd_i), &qd_i);
+        let bias_forces = fill(dof, |out| model.bias_forces(q, qd, &phi, out))?;
+        let mass_rate = self.rate(mass)?;
+        let mass_rate_power = dot(&mul_row_major(&mass_rate, &qd_i), &qd_i);
         self.compare(
             all,
             "power of bias forces = qd_i (dM/dt) qd_i / 2",
-            [&[dot(&rest, &qd_i)], &[0.5 * along]],
+            [&[dot(&bias_forces, &qd_i)], &[0.5 * mass_rate_power]],
             1.0,
             DIFFERENCE_BOUND,
         );
@@ -279,17 +288,17 @@ impl CheckedState<'_> {
         // dM/dt - 2 C is skew-symmetric, which adaptive control relies on. At zero accelerations
         // and without gravity, Y phi equals C v.
         let v: Vec<f64> = qd_i.iter().map(|_| random.signed()).collect();
-        let none = vec![0.0; dof];
+        let zero_qdd_i = vec![0.0; dof];
         let y = fill(dof * phi.len(), |out| {
-            model.adaptive_regressor(q, qd, &v, &none, out)
+            model.adaptive_regressor(q, qd, &v, &zero_qdd_i, out)
         })?;
         let gravity = fill(dof, |out| model.gravity(q, &phi, out))?;
         self.compare(
             all,
             "v C v = v (dM/dt) v / 2",
             [
-                &[dot(&product(&y, &phi, dof), &v) - dot(&gravity, &v)],
-                &[0.5 * dot(&times(&rise, &v), &v)],
+                &[dot(&mul_column_major(&y, &phi, dof), &v) - dot(&gravity, &v)],
+                &[0.5 * dot(&mul_row_major(&mass_rate, &v), &v)],
             ],
             1.0,
             DIFFERENCE_BOUND,
@@ -301,28 +310,29 @@ impl CheckedState<'_> {
     fn kinetic(&self, phi: &[f64]) -> Result<f64, SizeError> {
         let info = self.model.info();
         let poses = |q: &[f64]| fill(12 * info.bodies.len(), |out| self.model.poses(q, out));
-        let here = poses(&self.state.q)?;
+        let poses_at_state = poses(&self.state.q)?;
         let rates = self.rate(poses)?;
         let mut energy = 0.0;
-        for ((pose, rate), p) in here
+        for ((pose, rate), p) in poses_at_state
             .chunks_exact(12)
             .zip(rates.chunks_exact(12))
             .zip(phi.chunks_exact(10))
         {
+            // p is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, mx, my, mz, m of the body.
             // Velocities in body axes: v = R^T dp/dt, omega from R^T dR/dt.
             let column = |m: &[f64], j: usize| [m[j], m[3 + j], m[6 + j]];
             let v = [0, 1, 2].map(|j| dot(&column(pose, j), &rate[9..12]));
-            let spin = |i: usize, j: usize| dot(&column(pose, i), &column(rate, j));
-            let w = [spin(2, 1), spin(0, 2), spin(1, 0)];
+            let angular_rate = |i: usize, j: usize| dot(&column(pose, i), &column(rate, j));
+            let omega = [angular_rate(2, 1), angular_rate(0, 2), angular_rate(1, 0)];
             let inertia = [p[0], p[1], p[2], p[1], p[3], p[4], p[2], p[4], p[5]];
-            let swept = [
-                v[1] * w[2] - v[2] * w[1],
-                v[2] * w[0] - v[0] * w[2],
-                v[0] * w[1] - v[1] * w[0],
+            let v_cross_omega = [
+                v[1] * omega[2] - v[2] * omega[1],
+                v[2] * omega[0] - v[0] * omega[2],
+                v[0] * omega[1] - v[1] * omega[0],
             ];
-            energy += 0.5 * dot(&times(&inertia, &w), &w)
+            energy += 0.5 * dot(&mul_row_major(&inertia, &omega), &omega)
                 + 0.5 * p[9] * dot(&v, &v)
-                + dot(&swept, &p[6..9]);
+                + dot(&v_cross_omega, &p[6..9]);
         }
         for (parameter, value) in info.parameters.iter().zip(phi) {
             if let Some(k) = info
@@ -335,9 +345,13 @@ impl CheckedState<'_> {
         Ok(energy)
     }
 
+    /// The entries of the independent coordinates, out of one entry per coordinate.
     fn independent(&self, all: &[f64]) -> Vec<f64> {
-        let which = self.model.info().independent;
-        which.iter().filter_map(|&k| all.get(k).copied()).collect()
+        let indices = self.model.info().independent;
+        indices
+            .iter()
+            .filter_map(|&k| all.get(k).copied())
+            .collect()
     }
 }
 

@@ -11,8 +11,8 @@ pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
 
-/// The largest magnitude of an entry.
-pub(crate) fn size(values: &[f64]) -> f64 {
+/// The largest absolute value of an entry; NaN if an entry is NaN.
+pub(crate) fn max_abs(values: &[f64]) -> f64 {
     values.iter().map(|v| v.abs()).fold(0.0, larger)
 }
 
@@ -24,11 +24,11 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// small because their terms cancel.
 pub(crate) fn relative_difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
     let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    difference.fold(0.0, larger) / larger(scale, larger(size(a), size(b)))
+    difference.fold(0.0, larger) / larger(scale, larger(max_abs(a), max_abs(b)))
 }
 
 /// Row-major matrix times vector.
-pub(crate) fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
+pub(crate) fn mul_row_major(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
     matrix
         .chunks_exact(vector.len().max(1))
         .map(|row| dot(row, vector))
@@ -36,7 +36,7 @@ pub(crate) fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
 }
 
 /// Column-major matrix times vector.
-pub(crate) fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
+pub(crate) fn mul_column_major(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
     let mut sum = vec![0.0; rows];
     for (column, value) in columns.chunks_exact(rows.max(1)).zip(vector) {
         for (sum, entry) in sum.iter_mut().zip(column) {
@@ -48,7 +48,9 @@ pub(crate) fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> 
 
 /// The derivative at 0 of a vector function of one variable, by central differences of fourth
 /// order.
-pub(crate) fn slope(f: impl Fn(f64) -> Result<Vec<f64>, SizeError>) -> Result<Vec<f64>, SizeError> {
+pub(crate) fn derivative_at_zero(
+    f: impl Fn(f64) -> Result<Vec<f64>, SizeError>,
+) -> Result<Vec<f64>, SizeError> {
     let difference = |h: f64| -> Result<Vec<f64>, SizeError> {
         let (after, before) = (f(h)?, f(-h)?);
         Ok(after.iter().zip(&before).map(|(a, b)| a - b).collect())

@@ -8,7 +8,7 @@ use regen_identify::data::{DataError, Logs, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{self, InstrumentOptions, Instrumental, Motion};
 use regen_identify::model::{IdentifiedModel, Intervals};
-use regen_identify::session::{Session, Start};
+use regen_identify::session::{LeastSquaresStart, Session};
 use regen_identify::signals::{Method, SignalError};
 use regen_runtime::{BaseModel, SizeError};
 
@@ -47,7 +47,7 @@ pub struct Found {
 /// simulated with an estimate: see [`InstrumentError`].
 pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &Start,
+    start: &LeastSquaresStart,
     logs: &[PathBuf],
     reference: Option<(&FourierReference, &[Gains])>,
 ) -> Result<Found, InstrumentError> {
@@ -111,7 +111,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
 /// The identified model with the confidence intervals of its values.
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &Start,
+    start: &LeastSquaresStart,
     found: &Instrumental,
 ) -> IdentifiedModel {
     let method = format!(
@@ -120,7 +120,7 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     );
     // the regressor, and so its sampling uncertainty, is that of least squares
     let mut estimate = found.estimate.clone();
-    if let Some(blocks) = &start.blocks {
+    if let Some(blocks) = &start.score_blocks {
         let n = estimate.values.len();
         let all: Vec<usize> = (0..n).collect();
         let mut change = blocks.change(&start.factor, &all);

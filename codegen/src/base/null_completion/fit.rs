@@ -5,8 +5,8 @@ use crate::base::certificate::Float320;
 use crate::base::field::{Element, Field, Variable};
 use crate::sym::Number;
 
-use super::elsewhere::Group;
 use super::recognise::{agree, factors, is_rounding, recognise};
+use super::scaled_geometry::Group;
 
 /// The largest power of a name, in absolute value, in a product.
 const MAX_POWER: i64 = 4;
@@ -24,13 +24,16 @@ pub(super) struct ScaledFactor {
     pub(super) value: Float320,
 }
 
-/// The sampled values of a factor: at the given geometry, with each group scaled alone (`None` for
-/// a group that cannot be scaled alone), and with all groups scaled.
+/// The sampled values of a factor of a null direction.
 #[derive(Clone, Debug)]
 pub(super) struct SampledFactor {
+    /// The factor at the given geometry.
     pub(super) value: Float320,
-    pub(super) alone: Vec<Option<Float320>>,
-    pub(super) together: Vec<ScaledFactor>,
+    /// For each group, the factor with this group alone scaled; `None` for a group that cannot be
+    /// scaled alone.
+    pub(super) one_scaled: Vec<Option<Float320>>,
+    /// The factor at each sampled set of scales of all groups.
+    pub(super) all_scaled: Vec<ScaledFactor>,
 }
 
 /// A product of powers of the groups' names and a number.
@@ -49,7 +52,7 @@ impl Fit {
     /// short sum of such products.
     pub(super) fn find(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
         if is_rounding(&observed.value) {
-            let zero = observed.together.iter().all(|e| is_rounding(&e.value));
+            let zero = observed.all_scaled.iter().all(|e| is_rounding(&e.value));
             return zero.then(|| Fit(Vec::new()));
         }
         monomial(observed, groups, scale)
@@ -60,12 +63,12 @@ impl Fit {
     /// Whether the function agrees with the factor at the given geometry and wherever all groups
     /// were scaled.
     fn agrees_with(&self, observed: &SampledFactor, groups: &[Group]) -> bool {
-        let everywhere = observed.together.iter();
-        !observed.together.is_empty()
-            && everywhere
-                .map(|e| (self.value(groups, Some(&e.scales)), e.value))
+        let scaled = observed.all_scaled.iter();
+        !observed.all_scaled.is_empty()
+            && scaled
+                .map(|sample| (self.value(groups, Some(&sample.scales)), sample.value))
                 .chain([(self.value(groups, None), observed.value)])
-                .all(|(found, value)| found.is_some_and(|f| agree(&value, &f)))
+                .all(|(fitted, value)| fitted.is_some_and(|f| agree(&value, &f)))
     }
 
     fn value(&self, groups: &[Group], scales: Option<&[Number]>) -> Option<Number> {
@@ -119,7 +122,7 @@ fn power(before: &Float320, after: &Float320, scale: &Number) -> Option<i64> {
 
 fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
     let powers: Option<Vec<i64>> = observed
-        .alone
+        .one_scaled
         .iter()
         .map(|after| after.map_or(Some(0), |a| power(&observed.value, &a, scale)))
         .collect();
@@ -135,16 +138,16 @@ fn monomial(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Optio
 
 /// A sum, found as an integer relation among products of powers at unrelated values of the names.
 fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit> {
-    let place = observed.together.first()?;
+    let sample = observed.all_scaled.first()?;
     let involved: Vec<bool> = observed
-        .alone
+        .one_scaled
         .iter()
         .map(|a| a.is_some_and(|a| power(&observed.value, &a, scale) != Some(0)))
         .collect();
-    let mut all = vec![vec![]];
+    let mut exponents = vec![vec![]];
     for is_involved in involved {
         let range = if is_involved { MAX_POWER_IN_SUM } else { 0 };
-        all = all
+        exponents = exponents
             .into_iter()
             .flat_map(|powers: Vec<i64>| {
                 (-range..=range).map(move |p| {
@@ -154,33 +157,33 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
                 })
             })
             .collect();
-        if all.len() > 1000 {
+        if exponents.len() > 1000 {
             return None;
         }
     }
     let roots = [Number::one(), Number::from_i64(3).sqrt()?];
     // the factor has a dimension, so all terms have the same degree in the lengths
     for degree in [0, 1, -1, 2, -2] {
-        let mut candidates: Vec<&Vec<i64>> = all
+        let mut candidates: Vec<&Vec<i64>> = exponents
             .iter()
             .filter(|p| p.iter().sum::<i64>() == degree)
             .collect();
         candidates.sort_by_key(|p| p.iter().map(|e| e.abs()).sum::<i64>());
         for roots in [&roots[..1], &roots[..]] {
-            let most = MAX_CANDIDATES / roots.len();
+            let max_candidates = MAX_CANDIDATES / roots.len();
             let mut products = Vec::new();
             let mut values = Vec::new();
-            for powers in candidates.iter().take(most) {
+            for powers in candidates.iter().take(max_candidates) {
                 for root in roots {
-                    let value = powers_of(groups, Some(&place.scales), powers)?;
+                    let value = powers_of(groups, Some(&sample.scales), powers)?;
                     values.push(value.mul(root));
                     products.push((root, (*powers).clone()));
                 }
             }
-            let Some(found) = factors(&place.value, &values) else {
+            let Some(coefficients) = factors(&sample.value, &values) else {
                 continue;
             };
-            let terms = products.into_iter().zip(found);
+            let terms = products.into_iter().zip(coefficients);
             let terms = terms.map(|((root, powers), f)| Product {
                 factor: root.mul(&Number::from_rational(f)),
                 powers,
@@ -208,14 +211,14 @@ mod tests {
         let text = "name: two\ngeometry: {a: 0.3, b: 0.7}\nlimbs: [{name: arm, joints: \
                     [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
         let source = crate::diag::Source::new("two.yaml", text);
-        let groups = super::super::elsewhere::groups(&crate::spec::parse(&source).unwrap());
+        let groups = super::super::scaled_geometry::groups(&crate::spec::parse(&source).unwrap());
         let [a, b] = ["0.3", "0.7"].map(|d| Number::parse_decimal(d).unwrap());
         let wide = |x: &Number| Float320::from_number(x);
         let scale = Number::ratio(33, 32).unwrap();
         let at = |s: &Number, t: &Number| wide(&f(&a.mul(s), &b.mul(t)));
         let one = Number::one();
         // unrelated large numbers, as in the sampling of mechanisms
-        let together = [(1_037_720, 1_075_437), (970_520, 941_037)].map(|(p, q)| {
+        let all_scaled = [(1_037_720, 1_075_437), (970_520, 941_037)].map(|(p, q)| {
             let scales = [p, q].map(|n| Number::ratio(n, 1_000_003).unwrap());
             ScaledFactor {
                 value: at(&scales[0], &scales[1]),
@@ -224,8 +227,8 @@ mod tests {
         });
         let observed = SampledFactor {
             value: at(&one, &one),
-            alone: vec![Some(at(&scale, &one)), Some(at(&one, &scale))],
-            together: together.to_vec(),
+            one_scaled: vec![Some(at(&scale, &one)), Some(at(&one, &scale))],
+            all_scaled: all_scaled.to_vec(),
         };
         (observed, groups, scale)
     }
@@ -241,8 +244,8 @@ mod tests {
             &|a, b| a.div(b).unwrap().sub(&b.mul(b).div(&a.mul(a)).unwrap()),
         ];
         for (k, f) in functions.into_iter().enumerate() {
-            let (seen, groups, scale) = observed(f);
-            let fit = Fit::find(&seen, &groups, &scale);
+            let (sampled, groups, scale) = observed(f);
+            let fit = Fit::find(&sampled, &groups, &scale);
             let fit = fit.unwrap_or_else(|| panic!("function {k}"));
             // at lengths that were not used to find the function
             let scales = [5, 3].map(Number::from_i64);

@@ -1,14 +1,22 @@
-//! Layer 3: null directions that the trees do not give, completed from samples.
+//! Layer 3: completes the null space of the regressor by null directions that layer 1 (`tree.rs`,
+//! the null directions of one tree) and layer 2 (`trees.rs`, the sum over spanning trees) do not
+//! derive.
 //!
-//! The columns that the derived directions eliminate are left out. Of the remaining columns the
-//! samples need a part, and every other one is a linear combination of these. Its factors are
-//! computed with 96 digits, recognised as exact numbers, and as functions of the geometry names
-//! from samples at other values of these. Each direction is verified at fresh states.
+//! The columns that the derived directions eliminate are left out. Among the remaining columns of
+//! the sampled regressor, a maximal set of linearly independent columns is chosen; each other
+//! column is a linear combination of these, which gives one null direction. The factors of the
+//! combination are computed with 96 digits and recognised as exact numbers. From samples of the
+//! mechanism with scaled geometry they are also recognised as functions of the geometry names. Each
+//! direction is verified at fresh random states.
+//!
+//! The null direction with a given support (its nonzero columns) is called a circuit, as in matroid
+//! theory: columns that are linearly dependent while each proper subset of them is independent have
+//! a null direction that is unique up to scale.
 
-mod elsewhere;
 mod fit;
 mod recognise;
 mod relation;
+mod scaled_geometry;
 mod shapes;
 
 use crate::model::Model;
@@ -21,57 +29,67 @@ use super::field::{Element, Field};
 use super::kept_columns;
 use super::span::Vector;
 
-use elsewhere::{Group, fixed_angles, groups, sample};
 use fit::{Fit, SampledFactor, ScaledFactor};
 pub use recognise::recognise;
+use scaled_geometry::{Group, fixed_angles, groups, sample};
 
-/// The largest residual of a null direction, as a part of the largest number sampled.
+/// The largest residual of a null direction, relative to the largest sampled entry times the
+/// largest entry of the direction (see `Samples::left_over`): the samples carry 96 digits, so the
+/// residual of a true null direction is far smaller.
 const MAX_NULL_RESIDUAL: f64 = 1e-60;
 
-/// The samples of a mechanism from which null directions are completed.
+/// The completion of a null space from samples of the regressor at random closed states.
 #[derive(Debug)]
-pub(super) struct Sampled<'a> {
+pub(super) struct NullCompletion<'a> {
+    /// The regressor's rows at the sampled states.
     samples: &'a Samples,
+    /// The home position, one value per coordinate, rad or m.
     home: &'a [f64],
+    /// The seed of the samples' random states; the verification uses the next one.
     seed: u64,
 }
 
 /// The completed directions.
 #[derive(Debug, Default)]
 pub(super) struct Completed {
-    /// The directions, each with how well its factors are known.
+    /// The directions, each with the exactness of its factors.
     pub(super) directions: Vec<(Vector, Exactness)>,
-    /// Factors that are known as numbers only, each with the reason.
+    /// Notes on the factors that are known as decimal numbers only, each with the reason.
     pub(super) unrecognised: Vec<String>,
-    /// Names that were not varied, so that a dependence of the factors on them is unknown, each
-    /// with the reason.
-    pub(super) held: Vec<String>,
+    /// Notes on the geometry names that could not be varied, or only in proportion, so that it is
+    /// unknown whether the factors depend on them, each with the reason.
+    pub(super) fixed_names: Vec<String>,
 }
 
-impl<'a> Sampled<'a> {
+impl<'a> NullCompletion<'a> {
     pub(super) fn new(samples: &'a Samples, home: &'a [f64], seed: u64) -> Self {
-        Sampled {
+        NullCompletion {
             samples,
             home,
             seed,
         }
     }
 
-    /// The number of directions that are not null at the sampled states, which would be an error in
-    /// their derivation.
+    /// The number of directions that are not null at the sampled states; above 0 only if their
+    /// derivation is wrong.
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {
         let columns = self.samples.certificate().columns;
-        let part = |direction: &Vector| {
-            let inside = direction.range(..columns);
-            let inside: Vector = inside.map(|(c, e)| (*c, e.clone())).collect();
-            self.samples.left_over(&values(&inside, columns))
+        let residual = |direction: &Vector| {
+            // entries beyond the parameters' columns mark completed directions
+            let in_parameters = direction.range(..columns);
+            let in_parameters: Vector = in_parameters.map(|(c, e)| (*c, e.clone())).collect();
+            self.samples.left_over(&values(&in_parameters, columns))
         };
         null.iter()
-            .filter(|direction| part(direction) > MAX_NULL_RESIDUAL)
+            .filter(|direction| residual(direction) > MAX_NULL_RESIDUAL)
             .count()
     }
 
-    /// Completes the null space `null` by the directions that the samples have in addition.
+    /// Finds null directions of the sampled regressor in addition to the derived ones.
+    ///
+    /// - `null`: the derived null directions;
+    /// - `order`: all columns, those to be eliminated first at the front;
+    /// - `requested`: how many columns at the front of `order` the spec asks to eliminate.
     pub(super) fn complete(
         &self,
         field: &mut Field,
@@ -87,44 +105,53 @@ impl<'a> Sampled<'a> {
             return completed;
         }
         let derived = kept_columns::reduce(field, null, order, requested).rows;
-        // columns eliminated last are kept first; columns that the derived directions eliminate
-        // come at the end
-        let (last, first): (Vec<usize>, Vec<usize>) =
+        // prefer as independent the columns at the end of `order`, and take the columns that the
+        // derived directions eliminate only if no others are left
+        let (eliminated, remaining): (Vec<usize>, Vec<usize>) =
             order.iter().rev().partition(|c| derived.contains_key(c));
-        let all: Vec<usize> = first.iter().chain(&last).copied().collect();
-        let kept = self.samples.independent(&all);
-        let missing: Vec<usize> = first.into_iter().filter(|c| !kept.contains(c)).collect();
-        let Some(combinations) = self.samples.combinations(&kept) else {
+        let column_order: Vec<usize> = remaining.iter().chain(&eliminated).copied().collect();
+        let independent = self.samples.independent(&column_order);
+        let dependent: Vec<usize> = remaining
+            .into_iter()
+            .filter(|c| !independent.contains(c))
+            .collect();
+        let Some(combinations) = self.samples.combinations(&independent) else {
             return completed;
         };
-        let Ok(fresh) = certify(model, self.home, self.seed + 1) else {
+        let Ok(fresh_samples) = certify(model, self.home, self.seed + 1) else {
             return completed;
         };
         let scaled_samples = ScaledSamples::new(spec, certificate.rank, self.seed);
-        completed.held.clone_from(&scaled_samples.held);
-        for column in missing {
-            let mut numeric = vec![Float320::ZERO; certificate.columns];
-            numeric[column] = Float320::ONE;
-            for (k, x) in kept.iter().zip(&combinations[column]) {
-                numeric[*k] = -*x;
+        completed
+            .fixed_names
+            .clone_from(&scaled_samples.fixed_names);
+        for column in dependent {
+            let mut entries = vec![Float320::ZERO; certificate.columns];
+            entries[column] = Float320::ONE;
+            for (k, coefficient) in independent.iter().zip(&combinations[column]) {
+                entries[*k] = -*coefficient;
             }
-            let forms = shapes::equivalent_supports(model, null, &numeric);
+            let equivalent_supports = shapes::equivalent_supports(model, null, &entries);
             let mut best: Option<Recognised> = None;
-            for support in std::iter::once(shapes::support(&numeric)).chain(forms) {
-                let Some(found) = self.recognise(&scaled_samples, support) else {
+            for support in std::iter::once(shapes::support(&entries)).chain(equivalent_supports) {
+                let Some(recognised) = self.recognise(&scaled_samples, support) else {
                     continue;
                 };
-                if best.as_ref().is_none_or(|b| found.doubt() < b.doubt()) {
-                    best = Some(found);
+                if best
+                    .as_ref()
+                    .is_none_or(|b| recognised.inexactness_score() < b.inexactness_score())
+                {
+                    best = Some(recognised);
                 }
-                if best.as_ref().is_some_and(|b| b.doubt() == 0) {
+                if best.as_ref().is_some_and(|b| b.inexactness_score() == 0) {
                     break;
                 }
             }
             let Some(best) = best else { continue };
             let direction = best.direction(field, &scaled_samples.groups);
-            if fresh.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL {
-                let exactness = best.exactness(!scaled_samples.held.is_empty());
+            if fresh_samples.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL
+            {
+                let exactness = best.exactness(!scaled_samples.fixed_names.is_empty());
                 completed.directions.push((direction, exactness));
                 completed.unrecognised.extend(best.notes(model));
             }
@@ -132,12 +159,13 @@ impl<'a> Sampled<'a> {
         completed
     }
 
-    /// Recognises the factors of the null direction within the given columns.
+    /// Recognises the factors of the null direction with the given support, whose first entry is 1;
+    /// `None` if the support has none or more than one.
     fn recognise(&self, scaled_samples: &ScaledSamples, support: Vec<usize>) -> Option<Recognised> {
         let values = self.samples.circuit(&support)?;
-        let elsewhere = scaled_samples.circuits(&support);
+        let scaled_circuits = scaled_samples.circuits(&support);
         let factors = values.into_iter().enumerate();
-        let factors = factors.map(|(k, value)| elsewhere.factor(scaled_samples, value, k));
+        let factors = factors.map(|(k, value)| scaled_circuits.factor(scaled_samples, value, k));
         Some(Recognised {
             factors: factors.collect(),
             support,
@@ -145,39 +173,46 @@ impl<'a> Sampled<'a> {
     }
 }
 
-/// The form in which a factor was recognised.
+/// A factor of a null direction, in the most general form in which it was recognised.
 #[derive(Clone, Debug)]
 enum Factor {
-    /// A function of the names.
+    /// A function of the geometry names.
     Function(Fit),
-    /// An exact number, valid at the given values.
+    /// An exact number, valid at the given values of the names.
     Constant(Number),
-    /// A number of which only the digits are known.
+    /// A number known to 96 digits for which no exact expression was found.
     Digits(Float320),
 }
 
 /// A null direction with its recognised factors.
 #[derive(Clone, Debug)]
 struct Recognised {
+    /// The columns of the factors.
     support: Vec<usize>,
+    /// The entries of the direction at these columns; the first is 1.
     factors: Vec<Factor>,
 }
 
+/// Score of a factor that is known by its digits only: it outweighs the constants of a direction,
+/// so that a form with fewer such factors is preferred.
+const DIGITS_SCORE: usize = 1000;
+
 impl Recognised {
-    /// A measure of how far the factors are from functions of the names: 0 if all of them are.
-    fn doubt(&self) -> usize {
-        let doubts = self.factors.iter().map(|factor| match factor {
+    /// A score by which forms of a direction are compared: 0 if all factors are functions of the
+    /// geometry names, and larger the more factors are mere constants or digits.
+    fn inexactness_score(&self) -> usize {
+        let scores = self.factors.iter().map(|factor| match factor {
             Factor::Function(_) => 0,
             Factor::Constant(_) => 1,
-            Factor::Digits(_) => 1000,
+            Factor::Digits(_) => DIGITS_SCORE,
         });
-        doubts.sum()
+        scores.sum()
     }
 
-    /// How well the factors are known. If some names were `held` at their values, any factor might
-    /// depend on them, except the 1 of a direction with a single parameter.
-    fn exactness(&self, held: bool) -> Exactness {
-        let least = if held && self.support.len() > 1 {
+    /// The exactness of the least exactly known factor. If some geometry names could not be varied,
+    /// any factor might depend on them, except the 1 of a direction with a single parameter.
+    fn exactness(&self, has_fixed_names: bool) -> Exactness {
+        let exactness_if_invariant = if has_fixed_names && self.support.len() > 1 {
             Exactness::AtThisGeometry
         } else {
             Exactness::Symbolic
@@ -185,13 +220,14 @@ impl Recognised {
         let factors = self.factors.iter().map(|factor| match factor {
             Factor::Function(_) => Exactness::Symbolic,
             // 0 and 1 are taken as independent of the names
-            Factor::Constant(value) if value.is_zero() || value.is_one() => least,
+            Factor::Constant(value) if value.is_zero() || value.is_one() => exactness_if_invariant,
             Factor::Constant(_) => Exactness::AtThisGeometry,
             Factor::Digits(_) => Exactness::Numeric,
         });
-        factors.fold(least, Exactness::max)
+        factors.fold(exactness_if_invariant, Exactness::max)
     }
 
+    /// The direction as a sparse vector over the columns, with entries in the field.
     fn direction(&self, field: &mut Field, groups: &[Group]) -> Vector {
         let mut direction = Vector::new();
         for (column, factor) in self.support.iter().zip(&self.factors) {
@@ -213,8 +249,8 @@ impl Recognised {
     /// A note for each factor that is known by its digits only.
     fn notes(&self, model: &Model) -> Vec<String> {
         let label = |c: usize| &model.parameters[c].label;
-        let digits = self.support.iter().zip(&self.factors);
-        digits
+        let factors = self.support.iter().zip(&self.factors);
+        factors
             .filter(|(_, factor)| matches!(factor, Factor::Digits(_)))
             .map(|(column, _)| {
                 format!(
@@ -227,6 +263,7 @@ impl Recognised {
     }
 }
 
+/// The numeric entries of a sparse direction, one for each column.
 fn values(direction: &Vector, columns: usize) -> Vec<Float320> {
     let mut values = vec![Float320::ZERO; columns];
     for (column, element) in direction {
@@ -235,112 +272,135 @@ fn values(direction: &Vector, columns: usize) -> Vec<Float320> {
     values
 }
 
-/// Samples of the mechanism at other values of the names.
+/// The denominator of the scales with which all groups are scaled, and the modulus of their
+/// numerators' distances from it. Both are primes, so that the scales of different groups are
+/// unrelated fractions; the scales differ from 1 by at most 5 percent.
+const SCALE_DENOMINATOR: i64 = 1_000_003;
+const SCALE_SHIFT_MODULUS: i64 = 50_021;
+/// The numerators' distances from the denominator are multiples of these primes, modulo
+/// [`SCALE_SHIFT_MODULUS`]: one set of scales for each.
+const SCALE_SHIFT_STEPS: [i64; 2] = [37_717, -29_483];
+
+/// Samples of the mechanism with scaled geometry: values of names multiplied by scales near 1.
 struct ScaledSamples {
+    /// The groups of geometry names that are scaled together.
     groups: Vec<Group>,
     /// The factor by which a single group is scaled.
     scale: Number,
-    alone: Vec<Option<Samples>>,
-    /// Samples with all groups scaled that can be, with the scales.
-    together: Vec<(Vec<Number>, Samples)>,
-    /// Names that were not varied, or only in proportion, each with the reason.
-    held: Vec<String>,
+    /// For each group, the samples with this group alone scaled by `scale`; `None` if the loops do
+    /// not close then, or the rank differs.
+    one_scaled: Vec<Option<Samples>>,
+    /// Sets of scales, one for each group (1 for groups that cannot be scaled alone), and the
+    /// samples with all groups scaled by them.
+    all_scaled: Vec<(Vec<Number>, Samples)>,
+    /// Notes on the names that were not varied, or only in proportion, each with the reason.
+    fixed_names: Vec<String>,
 }
 
 impl ScaledSamples {
     fn new(spec: &Spec, rank: usize, seed: u64) -> ScaledSamples {
         let mut groups = groups(spec);
         let scale = Number::ratio(33, 32).unwrap_or_else(Number::one);
-        let look = |scales: &[(&Group, Number)]| {
+        let sample_with_same_rank = |scales: &[(&Group, Number)]| {
             sample(spec, scales, seed).filter(|s| s.certificate().rank == rank)
         };
-        let mut alone: Vec<Option<Samples>> = groups
+        let mut one_scaled: Vec<Option<Samples>> = groups
             .iter()
-            .map(|group| look(&[(group, scale.clone())]))
+            .map(|group| sample_with_same_rank(&[(group, scale.clone())]))
             .collect();
-        let mut held = fixed_angles(spec);
+        let mut fixed_names = fixed_angles(spec);
         // lengths that cannot be changed alone may still be scaled together
-        let stuck: Vec<usize> = (0..groups.len()).filter(|&k| alone[k].is_none()).collect();
-        let merged = Group::merged(stuck.iter().map(|&k| &groups[k]));
-        let grown = merged.and_then(|group| Some((look(&[(&group, scale.clone())])?, group)));
-        let names: Vec<&str> = stuck.iter().flat_map(|&k| groups[k].members()).collect();
-        if let Some((samples, group)) = grown {
-            held.push(format!(
+        let not_scalable_alone: Vec<usize> = (0..groups.len())
+            .filter(|&k| one_scaled[k].is_none())
+            .collect();
+        let merged = Group::merged(not_scalable_alone.iter().map(|&k| &groups[k]));
+        let scaled_as_one = merged
+            .and_then(|group| Some((sample_with_same_rank(&[(&group, scale.clone())])?, group)));
+        let names: Vec<&str> = not_scalable_alone
+            .iter()
+            .flat_map(|&k| groups[k].members())
+            .collect();
+        if let Some((samples, group)) = scaled_as_one {
+            fixed_names.push(format!(
                 "{} in proportion only: with other ratios the loops do not close, or count otherwise",
                 names.join(", ")
             ));
-            for &k in stuck.iter().rev() {
+            for &k in not_scalable_alone.iter().rev() {
                 groups.remove(k);
-                alone.remove(k);
+                one_scaled.remove(k);
             }
             groups.push(group);
-            alone.push(Some(samples));
+            one_scaled.push(Some(samples));
         } else if !names.is_empty() {
-            held.push(format!(
+            fixed_names.push(format!(
                 "{} as given only: with other values the loops do not close, or count otherwise",
                 names.join(", ")
             ));
         }
-        let mut together = Vec::new();
-        // scales that are unrelated fractions
-        for step in [37_717_i64, -29_483] {
+        let mut all_scaled = Vec::new();
+        for step in SCALE_SHIFT_STEPS {
             let scales: Vec<Number> = (1..)
-                .zip(&alone)
+                .zip(&one_scaled)
                 .map(|(k, samples)| {
                     let shift = if samples.is_some() {
-                        step * k % 50_021
+                        step * k % SCALE_SHIFT_MODULUS
                     } else {
                         0
                     };
-                    Number::ratio(1_000_003 + shift, 1_000_003).unwrap_or_else(Number::one)
+                    Number::ratio(SCALE_DENOMINATOR + shift, SCALE_DENOMINATOR)
+                        .unwrap_or_else(Number::one)
                 })
                 .collect();
             let all: Vec<(&Group, Number)> = groups.iter().zip(scales.iter().cloned()).collect();
-            if let Some(samples) = look(&all) {
-                together.push((scales, samples));
+            if let Some(samples) = sample_with_same_rank(&all) {
+                all_scaled.push((scales, samples));
             }
         }
         ScaledSamples {
             groups,
             scale,
-            alone,
-            together,
-            held,
+            one_scaled,
+            all_scaled,
+            fixed_names,
         }
     }
 
-    /// The null direction within the given columns, for all values of the names.
+    /// The null direction with the given support at each scaled set of values of the names.
     fn circuits(&self, support: &[usize]) -> ScaledCircuits {
-        let alone = self.alone.iter();
-        let together = self.together.iter();
+        let one_scaled = self.one_scaled.iter();
+        let all_scaled = self.all_scaled.iter();
         ScaledCircuits {
-            alone: alone.map(|s| s.as_ref()?.circuit(support)).collect(),
-            together: together
+            one_scaled: one_scaled.map(|s| s.as_ref()?.circuit(support)).collect(),
+            all_scaled: all_scaled
                 .filter_map(|(scales, s)| Some((scales.clone(), s.circuit(support)?)))
                 .collect(),
         }
     }
 }
 
-/// The null direction at other values of the names.
+/// The null direction with one support at each scaled set of values of the names, as entries in the
+/// order of the support.
 struct ScaledCircuits {
-    alone: Vec<Option<Vec<Float320>>>,
-    together: Vec<(Vec<Number>, Vec<Float320>)>,
+    /// For each group, the direction with this group alone scaled; `None` where there are no
+    /// samples or no unique direction.
+    one_scaled: Vec<Option<Vec<Float320>>>,
+    /// Sets of scales, one for each group, and the directions with all groups scaled by them.
+    all_scaled: Vec<(Vec<Number>, Vec<Float320>)>,
 }
 
 impl ScaledCircuits {
-    /// Recognises a factor: as a function of the names, else as an exact number, else by its
-    /// digits.
+    /// Recognises the `k`-th factor of a direction, which is `value` at the given geometry: as a
+    /// function of the names, else as an exact number, else by its digits.
     fn factor(&self, scaled_samples: &ScaledSamples, value: Float320, k: usize) -> Factor {
-        let together = self.together.iter().map(|(scales, values)| ScaledFactor {
+        let all_scaled = self.all_scaled.iter().map(|(scales, values)| ScaledFactor {
             scales: scales.clone(),
             value: values[k],
         });
-        let alone = self.alone.iter();
+        let one_scaled = self.one_scaled.iter();
         let observed = SampledFactor {
             value,
-            alone: alone.map(|values| Some(values.as_ref()?[k])).collect(),
-            together: together.collect(),
+            one_scaled: one_scaled.map(|values| Some(values.as_ref()?[k])).collect(),
+            all_scaled: all_scaled.collect(),
         };
         if let Some(fit) = Fit::find(&observed, &scaled_samples.groups, &scaled_samples.scale) {
             return Factor::Function(fit);
@@ -362,14 +422,17 @@ mod tests {
         let source = crate::diag::Source::new("one.yaml", text);
         let model = crate::model::build(&crate::spec::parse(&source).unwrap());
         let samples = certify(&model, &[0.0], 1).unwrap();
-        let sampled = Sampled::new(&samples, &[0.0], 1);
-        let along = |label: &str| {
+        let completion = NullCompletion::new(&samples, &[0.0], 1);
+        let unit_direction = |label: &str| {
             let column = model.parameters.iter().position(|p| p.label == label);
             Vector::from([(column.unwrap(), Element::one())])
         };
-        let (unseen, seen) = (along("m(1)"), along("Izz(1)"));
-        assert_eq!(sampled.refuted(&[]), 0);
-        assert_eq!(sampled.refuted(std::slice::from_ref(&unseen)), 0);
-        assert_eq!(sampled.refuted(&[unseen, seen.clone(), seen]), 2);
+        let (without_effect, with_effect) = (unit_direction("m(1)"), unit_direction("Izz(1)"));
+        assert_eq!(completion.refuted(&[]), 0);
+        assert_eq!(completion.refuted(std::slice::from_ref(&without_effect)), 0);
+        assert_eq!(
+            completion.refuted(&[without_effect, with_effect.clone(), with_effect]),
+            2
+        );
     }
 }

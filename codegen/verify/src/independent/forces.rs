@@ -6,7 +6,7 @@ use regen_reference::{Random, State};
 
 use crate::check::{Check, Worst};
 use crate::error::VerifyError;
-use crate::vector::size;
+use crate::vector::max_abs;
 
 use super::rounding::{self, Compared};
 use super::{PEER, POWER, SECOND, SINGLE, Subject};
@@ -154,7 +154,7 @@ impl Subject<'_> {
             for row in 0..dof {
                 let places = (row..bounds.len()).step_by(dof);
                 let values: Vec<f64> = places.clone().map(|k| bounds[k].value).collect();
-                let scale = size(&values);
+                let scale = max_abs(&values);
                 if scale == 0.0 {
                     continue;
                 }

@@ -5,7 +5,7 @@ use regen_codegen::robot::FunctionKind;
 use regen_reference::State;
 
 use crate::check::{Check, Worst};
-use crate::vector::{larger, size};
+use crate::vector::{larger, max_abs};
 
 use super::rounding;
 use super::{DRIFT, Subject};
@@ -43,7 +43,7 @@ impl Subject<'_> {
 
     /// The residuals of the loops and of their rates after the motion, relative to their terms.
     fn open_after(&self, state: &State, steps: usize) -> f64 {
-        let fastest = size(&state.qd).max(size(&state.qdd).sqrt()).max(1.0);
+        let fastest = max_abs(&state.qd).max(max_abs(&state.qdd).sqrt()).max(1.0);
         let h = MAX_TRAVEL / fastest / steps as f64;
         let mut q = state.q.clone();
         let mut qd = state.qd.clone();
@@ -68,12 +68,12 @@ impl Subject<'_> {
             .iter()
             .copied()
             .collect();
-        let scale = size(a.as_slice()) * size(&qd);
+        let scale = max_abs(a.as_slice()) * max_abs(&qd);
         // a NaN is propagated
         let rate = if scale == 0.0 {
             0.0
         } else {
-            size(&rates) / scale
+            max_abs(&rates) / scale
         };
         larger(rounding::openness(self.reference, &q), rate)
     }

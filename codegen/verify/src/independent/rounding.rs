@@ -12,7 +12,7 @@ use regen_codegen::robot::{FunctionKind, Robot};
 use regen_reference::{Mechanism, State};
 
 use crate::error::VerifyError;
-use crate::vector::{dot, larger, size};
+use crate::vector::{dot, larger, max_abs};
 
 /// Roundings for each coordinate on the path from the ground to a force: two products of 4x4
 /// matrices (8 in a row each), two recursions of velocity and acceleration (16 each), the wrench
@@ -97,7 +97,11 @@ pub(crate) fn openness(reference: &Mechanism, q: &[f64]) -> f64 {
         })
         .fold(0.0, larger);
     // a NaN is propagated
-    if scale == 0.0 { 0.0 } else { size(&f) / scale }
+    if scale == 0.0 {
+        0.0
+    } else {
+        max_abs(&f) / scale
+    }
 }
 
 /// The robot's reduced regressor, column by column, with the bounds of its errors in `P`.

@@ -8,14 +8,14 @@ use clarabel::solver::{
 use super::ExciteError;
 
 /// Minimises `g.d + d^T B d / 2 + penalty t` over d and t, subject to `values_k + rows_k . d <= t`,
-/// `t >= 0` and `|d_i| <= reach`.
+/// `t >= 0` and `|d_i| <= trust_radius`.
 pub(super) struct Quadratic<'a> {
     pub(super) gradient: &'a [f64],
     /// The matrix B, symmetric, n x n.
     pub(super) hessian: &'a [f64],
     pub(super) rows: &'a [Vec<f64>],
     pub(super) values: &'a [f64],
-    pub(super) reach: f64,
+    pub(super) trust_radius: f64,
     pub(super) penalty: f64,
 }
 
@@ -63,7 +63,7 @@ impl Quadratic<'_> {
         let a = CscMatrix::new(m, n + 1, pointers, indices, entries);
         let mut b: Vec<f64> = self.values.iter().map(|v| -v).collect();
         b.push(0.0);
-        b.extend(std::iter::repeat_n(self.reach, 2 * n));
+        b.extend(std::iter::repeat_n(self.trust_radius, 2 * n));
         let settings = DefaultSettings {
             verbose: false,
             max_iter: 100,

@@ -330,7 +330,7 @@ where
         let mut passed = None;
         for stage in 0..stages {
             let mut used = 0;
-            let mut goes_on = || {
+            let mut keep_going = || {
                 if self.watch.stop.load(Ordering::Relaxed) {
                     return false;
                 }
@@ -338,13 +338,13 @@ where
                 self.count(1);
                 true
             };
-            let ended = search.stage(stage, steps, &mut goes_on)?;
+            let ended = search.stage(stage, steps, &mut keep_going)?;
             self.count(steps.saturating_sub(used));
             if ended == Stage::NotClosed {
                 return Ok(StartOutcome::NotClosed);
             }
             let poses = [
-                self.problem.space.offsets(search.at()),
+                self.problem.space.offsets(search.variables()),
                 middle.clone(),
                 home.clone(),
             ];
@@ -353,7 +353,7 @@ where
                 &mut closure,
                 &self.dense,
                 &poses,
-                search.at(),
+                search.variables(),
             )?;
             match motion {
                 Err(worst) => passed = worst,

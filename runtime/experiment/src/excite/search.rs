@@ -24,13 +24,81 @@ const ACTIVE_MARGIN: f64 = 0.05;
 /// final check then reduces the motion.
 const EXCESS_TOLERANCE: f64 = 1e-7;
 
-/// The state of one start: variables, Hessian, size of the box and penalty.
+/// Standard deviation of the random initial variables; a variable of 1 is the amplitude that the
+/// coordinate can reach at that frequency.
+const INITIAL_SPREAD: f64 = 0.3;
+/// Factor by which a random initial motion beyond a limit is shrunk again and again.
+const SHRINK_FACTOR: f64 = 0.8;
+/// Largest number of sizes that are tried: down to about 1e-4 of the random motion.
+const MAX_SHRINKS: usize = 40;
+
+/// Trust radius at the start: the bound on the change of each variable in one step.
+const INITIAL_TRUST_RADIUS: f64 = 0.1;
+/// Least trust radius at the start of a stage, so that a stage can move although the stage before
+/// it ended with small steps.
+const MIN_STAGE_TRUST_RADIUS: f64 = 0.02;
+/// Largest trust radius: a step changes no variable by more than a reachable amplitude.
+const MAX_TRUST_RADIUS: f64 = 1.0;
+/// A stage ends where the trust radius is below this: no step decreases the merit.
+const MIN_TRUST_RADIUS: f64 = 1e-9;
+/// The trust radius is reduced by this factor where the loops do not close along the trial motion.
+const NOT_CLOSED_FACTOR: f64 = 0.25;
+
+/// A step is accepted if the merit decreases by more than this part of the prediction.
+const ACCEPTED_RATIO: f64 = 0.01;
+/// Below this ratio of actual to predicted decrease the trust radius becomes half the step's size.
+const POOR_RATIO: f64 = 0.25;
+/// Above this ratio of actual to predicted decrease the trust radius is doubled, if the step
+/// reaches the boundary of the box.
+const GOOD_RATIO: f64 = 0.75;
+/// A step longer than this part of the trust radius counts as one to the boundary.
+const BOUNDARY_FRACTION: f64 = 0.9;
+
+/// Decrease of the merit below which a step counts as small. It is coarse because the result of a
+/// stage is only the start of the next one.
+const MIN_DECREASE: f64 = 1e-3;
+/// The same for the last stage.
+const FINAL_MIN_DECREASE: f64 = 1e-6;
+/// A stage ends after this number of small steps in a row within the limits.
+const MAX_SMALL_DECREASES: usize = 5;
+/// A stage also ends if the predicted decrease is below this part of that of a small step.
+const PREDICTED_FRACTION: f64 = 1e-2;
+
+/// Initial penalty: weight of the largest excess over a limit in the merit.
+const INITIAL_PENALTY: f64 = 10.0;
+/// Factor by which the penalty grows where a limit is exceeded and no step is predicted to decrease
+/// the merit.
+const PENALTY_GROWTH: f64 = 10.0;
+/// The penalty does not grow beyond this.
+const MAX_PENALTY: f64 = 1e4;
+/// Predicted decrease of the merit below which a step counts as none.
+const MIN_PREDICTED_DECREASE: f64 = 1e-9;
+/// Largest number of quadratic programmes per step: after each, the limits that its step would
+/// exceed are added.
+const MAX_PROGRAMMES: usize = 6;
+/// Excess over a limit that is not in the programme, relative to half its range and beyond that of
+/// the limits in it, from which the limit is added.
+const VIOLATION_TOLERANCE: f64 = 1e-6;
+
+/// Lagrange multipliers below this count as zero, so that their limits' curvature is not computed.
+const MIN_MULTIPLIER: f64 = 1e-6;
+/// Least curvature `d^T B d` along a step with which the Hessian is updated.
+const MIN_CURVATURE: f64 = 1e-14;
+/// Powell's damping (1978): the change of the gradient is replaced such that its product with the
+/// step is at least this part of `d^T B d`, which keeps the Hessian positive definite.
+const POWELL_DAMPING: f64 = 0.2;
+
+/// The state of one start of the trust-region sequential quadratic programming.
 pub(super) struct Search<'p, 'm, M, D> {
     problem: &'p Problem<'m, M, D>,
     closure: LoopClosure<'m, M>,
+    /// The n current variables, without unit: see [`Space`](super::space::Space).
     y: Vec<f64>,
+    /// The approximation B of the Lagrangian's Hessian, n x n, symmetric, positive definite.
     hessian: Vec<f64>,
-    reach: f64,
+    /// Half the width of the box that bounds a step: `|d_i| <= trust_radius`.
+    trust_radius: f64,
+    /// The weight of the largest excess over a limit in the merit.
     penalty: f64,
 }
 
@@ -69,19 +137,19 @@ where
         for entry in &mut y {
             // Box and Muller, 1958
             let radius = (-2.0 * libm::log(uniform())).sqrt();
-            *entry += 0.3 * radius * libm::cos(core::f64::consts::TAU * uniform());
+            *entry += INITIAL_SPREAD * radius * libm::cos(core::f64::consts::TAU * uniform());
         }
         let mut closure = LoopClosure::new(problem.model)?;
-        let mut part = 1.0;
+        let mut scale = 1.0;
         let mut start = problem.space.stationary(pose);
-        for _ in 0..40 {
-            let trial = problem.space.between(pose, &y, part);
+        for _ in 0..MAX_SHRINKS {
+            let trial = problem.space.between(pose, &y, scale);
             let values = problem.values(&mut closure, &problem.grid, &trial)?;
             if values.is_some_and(|v| v.iter().all(|x| *x <= 0.0)) {
                 start = trial;
                 break;
             }
-            part *= 0.8;
+            scale *= SHRINK_FACTOR;
         }
         let n = start.len();
         let mut hessian = vec![0.0; n * n];
@@ -93,8 +161,8 @@ where
             closure,
             y: start,
             hessian,
-            reach: 0.1,
-            penalty: 10.0,
+            trust_radius: INITIAL_TRUST_RADIUS,
+            penalty: INITIAL_PENALTY,
         })
     }
 
@@ -103,59 +171,71 @@ where
         STAGES.len()
     }
 
-    /// The present variables.
-    pub(super) fn at(&self) -> &[f64] {
+    /// The current variables.
+    pub(super) fn variables(&self) -> &[f64] {
         &self.y
     }
 
-    /// Takes up to `steps` steps of a stage; calls `goes_on` before each and stops where it returns
-    /// false.
+    /// Takes up to `steps` steps of a stage; calls `keep_going` before each and stops where it
+    /// returns false.
     pub(super) fn stage(
         &mut self,
         stage: usize,
         steps: usize,
-        goes_on: &mut dyn FnMut() -> bool,
+        keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Stage, ExciteError> {
         let sharpness = STAGES.get(stage).copied().unwrap_or(1.0);
         let last = stage + 1 >= STAGES.len();
-        let enough = if last { 1e-6 } else { 1e-3 };
+        let min_decrease = if last {
+            FINAL_MIN_DECREASE
+        } else {
+            MIN_DECREASE
+        };
         let evaluated = self.evaluate(&self.y.clone(), sharpness)?;
-        let Some(mut now) = evaluated else {
+        let Some(mut current) = evaluated else {
             return Ok(Stage::NotClosed);
         };
-        self.reach = self.reach.max(0.02);
-        let mut small = 0;
+        self.trust_radius = self.trust_radius.max(MIN_STAGE_TRUST_RADIUS);
+        let mut small_decreases = 0;
         for _ in 0..steps {
-            if !goes_on() {
+            if !keep_going() {
                 return Ok(Stage::Stopped);
             }
-            let Some((step, active, gain)) = self.step(&now)? else {
+            let Some((step, active, predicted_decrease)) = self.step(&current)? else {
                 break;
             };
-            if gain < enough * 1e-2 && excess(&now) < EXCESS_TOLERANCE {
+            if predicted_decrease < min_decrease * PREDICTED_FRACTION
+                && excess(&current) < EXCESS_TOLERANCE
+            {
                 break;
             }
-            let trial: Vec<f64> = self.y.iter().zip(&step.d).map(|(y, d)| y + d).collect();
-            let Some(next) = self.evaluate(&trial, sharpness)? else {
-                self.reach *= 0.25;
+            let trial_y: Vec<f64> = self.y.iter().zip(&step.d).map(|(y, d)| y + d).collect();
+            let Some(trial) = self.evaluate(&trial_y, sharpness)? else {
+                self.trust_radius *= NOT_CLOSED_FACTOR;
                 continue;
             };
-            let fell = self.merit(&now) - self.merit(&next);
-            let longest = step.d.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
-            self.update_hessian(&now, &next, &step, &active);
-            if fell < 0.25 * gain {
-                self.reach = 0.5 * longest;
-            } else if fell > 0.75 * gain && longest > 0.9 * self.reach {
-                self.reach = (2.0 * self.reach).min(1.0);
+            let actual_decrease = self.merit(&current) - self.merit(&trial);
+            let step_size = step.d.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+            self.update_hessian(&current, &trial, &step, &active);
+            if actual_decrease < POOR_RATIO * predicted_decrease {
+                self.trust_radius = 0.5 * step_size;
+            } else if actual_decrease > GOOD_RATIO * predicted_decrease
+                && step_size > BOUNDARY_FRACTION * self.trust_radius
+            {
+                self.trust_radius = (2.0 * self.trust_radius).min(MAX_TRUST_RADIUS);
             }
-            if self.reach < 1e-9 {
+            if self.trust_radius < MIN_TRUST_RADIUS {
                 break;
             }
-            if fell > 0.01 * gain {
-                small = if fell < enough { small + 1 } else { 0 };
-                self.y = trial;
-                now = next;
-                if small >= 5 && excess(&now) < EXCESS_TOLERANCE {
+            if actual_decrease > ACCEPTED_RATIO * predicted_decrease {
+                small_decreases = if actual_decrease < min_decrease {
+                    small_decreases + 1
+                } else {
+                    0
+                };
+                self.y = trial_y;
+                current = trial;
+                if small_decreases >= MAX_SMALL_DECREASES && excess(&current) < EXCESS_TOLERANCE {
                     break;
                 }
             }
@@ -163,76 +243,85 @@ where
         Ok(Stage::Done)
     }
 
+    /// Objective, limits and their derivatives at the variables `y`; `None` where the loops do not
+    /// stay closed.
     fn evaluate(&mut self, y: &[f64], sharpness: f64) -> Result<Option<Evaluation>, ExciteError> {
         self.problem.evaluate(&mut self.closure, y, sharpness)
     }
 
-    /// The exact penalty function.
-    fn merit(&self, at: &Evaluation) -> f64 {
-        at.objective + self.penalty * excess(at)
+    /// The exact penalty function (merit): the objective plus the penalty times the largest excess.
+    fn merit(&self, evaluation: &Evaluation) -> f64 {
+        evaluation.objective + self.penalty * excess(evaluation)
     }
 
-    /// The step of the quadratic programme, the limits in it, and the predicted decrease of the
-    /// merit.
-    fn step(&mut self, now: &Evaluation) -> Result<Option<(Step, Vec<usize>, f64)>, ExciteError> {
-        let count = now.values.len();
+    /// The step of the quadratic programme, the indices of the limits in it (in the order of the
+    /// step's multipliers), and the predicted decrease of the merit; `None` where the solver fails.
+    fn step(
+        &mut self,
+        current: &Evaluation,
+    ) -> Result<Option<(Step, Vec<usize>, f64)>, ExciteError> {
+        let count = current.values.len();
         let mut active: Vec<usize> = (0..count)
-            .filter(|k| now.values[*k] > -ACTIVE_MARGIN)
+            .filter(|k| current.values[*k] > -ACTIVE_MARGIN)
             .collect();
-        let mut taken = vec![false; count];
+        let mut is_included = vec![false; count];
         for k in &active {
-            taken[*k] = true;
+            is_included[*k] = true;
         }
-        let slopes = |active: &[usize]| -> Vec<Vec<f64>> {
-            let slope = |k: &usize| self.problem.slope(now, *k);
-            active.iter().map(slope).collect()
+        let limit_gradients = |active: &[usize]| -> Vec<Vec<f64>> {
+            let gradient_of = |k: &usize| self.problem.slope(current, *k);
+            active.iter().map(gradient_of).collect()
         };
-        let mut rows = slopes(&active);
-        let mut found = None;
-        for _ in 0..6 {
-            let values: Vec<f64> = active.iter().map(|k| now.values[*k]).collect();
+        let mut rows = limit_gradients(&active);
+        let mut solution = None;
+        for _ in 0..MAX_PROGRAMMES {
+            let values: Vec<f64> = active.iter().map(|k| current.values[*k]).collect();
             let quadratic = Quadratic {
-                gradient: &now.gradient,
+                gradient: &current.gradient,
                 hessian: &self.hessian,
                 rows: &rows,
                 values: &values,
-                reach: self.reach,
+                trust_radius: self.trust_radius,
                 penalty: self.penalty,
             };
             let Some(step) = quadratic.solve()? else {
                 break;
             };
-            let changes = self.problem.changes(now, &step.d);
-            let after = |k: usize| now.values[k] + changes[k];
-            let left = active.iter().fold(0.0, |m: f64, k| m.max(after(*k)));
-            let broken: Vec<usize> = (0..count)
-                .filter(|k| !taken[*k] && after(*k) > left + 1e-6)
+            let changes = self.problem.changes(current, &step.d);
+            let linearised = |k: usize| current.values[k] + changes[k];
+            let max_active_excess = active.iter().fold(0.0, |m: f64, k| m.max(linearised(*k)));
+            let violated: Vec<usize> = (0..count)
+                .filter(|k| {
+                    !is_included[*k] && linearised(*k) > max_active_excess + VIOLATION_TOLERANCE
+                })
                 .collect();
-            let worst = (0..count).fold(0.0, |m: f64, k| m.max(after(k)));
-            let curve = self.curvature(&step.d);
-            let model =
-                now.objective + dot(&now.gradient, &step.d) + 0.5 * curve + self.penalty * worst;
-            let gain = self.merit(now) - model;
-            found = Some((step, active.clone(), gain));
-            if broken.is_empty() {
+            let max_excess = (0..count).fold(0.0, |m: f64, k| m.max(linearised(k)));
+            let curvature = self.curvature(&step.d);
+            let predicted_merit = current.objective
+                + dot(&current.gradient, &step.d)
+                + 0.5 * curvature
+                + self.penalty * max_excess;
+            let predicted_decrease = self.merit(current) - predicted_merit;
+            solution = Some((step, active.clone(), predicted_decrease));
+            if violated.is_empty() {
                 break;
             }
-            for k in &broken {
-                taken[*k] = true;
+            for k in &violated {
+                is_included[*k] = true;
             }
-            rows.extend(slopes(&broken));
-            active.extend(broken);
+            rows.extend(limit_gradients(&violated));
+            active.extend(violated);
         }
-        if let Some((_, _, gain)) = &found
-            && *gain < 1e-9
-            && excess(now) > EXCESS_TOLERANCE
-            && self.penalty < 1e4
+        if let Some((_, _, predicted_decrease)) = &solution
+            && *predicted_decrease < MIN_PREDICTED_DECREASE
+            && excess(current) > EXCESS_TOLERANCE
+            && self.penalty < MAX_PENALTY
         {
             // the penalty is too small to enforce the limits
-            self.penalty *= 10.0;
-            return self.step(now);
+            self.penalty *= PENALTY_GROWTH;
+            return self.step(current);
         }
-        Ok(found)
+        Ok(solution)
     }
 
     /// d^T B d with the Hessian B.
@@ -241,50 +330,56 @@ where
         rows.zip(d).map(|(row, x)| x * dot(row, d)).sum()
     }
 
-    /// The damped BFGS update of the Lagrangian's Hessian.
+    /// The damped BFGS update of the Lagrangian's Hessian from the gradients of the Lagrangian at
+    /// both ends of a step, with the step's multipliers of the `active` limits.
     fn update_hessian(
         &mut self,
-        now: &Evaluation,
-        next: &Evaluation,
+        current: &Evaluation,
+        trial: &Evaluation,
         step: &Step,
         active: &[usize],
     ) {
-        let mut change: Vec<f64> = next
+        let mut gradient_change: Vec<f64> = trial
             .gradient
             .iter()
-            .zip(&now.gradient)
+            .zip(&current.gradient)
             .map(|(b, a)| b - a)
             .collect();
         for (k, multiplier) in active.iter().zip(&step.multipliers) {
-            if *multiplier > 1e-6 {
-                let old = self.problem.slope(now, *k);
-                let new = self.problem.slope(next, *k);
-                for (c, (b, a)) in change.iter_mut().zip(new.iter().zip(&old)) {
+            if *multiplier > MIN_MULTIPLIER {
+                let current_gradient = self.problem.slope(current, *k);
+                let trial_gradient = self.problem.slope(trial, *k);
+                for (c, (b, a)) in gradient_change
+                    .iter_mut()
+                    .zip(trial_gradient.iter().zip(&current_gradient))
+                {
                     *c += multiplier * (b - a);
                 }
             }
         }
         let n = step.d.len();
-        let hd: Vec<f64> = self
+        let hessian_step: Vec<f64> = self
             .hessian
             .chunks_exact(n.max(1))
             .map(|row| dot(row, &step.d))
             .collect();
-        let curve = dot(&step.d, &hd);
-        if curve <= 1e-14 {
+        let step_curvature = dot(&step.d, &hessian_step);
+        if step_curvature <= MIN_CURVATURE {
             return;
         }
-        let along = dot(&step.d, &change);
-        if along < 0.2 * curve {
-            let theta = 0.8 * curve / (curve - along);
-            for (c, h) in change.iter_mut().zip(&hd) {
+        let step_dot_change = dot(&step.d, &gradient_change);
+        if step_dot_change < POWELL_DAMPING * step_curvature {
+            let theta =
+                (1.0 - POWELL_DAMPING) * step_curvature / (step_curvature - step_dot_change);
+            for (c, h) in gradient_change.iter_mut().zip(&hessian_step) {
                 *c = theta * *c + (1.0 - theta) * h;
             }
         }
-        let along = dot(&step.d, &change);
+        let step_dot_change = dot(&step.d, &gradient_change);
         for i in 0..n {
             for j in 0..=i {
-                let update = change[i] * change[j] / along - hd[i] * hd[j] / curve;
+                let update = gradient_change[i] * gradient_change[j] / step_dot_change
+                    - hessian_step[i] * hessian_step[j] / step_curvature;
                 let value = self.hessian[i * n + j] + update;
                 self.hessian[i * n + j] = value;
                 self.hessian[j * n + i] = value;
@@ -293,7 +388,7 @@ where
     }
 }
 
-/// The largest excess over a limit, 0 within all limits.
-fn excess(at: &Evaluation) -> f64 {
-    at.values.iter().fold(0.0, |m: f64, v| m.max(*v))
+/// The largest excess over a limit, relative to half its range; 0 within all limits.
+fn excess(evaluation: &Evaluation) -> f64 {
+    evaluation.values.iter().fold(0.0, |m: f64, v| m.max(*v))
 }

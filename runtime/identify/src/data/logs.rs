@@ -11,7 +11,7 @@ use super::shift;
 use super::standstill::{self, Differences, Encoder};
 use super::window::Window;
 use crate::estimate::EstimateError;
-use crate::identify::{Completion, Filtering, Row, Source, Standstill};
+use crate::identify::{Completion, Filtering, Source, Standstill, StateSample};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
 use regen_runtime::{Info, Model};
 
@@ -246,7 +246,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
         let info = self.model.info();
         for (log, report) in self.files.iter().zip(&mut self.reports) {

@@ -6,7 +6,7 @@ use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use crate::estimate::EstimateError;
-use crate::identify::{Completed, Completion, Row};
+use crate::identify::{Completed, Completion, StateSample};
 use crate::signals::{Method, SignalError, Smoothing, differences};
 use regen_runtime::{Model, Outcome};
 
@@ -38,7 +38,7 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) states: usize,
     pub(super) problems: &'a mut Problems,
     /// Receives each state.
-    pub(super) each: &'a mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    pub(super) each: &'a mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
 }
 
 impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
@@ -251,14 +251,14 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         for (c, own) in self.log.file.layout.measured.iter().zip(still) {
             rests[*c] = own[k];
         }
-        let row = Row {
+        let row = StateSample {
             time: self.rows[k].values[0],
             q: &state.q,
             qd: &state.qd,
             qdd: &state.qdd,
             tau: &tau,
             efforts: &actuated,
-            still: &rests,
+            at_standstill: &rests,
             weights: &weights,
             follows: self.follows,
         };

@@ -59,7 +59,7 @@ impl Deviations {
         });
         Self {
             covariance: estimate.covariance.clone(),
-            degrees_of_freedom: estimate.students.clone(),
+            degrees_of_freedom: estimate.parameter_degrees_of_freedom.clone(),
             terms: estimate.degrees_of_freedom,
             samples: estimate.degrees_of_freedom + n,
             memory: 1.0,

@@ -23,11 +23,13 @@ pub enum Weighting {
 pub struct EffortFit {
     /// The effort's name.
     pub name: String,
-    /// The number of its rows.
+    /// The number of its equations (rows of W).
     pub rows: usize,
-    /// The standard deviation of its residuals, N or N m.
+    /// The standard deviation of its residuals, N or N m, or J for energy balances; of the
+    /// residuals of weighted rows in the result of [`Estimate::of`]. Infinite there with too few
+    /// rows.
     pub sigma: f64,
-    /// The weight that its rows were multiplied by.
+    /// The factor by which its rows were multiplied; 1 without weighting.
     pub weight: f64,
 }
 
@@ -38,13 +40,15 @@ pub struct Estimate {
     pub labels: Vec<String>,
     /// The values of the parameters, SI.
     pub values: Vec<f64>,
-    /// The covariance of the parameters, n x n, symmetric, column-major.
+    /// The covariance of the parameters, n x n, symmetric, column-major; not finite where there are
+    /// too few rows to estimate the noise, see [`Estimate::of`].
     pub covariance: Vec<f64>,
     /// The number of rows minus the number of parameters.
     pub degrees_of_freedom: usize,
     /// The degrees of freedom of Student's distribution for each parameter, n entries: rows minus
     /// parameters for white residuals, fewer for correlated residuals.
-    pub students: Vec<f64>,
+    #[serde(rename = "students")]
+    pub parameter_degrees_of_freedom: Vec<f64>,
     /// The efforts with the standard deviations of their residuals.
     pub efforts: Vec<EffortFit>,
     /// The condition number of the weighted W (Eq. 24).
@@ -53,55 +57,66 @@ pub struct Estimate {
     pub scaled_condition: f64,
 }
 
-/// The largest number of reweighting passes; three or four usually converge.
+/// The largest number of reweighting passes; three or four usually suffice for convergence.
 const MAX_REWEIGHTING_PASSES: usize = 50;
 /// Reweighting ends when no weight changes by more than this relative amount.
 const WEIGHT_TOLERANCE: f64 = 1e-12;
-/// The standard deviation of an effort's residuals counts as at least this fraction of the effort's
-/// root mean square: smaller residuals are rounding errors.
+/// Lower bound on the standard deviation of an effort's residuals, relative to the root mean square
+/// of the effort: smaller residuals are rounding errors.
 const MIN_SIGMA_PART: f64 = 1e-14;
-/// The relative standard deviation of an effort (residuals over effort) counts as at least this
-/// fraction of the worst effort's: the weight of an effort that is fitted exactly would otherwise
-/// leave no digits to the other efforts.
+/// Lower bound on the relative standard deviation of an effort (residuals over the root mean square
+/// of the effort), as a fraction of the largest one of all efforts: otherwise the weight of an
+/// effort that is fitted exactly would be so large that the equations of the other efforts were
+/// lost to rounding.
 const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
-/// The weights 1/sigma of the efforts, given the standard deviations of their residuals, N or N m.
+/// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N
+/// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
 fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         (squares / factor.rows().max(1) as f64).sqrt()
     };
-    let sizes: Vec<f64> = set.factors().iter().map(rms).collect();
-    let parts = sigmas.iter().zip(&sizes).filter(|(_, size)| **size > 0.0);
-    let worst = parts.fold(0.0, |m: f64, (sigma, size)| m.max(sigma / size));
-    let pairs = sigmas.iter().zip(&sizes);
-    pairs
-        .map(|(sigma, size)| 1.0 / sigma.max(MIN_RELATIVE_SIGMA * worst * size))
+    let effort_rms: Vec<f64> = set.factors().iter().map(rms).collect();
+    let efforts = sigmas
+        .iter()
+        .zip(&effort_rms)
+        .filter(|(_, magnitude)| **magnitude > 0.0);
+    let max_relative_sigma =
+        efforts.fold(0.0, |m: f64, (sigma, magnitude)| m.max(sigma / magnitude));
+    let efforts = sigmas.iter().zip(&effort_rms);
+    efforts
+        .map(|(sigma, magnitude)| {
+            1.0 / sigma.max(MIN_RELATIVE_SIGMA * max_relative_sigma * magnitude)
+        })
         .collect()
 }
 
 impl Estimate {
-    /// Estimates parameters from a set of factors.
+    /// Estimates parameters from the QR factors of all efforts. With less than three rows for two
+    /// parameters, all weights are 1.
     ///
     /// # Errors
     /// When there are fewer rows than parameters, or the data leave parameters undetermined:
     /// the error names them.
     pub fn new(set: &FactorSet, weighting: Weighting) -> Result<Self, EstimateError> {
         let mut weights = vec![1.0; set.factors().len()];
-        let mut whole = set.combined(&weights)?;
-        let mut values = whole.solve()?;
+        let mut combined = set.combined(&weights)?;
+        let mut values = combined.solve()?;
         let mut sigmas = residual_sigmas(set, &values)?;
-        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.has_too_few_rows()
+        if weighting == Weighting::PerEffort
+            && set.factors().len() > 1
+            && !combined.has_too_few_rows()
         {
             for _ in 0..MAX_REWEIGHTING_PASSES {
-                let next = weights_from(&sigmas, set);
-                let change = next
+                let new_weights = weights_from(&sigmas, set);
+                let change = new_weights
                     .iter()
                     .zip(&weights)
                     .fold(0.0, |m: f64, (a, b)| m.max((a / b - 1.0).abs()));
-                weights = next;
-                whole = set.combined(&weights)?;
-                values = whole.solve()?;
+                weights = new_weights;
+                combined = set.combined(&weights)?;
+                values = combined.solve()?;
                 sigmas = residual_sigmas(set, &values)?;
                 if change < WEIGHT_TOLERANCE {
                     break;
@@ -123,13 +138,13 @@ impl Estimate {
             .collect();
         Ok(Self {
             efforts,
-            ..Self::of(&whole)?
+            ..Self::of(&combined)?
         })
     }
 
-    /// Estimates parameters from one factor whose rows have the same standard deviation. With less
-    /// than three rows for two parameters the residuals give no information on the noise, and the
-    /// standard deviations are infinite.
+    /// Estimates parameters from one QR factor whose rows have the same standard deviation. With
+    /// less than three rows for two parameters the residuals give no information on the noise, and
+    /// the standard deviations are infinite.
     ///
     /// # Errors
     /// As [`new`](Estimate::new).
@@ -164,7 +179,7 @@ impl Estimate {
                 .into_iter()
                 .map(|c| c * variance)
                 .collect(),
-            students: vec![degrees_of_freedom as f64; values.len()],
+            parameter_degrees_of_freedom: vec![degrees_of_freedom as f64; values.len()],
             values,
             degrees_of_freedom,
             efforts: vec![EffortFit {
@@ -197,8 +212,12 @@ impl Estimate {
     ///
     /// - `level`: the confidence level, such as 0.95; outside of (0, 1) the result is NaN.
     pub fn half_width(&self, parameter: usize, level: f64) -> f64 {
-        let freedom = self.students.get(parameter).copied().unwrap_or(f64::NAN);
-        quantile(freedom, level) * self.sigma(parameter)
+        let degrees_of_freedom = self
+            .parameter_degrees_of_freedom
+            .get(parameter)
+            .copied()
+            .unwrap_or(f64::NAN);
+        quantile(degrees_of_freedom, level) * self.sigma(parameter)
     }
 
     /// The same estimate with another covariance, n x n.
@@ -219,7 +238,7 @@ impl Estimate {
     pub fn with_deviations(&self, deviations: &Deviations) -> Self {
         Self {
             covariance: deviations.covariance.clone(),
-            students: deviations.degrees_of_freedom.clone(),
+            parameter_degrees_of_freedom: deviations.degrees_of_freedom.clone(),
             ..self.clone()
         }
     }
@@ -227,28 +246,33 @@ impl Estimate {
 
 /// The quantile of Student's distribution for two-sided intervals of this confidence level: NaN for
 /// a level outside of (0, 1), infinite without a degree of freedom.
-fn quantile(freedom: f64, level: f64) -> f64 {
+fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
     if !(level > 0.0 && level < 1.0) {
         return f64::NAN;
     }
-    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
+    StudentsT::new(0.0, 1.0, degrees_of_freedom)
+        .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
 }
 
-/// The standard deviations of the efforts' residuals, N or N m: each effort's rows count as reduced
-/// by its share of the parameters.
+/// The standard deviations of the efforts' residuals at these parameters, N or N m, or J. The
+/// degrees of freedom of an effort are its rows minus its share of the parameters, in proportion to
+/// the rows.
 fn residual_sigmas(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
-    let all: usize = set.factors().iter().map(QrFactor::rows).sum();
-    let free = 1.0 - values.len() as f64 / all.max(1) as f64;
-    let one = |factor: &QrFactor| {
+    let total_rows: usize = set.factors().iter().map(QrFactor::rows).sum();
+    let free_fraction = 1.0 - values.len() as f64 / total_rows.max(1) as f64;
+    let sigma = |factor: &QrFactor| {
         let rows = factor.rows().max(1) as f64;
-        let size = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
-        let floor = (MIN_SIGMA_PART * (size / rows).sqrt()).max(f64::MIN_POSITIVE.sqrt());
-        let squares = factor.squared_residual(values)?;
-        Ok((squares / (rows * free.max(f64::EPSILON)))
-            .sqrt()
-            .max(floor))
+        let sum_of_squares = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
+        let min_sigma =
+            (MIN_SIGMA_PART * (sum_of_squares / rows).sqrt()).max(f64::MIN_POSITIVE.sqrt());
+        let residual_squares = factor.squared_residual(values)?;
+        Ok(
+            (residual_squares / (rows * free_fraction.max(f64::EPSILON)))
+                .sqrt()
+                .max(min_sigma),
+        )
     };
-    set.factors().iter().map(one).collect()
+    set.factors().iter().map(sigma).collect()
 }
 
 /// (W^T W)^-1 = R^-1 R^-T, n x n; `None` where R is singular.

@@ -7,7 +7,7 @@ use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
-    Columns, EquationBuilder, EquationKind, Filtering, LeftOut, Row, Source, equations,
+    Columns, EquationBuilder, EquationKind, Filtering, LeftOut, Source, StateSample, equations,
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
@@ -47,7 +47,7 @@ type JointMotion = (Vec<f64>, Vec<f64>);
 /// The motion of the joints at a row of the log; `None` at a singularity.
 fn joint_motion<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    row: &Row<'_>,
+    row: &StateSample<'_>,
     at: &[usize],
 ) -> Result<Option<JointMotion>, SizeError> {
     let (d, condition) = directions(model, row.q, at)?;
@@ -74,7 +74,7 @@ impl<S: Source + ?Sized> Source for RowCounter<'_, S> {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), S::Error> {
         let rows = self.rows;
         self.source.visit(&mut |row| {
@@ -104,7 +104,12 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
         0
     }
 
-    fn fill(&mut self, row: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        _: &[f64],
+        _: &mut [f64],
+    ) -> Result<bool, EstimateError> {
         let Some((qd, d)) = joint_motion(self.model, row, self.at)? else {
             self.last = None;
             return Ok(false);
@@ -194,7 +199,12 @@ impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
         usize::from(!self.joints.is_empty())
     }
 
-    fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        _: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
         if self.joints.is_empty() {
             return Ok(true);
         }

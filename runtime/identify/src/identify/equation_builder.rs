@@ -1,31 +1,33 @@
-//! Sets up the equations of a state of motion: equations of motion or energy balances.
+//! Sets up the equations of identification, which are linear in the base parameters, from samples
+//! of the motion and the efforts: equations of motion or energy balances.
 
 use crate::estimate::{EstimateError, Origin};
 use regen_runtime::{BaseModel, Status};
 
-/// A sample of a log: a whole state of motion with its efforts.
+/// One sample of a log: the state of motion of all n coordinates with its efforts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row<'a> {
+pub struct StateSample<'a> {
     /// Time, s.
     pub time: f64,
-    /// All coordinates, rad or m.
+    /// All n coordinates in the model's order, rad or m.
     pub q: &'a [f64],
-    /// All velocities, rad/s or m/s.
+    /// Their n velocities, rad/s or m/s.
     pub qd: &'a [f64],
-    /// All accelerations, rad/s^2 or m/s^2.
+    /// Their n accelerations, rad/s^2 or m/s^2; not used by energy balances.
     pub qdd: &'a [f64],
-    /// The left side of Eq. 10 in the order of `Info::independent`, N or N m: see
+    /// The left side of Eq. 10, `dof` entries in the order of `Info::independent`, N or N m: see
     /// [`Model::generalized_forces`](regen_runtime::Model::generalized_forces).
     pub tau: &'a [f64],
     /// The efforts of the actuated joints as they were measured, in the order of
     /// `Info::actuated`, N or N m; empty where they are not known.
     pub efforts: &'a [f64],
-    /// Whether each coordinate rests, or moves so slowly that noise decides on the direction of
-    /// its friction; empty where that is not known.
-    pub still: &'a [bool],
-    /// The weight of each equation in this row, which multiplies the weight of the effort.
+    /// For each of the n coordinates, whether it is at rest, or moves so slowly that noise decides on
+    /// the direction of its friction; empty where that is not known.
+    pub at_standstill: &'a [bool],
+    /// The weight of each equation of this sample, `dof` entries, which multiplies the weight of
+    /// the effort; an energy balance has the first entry of the sample at which its window starts.
     pub weights: &'a [f64],
-    /// Whether the row follows the one before it without a gap.
+    /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
 }
 
@@ -66,67 +68,79 @@ impl EquationKind {
 pub struct Equations<'a> {
     /// The sample's time, s.
     pub time: f64,
-    /// The regressor, column-major: one row for each entry of `tau`.
+    /// The regressor of the r base parameters, `tau.len()` x r, column-major; its contents are
+    /// stale where `tau` is empty.
     pub w: &'a [f64],
-    /// The right-hand sides, N or N m, or J; empty where the sample gives no equation.
+    /// The right-hand sides: `dof` entries in N or N m, or one entry in J; empty where A_e is
+    /// singular, and at the samples inside a window of an energy balance.
     pub tau: &'a [f64],
-    /// The factor on each equation; 0 where it is left out.
+    /// The factor on each equation, as many as `tau`; 0 for an equation that is left out.
     pub weights: &'a [f64],
     /// Whether the sample follows the one before it without a gap.
     pub follows: bool,
 }
 
-/// Factor on the velocities so small that terms quadratic in them vanish, while their signs, on
-/// which friction depends, remain.
+/// Factor on the velocities, so small that terms quadratic in them underflow to 0, while their
+/// signs, on which friction depends, remain.
 const VANISHING_VELOCITY: f64 = 1e-150;
 
-/// Sets up the equations of samples.
+/// Sets up the equations of one sample after the other.
 #[derive(Debug)]
 pub struct EquationBuilder<'m, M: ?Sized> {
     model: &'m M,
     kind: EquationKind,
-    /// For each base parameter, dynamic parameters for which it is 1 and all others are 0, as
-    /// indices and values: the one it is named by, and those that the spec's choices about the
-    /// base tie to it.
-    alone: Vec<Vec<(usize, f64)>>,
+    /// For each base parameter k, the sparse phi (indices and values) with beta_k = 1 and all other
+    /// base parameters and free parameters 0, so that W phi is the k-th column of the base
+    /// regressor: the parameter that beta_k is named by, and those that the spec's choices about
+    /// the base tie to it.
+    representatives: Vec<Vec<(usize, f64)>>,
+    /// The buffers of [`Equations`].
     w: Vec<f64>,
     tau: Vec<f64>,
     weights: Vec<f64>,
-    energy: Option<Balance>,
+    /// The current window of the energy balance; `None` before the first sample and after a gap or
+    /// a singularity.
+    balance: Option<Balance>,
+    /// The number of samples without equations because A_e is singular.
     singular: usize,
 }
 
 /// The current window of the energy balance.
 #[derive(Clone, Debug)]
 struct Balance {
-    /// The time at the start, s.
-    start: f64,
-    /// The row of the kinetic energy at the start.
-    kinetic: Vec<f64>,
-    /// Integrals from the start: of `Power::row`, and of the efforts' power in J.
-    dissipated: Vec<f64>,
+    /// The time at the start of the window, s.
+    start_time: f64,
+    /// The kinetic energy at the start as a row over the base parameters.
+    initial_kinetic: Vec<f64>,
+    /// The work against gravity and friction since the start as a row over the base parameters: the
+    /// integral of `Power::row`.
+    opposed: Vec<f64>,
+    /// The work of the efforts since the start, J.
     work: f64,
-    last: Power,
-    weights: f64,
+    /// The power at the last sample, for the trapezoidal rule.
+    last_power: Power,
+    /// The weight of the equation: that of the first equation of the sample at the start.
+    weight: f64,
 }
 
 /// The power at one sample.
 #[derive(Clone, Debug)]
 struct Power {
+    /// The time of the sample, s.
     time: f64,
-    /// The row of the power against gravity and friction in the base parameters.
+    /// The power against gravity and friction as a row over the base parameters.
     row: Vec<f64>,
     /// The power of the efforts, W.
     efforts: f64,
 }
 
 impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
-    /// Prepares the equations of a model.
+    /// Prepares the equations of a model; the first energy balance starts at the first sample.
     pub fn new(model: &'m M, kind: EquationKind) -> Self {
         let base = model.base_info();
         let size = model.info().parameters.len();
         let free = vec![0.0; base.free.len()];
-        let alone = (0..base.base.len()).map(|k| {
+        let representatives = (0..base.base.len()).map(|k| {
             let mut unit = vec![0.0; base.base.len()];
             let mut phi = vec![0.0; size];
             if let Some(one) = unit.get_mut(k) {
@@ -141,11 +155,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Self {
             model,
             kind,
-            alone: alone.collect(),
+            representatives: representatives.collect(),
             w: Vec::new(),
             tau: Vec::new(),
             weights: Vec::new(),
-            energy: None,
+            balance: None,
             singular: 0,
         }
     }
@@ -176,117 +190,142 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         self.singular
     }
 
-    /// Sets up the equations of a sample; an energy balance at the sample that ends its window.
+    /// Sets up the equations of a sample.
+    ///
+    /// An energy balance gives one equation at the sample that ends its window; at the other
+    /// samples, inside an incomplete window, `tau` of the result is empty. A gap or a singularity
+    /// starts a new window. Where A_e is singular, `tau` is empty too.
     ///
     /// # Errors
     /// When a length does not fit the model.
-    pub fn observe(&mut self, row: &Row<'_>) -> Result<Equations<'_>, EstimateError> {
+    pub fn observe(&mut self, sample: &StateSample<'_>) -> Result<Equations<'_>, EstimateError> {
         self.tau.clear();
         self.weights.clear();
         let regular = match self.kind {
-            EquationKind::Forces => self.forces(row)?,
-            EquationKind::Energy { window } => self.energy(row, window)?,
+            EquationKind::Forces => self.set_up_forces(sample)?,
+            EquationKind::Energy { window } => self.extend_balance(sample, window)?,
         };
         if !regular {
             self.tau.clear();
             self.weights.clear();
             self.singular += 1;
-            self.energy = None;
+            self.balance = None;
         }
         Ok(Equations {
-            time: row.time,
+            time: sample.time,
             w: &self.w,
             tau: &self.tau,
             weights: &self.weights,
-            follows: row.follows,
+            follows: sample.follows,
         })
     }
 
-    fn forces(&mut self, row: &Row<'_>) -> Result<bool, EstimateError> {
+    /// Sets up the equations of motion at a sample; returns false where A_e is singular.
+    fn set_up_forces(&mut self, sample: &StateSample<'_>) -> Result<bool, EstimateError> {
         let dof = self.model.info().dof();
         self.w.clear();
-        self.w.resize(dof * self.alone.len(), 0.0);
+        self.w.resize(dof * self.representatives.len(), 0.0);
         let condition = self
             .model
-            .base_regressor(row.q, row.qd, row.qdd, &mut self.w)?;
-        self.tau.extend_from_slice(row.tau);
-        self.weights.extend_from_slice(row.weights);
+            .base_regressor(sample.q, sample.qd, sample.qdd, &mut self.w)?;
+        self.tau.extend_from_slice(sample.tau);
+        self.weights.extend_from_slice(sample.weights);
         super::require("tau", dof, self.tau.len())?;
         super::require("weights", dof, self.weights.len())?;
         Ok(condition.status() != Status::Singular && self.w.iter().all(|x| x.is_finite()))
     }
 
-    fn energy(&mut self, row: &Row<'_>, window: f64) -> Result<bool, EstimateError> {
+    /// Extends the energy balance by a sample, and sets up its equation if the sample ends the
+    /// window; returns false where A_e is singular.
+    fn extend_balance(
+        &mut self,
+        sample: &StateSample<'_>,
+        window: f64,
+    ) -> Result<bool, EstimateError> {
         let info = self.model.info();
-        super::require("tau", info.dof(), row.tau.len())?;
-        super::require("qd", info.coordinates.len(), row.qd.len())?;
-        let Some((kinetic, power)) = self.power(row)? else {
+        super::require("tau", info.dof(), sample.tau.len())?;
+        super::require("qd", info.coordinates.len(), sample.qd.len())?;
+        let Some((kinetic, power)) = self.power(sample)? else {
             return Ok(false);
         };
-        if !row.follows {
-            self.energy = None;
+        if !sample.follows {
+            self.balance = None;
         }
-        let weights = row.weights.first().copied().unwrap_or(1.0);
-        let mut balance = match self.energy.take() {
+        let weight = sample.weights.first().copied().unwrap_or(1.0);
+        let mut balance = match self.balance.take() {
             Some(mut balance) => {
-                let half = 0.5 * (power.time - balance.last.time);
-                let rows = power.row.iter().zip(&balance.last.row);
-                for (sum, (a, b)) in balance.dissipated.iter_mut().zip(rows) {
+                let half = 0.5 * (power.time - balance.last_power.time);
+                let rows = power.row.iter().zip(&balance.last_power.row);
+                for (sum, (a, b)) in balance.opposed.iter_mut().zip(rows) {
                     *sum += half * (a + b);
                 }
-                balance.work += half * (power.efforts + balance.last.efforts);
-                balance.last = power;
+                balance.work += half * (power.efforts + balance.last_power.efforts);
+                balance.last_power = power;
                 balance
             }
             None => Balance {
-                start: power.time,
-                kinetic: kinetic.clone(),
-                dissipated: vec![0.0; power.row.len()],
+                start_time: power.time,
+                initial_kinetic: kinetic.clone(),
+                opposed: vec![0.0; power.row.len()],
                 work: 0.0,
-                last: power,
-                weights,
+                last_power: power,
+                weight,
             },
         };
-        // a window ends at the first sample that completes its length, but for rounding of times
-        if balance.last.time - balance.start >= window * (1.0 - 1e-9) {
-            let gained = kinetic.iter().zip(&balance.kinetic).map(|(a, b)| a - b);
-            let lost = gained.zip(&balance.dissipated).map(|(g, d)| g + d);
-            self.w = lost.collect();
+        // a window ends at the first sample that completes its length, up to rounding of the times
+        if balance.last_power.time - balance.start_time >= window * (1.0 - 1e-9) {
+            let kinetic_change = kinetic
+                .iter()
+                .zip(&balance.initial_kinetic)
+                .map(|(a, b)| a - b);
+            let equation_row = kinetic_change.zip(&balance.opposed).map(|(g, d)| g + d);
+            self.w = equation_row.collect();
             self.tau.push(balance.work);
-            self.weights.push(balance.weights);
+            self.weights.push(balance.weight);
             balance = Balance {
-                start: balance.last.time,
-                kinetic,
-                dissipated: vec![0.0; balance.dissipated.len()],
+                start_time: balance.last_power.time,
+                initial_kinetic: kinetic,
+                opposed: vec![0.0; balance.opposed.len()],
                 work: 0.0,
-                last: balance.last,
-                weights,
+                last_power: balance.last_power,
+                weight,
             };
         }
-        self.energy = Some(balance);
+        self.balance = Some(balance);
         Ok(true)
     }
 
-    /// The row of the kinetic energy and the power at a sample; `None` where A_e is singular.
-    fn power(&self, row: &Row<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
+    /// The kinetic energy at a sample as a row over the base parameters, and the power; `None`
+    /// where A_e is singular.
+    fn power(&self, sample: &StateSample<'_>) -> Result<Option<(Vec<f64>, Power)>, EstimateError> {
         let info = self.model.info();
         let (dof, n) = (info.dof(), info.coordinates.len());
-        let qd_i: Vec<f64> = info.independent.iter().map(|&c| row.qd[c]).collect();
+        let qd_i: Vec<f64> = info.independent.iter().map(|&c| sample.qd[c]).collect();
         let size = dof * info.parameters.len();
-        let still = vec![0.0; n];
-        let none = vec![0.0; dof];
-        let (mut moved, mut rest, mut slow) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
+        let zero_qd = vec![0.0; n];
+        let zero_qdd_i = vec![0.0; dof];
+        let (mut w_accelerated, mut w_rest, mut w_opposing) =
+            (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
         // at rest, accelerations fulfil the same closure equations as velocities, so that
         // W(q, 0, qd) - W(q, 0, 0) is the regressor of the momentum; times qd_i^T it gives 2 T
-        let c = self.model.regressor(row.q, &still, row.qd, &mut moved)?;
-        let _ = self.model.regressor(row.q, &still, &still, &mut rest)?;
-        // vanishing velocities with full reference velocities leave gravity and friction only
-        let creep: Vec<f64> = row.qd.iter().map(|v| VANISHING_VELOCITY * v).collect();
-        // its condition is that of the same A_e as above
+        let condition = self
+            .model
+            .regressor(sample.q, &zero_qd, sample.qd, &mut w_accelerated)?;
         let _ = self
             .model
-            .adaptive_regressor(row.q, &creep, &qd_i, &none, &mut slow)?;
-        let along = |matrix: &[f64], parameters: &[(usize, f64)]| -> f64 {
+            .regressor(sample.q, &zero_qd, &zero_qd, &mut w_rest)?;
+        // vanishing velocities with full reference velocities leave gravity and friction only
+        let vanishing_qd: Vec<f64> = sample.qd.iter().map(|v| VANISHING_VELOCITY * v).collect();
+        // its condition is that of the same A_e as above
+        let _ = self.model.adaptive_regressor(
+            sample.q,
+            &vanishing_qd,
+            &qd_i,
+            &zero_qdd_i,
+            &mut w_opposing,
+        )?;
+        // qd_i^T W phi
+        let power_of = |matrix: &[f64], parameters: &[(usize, f64)]| -> f64 {
             let column = |(c, value): &(usize, f64)| -> f64 {
                 let entries = matrix.iter().skip(c * dof).zip(&qd_i);
                 value * entries.map(|(w, v)| w * v).sum::<f64>()
@@ -294,21 +333,25 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             parameters.iter().map(column).sum()
         };
         let kinetic: Vec<f64> = self
-            .alone
+            .representatives
             .iter()
-            .map(|own| 0.5 * (along(&moved, own) - along(&rest, own)))
+            .map(|phi| 0.5 * (power_of(&w_accelerated, phi) - power_of(&w_rest, phi)))
             .collect();
-        let power: Vec<f64> = self.alone.iter().map(|own| along(&slow, own)).collect();
-        let finite = kinetic.iter().chain(&power).all(|x| x.is_finite());
-        if c.status() == Status::Singular || !finite {
+        let opposing_power: Vec<f64> = self
+            .representatives
+            .iter()
+            .map(|phi| power_of(&w_opposing, phi))
+            .collect();
+        let finite = kinetic.iter().chain(&opposing_power).all(|x| x.is_finite());
+        if condition.status() == Status::Singular || !finite {
             return Ok(None);
         }
-        let efforts = row.tau.iter().zip(&qd_i).map(|(t, v)| t * v).sum();
+        let efforts = sample.tau.iter().zip(&qd_i).map(|(t, v)| t * v).sum();
         Ok(Some((
             kinetic,
             Power {
-                time: row.time,
-                row: power,
+                time: sample.time,
+                row: opposing_power,
                 efforts,
             },
         )))

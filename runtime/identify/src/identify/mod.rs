@@ -12,7 +12,7 @@ mod stream;
 pub mod suspect;
 
 pub use delay::{Delay, Delays};
-pub use equation_builder::{EquationBuilder, EquationKind, Equations, Row};
+pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, Motion, MotionSource, instrumental,
 };

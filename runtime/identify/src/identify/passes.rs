@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use super::delay::{Delays, delays};
-use super::equation_builder::{EquationBuilder, EquationKind, Equations, Row};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::replay::Replay;
 use super::stream::{Filtering, LeftOut};
 use crate::estimate::{
@@ -24,7 +24,7 @@ pub trait Source {
     /// When the log cannot be read, and the errors of `each`.
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
 
     /// How the equations of the rows are filtered, decimated and left out at standstill.

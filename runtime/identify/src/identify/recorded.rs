@@ -1,6 +1,6 @@
 //! Logs held in memory.
 
-use super::{Filtering, Row, Source};
+use super::{Filtering, Source, StateSample};
 use crate::estimate::EstimateError;
 
 /// A log whose rows are held in memory, as a [`Source`].
@@ -36,7 +36,7 @@ impl Recorded {
     /// Adds a row that follows the last one without a gap, with weights of 1.
     ///
     /// - `time`: s; `q`, `qd`, `qdd`: all coordinates and their derivatives; `tau`: dof efforts,
-    ///   as in [`Row`].
+    ///   as in [`StateSample`].
     pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
         self.rows.push(RecordedSample {
             time,
@@ -50,13 +50,13 @@ impl Recorded {
     }
 
     /// Adds a copy of a row.
-    pub fn push_row(&mut self, row: &Row<'_>) {
+    pub fn push_row(&mut self, row: &StateSample<'_>) {
         self.rows.push(RecordedSample {
             time: row.time,
             motion: [row.q.to_vec(), row.qd.to_vec(), row.qdd.to_vec()],
             tau: row.tau.to_vec(),
             efforts: row.efforts.to_vec(),
-            still: row.still.to_vec(),
+            still: row.at_standstill.to_vec(),
             weights: row.weights.to_vec(),
             follows: row.follows,
         });
@@ -82,18 +82,18 @@ impl Source for Recorded {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
         for row in &self.rows {
             let [q, qd, qdd] = &row.motion;
-            each(&Row {
+            each(&StateSample {
                 time: row.time,
                 q,
                 qd,
                 qdd,
                 tau: &row.tau,
                 efforts: &row.efforts,
-                still: &row.still,
+                at_standstill: &row.still,
                 weights: &row.weights,
                 follows: row.follows,
             })?;

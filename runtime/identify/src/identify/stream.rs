@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::equation_builder::{EquationBuilder, EquationKind, Equations, Row};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::passes::Source;
 use crate::estimate::EstimateError;
 use crate::signals::{SignalError, Smoothing};
@@ -74,7 +74,12 @@ pub trait Columns {
     ///
     /// # Errors
     /// When a length does not fit the model.
-    fn fill(&mut self, row: &Row<'_>, w: &[f64], out: &mut [f64]) -> Result<bool, EstimateError>;
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        w: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError>;
 }
 
 /// No additional columns.
@@ -86,7 +91,12 @@ impl Columns for NoColumns {
         0
     }
 
-    fn fill(&mut self, _: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
+    fn fill(
+        &mut self,
+        _: &StateSample<'_>,
+        _: &[f64],
+        _: &mut [f64],
+    ) -> Result<bool, EstimateError> {
         Ok(true)
     }
 }
@@ -219,7 +229,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
 
     fn take(
         &mut self,
-        row: &Row<'_>,
+        row: &StateSample<'_>,
         columns: &mut dyn Columns,
         each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
@@ -261,7 +271,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     }
 
     /// Adds the equations at a state to the buffer; returns whether there are any.
-    fn observe(&mut self, row: &Row<'_>, columns: &mut dyn Columns) -> Result<bool, EstimateError> {
+    fn observe(
+        &mut self,
+        row: &StateSample<'_>,
+        columns: &mut dyn Columns,
+    ) -> Result<bool, EstimateError> {
         let equations = self.observer.observe(row)?;
         if equations.tau.is_empty() {
             return Ok(false);
@@ -281,7 +295,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if self.filtering.standstill == Standstill::Keep {
             self.values.extend(core::iter::repeat_n(1.0, self.dof));
         } else {
-            self.friction.moved(row.still, &mut self.values);
+            self.friction.moved(row.at_standstill, &mut self.values);
         }
         self.times.push(row.time);
         self.weights.extend_from_slice(row.weights);
@@ -289,7 +303,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     }
 
     /// Passes an energy balance on unfiltered.
-    fn balance(&mut self, row: &Row<'_>, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
+    fn balance(
+        &mut self,
+        row: &StateSample<'_>,
+        each: &mut EquationSink<'_>,
+    ) -> Result<(), EstimateError> {
         let equations = self.observer.observe(row)?;
         if !equations.tau.is_empty() {
             self.left.samples += 1;

@@ -25,7 +25,7 @@ pub use error::SessionError;
 pub use knowledge::{NominalTrust, PriorKnowledge};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
-pub use start::{Start, describe, from_factors, from_logs, with_friction};
+pub use start::{LeastSquaresStart, describe, from_factors, from_logs, with_friction};
 pub use watch::{Monitor, MonitoredLogs, Silent};
 
 /// Model and settings that all steps of an identification share.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use regen_runtime::{BaseModel, Friction, LoopClosure};
 
-use super::{PriorKnowledge, Session, SessionError, Start, describe};
+use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError, describe};
 use crate::feasibility::{
     BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, Physical, Scale, Verdict,
     identify, verdict,
@@ -36,7 +36,7 @@ pub(super) fn layout_and_base_map<M: BaseModel<f64> + ?Sized>(
 pub fn physical<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     knowledge: &PriorKnowledge,
-    start: &Start,
+    start: &LeastSquaresStart,
     draws: usize,
 ) -> Result<Vec<IdentifiedModel>, SessionError> {
     let model = session.model;
@@ -92,7 +92,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             draws,
             &mut progress,
         )?;
-        let known = match start.blocks {
+        let known = match start.score_blocks {
             Some(_) => describe(&start.deviations),
             None => "for white residuals".to_owned(),
         };

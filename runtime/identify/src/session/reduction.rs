@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use regen_runtime::BaseModel;
 
-use super::{Session, SessionError, Start};
+use super::{LeastSquaresStart, Session, SessionError};
 use crate::data::DataError;
 use crate::estimate::{EffortFit, FactorSet, QrFactor};
 use crate::identifiability::{Checks, Reduction, reduce};
@@ -45,7 +45,7 @@ impl Equations {
 /// When a log cannot be read, or the start does not determine the parameters.
 pub fn reduction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    start: &Start,
+    start: &LeastSquaresStart,
     against: &[PathBuf],
 ) -> Result<Reduction, SessionError> {
     let (model, kind) = (session.model, session.kind);
@@ -69,7 +69,7 @@ pub fn reduction<M: BaseModel<f64> + ?Sized>(
         other: against.as_ref().map(|(factor, _)| factor),
         relative_absolute: predict.as_ref().map(|f| f as _),
         scale: super::physical::scale(model, &layout, &combinations, &factor.solve()?)?,
-        blocks: start.blocks.as_ref(),
+        blocks: start.score_blocks.as_ref(),
         ..Checks::default()
     };
     Ok(reduce(factor, &combinations, &layout, &checks)?)

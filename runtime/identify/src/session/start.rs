@@ -1,5 +1,5 @@
-//! Least squares, with which every identification starts: from logs, from QR factors, or with
-//! linear friction in place of nonlinear friction.
+//! The least-squares estimate with which every identification starts: from logs, from QR factors,
+//! or with linear friction in place of nonlinear friction.
 
 use std::path::PathBuf;
 
@@ -15,40 +15,42 @@ use crate::identify::{self, Delays, EquationKind, Identified, LeftOut, digest};
 use crate::model::{IdentifiedModel, Intervals};
 
 /// The result of least squares, and the data that further estimators need.
-pub struct Start {
-    /// The kind of equations, in words.
+pub struct LeastSquaresStart {
+    /// The name of the kind of equations, see [`EquationKind::name`].
     pub kind: String,
-    /// The weighted QR factor whose solution the values are.
+    /// The QR factor of the weighted equations, whose least-squares solution is `estimate.values`.
     pub factor: QrFactor,
     /// The estimate, with the covariance for white residuals.
     pub estimate: Estimate,
     /// The confidence intervals of the estimate's values.
     pub intervals: Intervals,
-    /// The standard deviations of the estimate, as draws of the parameters need them.
+    /// The covariance of the estimate that accounts for the correlation of the residuals, with a
+    /// Cholesky factor from which random parameters are drawn.
     pub deviations: Deviations,
-    /// The estimate with the covariance of the intervals.
-    pub used: Estimate,
-    /// The scores of the logs in order of time; `None` for a start from QR factors or with
-    /// nonlinear friction.
-    pub blocks: Option<Blocks>,
-    /// The samples, for nonlinear friction.
+    /// The estimate with the covariance and degrees of freedom that `intervals` are computed from.
+    pub estimate_for_intervals: Estimate,
+    /// The scores (contributions of the residuals to the gradient of least squares), summed over
+    /// blocks of consecutive samples; `None` for a start from QR factors or with nonlinear
+    /// friction.
+    pub score_blocks: Option<Blocks>,
+    /// The samples of all logs; `None` unless the start is for nonlinear friction.
     pub data: Option<FrictionData>,
     /// The residuals' statistics of each effort; empty for a start from QR factors.
     pub errors: Vec<EffortError>,
     /// eps_RA in percent (Eq. 33); `None` for a start from QR factors.
     pub relative_absolute: Option<f64>,
-    /// The number of samples in which residuals count as correlated; `None` where they count as
-    /// white.
+    /// The number of consecutive samples over which residuals count as correlated; `None` where
+    /// they count as white.
     pub bandwidth: Option<usize>,
     /// The samples and equations that were left out; `None` for a start from QR factors.
     pub left_out: Option<LeftOut>,
-    /// The delays of efforts behind the motion; empty unless the start is from logs.
+    /// The estimated delays of the efforts behind the motion; empty unless the start is from logs.
     pub delays: Delays,
     /// The summaries of the logs; empty for a start from QR factors.
     pub reports: Vec<FileReport>,
 }
 
-impl Start {
+impl LeastSquaresStart {
     /// The least-squares parameters as an identified model.
     pub fn model(&self) -> IdentifiedModel {
         IdentifiedModel {
@@ -61,10 +63,10 @@ impl Start {
     }
 }
 
-/// Least relative growth of a standard deviation by the sampling error at which the error is
-/// mentioned.
+/// The sampling error is mentioned in the name of the method if it increases a standard deviation
+/// by at least this fraction.
 const MIN_MENTIONED_GROWTH: f64 = 0.1;
-/// Passes that estimate the efforts' noise; two settle it to a percent.
+/// Number of passes that estimate the efforts' noise; it converges to a percent in two.
 const NOISE_PASSES: usize = 3;
 
 /// Solves least squares from logs.
@@ -74,55 +76,74 @@ const NOISE_PASSES: usize = 3;
 pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &mut MonitoredLogs<'_, M>,
-) -> Result<Start, SessionError> {
+) -> Result<LeastSquaresStart, SessionError> {
     let (model, kind) = (session.model, session.kind);
-    let mut found = identify::identify(model, kind, &session.options, logs)?;
-    let sampled = match kind {
-        EquationKind::Forces => add_sampling_error(&mut found, logs)?,
+    let mut identified = identify::identify(model, kind, &session.options, logs)?;
+    let sampling_note = match kind {
+        EquationKind::Forces => add_sampling_error(&mut identified, logs)?,
         EquationKind::Energy { .. } => "",
     };
-    let used = found.correlated();
+    let estimate_for_intervals = identified.correlated();
     let method = if let Some(n) = session.options.bandwidth {
-        format!("least squares, residuals correlated in {n} samples (Newey and West){sampled}")
+        format!(
+            "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}"
+        )
     } else {
-        format!("least squares, {}{sampled}", describe(&found.deviations))
+        format!(
+            "least squares, {}{sampling_note}",
+            describe(&identified.deviations)
+        )
     };
-    Ok(Start {
+    Ok(LeastSquaresStart {
         kind: kind.name(),
-        factor: found.factor,
-        intervals: Intervals::of(&found.estimate, &used, session.confidence, method),
-        estimate: found.estimate,
-        deviations: found.deviations,
-        used,
-        blocks: Some(found.blocks),
+        factor: identified.factor,
+        intervals: Intervals::of(
+            &identified.estimate,
+            &estimate_for_intervals,
+            session.confidence,
+            method,
+        ),
+        estimate: identified.estimate,
+        deviations: identified.deviations,
+        estimate_for_intervals,
+        score_blocks: Some(identified.blocks),
         data: None,
-        errors: found.errors,
-        relative_absolute: Some(found.relative_absolute),
-        bandwidth: Some(found.bandwidth),
-        left_out: Some(found.left_out),
-        delays: found.delays,
+        errors: identified.errors,
+        relative_absolute: Some(identified.relative_absolute),
+        bandwidth: Some(identified.bandwidth),
+        left_out: Some(identified.left_out),
+        delays: identified.delays,
         reports: logs.logs().reports().to_vec(),
     })
 }
 
 /// Adds the error that comes from the sampling of the positions to the parameters' standard
-/// deviations; returns a text that mentions it where it is large.
+/// deviations; returns a text for the name of the method, empty where the error is small.
 fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
-    found: &mut Identified,
+    identified: &mut Identified,
     logs: &MonitoredLogs<'_, M>,
 ) -> Result<&'static str, SessionError> {
-    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let values = &found.estimate.values;
+    let weights: Vec<f64> = identified
+        .estimate
+        .efforts
+        .iter()
+        .map(|e| e.weight)
+        .collect();
+    let values = &identified.estimate.values;
     let change = logs
         .logs()
-        .discretisation(values, &weights, &found.factor)?;
-    let blocks = found.blocks.clone().with_change(&found.factor, &change);
-    let changed = found.deviations.with_change(&change);
-    let before = std::mem::replace(&mut found.deviations, changed);
-    found.blocks = blocks;
-    let grown =
-        |k: usize| found.deviations.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * before.sigma(k);
-    Ok(if (0..change.len()).any(grown) {
+        .discretisation(values, &weights, &identified.factor)?;
+    let blocks = identified
+        .blocks
+        .clone()
+        .with_change(&identified.factor, &change);
+    let increased = identified.deviations.with_change(&change);
+    let previous_deviations = std::mem::replace(&mut identified.deviations, increased);
+    identified.blocks = blocks;
+    let has_grown = |k: usize| {
+        identified.deviations.sigma(k) > (1.0 + MIN_MENTIONED_GROWTH) * previous_deviations.sigma(k)
+    };
+    Ok(if (0..change.len()).any(has_grown) {
         "; and what sampling leaves unknown of the motion"
     } else {
         ""
@@ -146,15 +167,15 @@ pub fn describe(deviations: &Deviations) -> String {
 pub fn from_factors<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     sets: Vec<FactorSet>,
-) -> Result<Start, SessionError> {
-    let own = digest(session.model);
+) -> Result<LeastSquaresStart, SessionError> {
+    let expected_digest = digest(session.model);
     for (place, set) in sets.iter().enumerate() {
-        if set.model != own {
+        if set.model != expected_digest {
             return Err(SessionError::Digest {
                 place,
                 robot: set.robot.clone(),
                 found: set.model.clone(),
-                expected: own,
+                expected: expected_digest,
             });
         }
     }
@@ -175,16 +196,16 @@ fn white<M: BaseModel<f64> + ?Sized>(
     kind: String,
     factor: QrFactor,
     estimate: Estimate,
-) -> Start {
+) -> LeastSquaresStart {
     let method = "least squares, for white residuals".to_owned();
-    Start {
+    LeastSquaresStart {
         kind,
         factor,
         intervals: Intervals::of(&estimate, &estimate, session.confidence, method),
         deviations: Deviations::white(&estimate),
-        used: estimate.clone(),
+        estimate_for_intervals: estimate.clone(),
         estimate,
-        blocks: None,
+        score_blocks: None,
         data: None,
         errors: Vec::new(),
         relative_absolute: None,
@@ -195,8 +216,9 @@ fn white<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// Reads logs into memory and solves least squares with linear friction at the joints with
-/// nonlinear friction.
+/// Reads logs into memory and solves least squares for a robot with nonlinear friction. The
+/// equations are the equations of motion, also in a session for energy balances, and joints with
+/// nonlinear friction have linear friction at first; the intervals assume white residuals.
 ///
 /// # Errors
 /// [`SessionError::NoNonlinearFriction`] for a robot without such joints; when the logs cannot be
@@ -204,7 +226,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
 pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
-) -> Result<Start, SessionError> {
+) -> Result<LeastSquaresStart, SessionError> {
     let model = session.model;
     let info = model.info();
     let joints = nonlinear_joints(model);
@@ -220,36 +242,44 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     let mut weights = vec![1.0; info.dof()];
     let mut factor = data.linear_factor()?;
     let mut estimate = Estimate::of(&factor)?;
-    let mut errors = None;
+    let mut residuals = None;
     for _ in 0..NOISE_PASSES {
         let (beta, friction) = physical::linear_part(model, &joints, &estimate.values);
-        let linear = IdentifiedModel {
+        let linear_model = IdentifiedModel {
             beta,
             friction,
             ..IdentifiedModel::default()
         };
-        let found = linear.residuals(model, EquationKind::Forces, &mut logs, &means, 1)?;
-        let efforts = found.efforts();
+        let statistics =
+            linear_model.residuals(model, EquationKind::Forces, &mut logs, &means, 1)?;
+        let effort_errors = statistics.efforts();
         if session.options.weighting == Weighting::PerEffort {
-            // a lower bound on the noise, so that the weights are finite
-            let largest = efforts.iter().fold(f64::MIN_POSITIVE, |m, e| m.max(e.rms));
-            let next: Vec<f64> = efforts
+            // the lower bound of 1e-9 of the largest noise keeps the weights finite
+            let largest_rms = effort_errors
                 .iter()
-                .map(|e| 1.0 / e.rms.max(1e-9 * largest))
+                .fold(f64::MIN_POSITIVE, |m, e| m.max(e.rms));
+            let new_weights: Vec<f64> = effort_errors
+                .iter()
+                .map(|e| 1.0 / e.rms.max(1e-9 * largest_rms))
                 .collect();
-            let by: Vec<f64> = next.iter().zip(&weights).map(|(n, w)| n / w).collect();
-            data.weigh(&by)?;
-            weights = next;
+            let weight_ratios: Vec<f64> = new_weights
+                .iter()
+                .zip(&weights)
+                .map(|(n, w)| n / w)
+                .collect();
+            data.weigh(&weight_ratios)?;
+            weights = new_weights;
             factor = data.linear_factor()?;
             estimate = Estimate::of(&factor)?;
         }
-        errors = Some(found);
+        residuals = Some(statistics);
     }
-    // the efforts' figures are added after the intervals, which must not depend on them
+    // the efforts' residual statistics replace those of the estimate only after `white` has
+    // computed the intervals from the estimate of the weighted rows
     let mut start = white(session, EquationKind::Forces.name(), factor, estimate);
-    if let Some(found) = errors {
-        let pairs = found.efforts().into_iter().zip(&weights);
-        start.estimate.efforts = pairs
+    if let Some(statistics) = residuals {
+        let errors_and_weights = statistics.efforts().into_iter().zip(&weights);
+        start.estimate.efforts = errors_and_weights
             .map(|(error, weight)| EffortFit {
                 name: error.name,
                 rows: error.samples,
@@ -257,8 +287,8 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
                 weight: *weight,
             })
             .collect();
-        start.errors = found.efforts();
-        start.relative_absolute = Some(found.relative_absolute());
+        start.errors = statistics.efforts();
+        start.relative_absolute = Some(statistics.relative_absolute());
     }
     start.left_out = Some(left_out);
     start.data = Some(data);

@@ -4,7 +4,7 @@ use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs};
 use crate::estimate::EstimateError;
-use crate::identify::{Filtering, Row, Source};
+use crate::identify::{Filtering, Source, StateSample};
 
 /// Number of rows between two reports of a pass.
 const REPORT_INTERVAL_ROWS: u64 = 64;
@@ -65,7 +65,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError> {
         self.passes += 1;
         self.watch.rows(self.passes, 0, self.all);

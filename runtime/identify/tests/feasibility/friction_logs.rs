@@ -3,7 +3,7 @@
 
 use regen_identify::feasibility::FeasibilityError;
 use regen_identify::friction::{FrictionJoint, JointFit, collect, directions, residuals};
-use regen_identify::identify::{Filtering, Recorded, Row, Source};
+use regen_identify::identify::{Filtering, Recorded, Source, StateSample};
 use regen_runtime::{Friction, LoopClosure, State};
 
 use crate::friction::force;
@@ -28,7 +28,9 @@ impl Source for Log {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), regen_identify::estimate::EstimateError>,
+        each: &mut dyn FnMut(
+            &StateSample<'_>,
+        ) -> Result<(), regen_identify::estimate::EstimateError>,
     ) -> Result<(), FeasibilityError> {
         Ok(self.0.visit(each)?)
     }

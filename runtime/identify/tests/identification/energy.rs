@@ -1,7 +1,7 @@
 //! The balance of energy, compared with the energies and powers of a slider-crank written by hand.
 
 use regen_identify::identify::{
-    EquationBuilder, EquationKind, Options, Recorded, Row, identify, residuals,
+    EquationBuilder, EquationKind, Options, Recorded, StateSample, identify, residuals,
 };
 use regen_runtime::LoopClosure;
 
@@ -54,15 +54,20 @@ fn made(samples: u32, step: f64) -> Vec<Made> {
         .collect()
 }
 
-fn row<'a>(made: &'a Made, tau: &'a [f64; 1], weights: &'a [f64; 1], follows: bool) -> Row<'a> {
-    Row {
+fn row<'a>(
+    made: &'a Made,
+    tau: &'a [f64; 1],
+    weights: &'a [f64; 1],
+    follows: bool,
+) -> StateSample<'a> {
+    StateSample {
         time: made.time,
         q: &made.q,
         qd: &made.qd,
         qdd: &made.qdd,
         tau,
         efforts: &[],
-        still: &[],
+        at_standstill: &[],
         weights,
         follows,
     }
@@ -174,14 +179,14 @@ fn forces_and_energy_without_an_equation_are_counted_as_singular() {
 fn a_row_that_is_not_finite_gives_no_equation() {
     let mut observer = EquationBuilder::new(&Pendulum, EquationKind::Forces);
     for (qdd, given) in [(1.0, 1), (f64::INFINITY, 0), (f64::NAN, 0), (2.0, 1)] {
-        let row = Row {
+        let row = StateSample {
             time: 0.0,
             q: &[0.1],
             qd: &[0.2],
             qdd: &[qdd],
             tau: &[1.0],
             efforts: &[],
-            still: &[],
+            at_standstill: &[],
             weights: &[1.0],
             follows: true,
         };

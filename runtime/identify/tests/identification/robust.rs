@@ -2,7 +2,7 @@
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, Row, Source, identify,
+    EquationKind, Filtering, Identified, Options, Recorded, Source, StateSample, identify,
 };
 
 use crate::models::pendulum::Pendulum;
@@ -221,14 +221,14 @@ fn a_bound_beyond_all_residuals_is_none() {
     let mut log = Recorded::new();
     for (k, tau) in y.iter().enumerate() {
         let t = 0.05 * k as f64;
-        log.push_row(&Row {
+        log.push_row(&StateSample {
             time: t,
             q: &[t.sin()],
             qd: &[t.cos()],
             qdd: &[-t.sin()],
             tau: &[*tau],
             efforts: &[],
-            still: &[],
+            at_standstill: &[],
             weights: &[1.0 + (k % 3) as f64],
             follows: k > 0,
         });
@@ -262,7 +262,7 @@ impl Source for CountingLog {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
         self.read += 1;
         self.log.visit(each)

@@ -2,7 +2,7 @@
 
 use super::Motion;
 use crate::estimate::EstimateError;
-use crate::identify::equation_builder::{EquationKind, Equations, Row};
+use crate::identify::equation_builder::{EquationKind, Equations, StateSample};
 use crate::identify::passes::Source;
 use crate::identify::stream::{Columns, LeftOut, equations};
 use regen_runtime::{BaseModel, ClosureError, LoopClosure, Outcome, Status};
@@ -21,7 +21,12 @@ impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, '_, M> {
         self.model.base_info().base.len()
     }
 
-    fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        _: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
         let Some(at) = self.motion.find(self.last, row.time) else {
             return Ok(false);
         };
