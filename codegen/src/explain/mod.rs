@@ -363,11 +363,15 @@ fn values(analysis: &Analysis) -> Vec<Fact> {
     let equal = base.coincidences.iter();
     let equal =
         equal.map(|e| format!("the base parameters rest on {e}, which holds by value only"));
-    let held = base.held.iter();
-    let held = held.map(|h| format!("completed factors hold for {h}"));
+    let unvaried = base.unvaried_names.iter();
+    let unvaried = unvaried.map(|h| format!("completed factors hold for {h}"));
     let numbers = base.unrecognised.iter();
     let numbers = numbers.map(|n| format!("a number only: {n}"));
-    equal.chain(held).chain(numbers).map(Fact::given).collect()
+    equal
+        .chain(unvaried)
+        .chain(numbers)
+        .map(Fact::given)
+        .collect()
 }
 
 /// Statements about bodies whose orientations always agree.

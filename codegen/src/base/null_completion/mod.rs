@@ -45,7 +45,7 @@ pub(super) struct Completed {
     pub(super) unrecognised: Vec<String>,
     /// Names that were not varied, so that a dependence of the factors on them is unknown, each
     /// with the reason.
-    pub(super) held: Vec<String>,
+    pub(super) unvaried_names: Vec<String>,
 }
 
 impl<'a> Sampled<'a> {
@@ -101,7 +101,9 @@ impl<'a> Sampled<'a> {
             return completed;
         };
         let scaled_samples = ScaledSamples::new(spec, certificate.rank, self.seed);
-        completed.held.clone_from(&scaled_samples.held);
+        completed
+            .unvaried_names
+            .clone_from(&scaled_samples.unvaried_names);
         for column in missing {
             let mut numeric = vec![Float320::ZERO; certificate.columns];
             numeric[column] = Float320::ONE;
@@ -124,7 +126,7 @@ impl<'a> Sampled<'a> {
             let Some(best) = best else { continue };
             let direction = best.direction(field, &scaled_samples.groups);
             if fresh.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL {
-                let exactness = best.exactness(!scaled_samples.held.is_empty());
+                let exactness = best.exactness(!scaled_samples.unvaried_names.is_empty());
                 completed.directions.push((direction, exactness));
                 completed.unrecognised.extend(best.notes(model));
             }
@@ -174,10 +176,10 @@ impl Recognised {
         doubts.sum()
     }
 
-    /// How well the factors are known. If some names were `held` at their values, any factor might
+    /// How well the factors are known. If some names were `unvaried`, any factor might
     /// depend on them, except the 1 of a direction with a single parameter.
-    fn exactness(&self, held: bool) -> Exactness {
-        let least = if held && self.support.len() > 1 {
+    fn exactness(&self, unvaried: bool) -> Exactness {
+        let least = if unvaried && self.support.len() > 1 {
             Exactness::AtThisGeometry
         } else {
             Exactness::Symbolic
@@ -244,7 +246,7 @@ struct ScaledSamples {
     /// Samples with all groups scaled that can be, with the scales.
     together: Vec<(Vec<Number>, Samples)>,
     /// Names that were not varied, or only in proportion, each with the reason.
-    held: Vec<String>,
+    unvaried_names: Vec<String>,
 }
 
 impl ScaledSamples {
@@ -258,14 +260,14 @@ impl ScaledSamples {
             .iter()
             .map(|group| look(&[(group, scale.clone())]))
             .collect();
-        let mut held = fixed_angles(spec);
+        let mut unvaried_names = fixed_angles(spec);
         // lengths that cannot be changed alone may still be scaled together
         let stuck: Vec<usize> = (0..groups.len()).filter(|&k| alone[k].is_none()).collect();
         let merged = Group::merged(stuck.iter().map(|&k| &groups[k]));
         let grown = merged.and_then(|group| Some((look(&[(&group, scale.clone())])?, group)));
         let names: Vec<&str> = stuck.iter().flat_map(|&k| groups[k].members()).collect();
         if let Some((samples, group)) = grown {
-            held.push(format!(
+            unvaried_names.push(format!(
                 "{} in proportion only: with other ratios the loops do not close, or count otherwise",
                 names.join(", ")
             ));
@@ -276,7 +278,7 @@ impl ScaledSamples {
             groups.push(group);
             alone.push(Some(samples));
         } else if !names.is_empty() {
-            held.push(format!(
+            unvaried_names.push(format!(
                 "{} as given only: with other values the loops do not close, or count otherwise",
                 names.join(", ")
             ));
@@ -305,7 +307,7 @@ impl ScaledSamples {
             scale,
             alone,
             together,
-            held,
+            unvaried_names,
         }
     }
 
