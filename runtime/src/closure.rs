@@ -13,7 +13,7 @@
 //! A step is accepted only if the corrector contracts and moves little compared to the predictor,
 //! and if A_e changes by at most half of what could make it singular, measured as the norm
 //! `|A_e(old)^-1 A_e(new) - 1|`: its largest row sum, after the columns of both matrices are divided
-//! by the scales of those of A_e(old). Every matrix between the two is then regular, so that a step
+//! by the largest entries of those of A_e(old). Every matrix between the two is then regular, so that a step
 //! cannot leap over a singularity, not even over one where the determinant touches zero and keeps
 //! its sign. A step that is refused is halved; where no step is short enough the [`Outcome`] gives
 //! the reason.
