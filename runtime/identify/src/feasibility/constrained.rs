@@ -193,7 +193,7 @@ pub fn identify(
         options,
         noise: options
             .noise
-            .unwrap_or((least / degrees_of_freedom as f64).sqrt()),
+            .unwrap_or((least_squares_residual / degrees_of_freedom as f64).sqrt()),
     };
     let InteriorStart {
         problem,
