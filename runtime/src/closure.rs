@@ -12,11 +12,11 @@
 //!
 //! A step is accepted only if the corrector contracts and moves little compared to the predictor,
 //! and if A_e changes by at most half of what could make it singular, measured as the norm
-//! `|A_e(old)^-1 A_e(new) - 1|`: its largest row sum, after the columns of both matrices are divided
-//! by the largest entries of those of A_e(old). Every matrix between the two is then regular, so that a step
-//! cannot leap over a singularity, not even over one where the determinant touches zero and keeps
-//! its sign. A step that is refused is halved; where no step is short enough the [`Outcome`] gives
-//! the reason.
+//! `|A_e(old)^-1 A_e(new) - 1|`: its largest row sum, after the columns of both matrices are
+//! divided by the largest entries of those of A_e(old). Every matrix between the two is then
+//! regular, so that a step cannot leap over a singularity, not even over one where the determinant
+//! touches zero and keeps its sign. A step that is refused is halved; where no step is short enough
+//! the [`Outcome`] gives the reason.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -55,9 +55,9 @@ pub enum Outcome {
         condition: Condition<f64>,
     },
     /// Even the shortest step was refused although A_e is regular at the last state: the corrector
-    /// moved too far, or A_e changed too much, to be sure that the next state is on the same branch.
-    /// This happens where A_e jumps along the line, so that its determinant may change its sign
-    /// without a zero.
+    /// moved too far, or A_e changed too much, to be sure that the next state is on the same
+    /// branch. This happens where A_e jumps along the line, so that its determinant may change its
+    /// sign without a zero.
     BranchLost {
         /// The fraction of the line that was reached, from 0 to 1.
         at: f64,
@@ -257,8 +257,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     }
 
     /// The unit of length, m, in which residuals and steps are measured: 256^k m with an integer k,
-    /// within a factor of 16 of the mechanism's size; so 1 m for mechanisms between a sixteenth of a
-    /// metre and 16 m.
+    /// within a factor of 16 of the mechanism's size; so 1 m for mechanisms between a sixteenth of
+    /// a metre and 16 m.
     ///
     /// A state counts as closed where |f| is below 1e-12 times the size of its terms in this unit,
     /// so that a mechanism of micrometres is closed as accurately as one of metres.

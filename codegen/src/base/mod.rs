@@ -138,8 +138,8 @@ pub struct Base {
     pub refuted: usize,
     /// Factors of completed directions that are known as numbers only, each with the reason.
     pub unrecognised: Vec<String>,
-    /// Names that layer 3 could not vary, or only in proportion to each other, so that the completed
-    /// factors hold for their given values or ratios only; each entry with the reason.
+    /// Names that layer 3 could not vary, or only in proportion to each other, so that the
+    /// completed factors hold for their given values or ratios only; each entry with the reason.
     pub unvaried_names: Vec<String>,
     /// Equalities between values of different names that the result depends on, such as `l1 = l2`.
     pub coincidences: Vec<String>,

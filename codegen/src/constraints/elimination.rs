@@ -2,11 +2,11 @@
 //! closed mechanism and then carried out on expressions.
 //!
 //! The order is a compromise between few operations (Markowitz's count of the fill-in) and accuracy
-//! over the workspace. For the choice, each row is divided by its largest entry over all samples, so
-//! that rows in metres and in radians compare. A pivot is acceptable if at every sampled state it is
-//! at least a tenth of the largest remaining entry in its column, so that no multiplier of scaled
-//! rows exceeds ten there, and if it has the same sign at all of them. If no entry is acceptable,
-//! the one with the largest ratio is taken; [`Plan::poor_pivots`] counts these.
+//! over the workspace. For the choice, each row is divided by its largest entry over all samples,
+//! so that rows in metres and in radians compare. A pivot is acceptable if at every sampled state
+//! it is at least a tenth of the largest remaining entry in its column, so that no multiplier of
+//! scaled rows exceeds ten there, and if it has the same sign at all of them. If no entry is
+//! acceptable, the one with the largest ratio is taken; [`Plan::poor_pivots`] counts these.
 
 use crate::sym::{Ex, Graph};
 

@@ -27,8 +27,8 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 use super::Reduction;
 use super::reference_points::{self, Block};
 
-/// A link's inertial force (N) and its moment (N m) about the link's origin, in the link's frame, as
-/// linear functions of the link's ten parameters.
+/// A link's inertial force (N) and its moment (N m) about the link's origin, in the link's frame,
+/// as linear functions of the link's ten parameters.
 #[derive(Clone, Debug)]
 pub struct InertiaWrench {
     /// The columns of eta hat (Eq. 3-4), 1/s^2, for Ixx Ixy Ixz Iyy Iyz Izz.
@@ -61,7 +61,8 @@ impl InertiaWrench {
         }
     }
 
-    /// The ten entries of the regressor row for a unit twist, in the order of the link's parameters.
+    /// The ten entries of the regressor row for a unit twist, in the order of the link's
+    /// parameters.
     pub fn row(&self, g: &mut Graph, twist: &Twist) -> [Ex; 10] {
         self.split_row(g, None, &ZERO3, twist)
     }

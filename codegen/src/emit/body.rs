@@ -67,8 +67,8 @@ pub(super) struct Body<'p> {
     out: String,
 }
 
-/// The statements of a program's function, indented, without its last line. `runtime` is the path of
-/// the runtime crate; `preferred_names` are those of each argument's elements.
+/// The statements of a program's function, indented, without its last line. `runtime` is the path
+/// of the runtime crate; `preferred_names` are those of each argument's elements.
 pub(super) fn statements(
     program: &Program,
     runtime: &str,
@@ -414,8 +414,8 @@ impl Body<'_> {
     }
 
     /// The statements that store outputs, by the step after which they can be written (`None`:
-    /// before the block's first step). Each entry is stored as soon as it is computed, so that it does not
-    /// occupy a register until its column is complete.
+    /// before the block's first step). Each entry is stored as soon as it is computed, so that it
+    /// does not occupy a register until its column is complete.
     fn stores(
         &self,
         index: usize,

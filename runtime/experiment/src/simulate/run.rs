@@ -16,9 +16,9 @@ use regen_runtime::{LoopClosure, Model};
 /// reference.
 ///
 /// Once a period the controllers get the measured positions and those of the reference. Their
-/// commands are constant until the next sample (zero-order hold), and drives lag behind them. Motion and efforts of the log belong to
-/// the same instants: see [`Log`]. The effort of friction is computed from the settings' laws
-/// alone; the friction parameters in `phi` are ignored.
+/// commands are constant until the next sample (zero-order hold), and drives lag behind them.
+/// Motion and efforts of the log belong to the same instants: see [`Log`]. The effort of friction
+/// is computed from the settings' laws alone; the friction parameters in `phi` are ignored.
 ///
 /// # Errors
 /// - [`SimulationError::Size`]: the length of `phi` or of a list in the settings does not fit;

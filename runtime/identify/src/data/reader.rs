@@ -385,8 +385,8 @@ impl RowChecker<'_> {
             if step <= 0.0 {
                 // A row that is not after the last one in order is not used. If its time is behind
                 // by more than `longest_step`, the clock was set back; by less, the rows are
-                // unsorted; by nothing, the time is a duplicate. After the clock was set back, which
-                // is reported once, rows that go on regularly from there are not reported.
+                // unsorted; by nothing, the time is a duplicate. After the clock was set back,
+                // which is reported once, rows that go on regularly from there are not reported.
                 let follows_previous = (0.0..=longest_step).contains(&(time - previous_time));
                 if !(self.clock_set_back && follows_previous) {
                     self.clock_set_back = -step > longest_step;

@@ -1,8 +1,8 @@
 //! Identification of the physical parameters that fit observations best.
 //!
 //! The objective is the sum of squared residuals plus the terms of priors. The relative duality gap
-//! is an upper bound, computed from dual matrices, on how far the objective of a result is above the
-//! minimum, as a fraction of the objective.
+//! is an upper bound, computed from dual matrices, on how far the objective of a result is above
+//! the minimum, as a fraction of the objective.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -29,8 +29,8 @@ const EXACT_FIT_PART: f64 = 1e-4;
 /// With an exact fit, the largest rise of the objective for closeness to the reference, as a
 /// fraction of the sum that counts as exact.
 const MAX_EXACT_FIT_COST: f64 = 1e-5;
-/// A safety limit ([`SizeLimit`]) counts as active when lifting it would lower the objective by more
-/// than this fraction of it.
+/// A safety limit ([`SizeLimit`]) counts as active when lifting it would lower the objective by
+/// more than this fraction of it.
 const MIN_ACTIVE_GAIN: f64 = 1e-6;
 
 /// Whether constraints or priors changed the least-squares solution.
@@ -62,11 +62,11 @@ pub struct PhysicalFit {
     pub check: Check,
     /// Whether constraints or priors changed the least-squares solution.
     pub outcome: Outcome,
-    /// The relative duality gap: an upper bound on how far the objective (squared residuals plus the
-    /// terms of priors) is above its minimum over all physical robots, divided by the squared
+    /// The relative duality gap: an upper bound on how far the objective (squared residuals plus
+    /// the terms of priors) is above its minimum over all physical robots, divided by the squared
     /// residuals plus the quadratic terms of priors, or by 1e-8 of the squared efforts if that is
-    /// larger. The bound is computed from dual matrices whose eigenvalues were cut off at 0, by sums
-    /// of twice the working precision, and does not rely on what the solver reports. 0 if the
+    /// larger. The bound is computed from dual matrices whose eigenvalues were cut off at 0, by
+    /// sums of twice the working precision, and does not rely on what the solver reports. 0 if the
     /// outcome is [`Outcome::Unconstrained`].
     pub gap: f64,
     /// The labels of the bodies that would be heavier or larger without the safety limits in
@@ -117,8 +117,8 @@ impl PhysicalFit {
 /// least-squares solution up to the tolerance of the fit.
 ///
 /// Only the observations decide the fit. Among the parameters that fit equally well, the result is
-/// close to the reference, or small without one: that choice raises the objective by at most 2e-8 of
-/// it. [`PhysicalFit::gap`] bounds how far the result is from the optimum.
+/// close to the reference, or small without one: that choice raises the objective by at most 2e-8
+/// of it. [`PhysicalFit::gap`] bounds how far the result is from the optimum.
 ///
 /// - `factor`: R (r x r) and z (r) of the observations, over the r base parameters;
 /// - `combinations`: B (r x p), the combinations of the p parameters of `layout` that the base

@@ -415,8 +415,8 @@ struct PsiSums {
     equations: usize,
 }
 
-/// The errors of an estimate, and for each effort an autoregression of its weighted residuals, which
-/// are bounded by Huber's weight.
+/// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
+/// which are bounded by Huber's weight.
 fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
