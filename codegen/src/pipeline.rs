@@ -1,4 +1,6 @@
-//! The whole derivation in one file: from the text of a spec to the programs of a robot.
+//! The stages of the derivation in their order: from the text of a spec (the YAML description of a
+//! robot) to one program (a list of operations) for each function of the robot. This is the file to
+//! read first.
 
 use std::cell::OnceCell;
 use std::error::Error;
@@ -19,8 +21,8 @@ use crate::signature::Needs;
 use crate::spec::{self, Spec};
 use crate::sym::Graph;
 
-/// A mechanism, derived in stages: each stage runs at most once, when a method first needs its
-/// result.
+/// A mechanism that is derived in stages: spec, model, closed loops, base parameters. Each stage
+/// runs at most once, when a method first needs its result.
 ///
 /// ```
 /// use regen_codegen::Mechanism;
@@ -46,17 +48,24 @@ pub struct Mechanism {
     source: Source,
     spec: Spec,
     model: Model,
-    loops: OnceCell<Result<Loops, Report>>,
+    /// The loops closed at home, or the report why they cannot be.
+    closed_mechanism: OnceCell<Result<ClosedMechanism, Report>>,
+    /// The base parameters, derived or read by [`Mechanism::load_base`].
     analysis: OnceCell<Analysis>,
 }
 
 /// The mechanism with its loops closed; the expressions of every function are built from this
 /// stage.
 #[derive(Debug)]
-struct Loops {
+struct ClosedMechanism {
+    /// The expression graph, with the nodes of `symbols`, `frames` and `closed`.
     g: Graph,
+    /// The inputs of the functions: coordinates, rates and parameters.
     symbols: Symbols,
+    /// The frames of the links as functions of the coordinates.
     frames: Frames,
+    /// The coordinates at home, rad or m, where all loops are closed, and the symbolic solution of
+    /// the closure equations for the dependent velocities (Eq. 8-10).
     closed: Closed,
 }
 
@@ -74,7 +83,7 @@ impl Mechanism {
             source: source.clone(),
             spec,
             model,
-            loops: OnceCell::new(),
+            closed_mechanism: OnceCell::new(),
             analysis: OnceCell::new(),
         })
     }
@@ -93,11 +102,22 @@ impl Mechanism {
     /// The base parameters (Eq. 23) with the certificate that they are complete.
     ///
     /// # Errors
-    /// A report if the mechanism has too many parameters (see [`base::has_few_enough_parameters`]), if home
-    /// does not close or does not fit the mobility, or if `base: drop` in the spec names a
-    /// parameter that is not a base parameter.
+    /// A report of one of these problems:
+    /// - the mechanism has more than [`base::MAX_PARAMETERS`] parameters;
+    /// - the loops do not close at home ([`HomeProblem::NotClosed`]);
+    /// - the number of independent coordinates is not the mobility at home
+    ///   ([`HomeProblem::Mobility`]);
+    /// - the dependent coordinates do not follow from the independent ones at home
+    ///   ([`HomeProblem::NotIndependent`]);
+    /// - the two frames of a cut differ by a half turn at home;
+    /// - the expression graph is full: the robot needs more expressions than can be numbered;
+    /// - `base: drop` in the spec names a parameter that is not a base parameter.
+    ///
+    /// [`HomeProblem::NotClosed`]: crate::constraints::HomeProblem::NotClosed
+    /// [`HomeProblem::Mobility`]: crate::constraints::HomeProblem::Mobility
+    /// [`HomeProblem::NotIndependent`]: crate::constraints::HomeProblem::NotIndependent
     pub fn analysis(&self) -> Result<&Analysis, Report> {
-        let analysis = self.analysed()?;
+        let analysis = self.analysis_with_dropped()?;
         checks::check_dropped_parameters(&self.source, &self.spec, &self.model, &analysis.base)?;
         Ok(analysis)
     }
@@ -105,8 +125,9 @@ impl Mechanism {
     /// Reads base parameters that [`base::store`] wrote, so that they need not be derived.
     ///
     /// # Errors
-    /// If the stored base parameters were not derived from this spec.
-    pub fn restore(&mut self, stored: &str) -> Result<(), StoreProblem> {
+    /// [`StoreProblem::OutOfDate`] if the base parameters were stored for another version of the
+    /// spec, [`StoreProblem::Malformed`] if the text is not in the format of [`base::store`].
+    pub fn load_base(&mut self, stored: &str) -> Result<(), StoreProblem> {
         let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
         self.analysis = OnceCell::from(analysis);
         Ok(())
@@ -115,11 +136,10 @@ impl Mechanism {
     /// Explains the mechanism in words: its mobility, loops, motions and unidentifiable parameters.
     ///
     /// # Errors
-    /// A report if the mechanism has too many parameters, or if home does not close or does not fit
-    /// the mobility.
+    /// As [`Mechanism::analysis`], except that `base: drop` is not checked.
     pub fn explanation(&self) -> Result<Explanation, Report> {
-        let analysis = self.analysed()?;
-        let closed = &self.loops()?.closed;
+        let analysis = self.analysis_with_dropped()?;
+        let closed = &self.closed_mechanism()?.closed;
         let redundant = closed
             .closure
             .as_ref()
@@ -140,28 +160,28 @@ impl Mechanism {
     /// # Errors
     /// As [`Mechanism::analysis`], except that too many parameters are not an error here.
     pub fn robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
-        let loops = self.loops()?;
-        let base = kinds
+        let mechanism = self.closed_mechanism()?;
+        let needs_base = kinds
             .iter()
             .any(|kind| kind.signature().needs == Needs::Base);
         let analysis =
-            (base && base::has_few_enough_parameters(&self.model)).then(|| self.analysis());
+            (needs_base && base::has_few_enough_parameters(&self.model)).then(|| self.analysis());
         let analysis = analysis.transpose()?;
         // the functions extend a clone of the graph: programs do not depend on earlier requests
-        let mut g = loops.g.clone();
+        let mut g = mechanism.g.clone();
         let mut cx = Context {
             g: &mut g,
             model: &self.model,
-            frames: &loops.frames,
-            closed: &loops.closed,
-            symbols: loops.symbols.clone(),
+            frames: &mechanism.frames,
+            closed: &mechanism.closed,
+            symbols: mechanism.symbols.clone(),
             base: analysis.map(|a| &a.base),
         };
         // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
         let mut functions = Vec::new();
         for &kind in kinds {
             if let Some(request) = request(&mut cx, kind) {
-                // optimize: order, related angles, multiply-add
+                // optimize: order of the operations, related angles, multiply-add
                 let program = lower(cx.g, request);
                 functions.push(Function { kind, program });
             }
@@ -170,12 +190,12 @@ impl Mechanism {
         Ok(Robot {
             functions,
             analysis: analysis.cloned(),
-            ..without_functions(&self.spec, &self.model, &loops.closed)
+            ..without_functions(&self.spec, &self.model, &mechanism.closed)
         })
     }
 
-    /// The base parameters, before the parameters under `base: drop` in the spec are checked.
-    fn analysed(&self) -> Result<&Analysis, Report> {
+    /// The base parameters, those under `base: drop` in the spec included and not yet checked.
+    fn analysis_with_dropped(&self) -> Result<&Analysis, Report> {
         if !base::has_few_enough_parameters(&self.model) {
             return Err(checks::too_many_parameters(
                 &self.source,
@@ -183,18 +203,20 @@ impl Mechanism {
                 &self.model,
             ));
         }
-        let home = &self.loops()?.closed.home;
+        let home = &self.closed_mechanism()?.closed.home;
         // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
         let analyse = || base::analyse(&self.spec, &self.model, home);
         Ok(self.analysis.get_or_init(analyse))
     }
 
-    fn loops(&self) -> Result<&Loops, Report> {
-        let loops = self.loops.get_or_init(|| self.close());
-        loops.as_ref().map_err(Clone::clone)
+    /// The mechanism with its loops closed, computed at the first call.
+    fn closed_mechanism(&self) -> Result<&ClosedMechanism, Report> {
+        let closed = self.closed_mechanism.get_or_init(|| self.close_loops());
+        closed.as_ref().map_err(Clone::clone)
     }
 
-    fn close(&self) -> Result<Loops, Report> {
+    /// Builds the frames and closure equations, and closes the loops at home.
+    fn close_loops(&self) -> Result<ClosedMechanism, Report> {
         let Self {
             source,
             spec,
@@ -206,12 +228,12 @@ impl Mechanism {
         let symbols = Symbols::new(&mut g, model);
         // kinematics: frames of the links
         let frames = Frames::new(&mut g, model, Geometry::Values);
-        // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
+        // constraints: loops closed at home, A_e eliminated in a fixed order of pivots (Eq. 6-10)
         let closed = Closed::new(&mut g, &frames, model)
             .map_err(|problem| checks::home_report(source, spec, model, &problem))?;
         checks::check_alignment_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
         checks::check_graph_capacity(source, spec, &g)?;
-        Ok(Loops {
+        Ok(ClosedMechanism {
             g,
             symbols,
             frames,
@@ -223,12 +245,15 @@ impl Mechanism {
 /// Where [`derive_with`] gets the base parameters and their certificate from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseSource<'a> {
-    /// Nowhere: the robot has neither base parameters nor the functions that need them.
+    /// Base parameters are neither derived nor read: the robot has no base parameters and none of
+    /// the functions that need them.
     Skip,
     /// The base parameters are derived, however long that takes.
     Derivation,
-    /// The base parameters are read from the text that [`base::store`] wrote. With `None` they are
-    /// derived, but only if that is quick (see [`base::is_slow_in_debug`]).
+    /// `Store(Some(text))`: the base parameters are read from the text that [`base::store`] wrote.
+    ///
+    /// `Store(None)`: there is no such text. The base parameters are then derived if that is quick;
+    /// if [`base::is_slow_in_debug`], [`derive_with`] returns [`DeriveError::NotStored`].
     Store(Option<&'a str>),
 }
 
@@ -236,11 +261,13 @@ pub enum BaseSource<'a> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum DeriveError {
-    /// The spec has errors.
+    /// The spec has errors, or its mechanism has one of the problems that
+    /// [`Mechanism::analysis`] reports.
     Spec(Box<Report>),
-    /// The stored base parameters cannot be used.
+    /// The stored base parameters belong to another version of the spec, or are malformed.
     Store(StoreProblem),
-    /// Deriving the base parameters takes long, and no stored ones were given.
+    /// Deriving the base parameters takes long ([`base::is_slow_in_debug`]), and no stored ones
+    /// were given.
     NotStored,
 }
 
@@ -277,8 +304,8 @@ impl From<Report> for DeriveError {
 /// them.
 ///
 /// # Errors
-/// A report with the place of every mistake in the spec: in its syntax, its names and values, or a
-/// home that does not close or does not fit the mobility.
+/// A report with the place of every mistake of syntax, names and values in the spec, or of one of
+/// the problems that [`Mechanism::analysis`] lists. Too many parameters are not an error here.
 ///
 /// ```
 /// use regen_codegen::diag::Source;
@@ -300,21 +327,25 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
     Mechanism::open(source)?.robot(&FunctionKind::ALL)
 }
 
-/// Derives a robot from the text of its spec, and gets its base parameters from where `from` says.
+/// Derives a robot from the text of its spec, with the base parameters from the source `from`. A
+/// robot with more than [`base::MAX_PARAMETERS`] parameters gets none, whatever the source.
 ///
 /// # Errors
-/// As [`derive()`], and if the stored base parameters cannot be used or are missing.
+/// [`DeriveError::Spec`] as [`derive()`], [`DeriveError::Store`] if the stored base parameters
+/// cannot be used, [`DeriveError::NotStored`] if there are none and deriving them takes long.
 pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, DeriveError> {
     let mut mechanism = Mechanism::open(source)?;
     // report mistakes in the spec before those in the stored base parameters
-    mechanism.loops()?;
-    let within_reach = base::has_few_enough_parameters(&mechanism.model);
+    mechanism.closed_mechanism()?;
+    let few_enough_parameters = base::has_few_enough_parameters(&mechanism.model);
     match from {
-        BaseSource::Skip => return Ok(mechanism.robot(&without_base())?),
-        BaseSource::Store(Some(text)) if within_reach => {
-            mechanism.restore(text).map_err(DeriveError::Store)?;
+        BaseSource::Skip => return Ok(mechanism.robot(&functions_without_base())?),
+        BaseSource::Store(Some(text)) if few_enough_parameters => {
+            mechanism.load_base(text).map_err(DeriveError::Store)?;
         }
-        BaseSource::Store(None) if within_reach && base::is_slow_in_debug(&mechanism.model) => {
+        BaseSource::Store(None)
+            if few_enough_parameters && base::is_slow_in_debug(&mechanism.model) =>
+        {
             return Err(DeriveError::NotStored);
         }
         BaseSource::Store(_) | BaseSource::Derivation => {}
@@ -322,8 +353,8 @@ pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, Deriv
     Ok(mechanism.robot(&FunctionKind::ALL)?)
 }
 
-/// The functions that do not need base parameters.
-pub fn without_base() -> Vec<FunctionKind> {
+/// The kinds of all functions that do not need base parameters.
+pub fn functions_without_base() -> Vec<FunctionKind> {
     let all = FunctionKind::ALL.into_iter();
     all.filter(|kind| kind.signature().needs != Needs::Base)
         .collect()

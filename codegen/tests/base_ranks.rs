@@ -95,7 +95,7 @@ fn what_trees_miss_of_the_certified_rank_is_completed() {
         assert_eq!(analysis.base.rank(), known, "{path}");
         let completed = analysis.base.parameters.iter();
         let completed = completed
-            .filter(|p| p.layer == Provenance::Completed)
+            .filter(|p| p.provenance == Provenance::Completed)
             .count();
         assert_eq!(completed > 0, sum > known, "{path}");
     }

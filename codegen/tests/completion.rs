@@ -41,7 +41,7 @@ fn table(model: &Model, analysis: &Analysis) -> String {
         let terms: Vec<String> = terms
             .map(|t| format!("[{}] {}", t.coefficient, label(t.column)))
             .collect();
-        writeln!(text, "{:?} {}", parameter.layer, terms.join(" + ")).unwrap();
+        writeln!(text, "{:?} {}", parameter.provenance, terms.join(" + ")).unwrap();
     }
     text
 }
@@ -69,7 +69,7 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
     }
     let parameters = analysis.base.parameters.iter();
     let marked = parameters
-        .filter(|p| p.layer == Provenance::Completed)
+        .filter(|p| p.provenance == Provenance::Completed)
         .count();
     assert!(marked > 0, "{path}");
     (model, analysis)
@@ -253,18 +253,18 @@ fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
 fn factors_that_hold_at_the_given_values_only_are_marked() {
     let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
     let base = &analysis.base;
-    let held = base.held.join("\n");
+    let held = base.unvaried_names.join("\n");
     assert!(held.contains("alpha, beta as given only"), "{held}");
     assert!(held.contains("a, b in proportion only"), "{held}");
     for parameter in &base.parameters {
-        let expected = match parameter.layer {
+        let expected = match parameter.provenance {
             Provenance::Derived => Exactness::Symbolic,
             Provenance::Completed => Exactness::AtThisGeometry,
         };
         assert_eq!(parameter.exactness, expected);
     }
     let (_, _, delta) = analysed(&file("mechanisms/delta.yaml"));
-    assert_eq!(delta.base.held, [""; 0]);
+    assert_eq!(delta.base.unvaried_names, [""; 0]);
     let everywhere = |e: Exactness| e == Exactness::Symbolic;
     assert!(
         delta

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use regen_codegen::constraints::{Closed, world_equations};
+use regen_codegen::constraints::{Closed, Pivot, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::dynamics::{Reduction, UnitTwists, reduced_regressor};
 use regen_codegen::functions::Symbols;
@@ -182,7 +182,12 @@ fn stages(model: &Model) -> String {
         writeln!(out, "loop of {}: seen from {view:?}", cut.name).unwrap();
     }
     let rows = row_names(model);
-    for (row, column, size) in &closure.plan().pivots {
+    for Pivot {
+        row,
+        column,
+        median_size: size,
+    } in &closure.plan().pivots
+    {
         let column = names(&[model.dependent[*column]]);
         writeln!(
             out,

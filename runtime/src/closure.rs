@@ -1,5 +1,9 @@
 //! Loop closure: computes all coordinates from the independent ones, on one assembly branch.
 //!
+//! The closure equations are f(q) = 0 (Eq. 6). A is their Jacobian (Eq. 7), and A_e its square part
+//! (Eq. 8): the columns of the dependent coordinates, and as many rows, those that are not
+//! redundant.
+//!
 //! For the same independent coordinates the closure equations of a mechanism have several
 //! solutions: its assembly branches. The branch solved here is the set of states that can be
 //! reached from `home` while A_e stays regular and its determinant keeps its sign. A state is found
@@ -7,10 +11,12 @@
 //! velocities, Eq. 9) and a corrector (Newton's method).
 //!
 //! A step is accepted only if the corrector contracts and moves little compared to the predictor,
-//! and if A_e changes by less than half of what could make it singular, measured as |A_e(old)^-1
-//! A_e(new) - 1|: every matrix between the two is then regular, so that a step cannot leap over a
-//! singularity, not even over one where the determinant touches zero and keeps its sign. A step
-//! that is refused is halved; where no step is short enough the [`Outcome`] gives the reason.
+//! and if A_e changes by at most half of what could make it singular, measured as the norm
+//! `|A_e(old)^-1 A_e(new) - 1|`: its largest row sum, after the columns of both matrices are
+//! divided by the largest entries of those of A_e(old). Every matrix between the two is then
+//! regular, so that a step cannot leap over a singularity, not even over one where the determinant
+//! touches zero and keeps its sign. A step that is refused is halved; where no step is short enough
+//! the [`Outcome`] gives the reason.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -31,12 +37,13 @@ use path::Point;
 pub enum Outcome {
     /// The loops are closed at the requested independent coordinates.
     Closed,
-    /// Newton's method found no closed state.
+    /// Newton's method found no closed state, or the line is too long for the number of steps.
     NotClosed {
-        /// The fraction of the straight line that was reached, from 0 to 1.
+        /// The fraction of the straight line that was reached, from 0 to 1; 0 for home.
         at: f64,
-        /// The largest |f| where the solve stopped, in m or without unit; if the continuation along
-        /// the line stopped, lengths are in [`LoopClosure::length_unit`].
+        /// The largest |f| where the solve stopped. For home, and where the end of the line was
+        /// reached (`at` is 1), rows of f that are lengths are in m; where the continuation stopped
+        /// before, they are in [`LoopClosure::length_unit`]. The other rows have no unit.
         residual: f64,
     },
     /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
@@ -47,8 +54,10 @@ pub enum Outcome {
         /// The condition of A_e at the last state.
         condition: Condition<f64>,
     },
-    /// A_e does not vary continuously along the line, or its determinant changes sign without
-    /// a zero.
+    /// Even the shortest step was refused although A_e is regular at the last state: the corrector
+    /// moved too far, or A_e changed too much, to be sure that the next state is on the same
+    /// branch. This happens where A_e jumps along the line, so that its determinant may change its
+    /// sign without a zero.
     BranchLost {
         /// The fraction of the line that was reached, from 0 to 1.
         at: f64,
@@ -191,26 +200,37 @@ pub struct State {
 pub struct LoopClosure<'m, M: ?Sized> {
     newton: Newton<'m, M>,
     home: Solution,
-    /// Home, and the last solution of a `track` call; `None` if home is not closed.
-    ends: Option<(Point, Point)>,
+    /// The states at which lines start: home, and the last closed solution of a `track` call;
+    /// `None` if home is not closed or is singular.
+    starts: Option<(Point, Point)>,
+}
+
+/// The state at which a line in the independent coordinates starts.
+#[derive(Clone, Copy)]
+enum Start {
+    /// Home.
+    Home,
+    /// The last closed solution of a `track` call, or home before the first.
+    Last,
 }
 
 impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// Closes the loops at the model's home: the independent coordinates keep their values, the
     /// dependent ones are solved by damped Newton iterations. [`home`](LoopClosure::home) returns
-    /// the result.
+    /// the result: a home that does not close, or is singular, is no error here but an outcome.
     ///
     /// # Errors
-    /// When the model's `Info` is inconsistent.
+    /// When the model's `Info` is inconsistent: [`ClosureError::Size`], [`ClosureError::NotFinite`]
+    /// or [`ClosureError::Partition`].
     pub fn new(model: &'m M) -> Result<Self, ClosureError> {
         let info = model.info();
         check_info(&info)?;
         let mut newton = Newton::new(model)?;
         let mut q = newton.model.to_scaled(info.home);
         let steps = newton.close(&mut q)?;
-        let remaining = newton.polish(&mut q)?;
+        let polished_residual = newton.polish(&mut q)?;
         let point = Point::new(&mut newton, q)?;
-        let closes = remaining <= newton.tolerance(&point.q)?;
+        let closes = polished_residual <= newton.tolerance(&point.q)?;
         let q = newton.model.to_model_units(&point.q);
         let residual = newton.model_residual(&q)?;
         let condition = point.worst_condition();
@@ -228,12 +248,17 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
             outcome,
             steps,
         };
-        let ends = outcome.is_closed().then(|| (point.clone(), point));
-        Ok(Self { newton, home, ends })
+        let starts = outcome.is_closed().then(|| (point.clone(), point));
+        Ok(Self {
+            newton,
+            home,
+            starts,
+        })
     }
 
-    /// The unit of length, m, in which residuals and steps are measured: a power of 2^8 within a
-    /// factor of sixteen of the mechanism's size, so 1 for mechanisms of usual size.
+    /// The unit of length, m, in which residuals and steps are measured: 256^k m with an integer k,
+    /// within a factor of 16 of the mechanism's size; so 1 m for mechanisms between a sixteenth of
+    /// a metre and 16 m.
     ///
     /// A state counts as closed where |f| is below 1e-12 times the size of its terms in this unit,
     /// so that a mechanism of micrometres is closed as accurately as one of metres.
@@ -249,33 +274,35 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// Closes the loops at `q_i` (dof, rad or m) on home's branch, along the straight line from
     /// home.
     ///
-    /// The result depends on `q_i` alone, not on earlier calls.
+    /// The result depends on `q_i` alone, not on earlier calls. If home is not closed or is
+    /// singular, the result is [`home`](LoopClosure::home) with its outcome, whatever `q_i`.
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
     pub fn solve(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
-        Ok(self.solve_from(q_i, false)?.0)
+        Ok(self.solve_from(q_i, Start::Home)?.0)
     }
 
     /// As [`solve`](LoopClosure::solve), but along the straight line from the last solution of a
     /// `track` call that closed; the first call starts from home.
     ///
     /// For trajectories: short lines cost few steps, and the branch is followed along the path
-    /// itself.
+    /// itself. If home is not closed or is singular, the result is home, as for
+    /// [`solve`](LoopClosure::solve).
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
     pub fn track(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
-        let (solution, point) = self.solve_from(q_i, true)?;
-        if let (Some(point), Some(ends)) = (point, &mut self.ends) {
-            ends.1 = point;
+        let (solution, point) = self.solve_from(q_i, Start::Last)?;
+        if let (Some(point), Some((_, last))) = (point, &mut self.starts) {
+            *last = point;
         }
         Ok(solution)
     }
 
     /// Makes the next `track` call start from home again.
     pub fn restart(&mut self) {
-        if let Some((home, last)) = &mut self.ends {
+        if let Some((home, last)) = &mut self.starts {
             last.clone_from(home);
         }
     }
@@ -312,25 +339,28 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         self.motion(solution, qd_i, qdd_i)
     }
 
-    /// Follows the branch to `q_i` from home, or from the last tracked solution with `from_last`;
-    /// returns the solution and, if it is closed, the state to track from next.
+    /// Follows the branch from `start` to `q_i`; returns the solution and, if it is closed, the
+    /// state to track from next.
     fn solve_from(
         &mut self,
         q_i: &[f64],
-        from_last: bool,
+        start: Start,
     ) -> Result<(Solution, Option<Point>), ClosureError> {
         check("q_i", q_i, self.newton.independent.len())?;
-        let Some((home, last)) = &self.ends else {
+        let Some((home, last)) = &self.starts else {
             return Ok((self.home.clone(), None));
         };
-        let start = if from_last { last } else { home };
+        let start = match start {
+            Start::Home => home,
+            Start::Last => last,
+        };
         let scaled = self
             .newton
             .model
             .to_scaled_of(&self.newton.independent, q_i);
         let (mut point, mut outcome, steps) = path::follow(&mut self.newton, start, &scaled)?;
-        let remaining = self.newton.polish(&mut point.q)?;
-        let closes = remaining <= self.newton.tolerance(&point.q)?;
+        let polished_residual = self.newton.polish(&mut point.q)?;
+        let closes = polished_residual <= self.newton.tolerance(&point.q)?;
         let q = self.newton.model.to_model_units(&point.q);
         let residual = self.newton.model_residual(&q)?;
         if outcome.is_closed() && !closes {
@@ -346,11 +376,13 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         Ok((solution, outcome.is_closed().then_some(point)))
     }
 
+    /// Checks the independent velocities and accelerations.
     fn check_rates(&self, qd_i: &[f64], qdd_i: &[f64]) -> Result<(), ClosureError> {
         check("qd_i", qd_i, self.newton.independent.len())?;
         check("qdd_i", qdd_i, self.newton.independent.len())
     }
 
+    /// Adds velocities and accelerations to a solution.
     fn motion(
         &mut self,
         solution: Solution,
@@ -407,10 +439,14 @@ fn check_info(info: &Info<'_>) -> Result<(), ClosureError> {
     let n = info.coordinates.len();
     check("home", info.home, n)?;
     let mut times = vec![0_usize; n];
-    for at in info.independent.iter().chain(info.dependent) {
-        match times.get_mut(*at) {
+    for coordinate in info.independent.iter().chain(info.dependent) {
+        match times.get_mut(*coordinate) {
             Some(times) => *times += 1,
-            None => return Err(ClosureError::Partition { coordinate: *at }),
+            None => {
+                return Err(ClosureError::Partition {
+                    coordinate: *coordinate,
+                });
+            }
         }
     }
     match times.iter().position(|times| *times != 1) {

@@ -15,7 +15,7 @@ use std::io::Write as _;
 use regen_codegen::{diag::Source, pipeline};
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, Physical, Scale, Total, Verdict,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, PhysicalFit, Scale, Total, Verdict,
     identify, verdict,
 };
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -102,7 +102,7 @@ fn problem(seed: u64) -> Option<Value> {
     }))
 }
 
-fn answer(found: &Result<Physical, FeasibilityError>) -> Value {
+fn answer(found: &Result<PhysicalFit, FeasibilityError>) -> Value {
     match found {
         Ok(found) => json!({
             "phi": found.phi,

@@ -148,7 +148,7 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) ->
         reason: doubt(analysis),
         trees_opened: base.trees,
         equal_by_value: &base.coincidences,
-        held: &base.held,
+        held: &base.unvaried_names,
         unrecognised: &base.unrecognised,
         reasons: reasons
             .iter()
@@ -174,7 +174,7 @@ fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
     Row {
         label: label(robot, parameter.column),
         terms: terms(robot, &parameter.terms),
-        layer: layer(parameter.layer),
+        layer: layer(parameter.provenance),
         factors: match parameter.exactness {
             Exactness::Symbolic => "everywhere",
             Exactness::AtThisGeometry => "here",

@@ -14,7 +14,7 @@ use crate::{load, table, terminal};
 pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mechanism = load::mechanism(&source)?;
-    load::within_reach(&mechanism)?;
+    load::check_parameter_count(&mechanism)?;
     let working = spinner(format!("looking at how {} moves", source.name));
     let explanation = mechanism.explanation();
     working.finish_and_clear();

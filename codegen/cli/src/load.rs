@@ -69,8 +69,8 @@ pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
     Ok(Mechanism::open(source)?)
 }
 
-/// Refuses a mechanism with more parameters than base parameters can be derived for.
-pub(crate) fn within_reach(mechanism: &Mechanism) -> Result<(), Failure> {
+/// Refuses a mechanism that has more parameters than base parameters are derived for.
+pub(crate) fn check_parameter_count(mechanism: &Mechanism) -> Result<(), Failure> {
     if base::has_few_enough_parameters(mechanism.model()) {
         return Ok(());
     }
@@ -88,7 +88,7 @@ pub(crate) fn analysis<'m>(
     mechanism: &'m Mechanism,
     source: &Source,
 ) -> Result<&'m Analysis, Failure> {
-    within_reach(mechanism)?;
+    check_parameter_count(mechanism)?;
     Ok(deriving(source, || mechanism.analysis())?)
 }
 
@@ -105,13 +105,13 @@ pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
 /// Derives one robot, or refuses it where its base parameters cannot be derived.
 pub(crate) fn with_base(source: &Source) -> Result<Robot, Failure> {
     let mechanism = mechanism(source)?;
-    within_reach(&mechanism)?;
+    check_parameter_count(&mechanism)?;
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
 /// Reads and derives one robot without its base parameters, which is quick for large ones too.
 pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
-    Ok(mechanism(&source(path)?)?.robot(&pipeline::without_base())?)
+    Ok(mechanism(&source(path)?)?.robot(&pipeline::functions_without_base())?)
 }
 
 /// Shows a spinner while base parameters are derived: the certificate of a large mechanism takes

@@ -13,7 +13,7 @@ pub(crate) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mechanism = load::mechanism(&source)?;
     let scene = mechanism.scene();
-    let (data, wrong) = match mechanism.robot(&pipeline::without_base()) {
+    let (data, wrong) = match mechanism.robot(&pipeline::functions_without_base()) {
         Ok(robot) => {
             let model = Interpreted::new(&robot);
             let file = args.trajectory.as_deref();

@@ -160,7 +160,7 @@ pub fn moving<M: Model<f64> + ?Sized>(
 ///       - {name: q1, type: revolute, body: link, actuated: true}
 /// ";
 /// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
-/// let robot = mechanism.robot(&pipeline::without_base())?;
+/// let robot = mechanism.robot(&pipeline::functions_without_base())?;
 /// let data = view::moving(&mechanism.scene(), &Interpreted::new(&robot), None)?;
 /// assert!(view::page(&data).contains("<title>arm"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -5,7 +5,7 @@ use crate::spec::Spec;
 
 use super::certificate::{Certificate, Samples, certify};
 use super::null_completion::NullCompletion;
-use super::{Base, derive_all};
+use super::{Base, derive_with_completion};
 
 /// Seed of the random states of every certificate, fixed so that results are reproducible.
 const SEED: u64 = 1;
@@ -47,7 +47,7 @@ pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let target = certain.map(|c| c.columns - c.rank);
     let completion = samples.as_ref().ok().filter(|_| target.is_some());
     let completion = completion.map(|samples| NullCompletion::new(samples, home, SEED));
-    let base = derive_all(spec, model, target, completion.as_ref());
+    let base = derive_with_completion(spec, model, target, completion.as_ref());
     Analysis {
         complete: target == Some(base.from_trees + base.completed) && base.refuted == 0,
         base,

@@ -9,9 +9,9 @@ use super::field::{Element, Field};
 use super::geometry::Names;
 use super::span::{Vector, add_scaled, dot};
 
-/// A parameter written as a combination of others.
+/// A parameter written as a combination of others, with factors in the field.
 #[derive(Clone, Debug)]
-pub(super) struct Substitution {
+pub(super) struct FieldSubstitution {
     /// The column of the replaced parameter.
     pub(super) column: usize,
     /// The combination: columns with factors.
@@ -20,7 +20,11 @@ pub(super) struct Substitution {
 
 /// The substitutions that `base.equal` and `base.zero` imply. No substitution uses a column that
 /// another one removes.
-pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Vec<Substitution> {
+pub(super) fn substitutions(
+    field: &mut Field,
+    spec: &Spec,
+    model: &Model,
+) -> Vec<FieldSubstitution> {
     let names = Names::new(field, spec);
     let find = |label: &str| model.parameters.iter().position(|p| p.label == label);
     let body = |label: &str| model.bodies.iter().position(|b| b.label == label);
@@ -55,7 +59,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
         }
         forms.push((first, form));
     }
-    let mut found: Vec<Substitution> = Vec::new();
+    let mut found: Vec<FieldSubstitution> = Vec::new();
     for (wish, mut form) in forms {
         for earlier in &found {
             if let Some(factor) = form.remove(&earlier.column) {
@@ -84,7 +88,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
                 earlier.terms = old.into_iter().collect();
             }
         }
-        found.push(Substitution {
+        found.push(FieldSubstitution {
             column,
             terms: terms.into_iter().collect(),
         });
@@ -96,7 +100,7 @@ pub(super) fn substitutions(field: &mut Field, spec: &Spec, model: &Model) -> Ve
 pub(super) fn restricted(
     field: &mut Field,
     null: &[Vector],
-    known: &[Substitution],
+    known: &[FieldSubstitution],
 ) -> Vec<Vector> {
     let mut rows = null.to_vec();
     for substitution in known {

@@ -1,5 +1,20 @@
 //! The base parameters: the combinations of the dynamic parameters on which a mechanism's forces
-//! depend, derived exactly (`codegen/BASE.md` explains the method).
+//! depend (`codegen/BASE.md` explains the method).
+//!
+//! They follow from the null space of the regressor W (Eq. 11, 23): the changes of the parameters
+//! that change no force, in any motion. Three layers find its directions:
+//!
+//! - *layer 1* derives those of an open tree exactly, joint by joint;
+//! - *layer 2* derives those of a mechanism with loops exactly: it adds the null spaces of many
+//!   spanning trees, and the directions that velocity constraints imply (couplings, and the
+//!   rotations around planar loops);
+//! - *layer 3* completes the null space: it computes the directions that are still missing from
+//!   samples in multiple precision, and recognises their factors as exact numbers and as functions
+//!   of the named lengths.
+//!
+//! A column stands for a parameter everywhere here: its column in W, in the order of
+//! `Model::parameters`. Row reduction of the null space then decides which columns are eliminated;
+//! the others are kept, and each gives one base parameter.
 
 mod analysis;
 pub mod certificate;
@@ -33,23 +48,24 @@ use crate::sym::Number;
 use field::{Element, Field};
 use span::{Span, Vector};
 
-/// A parameter with its factor in a linear combination.
+/// A parameter with its factor in a linear combination of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
     /// The parameter's column in the regressor.
     pub column: usize,
-    /// The factor as an expression in the geometry's names.
+    /// The factor as an expression in the named lengths and angles of the spec.
     pub coefficient: Coefficient,
-    /// The factor's exact value at the given geometry.
+    /// The factor's exact value at the values of the names in the spec, SI.
     pub value: Number,
 }
 
 /// How a combination was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Provenance {
-    /// Derived exactly from spanning trees and velocity constraints, or a single parameter.
+    /// By layers 1 and 2: derived exactly from spanning trees and velocity constraints. Also for a
+    /// base parameter that is a single parameter.
     Derived,
-    /// Completed from samples in multiple precision.
+    /// By layer 3: completed from samples in multiple precision.
     Completed,
 }
 
@@ -57,7 +73,7 @@ pub enum Provenance {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exactness {
     /// Functions of the geometry's names, derived, or verified at other values of the names (except
-    /// for the names that [`Base::held`] lists).
+    /// for the names that [`Base::unvaried_names`] lists).
     Symbolic,
     /// Exact numbers at the given geometry; how they depend on its names is not known.
     AtThisGeometry,
@@ -67,13 +83,13 @@ pub enum Exactness {
 
 /// A null direction: a change of the parameters that changes no force, whatever the motion.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Direction {
-    /// The eliminated column.
+pub struct NullDirection {
+    /// The eliminated column, which no other direction of [`Base::null`] contains.
     pub column: usize,
     /// The direction's nonzero entries; that of the eliminated column is 1.
     pub terms: Vec<Term>,
     /// How the direction was obtained.
-    pub layer: Provenance,
+    pub provenance: Provenance,
     /// How well its factors are known.
     pub exactness: Exactness,
 }
@@ -86,16 +102,16 @@ pub struct BaseParameter {
     /// The combination; the kept parameter first, with factor 1.
     pub terms: Vec<Term>,
     /// How the combination was obtained.
-    pub layer: Provenance,
+    pub provenance: Provenance,
     /// How well its factors are known.
     pub exactness: Exactness,
-    /// Whether `base.drop` leaves it out.
+    /// Whether `base.drop` of the spec leaves this base parameter out of the model.
     pub dropped: bool,
 }
 
 /// A parameter that `base.zero` or `base.equal` of the spec replaces by a combination of others.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known {
+pub struct Substitution {
     /// The column of the replaced parameter.
     pub column: usize,
     /// The combination that replaces it.
@@ -108,22 +124,23 @@ pub struct Base {
     /// The base parameters, dropped ones among them, in the order of the parameters.
     pub parameters: Vec<BaseParameter>,
     /// A basis of the null space: one direction per eliminated column, in the order of the columns.
-    pub null: Vec<Direction>,
+    pub null: Vec<NullDirection>,
     /// The parameters that `base.zero` and `base.equal` write as combinations of others.
-    pub known: Vec<Known>,
-    /// Dimension of the part of the null space that layers 1 and 2 derive, over all columns.
+    pub known: Vec<Substitution>,
+    /// Dimension of the part of the null space that layers 1 and 2 derive, over all columns: from
+    /// spanning trees and from velocity constraints.
     pub from_trees: usize,
     /// How many spanning trees were analysed.
     pub trees: usize,
-    /// How many further null directions were completed from samples.
+    /// How many further null directions layer 3 completed from samples.
     pub completed: usize,
     /// How many directions fail to be null at the sampled states: 0, unless the base is wrong.
     pub refuted: usize,
     /// Factors of completed directions that are known as numbers only, each with the reason.
     pub unrecognised: Vec<String>,
-    /// Names that could not be varied, so that the completed factors hold for their given values
-    /// only, each with the reason.
-    pub held: Vec<String>,
+    /// Names that layer 3 could not vary, or only in proportion to each other, so that the
+    /// completed factors hold for their given values or ratios only; each entry with the reason.
+    pub unvaried_names: Vec<String>,
     /// Equalities between values of different names that the result depends on, such as `l1 = l2`.
     pub coincidences: Vec<String>,
 }
@@ -142,12 +159,12 @@ pub fn has_few_enough_parameters(model: &Model) -> bool {
 /// Derives the base parameters by layers 1 and 2 alone. The search over spanning trees ends early
 /// when the null space over all columns has `target` dimensions.
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
-    derive_all(spec, model, target, None)
+    derive_with_completion(spec, model, target, None)
 }
 
-/// Derives the base parameters by all layers: null directions that layers 1 and 2 do not find are
-/// completed from the samples of `completion`, where it is given.
-fn derive_all(
+/// Derives the base parameters by layers 1 and 2, and by layer 3 if samples are given: null
+/// directions that the first two layers do not find are completed from the samples of `completion`.
+fn derive_with_completion(
     spec: &Spec,
     model: &Model,
     target: Option<usize>,
@@ -155,6 +172,7 @@ fn derive_all(
 ) -> Base {
     let mut field = Field::default();
     let linkage = linkage::Linkage::new(&mut field, spec, model);
+    // layer 2, velocity constraints: directions of friction parameters, then of the bodies
     let mut start = Span::default();
     for direction in rates::null_directions(&mut field, &linkage, model) {
         start.insert(&mut field, &direction);
@@ -162,6 +180,7 @@ fn derive_all(
     for direction in coupled::null_directions(&mut field, &linkage, model) {
         start.insert(&mut field, &direction);
     }
+    // layers 1 and 2: the sum of the null spaces of spanning trees
     let sum = trees::sum(&mut field, &linkage, start, target);
     let mut null: Vec<Vector> = sum.span.vectors().cloned().collect();
     let from_trees = null.len();
@@ -174,15 +193,18 @@ fn derive_all(
     let order = kept_columns::preference(model, &requested);
     let columns = model.parameters.len();
     let mut unrecognised = Vec::new();
-    let mut held = Vec::new();
-    let mut exactness = Vec::new();
+    let mut unvaried_names = Vec::new();
+    let mut completed_exactness = Vec::new();
     if let Some(completion) = completion {
-        let found = completion.complete(&mut field, spec, model, &null, &order, requested.len());
-        unrecognised = found.unrecognised;
-        held = found.fixed_names;
-        // an entry 1 behind the parameters' columns marks every row that uses this direction
-        for (k, (mut direction, how)) in found.directions.into_iter().enumerate() {
-            exactness.push(how);
+        // layer 3
+        let completed = completion.complete(&mut field, spec, model, &null, &order, requested.len());
+        unrecognised = completed.unrecognised;
+        unvaried_names = completed.unvaried_names;
+        // Completed direction k gets an additional entry 1 in the tag column `columns + k`, behind
+        // the columns of the parameters. The row operations of the reduction below carry it along:
+        // a reduced row with an entry in that column is a combination that uses direction k.
+        for (k, (mut direction, exactness)) in completed.directions.into_iter().enumerate() {
+            completed_exactness.push(exactness);
             direction.insert(columns + k, Element::one());
             null.push(direction);
         }
@@ -192,26 +214,28 @@ fn derive_all(
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
-    let provenance = |row: &Vector| -> (Provenance, Exactness) {
-        let completed = row.range(columns..);
-        let of = completed.filter_map(|(k, _)| exactness.get(k - columns));
-        of.max()
+    // how a reduced row was obtained, from its entries in the tag columns; the factors are known
+    // as well as those of the worst completed direction in it
+    let provenance_of = |row: &Vector| -> (Provenance, Exactness) {
+        let tags = row.range(columns..);
+        let used = tags.filter_map(|(tag, _)| completed_exactness.get(tag - columns));
+        used.max()
             .map_or((Provenance::Derived, Exactness::Symbolic), |e| {
                 (Provenance::Completed, *e)
             })
     };
-    let replaced: Vec<usize> = known.iter().map(|k| k.column).collect();
+    let substituted: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
-        .filter(|c| !reduced.rows.contains_key(c) && !replaced.contains(c))
+        .filter(|c| !reduced.rows.contains_key(c) && !substituted.contains(c))
         .map(|c| {
-            let (mut layer, mut exactness) = (Provenance::Derived, Exactness::Symbolic);
+            let (mut provenance, mut exactness) = (Provenance::Derived, Exactness::Symbolic);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
                 // forces do not change along the row, so the eliminated parameter enters with the
                 // opposite sign
                 let factor = row.get(&c)?.neg();
-                if let (Provenance::Completed, how) = provenance(row) {
-                    layer = Provenance::Completed;
-                    exactness = exactness.max(how);
+                if let (Provenance::Completed, of_row) = provenance_of(row) {
+                    provenance = Provenance::Completed;
+                    exactness = exactness.max(of_row);
                 }
                 Some((*eliminated, factor))
             });
@@ -225,7 +249,7 @@ fn derive_all(
                     .chain(terms)
                     .map(|(column, e)| term(&field, column, &e))
                     .collect(),
-                layer,
+                provenance,
                 exactness,
                 dropped: spec.base.drop.iter().any(|d| d.value == *label),
             }
@@ -233,11 +257,11 @@ fn derive_all(
         .collect();
     let null = reduced.rows.iter().map(|(column, row)| {
         let entries = row.range(..columns);
-        let (layer, exactness) = provenance(row);
-        Direction {
+        let (provenance, exactness) = provenance_of(row);
+        NullDirection {
             column: *column,
             terms: entries.map(|(c, e)| term(&field, *c, e)).collect(),
-            layer,
+            provenance,
             exactness,
         }
     });
@@ -246,7 +270,7 @@ fn derive_all(
         null: null.collect(),
         known: known
             .iter()
-            .map(|k| Known {
+            .map(|k| Substitution {
                 column: k.column,
                 terms: k.terms.iter().map(|(c, e)| term(&field, *c, e)).collect(),
             })
@@ -256,15 +280,17 @@ fn derive_all(
         completed: null_dimension - from_trees,
         refuted,
         unrecognised,
-        held,
+        unvaried_names,
         coincidences: field.coincidences().map(str::to_owned).collect(),
     }
 }
 
+/// The column of the parameter with this label.
 fn column(model: &Model, label: &str) -> Option<usize> {
     model.parameters.iter().position(|p| p.label == label)
 }
 
+/// A factor of the field as an expression in the names, with its value.
 fn term(field: &Field, column: usize, element: &Element) -> Term {
     Term {
         column,

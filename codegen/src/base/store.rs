@@ -30,7 +30,8 @@ use crate::spec::Spec;
 
 use super::certificate::Certificate;
 use super::{
-    Analysis, Base, BaseParameter, Coefficient, Direction, Exactness, Known, Provenance, Term,
+    Analysis, Base, BaseParameter, Coefficient, Exactness, NullDirection, Provenance, Substitution,
+    Term,
 };
 
 /// The first line. It contains the version, since another version may choose other columns.
@@ -99,9 +100,9 @@ const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 4] = [
     ),
 ];
 
-fn provenance_word(layer: Provenance, exactness: Exactness) -> &'static str {
+fn provenance_word(provenance: Provenance, exactness: Exactness) -> &'static str {
     let mut all = PROVENANCE_WORDS.iter();
-    let found = all.find(|(_, l, e)| (*l, *e) == (layer, exactness));
+    let found = all.find(|(_, l, e)| (*l, *e) == (provenance, exactness));
     found.map_or(PROVENANCE_WORDS[0].0, |(word, ..)| *word)
 }
 
@@ -141,7 +142,7 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     for note in &base.unrecognised {
         let _ = writeln!(out, "number {note}");
     }
-    for note in &base.held {
+    for note in &base.unvaried_names {
         let _ = writeln!(out, "held {note}");
     }
     for equation in &base.coincidences {
@@ -154,13 +155,13 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
     };
     for parameter in &base.parameters {
         let kept = if parameter.dropped { "dropped" } else { "kept" };
-        let layer = provenance_word(parameter.layer, parameter.exactness);
-        let _ = writeln!(out, "base {} {kept} {layer}", parameter.column);
+        let provenance = provenance_word(parameter.provenance, parameter.exactness);
+        let _ = writeln!(out, "base {} {kept} {provenance}", parameter.column);
         terms(&mut out, &parameter.terms);
     }
     for row in &base.null {
-        let layer = provenance_word(row.layer, row.exactness);
-        let _ = writeln!(out, "null {} {layer}", row.column);
+        let provenance = provenance_word(row.provenance, row.exactness);
+        let _ = writeln!(out, "null {} {provenance}", row.column);
         terms(&mut out, &row.terms);
     }
     for known in &base.known {
@@ -204,7 +205,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             completed: 0,
             refuted: 0,
             unrecognised: Vec::new(),
-            held: Vec::new(),
+            unvaried_names: Vec::new(),
             coincidences: Vec::new(),
         },
         certificate: Err("none".to_owned()),
@@ -238,31 +239,31 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             }
             "refuted" => base.refuted = number(0)?,
             "number" => base.unrecognised.push(rest.to_owned()),
-            "held" => base.held.push(rest.to_owned()),
+            "held" => base.unvaried_names.push(rest.to_owned()),
             "equal" => base.coincidences.push(rest.to_owned()),
             "base" => {
-                let (layer, exactness) = parse_provenance(parts.get(2)?)?;
+                let (provenance, exactness) = parse_provenance(parts.get(2)?)?;
                 base.parameters.push(BaseParameter {
                     column: column()?,
                     terms: Vec::new(),
-                    layer,
+                    provenance,
                     exactness,
                     dropped: *parts.get(1)? == "dropped",
                 });
                 open = Some(0);
             }
             "null" => {
-                let (layer, exactness) = parse_provenance(parts.get(1)?)?;
-                base.null.push(Direction {
+                let (provenance, exactness) = parse_provenance(parts.get(1)?)?;
+                base.null.push(NullDirection {
                     column: column()?,
                     terms: Vec::new(),
-                    layer,
+                    provenance,
                     exactness,
                 });
                 open = Some(1);
             }
             "known" => {
-                base.known.push(Known {
+                base.known.push(Substitution {
                     column: column()?,
                     terms: Vec::new(),
                 });

@@ -122,7 +122,7 @@ impl LoopSolver {
 
     /// The redundant rows: the elimination of A_e leaves them out because the others imply them.
     pub fn redundant_rows(&self) -> &[usize] {
-        &self.plan.left_out
+        &self.plan.redundant_rows
     }
 
     /// The order of pivots in which A_e is eliminated.
@@ -138,7 +138,8 @@ impl LoopSolver {
     /// The square A_e (Eq. 8) without the redundant rows; its rows are in the order of pivots.
     pub fn dependent_jacobian(&self, model: &Model) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
-        self.plan.pivots.iter().map(|p| a_e[p.0].clone()).collect()
+        let pivots = self.plan.pivots.iter();
+        pivots.map(|p| a_e[p.row].clone()).collect()
     }
 
     /// The solution Z of `A_e Z = rhs`, dependent coordinates by right-hand sides. It is guarded:
@@ -149,7 +150,6 @@ impl LoopSolver {
         let Eliminated {
             solution: fixed,
             pivots,
-            ..
         } = eliminate(g, &a_e, rhs, &self.plan);
         // constant pivots need no guard
         let pivots: Vec<(Ex, f64)> = pivots

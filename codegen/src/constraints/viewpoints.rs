@@ -108,7 +108,7 @@ fn loop_views(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
         .collect()
 }
 
-/// The price of a viewpoint: the number of unfit pivots, then the number of operations. If the rows
+/// The price of a viewpoint: the number of poor pivots, then the number of operations. If the rows
 /// cannot be solved for the loop's own coordinates, the operations of the rows themselves.
 fn price(
     g: &mut Graph,
@@ -127,11 +127,6 @@ fn price(
         return (0, g.price(entries, &mut Vec::new()));
     };
     let done = eliminate(g, &own, &shared, &plan);
-    let results: Vec<Ex> = done
-        .solution
-        .into_iter()
-        .chain(done.left)
-        .flatten()
-        .collect();
-    (plan.unfit, g.price(results, &mut Vec::new()))
+    let results: Vec<Ex> = done.solution.into_iter().flatten().collect();
+    (plan.poor_pivots, g.price(results, &mut Vec::new()))
 }

@@ -1,10 +1,24 @@
 //! The columns of K (Eq. 4-5) and of the reduced regressor K_i - X^T K_e (Eq. 11).
 //!
+//! K is the regressor of the open tree: K phi are the efforts of all coordinates. K_i and K_e are
+//! its rows of the independent and of the dependent coordinates, and X = A_e^-1 A_i (Eq. 10), so
+//! that the dependent velocities are -X times the independent ones.
+//!
 //! Each joint gives one row for each link that it moves: the power of the link's inertial forces on
-//! the joint's unit twist (e, u) at the link's origin; e and u are the partial velocities of Eq. 1.
-//! The forces are linear in the ten parameters: the moment is `eta_hat I - a x m r`, the force
-//! `eta_tilde m r + a m`. So the row is `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a
-//! revolute joint u = e x r_OkOi, which gives Eq. 4; for a prismatic one e = 0.
+//! the joint's unit twist (e, u), where e and u are the partial velocities of Eq. 1: the angular
+//! velocity of the link, and the velocity of its origin, per unit rate of the joint. The forces are
+//! linear in the link's ten parameters: the inertias I about the link's origin (Ixx Ixy Ixz Iyy Iyz
+//! Izz, kg m^2), the first moments m r (kg m) and the mass m (kg). All vectors are in the link's
+//! frame:
+//!
+//! - a: the acceleration of the link's origin less gravity, m/s^2;
+//! - eta_tilde = (alpha x) + (w x)(w x), 3 by 3, 1/s^2, with the angular velocity w and the angular
+//!   acceleration alpha: the force is `eta_tilde m r + a m`;
+//! - eta_hat, 3 by 6, 1/s^2: the moment about the origin is `eta_hat I - a x m r`.
+//!
+//! So the row is `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a revolute joint u = e x
+//! r_OkOi, with the vector r_OkOi from the joint's origin to the link's, which gives Eq. 4; for a
+//! prismatic one e = 0.
 
 use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
 use crate::model::{FrictionColumn, Model, ParameterKind};
@@ -13,19 +27,20 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 use super::Reduction;
 use super::reference_points::{self, Block};
 
-/// A link's inertial forces as linear functions of its ten parameters.
+/// A link's inertial force (N) and its moment (N m) about the link's origin, in the link's frame,
+/// as linear functions of the link's ten parameters.
 #[derive(Clone, Debug)]
-pub struct Projection {
-    /// eta hat of Eq. 3-4, column by column: Ixx Ixy Ixz Iyy Iyz Izz.
+pub struct InertiaWrench {
+    /// The columns of eta hat (Eq. 3-4), 1/s^2, for Ixx Ixy Ixz Iyy Iyz Izz.
     eta_hat: [V3; 6],
-    /// eta tilde, column by column.
+    /// The columns of eta tilde (Eq. 4), 1/s^2.
     eta_tilde: [V3; 3],
-    /// Acceleration of the link's origin, less gravity.
+    /// Acceleration of the link's origin less gravity, m/s^2.
     a: V3,
 }
 
-impl Projection {
-    /// The inertial forces of a link in a given motion.
+impl InertiaWrench {
+    /// The inertial force and moment of a link in a given motion.
     pub fn new(g: &mut Graph, motion: &LinkMotion) -> Self {
         let eta = &motion.eta;
         let [xx, xy, xz, yy, yz, zz] = motion.ww;
@@ -39,43 +54,46 @@ impl Projection {
             [g.sub(yy, zz), g.neg(eta[0][1]), eta[0][2]],
             [yz, g.neg(xz), az],
         ];
-        Projection {
+        InertiaWrench {
             eta_hat,
             eta_tilde: crate::sym::transposed(eta),
             a: motion.a,
         }
     }
 
-    /// The ten entries of the regressor row for a unit twist.
+    /// The ten entries of the regressor row for a unit twist, in the order of the link's
+    /// parameters.
     pub fn row(&self, g: &mut Graph, twist: &Twist) -> [Ex; 10] {
         self.split_row(g, None, &ZERO3, twist)
     }
 
-    /// The moments of the inertial forces about a point, per first moment and mass: `v x a + arm x
-    /// eta_tilde v` for each axis v, and `arm x a`; `arm` is from the point to the link's origin.
-    fn about(&self, g: &mut Graph, arm: &V3) -> MomentsAbout {
+    /// The moments of the inertial forces about another point than the origin, per unit of each
+    /// first moment and of the mass: `v x a + arm x eta_tilde v` for each axis v, and `arm x a`;
+    /// `arm` is the vector from the point to the link's origin, m.
+    fn moments_about(&self, g: &mut Graph, arm: &V3) -> MomentsAbout {
         let first = [0, 1, 2].map(|axis| {
             let mut unit = ZERO3;
             unit[axis] = Ex::ONE;
-            let own = g.cross(&unit, &self.a);
-            let lever = g.cross(arm, &self.eta_tilde[axis]);
-            g.add3(&own, &lever)
+            let about_origin = g.cross(&unit, &self.a);
+            let of_force = g.cross(arm, &self.eta_tilde[axis]);
+            g.add3(&about_origin, &of_force)
         });
         let mass = g.cross(arm, &self.a);
         MomentsAbout { first, mass }
     }
 
-    /// The regressor row for the twist `(turn + twist.e, turn x arm + twist.u)`, where the rotation
-    /// `turn` is about the reference point of the moments `about`.
+    /// The regressor row for the sum of a rotation and a twist. The angular velocity `rotation` is
+    /// about the reference point of `moments`; with the vector `arm` from that point to the link's
+    /// origin, the whole twist is `(rotation + twist.e, rotation x arm + twist.u)`.
     fn split_row(
         &self,
         g: &mut Graph,
-        about: Option<&MomentsAbout>,
-        turn: &V3,
+        moments: Option<&MomentsAbout>,
+        rotation: &V3,
         twist: &Twist,
     ) -> [Ex; 10] {
         let mut row = [Ex::ZERO; 10];
-        let e = g.add3(turn, &twist.e);
+        let e = g.add3(rotation, &twist.e);
         for (entry, column) in row.iter_mut().zip(&self.eta_hat) {
             *entry = g.dot3(&e, column);
         }
@@ -85,9 +103,9 @@ impl Projection {
             row[6 + axis] = g.add(moment[axis], force);
         }
         row[9] = g.dot3(&twist.u, &self.a);
-        if let Some(about) = about {
-            for (entry, moment) in row[6..].iter_mut().zip(about.columns()) {
-                let power = g.dot3(turn, moment);
+        if let Some(moments) = moments {
+            for (entry, moment) in row[6..].iter_mut().zip(moments.columns()) {
+                let power = g.dot3(rotation, moment);
                 *entry = g.add(*entry, power);
             }
         }
@@ -97,7 +115,9 @@ impl Projection {
 
 /// The moments of a link's inertial forces about a point at which axes meet.
 struct MomentsAbout {
+    /// Per unit of each first moment mx, my, mz: m/s^2.
     first: [V3; 3],
+    /// Per unit of the mass: m^2/s^2.
     mass: V3,
 }
 
@@ -107,23 +127,26 @@ impl MomentsAbout {
     }
 }
 
-/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14).
+/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14). `qd` is the
+/// joint's velocity, which decides the direction of friction; `rd` is its reference velocity, which
+/// viscous friction is proportional to. Both are equal unless the forces are those of a
+/// passivity-based controller (see [`Rates::rd`]).
 pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) -> Ex {
     match column {
         FrictionColumn::Viscous => rd,
         FrictionColumn::Coulomb => g.sign(qd),
         FrictionColumn::ViscousPositive => {
-            let on = g.positive(qd);
-            g.mul(on, rd)
+            let is_positive = g.positive(qd);
+            g.mul(is_positive, rd)
         }
         FrictionColumn::ViscousNegative => {
-            let on = g.negative(qd);
-            g.mul(on, rd)
+            let is_negative = g.negative(qd);
+            g.mul(is_negative, rd)
         }
         FrictionColumn::CoulombPositive => g.positive(qd),
         FrictionColumn::CoulombNegative => {
-            let on = g.negative(qd);
-            g.neg(on)
+            let is_negative = g.negative(qd);
+            g.neg(is_negative)
         }
     }
 }
@@ -131,18 +154,19 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
 /// The unit twists that move the links, and the points at which joint axes meet.
 #[derive(Debug)]
 pub struct UnitTwists<'a> {
-    /// For each link, the coordinates that move it and their unit twists.
+    /// For each link, the coordinates that move it and their unit twists, in the link's frame.
     pub twists: &'a [Vec<(usize, Twist)>],
     /// For each link, the points at which axes of joints before it meet.
     pub centres: &'a [Vec<Centre>],
 }
 
-/// The reduced regressor W, one column per parameter with one entry per independent coordinate. It
-/// is `K_i - X^T K_e` (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent
-/// joints are projected by -X^T.
+/// The reduced regressor W, one column per parameter with one entry per independent coordinate:
+/// tau = W phi for the efforts tau of the independent coordinates. It is `K_i - X^T K_e` (Eq. 11)
+/// with friction and rotor columns (Eq. 20); columns of dependent joints are projected by -X^T.
 ///
 /// The columns of each body are built about its origin and about each point at which axes before it
-/// meet; the combination with few operations in the `wanted` columns is returned.
+/// meet. All these agree in value; for each body those are returned that make the `wanted` columns
+/// (a flag per parameter) cheap to evaluate. `j` is the matrix of `qd = J qd_i`.
 pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
@@ -157,12 +181,12 @@ pub fn reduced_regressor(
         .bodies
         .iter()
         .map(|body| {
-            let projection = Projection::new(g, &motions[body.link]);
+            let wrench = InertiaWrench::new(g, &motions[body.link]);
             let twists = &unit_twists.twists[body.link];
             let centres = unit_twists.centres[body.link].iter().map(Some);
             let points = [None].into_iter().chain(centres);
             points
-                .map(|centre| body_rows(g, &projection, twists, centre, j))
+                .map(|centre| body_rows(g, &wrench, twists, centre, j))
                 .collect()
         })
         .collect();
@@ -190,18 +214,18 @@ pub fn reduced_regressor(
 /// The regressor rows of a body, one per independent coordinate.
 ///
 /// If several of the coordinates that move the body depend on one independent coordinate, their
-/// unit twists are added first and the body's forces are projected once; a single one scales its
-/// row of K. If the axis of a coordinate passes through the centre, only its rotation counts, with
-/// the moments about the centre.
+/// unit twists are added first and the power of the body's forces is computed once; a single one
+/// scales its row of K. If the axis of a coordinate passes through the centre, only its rotation
+/// has power, on the moments about the centre.
 fn body_rows(
     g: &mut Graph,
-    projection: &Projection,
+    wrench: &InertiaWrench,
     twists: &[(usize, Twist)],
     centre: Option<&Centre>,
     j: &Reduction,
 ) -> Vec<[Ex; 10]> {
-    let about = centre.map(|centre| projection.about(g, &centre.arm));
-    let about = about.as_ref();
+    let moments = centre.map(|centre| wrench.moments_about(g, &centre.arm));
+    let moments = moments.as_ref();
     let mut rows = Vec::new();
     for i in 0..j.width() {
         let moving: Vec<(Ex, usize, &Twist)> = twists
@@ -209,29 +233,30 @@ fn body_rows(
             .map(|(c, t)| (j.at(*c, i), *c, t))
             .filter(|(weight, ..)| !weight.is_zero())
             .collect();
-        let inside = |c: usize| centre.is_some_and(|centre| centre.coordinates.contains(&c));
+        let passes_through_centre =
+            |c: usize| centre.is_some_and(|centre| centre.coordinates.contains(&c));
         let zero_twist = Twist { e: ZERO3, u: ZERO3 };
         let row = match moving.as_slice() {
             [] => [Ex::ZERO; 10],
             [(weight, c, twist)] => {
-                let row = if inside(*c) {
-                    projection.split_row(g, about, &twist.e, &zero_twist)
+                let row = if passes_through_centre(*c) {
+                    wrench.split_row(g, moments, &twist.e, &zero_twist)
                 } else {
-                    projection.row(g, twist)
+                    wrench.row(g, twist)
                 };
                 row.map(|entry| g.mul(*weight, entry))
             }
             several => {
-                let (mut turn, mut sum) = (ZERO3, zero_twist);
+                let (mut rotation, mut sum) = (ZERO3, zero_twist);
                 for (weight, c, twist) in several {
-                    if inside(*c) {
-                        turn = g.add_scaled3(&turn, *weight, &twist.e);
+                    if passes_through_centre(*c) {
+                        rotation = g.add_scaled3(&rotation, *weight, &twist.e);
                     } else {
                         sum.e = g.add_scaled3(&sum.e, *weight, &twist.e);
                         sum.u = g.add_scaled3(&sum.u, *weight, &twist.u);
                     }
                 }
-                projection.split_row(g, about, &turn, &sum)
+                wrench.split_row(g, moments, &rotation, &sum)
             }
         };
         rows.push(row);

@@ -3,8 +3,15 @@
 //!
 //! The temporaries of a block are local to it, except those that later blocks use, which it
 //! exports. No scope has more than 800 variables, whatever the robot: rustc's debug-information
-//! writer overflows its stack at some thousands. If there were more, the exported values are stored
-//! in an array and read from there by index.
+//! writer overflows its stack at some thousands. The function's own scope has at most 300 elements
+//! of arguments and 300 exported values. A block has at most 200 imported values and the results of
+//! 250 steps: two of a sine and cosine, and at most 100 of a solve, which ends the block. Where a
+//! function needs more, values are read by index instead: elements from the arguments, exported
+//! values and the results of a large solve from the emitted array `kept`.
+//!
+//! The emitted functions are generic over the scalar type T. Constants have to be made from a value
+//! of T, as a scalar may have several lanes: `proto`, the first element of the first argument, is
+//! that value, and `proto.splat(c)` the constant c.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -27,51 +34,63 @@ const MAX_LINE_WIDTH: usize = 96;
 
 /// A block: consecutive steps of a group, and the outputs that are complete after them.
 struct Block {
+    /// The comment above the block.
     title: String,
+    /// The range of the block's steps in the program.
     steps: std::ops::Range<usize>,
+    /// The range of the program's outputs that the block stores.
     outputs: std::ops::Range<usize>,
     /// Temporaries of this block that later blocks use.
     exports: Vec<Temp>,
 }
 
+/// The text of a function's body while it is written.
 pub(super) struct Body<'p> {
     program: &'p Program,
+    /// The path of the runtime crate in the emitted code.
     runtime: String,
+    /// For each temporary, the text that refers to it: a variable, or an entry of an array.
     names: Vec<String>,
+    /// For each element of each argument, the text that refers to it.
     inputs: Vec<Vec<String>>,
     /// For each temporary, whether a step or an output uses it.
-    read: Vec<bool>,
+    is_used: Vec<bool>,
     /// For each temporary, the index of the block that computes it.
     block_of: Vec<usize>,
     blocks: Vec<Block>,
     /// For each block, its first step.
     block_starts: Vec<usize>,
-    /// For each exported temporary, its index in the array `kept`, if the blocks export through
-    /// that array.
-    kept: BTreeMap<Temp, usize>,
+    /// For each exported temporary, its index in the emitted array `kept`; empty if the blocks
+    /// export their values by variables.
+    export_index: BTreeMap<Temp, usize>,
+    /// The text so far.
     out: String,
 }
 
-/// The statements of a program's function, indented, without its last line. `wishes` are the
-/// preferred names of each argument's elements.
-pub(super) fn statements(program: &Program, runtime: &str, wishes: &[Vec<String>]) -> String {
+/// The statements of a program's function, indented, without its last line. `runtime` is the path
+/// of the runtime crate; `preferred_names` are those of each argument's elements.
+pub(super) fn statements(
+    program: &Program,
+    runtime: &str,
+    preferred_names: &[Vec<String>],
+) -> String {
     let mut names = Names::new();
     names.reserve(&program.output.name);
     for argument in &program.arguments {
         names.reserve(&argument.name);
     }
-    let mut unique = |wishes: &Vec<String>| wishes.iter().map(|w| names.unique(w)).collect();
-    let inputs: Vec<Vec<String>> = wishes.iter().map(&mut unique).collect();
+    let mut unique = |elements: &Vec<String>| elements.iter().map(|n| names.unique(n)).collect();
+    let inputs: Vec<Vec<String>> = preferred_names.iter().map(&mut unique).collect();
     let mut body = Body {
         program,
         runtime: runtime.to_owned(),
         names: Vec::new(),
         inputs,
-        read: read(program),
+        is_used: used_temporaries(program),
         block_of: vec![0; program.names.len()],
         blocks: Vec::new(),
         block_starts: Vec::new(),
-        kept: BTreeMap::new(),
+        export_index: BTreeMap::new(),
         out: String::new(),
     };
     body.cut_into_blocks();
@@ -82,59 +101,61 @@ pub(super) fn statements(program: &Program, runtime: &str, wishes: &[Vec<String>
 }
 
 /// Number of right-hand sides of a system.
-fn sides(solve: &SolveStep) -> usize {
+fn rhs_count(solve: &SolveStep) -> usize {
     solve.rhs.first().map_or(1, |row| row.len().max(1))
 }
 
 /// For each temporary of a program, whether a step or an output uses it.
-fn read(program: &Program) -> Vec<bool> {
-    let mut read = vec![false; program.names.len()];
+fn used_temporaries(program: &Program) -> Vec<bool> {
+    let mut used = vec![false; program.names.len()];
     let operands = program.steps.iter().flat_map(|s| s.op.operands());
     for operand in operands.chain(program.outputs.iter().copied()) {
         if let Operand::Temp(t) = operand {
-            read[t.0 as usize] = true;
+            used[t.0 as usize] = true;
         }
     }
-    read
+    used
 }
 
 impl Body<'_> {
-    /// The name to which a result is bound; `_` if nothing uses it.
-    fn bound(&self, t: Temp) -> &str {
-        if self.read[t.0 as usize] {
+    /// The pattern to which a result is bound: its name, or `_` if nothing uses it.
+    fn pattern(&self, t: Temp) -> &str {
+        if self.is_used[t.0 as usize] {
             &self.names[t.0 as usize]
         } else {
             "_"
         }
     }
 
+    /// Divides the groups of the program into blocks: after every solve, and after
+    /// [`MAX_BLOCK_STEPS`].
     fn cut_into_blocks(&mut self) {
         for group in &self.program.groups {
             let mut start = group.steps.start;
-            let mut part = 0;
-            for at in group.steps.clone() {
-                let solves = matches!(self.program.steps[at].op, Op::Solve(_));
-                let full = at + 1 - start >= MAX_BLOCK_STEPS;
-                if (solves || full) && at + 1 < group.steps.end {
-                    part += 1;
+            let mut part_number = 0;
+            for step in group.steps.clone() {
+                let solves = matches!(self.program.steps[step].op, Op::Solve(_));
+                let is_full = step + 1 - start >= MAX_BLOCK_STEPS;
+                if (solves || is_full) && step + 1 < group.steps.end {
+                    part_number += 1;
                     let title = if solves {
                         "loops: solve with A_e (Eq. 8, 10)".to_owned()
                     } else {
-                        format!("{}, part {part}", group.title)
+                        format!("{}, part {part_number}", group.title)
                     };
                     self.push_block(
                         title,
-                        start..at + 1,
+                        start..step + 1,
                         group.outputs.start..group.outputs.start,
                     );
-                    start = at + 1;
+                    start = step + 1;
                 }
             }
             let Group { title, outputs, .. } = group;
             self.push_block(title.clone(), start..group.steps.end, outputs.clone());
         }
         self.block_starts = self.blocks.iter().map(|b| b.steps.start).collect();
-        // outputs can be stored only after their steps: find the block of each result
+        // the block of each result decides which temporaries are exported
         for (index, block) in self.blocks.iter().enumerate() {
             for step in &self.program.steps[block.steps.clone()] {
                 for result in &step.results {
@@ -168,16 +189,16 @@ impl Body<'_> {
                 if let Op::Solve(solve) = &step.op
                     && step.results.len() > MAX_SOLVE_NAMES
                 {
-                    let sides = sides(solve);
+                    let rhs_count = rhs_count(solve);
                     for (i, result) in step.results.iter().enumerate() {
                         self.names[result.0 as usize] =
-                            format!("solved[{}][{}]", i / sides, i % sides);
+                            format!("solved[{}][{}]", i / rhs_count, i % rhs_count);
                     }
                     continue;
                 }
                 for result in &step.results {
-                    let at = result.0 as usize;
-                    self.names[at] = if let Some(name) = &self.program.names[at] {
+                    let temp = result.0 as usize;
+                    self.names[temp] = if let Some(name) = &self.program.names[temp] {
                         names.unique(&identifier(name))
                     } else {
                         number += 1;
@@ -188,6 +209,7 @@ impl Body<'_> {
         }
     }
 
+    /// Lists for each block the temporaries that other blocks use.
     fn find_exports(&mut self) {
         let mut used_later = vec![false; self.program.names.len()];
         for (index, block) in self.blocks.iter().enumerate() {
@@ -210,6 +232,7 @@ impl Body<'_> {
         }
     }
 
+    /// Writes one line at an indentation of `depth` levels.
     fn line(&mut self, depth: usize, text: &str) {
         for _ in 0..depth {
             self.out.push_str("    ");
@@ -237,10 +260,11 @@ impl Body<'_> {
         self.line(depth, &format!("]{tail}"));
     }
 
+    /// Writes all statements.
     fn write(&mut self) {
         let first = &self.program.arguments[0].name;
         self.line(1, &format!("let proto = {first}[0];"));
-        let mut inputs = self.inputs_by_block();
+        let mut input_bindings = self.input_bindings();
         if self.program.solves() {
             self.line(1, "let mut condition = proto.splat(1.0);");
         }
@@ -249,10 +273,10 @@ impl Body<'_> {
             |step: &Step| matches!(step.op, Op::Solve(_)) && step.results.len() > MAX_SOLVE_NAMES;
         if exported.len() > MAX_SCOPE_NAMES || self.program.steps.iter().any(unnamed) {
             self.line(1, &format!("let mut kept = [proto; {}];", exported.len()));
-            self.kept = exported.into_iter().zip(0..).collect();
+            self.export_index = exported.into_iter().zip(0..).collect();
         }
         for index in 0..self.blocks.len() {
-            for (items, tail) in inputs.remove(&index).unwrap_or_default() {
+            for (items, tail) in input_bindings.remove(&index).unwrap_or_default() {
                 self.list(1, "let ", &items, &tail);
             }
             self.write_block(index);
@@ -277,9 +301,11 @@ impl Body<'_> {
         used
     }
 
-    /// The statements that destructure the arguments, by the block before which they are written:
-    /// elements that are read before the sines and cosines are computed would go through memory.
-    fn inputs_by_block(&mut self) -> BTreeMap<usize, Vec<(Vec<String>, String)>> {
+    /// The statements that destructure the arguments (items of the pattern, and the end of the
+    /// statement), by the block before which they are written: the first one that uses an element.
+    /// Elements bound at the start of the function would not stay in registers while the sines and
+    /// cosines are computed, but be written to memory and read again.
+    fn input_bindings(&mut self) -> BTreeMap<usize, Vec<(Vec<String>, String)>> {
         let used = self.used_inputs();
         let count = used.iter().flat_map(|(u, _)| u).filter(|u| **u).count();
         let mut bindings: BTreeMap<usize, Vec<(Vec<String>, String)>> = BTreeMap::new();
@@ -311,37 +337,38 @@ impl Body<'_> {
             let names = exports.iter();
             names.map(|t| body.names[t.0 as usize].clone()).collect()
         };
-        let in_array = !self.kept.is_empty();
+        let exports_to_array = !self.export_index.is_empty();
         self.line(1, &format!("// {title}"));
-        if exports.is_empty() || in_array {
+        if exports.is_empty() || exports_to_array {
             self.line(1, "{");
         } else {
             let names = names(self);
             self.list(1, "let ", &names, " = {");
         }
-        let renamed = self.take_from_array(index);
+        let renamed = self.import_from_array(index);
         let mut stores = self.stores(index, outputs);
+        // `stores` has the key `None` for outputs that need none of the block's steps
         if let Some(stores) = stores.remove(&None) {
             self.line(2, &stores.join(" "));
         }
-        let last = steps.end;
-        for at in steps {
-            let angles = self.angles_at(at, last);
+        let end = steps.end;
+        for step in steps {
+            let angles = self.angles_from(step, end);
             if angles > 1 {
-                self.write_angles(at..at + angles);
-            } else if angles == 1 || !self.is_angle(at) {
-                self.write_step(at);
+                self.write_angles(step..step + angles);
+            } else if angles == 1 || !self.is_angle(step) {
+                self.write_step(step);
             }
-            if let Some(stores) = stores.remove(&Some(at)) {
+            if let Some(stores) = stores.remove(&Some(step)) {
                 self.line(2, &stores.join(" "));
             }
         }
         let names = names(self);
         if names.is_empty() {
             self.line(1, "}");
-        } else if in_array {
+        } else if exports_to_array {
             for (t, name) in exports.iter().zip(names) {
-                let text = format!("kept[{}] = {name};", self.kept[t]);
+                let text = format!("kept[{}] = {name};", self.export_index[t]);
                 self.line(2, &text);
             }
             self.line(1, "}");
@@ -354,9 +381,9 @@ impl Body<'_> {
         }
     }
 
-    /// Names the values that a block takes from the array: by variables, or by the places in the
-    /// array if these are too many. Returns the names to be restored after the block.
-    fn take_from_array(&mut self, index: usize) -> Vec<(Temp, String)> {
+    /// Names the values that a block imports from the array `kept`: by variables, or, if these are
+    /// too many, by the entries of the array. Returns the names to be restored after the block.
+    fn import_from_array(&mut self, index: usize) -> Vec<(Temp, String)> {
         let block = &self.blocks[index];
         let operands = self.program.steps[block.steps.clone()]
             .iter()
@@ -365,16 +392,16 @@ impl Body<'_> {
         let imports: BTreeMap<Temp, usize> = operands
             .filter_map(|o| match o {
                 Operand::Temp(t) if self.block_of[t.0 as usize] != index => {
-                    self.kept.get(&t).map(|place| (t, *place))
+                    self.export_index.get(&t).map(|entry| (t, *entry))
                 }
                 _ => None,
             })
             .collect();
         let mut renamed = Vec::new();
         let few = imports.len() <= MAX_BLOCK_IMPORTS;
-        for (t, place) in imports {
+        for (t, entry) in imports {
             let name = self.names[t.0 as usize].clone();
-            let in_array = format!("kept[{place}]");
+            let in_array = format!("kept[{entry}]");
             // the results of a large solve have no variables
             if few && !name.contains('[') {
                 self.line(2, &format!("let {name} = {in_array};"));
@@ -386,9 +413,9 @@ impl Body<'_> {
         renamed
     }
 
-    /// The statements that store outputs, by the step after which they can be written (`None` is
-    /// before the first step). Each entry is stored as soon as it is computed, so that it does not
-    /// occupy a register until its column is complete.
+    /// The statements that store outputs, by the step after which they can be written (`None`:
+    /// before the block's first step). Each entry is stored as soon as it is computed, so that it
+    /// does not occupy a register until its column is complete.
     fn stores(
         &self,
         index: usize,
@@ -399,29 +426,30 @@ impl Body<'_> {
         let results = steps
             .clone()
             .zip(&self.program.steps[steps])
-            .flat_map(|(at, step)| step.results.iter().map(move |t| (*t, at)));
-        let defined: BTreeMap<Temp, usize> = results.collect();
+            .flat_map(|(index, step)| step.results.iter().map(move |t| (*t, index)));
+        let step_of: BTreeMap<Temp, usize> = results.collect();
         let mut stores: BTreeMap<Option<usize>, Vec<String>> = BTreeMap::new();
-        for at in outputs {
-            let operand = &self.program.outputs[at];
-            // zeros are stored already
+        for entry in outputs {
+            let operand = &self.program.outputs[entry];
+            // the zeros of the output are stored before the body
             if matches!(operand, Operand::Constant(c) if *c == 0.0) {
                 continue;
             }
             let after = match operand {
-                Operand::Temp(t) => defined.get(t).copied(),
+                Operand::Temp(t) => step_of.get(t).copied(),
                 Operand::Input { .. } | Operand::Constant(_) => None,
             };
-            let place = match output.shape.get(1) {
-                Some(&inner) => format!("[{}][{}]", at / inner.max(1), at % inner.max(1)),
-                None => format!("[{at}]"),
+            let subscript = match output.shape.get(1) {
+                Some(&inner) => format!("[{}][{}]", entry / inner.max(1), entry % inner.max(1)),
+                None => format!("[{entry}]"),
             };
-            let text = format!("{}{place} = {};", output.name, self.operand(operand));
+            let text = format!("{}{subscript} = {};", output.name, self.operand(operand));
             stores.entry(after).or_default().push(text);
         }
         stores
     }
 
+    /// The expression for an operand.
     fn operand(&self, operand: &Operand) -> String {
         match *operand {
             Operand::Input { argument, element } => self.inputs[argument][element].clone(),
@@ -438,9 +466,10 @@ impl Body<'_> {
         }
     }
 
-    fn write_step(&mut self, at: usize) {
+    /// Writes the statement of a step, given by its index.
+    fn write_step(&mut self, index: usize) {
         let program = self.program;
-        let step = &program.steps[at];
+        let step = &program.steps[index];
         let o = |operand: &Operand| self.operand(operand);
         let text = match &step.op {
             Op::Neg(a) => self.negated(a),
@@ -468,7 +497,7 @@ impl Body<'_> {
                 )
             }
             Op::SinCos(a) => {
-                let names: Vec<&str> = step.results.iter().map(|t| self.bound(*t)).collect();
+                let names: Vec<&str> = step.results.iter().map(|t| self.pattern(*t)).collect();
                 let text = format!("let ({}) = {}.sin_cos();", names.join(", "), o(a));
                 return self.line(2, &text);
             }
@@ -482,36 +511,37 @@ impl Body<'_> {
         self.line(2, &text);
     }
 
-    /// Number of consecutive sines and cosines that can be computed together, if the first one is
-    /// step `at`; else 0.
-    fn angles_at(&self, at: usize, end: usize) -> usize {
+    /// Number of consecutive sines and cosines before the step `end` that can be computed together,
+    /// if the first of them is step `index`; else 0.
+    fn angles_from(&self, index: usize, end: usize) -> usize {
         // a sequence that started before this block starts anew in it
-        let begins = self.block_starts.contains(&at) || !self.is_angle(at - 1);
+        let begins = self.block_starts.contains(&index) || !self.is_angle(index - 1);
         if !begins {
             return 0;
         }
-        (at..end).take_while(|at| self.is_angle(*at)).count()
+        (index..end).take_while(|step| self.is_angle(*step)).count()
     }
 
-    /// Whether a step's sine and cosine can be computed together with those just before it: its
-    /// angle is none of their results.
-    fn is_angle(&self, at: usize) -> bool {
+    /// Whether a step is a sine and cosine that can be computed together with those just before it:
+    /// its angle is none of their results.
+    fn is_angle(&self, index: usize) -> bool {
         let steps = &self.program.steps;
-        let Op::SinCos(angle) = &steps[at].op else {
+        let Op::SinCos(angle) = &steps[index].op else {
             return false;
         };
-        let before = steps[..at].iter().rev();
-        let row = before.take_while(|s| matches!(s.op, Op::SinCos(_)));
-        !row.flat_map(|s| &s.results)
+        let before = steps[..index].iter().rev();
+        let neighbours = before.take_while(|s| matches!(s.op, Op::SinCos(_)));
+        !neighbours
+            .flat_map(|s| &s.results)
             .any(|t| *angle == Operand::Temp(*t))
     }
 
     /// Writes the sines and cosines of several angles as one call.
-    fn write_angles(&mut self, row: std::ops::Range<usize>) {
+    fn write_angles(&mut self, steps: std::ops::Range<usize>) {
         let (mut names, mut angles) = (Vec::new(), Vec::new());
-        for step in &self.program.steps[row] {
+        for step in &self.program.steps[steps] {
             if let Op::SinCos(angle) = &step.op {
-                let pair: Vec<&str> = step.results.iter().map(|t| self.bound(*t)).collect();
+                let pair: Vec<&str> = step.results.iter().map(|t| self.pattern(*t)).collect();
                 names.push(format!("({})", pair.join(", ")));
                 angles.push(self.operand(angle));
             }
@@ -520,7 +550,8 @@ impl Body<'_> {
         self.list(3, "T::sin_cos_all(", &angles, ");");
     }
 
-    /// Writes the solution of a system in the fixed order, guarded by its pivots.
+    /// Writes the solution of a system in the fixed order of pivots. The runtime's `solve_guarded`
+    /// solves it anew with pivoting where the smallest pivot is too small.
     fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
         let mut margins = solve.pivots.iter().map(|(pivot, size)| {
             format!(
@@ -542,9 +573,9 @@ impl Body<'_> {
         self.out.pop();
         self.out.push_str(";\n");
         let rows: Vec<String> = results
-            .chunks(sides(solve))
+            .chunks(rhs_count(solve))
             .map(|row| {
-                let names: Vec<&str> = row.iter().map(|t| self.bound(*t)).collect();
+                let names: Vec<&str> = row.iter().map(|t| self.pattern(*t)).collect();
                 format!("[{}]", names.join(", "))
             })
             .collect();

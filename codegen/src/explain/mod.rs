@@ -379,12 +379,12 @@ fn geometry_facts(analysis: &Analysis) -> Vec<Fact> {
     let coincidences = coincidences.map(|equality| {
         format!("the base parameters rest on {equality}, which holds by value only")
     });
-    let fixed_names = base.held.iter();
-    let fixed_names = fixed_names.map(|h| format!("completed factors hold for {h}"));
+    let unvaried_names = base.unvaried_names.iter();
+    let unvaried_names = unvaried_names.map(|h| format!("completed factors hold for {h}"));
     let unrecognised = base.unrecognised.iter();
     let unrecognised = unrecognised.map(|n| format!("a number only: {n}"));
     coincidences
-        .chain(fixed_names)
+        .chain(unvaried_names)
         .chain(unrecognised)
         .map(Fact::given)
         .collect()

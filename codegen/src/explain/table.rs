@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
-use crate::base::{Analysis, Exactness, Known, Provenance, Term, latex};
+use crate::base::{Analysis, Exactness, Provenance, Substitution, Term, latex};
 use crate::robot::Robot;
 
 pub use factor::Style;
@@ -106,7 +106,7 @@ impl Table {
         let rows: Vec<Row> = kept
             .map(|parameter| Row {
                 parts: parts(robot, &parameter.terms, style),
-                layer: parameter.layer,
+                layer: parameter.provenance,
                 exactness: parameter.exactness,
             })
             .collect();
@@ -435,7 +435,7 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         let text = format!("not exact: {}", base.unrecognised.join("; "));
         facts.push(("numbers", text));
     }
-    for note in &base.held {
+    for note in &base.unvaried_names {
         facts.push(("held", format!("completed factors hold for {note}")));
     }
     facts.push(("certificate", certificate(analysis)));
@@ -462,7 +462,7 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
 }
 
 /// The relations known from `base.zero` and `base.equal`; two identical bodies are one entry.
-fn known(robot: &Robot, all: &[Known]) -> String {
+fn known(robot: &Robot, all: &[Substitution]) -> String {
     let terms = |column: usize| {
         let known = all.iter().find(|known| known.column == column);
         known.map(|known| known.terms.as_slice())

@@ -1,6 +1,6 @@
 //! Reasons why parameters cannot be identified, or only in combination with others.
 
-use crate::base::{Base, Direction, Provenance};
+use crate::base::{Base, NullDirection, Provenance};
 use crate::model::{Model, ParameterKind};
 
 use super::motion::{Motions, ObservedMotion};
@@ -95,7 +95,7 @@ impl Bodies<'_> {
                     (Some(format!("{name} never moves")), None)
                 }
             };
-            let derived = row.layer == Provenance::Derived;
+            let derived = row.provenance == Provenance::Derived;
             let same = |u: &&mut Unidentifiable| {
                 u.reason == reason && u.derived == derived && (reason.is_some() || u.body == body)
             };
@@ -123,13 +123,13 @@ impl Bodies<'_> {
                 parameter: label(row.column),
                 with: others.filter(|c| *c != row.column).map(label).collect(),
                 reason: self.reason_of_combination(row),
-                derived: row.layer == Provenance::Derived,
+                derived: row.provenance == Provenance::Derived,
             }
         })
         .collect()
     }
 
-    fn reason_of_combination(&self, row: &Direction) -> Option<String> {
+    fn reason_of_combination(&self, row: &NullDirection) -> Option<String> {
         let (mut bodies, mut rotors, mut friction) = (Vec::new(), Vec::new(), Vec::new());
         for term in &row.terms {
             let (to, at) = match self.model.parameters[term.column].kind {
@@ -161,7 +161,7 @@ impl Bodies<'_> {
         {
             return Some(self.reason_within_body(body));
         }
-        if row.layer == Provenance::Completed {
+        if row.provenance == Provenance::Completed {
             return self.reason_beyond_tree(&bodies, &rotors);
         }
         // in a combination of several bodies, a rotor only replaces the moment of inertia that it

@@ -2,7 +2,7 @@
 //! of an observation matrix over random closed states.
 
 use nalgebra::{DMatrix, DVector};
-use regen_codegen::base::{Analysis, Base, Direction};
+use regen_codegen::base::{Analysis, Base, NullDirection};
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::Random;
@@ -238,7 +238,7 @@ impl KeptColumns {
     }
 
     fn null_directions(&self, base: &Base) -> Vec<DVector<f64>> {
-        let direction = |row: &Direction| {
+        let direction = |row: &NullDirection| {
             let mut direction = DVector::zeros(self.columns.len());
             for term in &row.terms {
                 if let Some(k) = self.place(term.column) {

@@ -40,6 +40,7 @@ impl<T: Scalar> Model<T> for Pendulum {
             bodies: &["1"],
             cuts: &[],
             home: &[0.0],
+            gravity: [9.81, 0.0, 0.0],
             rows: 0,
             ..Info::EMPTY
         }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
     Drive, Log, Noise, Sensors, Settings, SimulationError, Termination, TuningError, control,
-    perturb_parameters, simulate_watched,
+    perturb_parameters, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_runtime::Info;
@@ -129,8 +129,8 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
             ..settings.clone()
         };
         let from = number as f64 * settings.duration;
-        let mut watch = |t: f64| bar.set_position(thousandths(from + t));
-        let found = simulate_watched(&model, &phi, &motion, &settings, &mut watch);
+        let mut progress = |t: f64| bar.set_position(thousandths(from + t));
+        let found = simulate_with_progress(&model, &phi, &motion, &settings, &mut progress);
         let found = found.map_err(|error| misuse(&error))?;
         if let Some(why) = reason(found.ended) {
             bar.finish_and_clear();

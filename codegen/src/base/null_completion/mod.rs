@@ -58,7 +58,7 @@ pub(super) struct Completed {
     pub(super) unrecognised: Vec<String>,
     /// Notes on the geometry names that could not be varied, or only in proportion, so that it is
     /// unknown whether the factors depend on them, each with the reason.
-    pub(super) fixed_names: Vec<String>,
+    pub(super) unvaried_names: Vec<String>,
 }
 
 impl<'a> NullCompletion<'a> {
@@ -123,8 +123,8 @@ impl<'a> NullCompletion<'a> {
         };
         let scaled_samples = ScaledSamples::new(spec, certificate.rank, self.seed);
         completed
-            .fixed_names
-            .clone_from(&scaled_samples.fixed_names);
+            .unvaried_names
+            .clone_from(&scaled_samples.unvaried_names);
         for column in dependent {
             let mut entries = vec![Float320::ZERO; certificate.columns];
             entries[column] = Float320::ONE;
@@ -151,7 +151,7 @@ impl<'a> NullCompletion<'a> {
             let direction = best.direction(field, &scaled_samples.groups);
             if fresh_samples.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL
             {
-                let exactness = best.exactness(!scaled_samples.fixed_names.is_empty());
+                let exactness = best.exactness(!scaled_samples.unvaried_names.is_empty());
                 completed.directions.push((direction, exactness));
                 completed.unrecognised.extend(best.notes(model));
             }
@@ -211,8 +211,8 @@ impl Recognised {
 
     /// The exactness of the least exactly known factor. If some geometry names could not be varied,
     /// any factor might depend on them, except the 1 of a direction with a single parameter.
-    fn exactness(&self, has_fixed_names: bool) -> Exactness {
-        let exactness_if_invariant = if has_fixed_names && self.support.len() > 1 {
+    fn exactness(&self, has_unvaried_names: bool) -> Exactness {
+        let exactness_if_invariant = if has_unvaried_names && self.support.len() > 1 {
             Exactness::AtThisGeometry
         } else {
             Exactness::Symbolic
@@ -294,7 +294,7 @@ struct ScaledSamples {
     /// samples with all groups scaled by them.
     all_scaled: Vec<(Vec<Number>, Samples)>,
     /// Notes on the names that were not varied, or only in proportion, each with the reason.
-    fixed_names: Vec<String>,
+    unvaried_names: Vec<String>,
 }
 
 impl ScaledSamples {
@@ -308,7 +308,7 @@ impl ScaledSamples {
             .iter()
             .map(|group| sample_with_same_rank(&[(group, scale.clone())]))
             .collect();
-        let mut fixed_names = fixed_angles(spec);
+        let mut unvaried_names = fixed_angles(spec);
         // lengths that cannot be changed alone may still be scaled together
         let not_scalable_alone: Vec<usize> = (0..groups.len())
             .filter(|&k| one_scaled[k].is_none())
@@ -321,7 +321,7 @@ impl ScaledSamples {
             .flat_map(|&k| groups[k].members())
             .collect();
         if let Some((samples, group)) = scaled_as_one {
-            fixed_names.push(format!(
+            unvaried_names.push(format!(
                 "{} in proportion only: with other ratios the loops do not close, or count otherwise",
                 names.join(", ")
             ));
@@ -332,7 +332,7 @@ impl ScaledSamples {
             groups.push(group);
             one_scaled.push(Some(samples));
         } else if !names.is_empty() {
-            fixed_names.push(format!(
+            unvaried_names.push(format!(
                 "{} as given only: with other values the loops do not close, or count otherwise",
                 names.join(", ")
             ));
@@ -361,7 +361,7 @@ impl ScaledSamples {
             scale,
             one_scaled,
             all_scaled,
-            fixed_names,
+            unvaried_names,
         }
     }
 

@@ -54,9 +54,9 @@ impl<F: FnMut(&ControllerInput<'_>, &mut [f64])> Controller for F {
     }
 }
 
-/// A PID controller for each actuated joint, whose command is added to a constant effort.
+/// The PID controllers of the actuated joints; the command of each is added to a constant effort.
 #[derive(Clone, Debug)]
-pub(super) struct PidBank<'a> {
+pub(super) struct PidControllers<'a> {
     pub(super) pid: &'a [Pid],
     pub(super) offset: &'a [f64],
     pub(super) drives: &'a [Drive],
@@ -65,7 +65,7 @@ pub(super) struct PidBank<'a> {
     memories: Vec<PidState>,
 }
 
-impl<'a> PidBank<'a> {
+impl<'a> PidControllers<'a> {
     pub(super) fn new(
         pid: &'a [Pid],
         offset: &'a [f64],
@@ -82,7 +82,7 @@ impl<'a> PidBank<'a> {
     }
 }
 
-impl Controller for PidBank<'_> {
+impl Controller for PidControllers<'_> {
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
         let loops = self.joints.iter().zip(self.pid).zip(&mut self.memories);
         for (k, ((joint, pid), memory)) in loops.enumerate() {

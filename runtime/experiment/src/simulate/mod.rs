@@ -30,6 +30,6 @@ pub use friction::{
 };
 pub use log::{Log, Termination};
 pub use noise::{Noise, perturb_parameters};
-pub use run::{simulate, simulate_controlled, simulate_watched};
+pub use run::{simulate, simulate_controlled, simulate_with_progress};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
 pub use tuning::{Control, Gains, TuningError, control};

@@ -1,6 +1,10 @@
 //! A run: integrates the forward dynamics with controller, drives, friction and sensors.
+//!
+//! The state vector y has 2 dof + a + 2 entries for a actuated joints: the independent positions
+//! (rad or m) and velocities (rad/s or m/s), the efforts that drives with lag have built up (N or N
+//! m), the work of the efforts and the energy lost to friction (J).
 
-use super::control::{Controller, ControllerInput, PidBank};
+use super::control::{Controller, ControllerInput, PidControllers};
 use super::integrate::{Integrator, Stop};
 use super::log::{Log, Termination};
 use super::noise::Noise;
@@ -11,14 +15,20 @@ use regen_runtime::{LoopClosure, Model};
 /// Simulates the robot with parameters `phi` (p) along a reference, from the start of the
 /// reference.
 ///
-/// Once a period the controllers get the measured positions and those of the reference; they hold
-/// their command between samples, and drives lag behind it. Motion and efforts of the log belong to
-/// the same instants: see [`Log`]. The effort of friction is computed from the settings' laws
-/// alone; the friction parameters in `phi` are ignored.
+/// Once a period the controllers get the measured positions and those of the reference. Their
+/// commands are constant until the next sample (zero-order hold), and drives lag behind them.
+/// Motion and efforts of the log belong to the same instants: see [`Log`]. The effort of friction
+/// is computed from the settings' laws alone; the friction parameters in `phi` are ignored.
 ///
 /// # Errors
-/// When a length does not fit, a setting is not positive, or the reference does not start at a
-/// finite state. Numerical failures are not errors: see [`Log::ended`].
+/// - [`SimulationError::Size`]: the length of `phi` or of a list in the settings does not fit;
+/// - [`SimulationError::Setting`]: a setting is not a positive finite number;
+/// - [`SimulationError::TooLong`]: the run has more than 100 million samples;
+/// - [`SimulationError::Closure`]: the model's `Info` is inconsistent, or with a controller the
+///   reference is not finite at a later sample than the first.
+///
+/// Numerical failures are not errors: see [`Log::ended`]. A reference that does not start at a
+/// finite state ends the run as [`Termination::Diverged`].
 ///
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
@@ -33,6 +43,7 @@ use regen_runtime::{LoopClosure, Model};
 /// let log = simulate(&pendulum, &[0.02, 0.1], &start, &settings)?;
 /// assert_eq!(log.ended, Termination::Complete);
 /// assert_eq!(log.t.len(), 201);
+/// assert!(log.imbalance < 1e-6, "J");
 /// # Ok::<(), regen_experiment::simulate::SimulationError>(())
 /// ```
 pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
@@ -41,28 +52,29 @@ pub fn simulate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     reference: &R,
     settings: &Settings,
 ) -> Result<Log, SimulationError> {
-    simulate_watched(model, phi, reference, settings, &mut |_| {})
+    simulate_with_progress(model, phi, reference, settings, &mut |_| {})
 }
 
-/// As [`simulate`]; calls `watch` with the time of each sample, s, before the sample is taken.
+/// As [`simulate`]; calls `progress` with the time of each sample, s, before the sample is taken.
 ///
 /// # Errors
 /// As [`simulate`].
-pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+pub fn simulate_with_progress<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     model: &M,
     phi: &[f64],
     reference: &R,
     settings: &Settings,
-    watch: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
     let joints = model.info().actuated.to_vec();
-    let mut bank = PidBank::new(&settings.pid, &settings.offset, &settings.drives, &joints);
+    let mut pid_controllers =
+        PidControllers::new(&settings.pid, &settings.offset, &settings.drives, &joints);
     let controller: Option<&mut dyn Controller> = if settings.pid.is_empty() {
         None
     } else {
-        Some(&mut bank)
+        Some(&mut pid_controllers)
     };
-    run(model, phi, reference, settings, controller, watch)
+    run(model, phi, reference, settings, controller, progress)
 }
 
 /// As [`simulate`], with the caller's controller instead of `settings.pid`. Its commands are
@@ -106,13 +118,14 @@ pub fn simulate_controlled<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     )
 }
 
+/// Simulates with the given controller, or without one.
 fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     model: &M,
     phi: &[f64],
     reference: &R,
     settings: &Settings,
     mut controller: Option<&mut dyn Controller>,
-    watch: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;
     let dof = robot.dof;
@@ -125,7 +138,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     // below 1 rad or m (per s) and 100 N, N m or J, errors are judged by absolute tolerances
     let mut scales = vec![1.0; y.len()];
     scales[2 * dof..].fill(1e2);
-    let mut wanted = LoopClosure::new(model)?;
+    let mut reference_closure = LoopClosure::new(model)?;
     let mut noise = Noise::new(settings.seed);
     let mut log = Log::empty();
 
@@ -134,18 +147,19 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
         return Ok(log);
     }
     let mut integrator = Integrator::new(y, settings.tolerance, &scales);
-    let count = samples(settings)?;
-    let mut start = None;
-    let mut held = robot.command.clone();
+    let count = period_count(settings)?;
+    let mut start_energy = None;
+    // the command of the last period, which the drives apply up to the sample
+    let mut held_command = robot.command.clone();
     for sample in 0..=count {
         let t = sample as f64 * settings.period;
-        watch(t);
+        progress(t);
         // measure, then command
         let measured = robot.measured(&integrator.y, &mut noise)?;
-        held.copy_from_slice(&robot.command);
+        held_command.copy_from_slice(&robot.command);
         if let Some(controller) = controller.as_deref_mut() {
             reference.at(t, &mut q_i, &mut qd_i, &mut qdd_i);
-            let target = wanted.track(&q_i)?;
+            let target = reference_closure.track(&q_i)?;
             if !target.outcome.is_closed() {
                 log.ended = Termination::Open(target.outcome);
                 return Ok(log);
@@ -174,49 +188,57 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             }
         }
         if sample == 0 {
-            // no command was held before the first sample
-            held.copy_from_slice(&robot.command);
+            // there is no command before the first sample
+            held_command.copy_from_slice(&robot.command);
         }
-        if let Err(stop) = robot.record(t, &integrator.y, &measured, &held, &mut noise, &mut log)? {
+        let recorded = robot.record(
+            t,
+            &integrator.y,
+            &measured,
+            &held_command,
+            &mut noise,
+            &mut log,
+        )?;
+        if let Err(stop) = recorded {
             log.ended = stop;
             return Ok(log);
         }
         if let Some(energy) = log.energy.last() {
-            let start = *start.get_or_insert(*energy);
+            let start = *start_energy.get_or_insert(*energy);
             log.imbalance = log.imbalance.max(energy.imbalance(start).abs());
         }
         if sample == count {
             break;
         }
         let end = (sample + 1) as f64 * settings.period;
-        let went = integrator.advance(end, |_, y, dy| {
+        let advanced = integrator.advance(end, |_, y, dy| {
             match robot.rates(y) {
-                Err(error) => return Err(Refusal::Error(error)),
-                Ok(Err(stop)) => return Err(Refusal::Stop(stop)),
+                Err(error) => return Err(RatesFailure::Error(error)),
+                Ok(Err(stop)) => return Err(RatesFailure::Stop(stop)),
                 Ok(Ok(())) => {}
             }
             dy.copy_from_slice(&robot.dy);
             Ok(())
         });
         log.steps = integrator.steps;
-        match went {
+        match advanced {
             Ok(()) => {}
             Err(Stop::StepTooSmall) => {
                 log.ended = Termination::StepTooSmall;
                 return Ok(log);
             }
-            Err(Stop::Refused(Refusal::Stop(stop))) => {
+            Err(Stop::Refused(RatesFailure::Stop(stop))) => {
                 log.ended = stop;
                 return Ok(log);
             }
-            Err(Stop::Refused(Refusal::Error(error))) => return Err(error),
+            Err(Stop::Refused(RatesFailure::Error(error))) => return Err(error),
         }
     }
     Ok(log)
 }
 
 /// The number of periods of the run.
-fn samples(settings: &Settings) -> Result<usize, SimulationError> {
+fn period_count(settings: &Settings) -> Result<usize, SimulationError> {
     let count = (settings.duration / settings.period).round();
     if count > 1e8 {
         return Err(SimulationError::TooLong);
@@ -226,7 +248,10 @@ fn samples(settings: &Settings) -> Result<usize, SimulationError> {
     Ok(count as usize)
 }
 
-enum Refusal {
+/// Why the derivative of the state vector could not be computed.
+enum RatesFailure {
+    /// A numerical failure, which ends the run.
     Stop(Termination),
+    /// An error of the caller.
     Error(SimulationError),
 }

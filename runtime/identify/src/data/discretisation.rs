@@ -86,7 +86,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             other: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
         };
         // long enough for states between the ends of a stretch, where the filter settles
-        let step = log.survey.step();
+        let step = log.survey.time_step();
         let slower = comparison_method(self.settings.method, step).support(step);
         let slower = slower.ok().flatten().unwrap_or(0).min(rows);
         let length = (SAMPLED_ROWS / STRETCHES).max(4 * slower);
@@ -211,7 +211,7 @@ fn derivatives_by_both_methods(
     times: &[f64],
     positions: &[f64],
 ) -> Result<(Derivatives, Derivatives), SignalError> {
-    let step = log.survey.step();
+    let step = log.survey.time_step();
     let usual = match (method, &log.series) {
         (Method::Fourier { .. }, Some(series)) => {
             let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];

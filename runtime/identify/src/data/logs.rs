@@ -206,7 +206,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 still: still.map(|name| (*name).to_owned()).collect(),
                 file: name,
                 rows,
-                step: survey.step(),
+                step: survey.time_step(),
                 states: 0,
                 derivatives: file.layout.derivatives,
                 problems,
@@ -279,7 +279,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
             let mut average = self
                 .settings
                 .period
-                .map(|period| Average::new(period, log.survey.step(), &log.file.layout))
+                .map(|period| Average::new(period, log.survey.time_step(), &log.file.layout))
                 .transpose()
                 .map_err(|why| DataError::ColumnLayout {
                     file: report.file.clone(),
@@ -344,7 +344,7 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
     let gain = if log.file.layout.derivatives || log.series.is_some() {
         0.0
     } else {
-        let step = log.survey.step();
+        let step = log.survey.time_step();
         settings
             .method
             .of_states(step)
@@ -365,7 +365,7 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
 
 /// The number of rows on either side that a state depends on.
 fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
-    let step = log.survey.step();
+    let step = log.survey.time_step();
     let longest = settings
         .delays
         .iter()

@@ -10,76 +10,83 @@ use csv::{ByteRecord, Reader};
 use super::columns::{Assignment, ColumnLayout, shortened};
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
-use super::stuck::{PositionHistory, Steps, Stuck};
+use super::stuck::{PositionChanges, PositionHistory, Stuck};
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LogRow {
+    /// The line of a CSV file, or the row of a Parquet file, from 1; see [`Problem::row`].
     pub(super) line: u64,
+    /// The time, s, then the other channels.
     pub(super) values: Vec<f64>,
 }
 
 /// Statistics of a whole log file, gathered in a first pass before its rows are used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Survey {
-    /// The median time step, s.
-    step: f64,
-    /// The smallest and largest value of each effort.
+    /// The median time step between rows, s.
+    time_step: f64,
+    /// The smallest and largest value of each effort, N or N m.
     extremes: Vec<(f64, f64)>,
-    /// The rows in which encoders were stuck, by the first of them.
+    /// The stretches of rows in which an encoder was stuck, by the line of their first row.
     stuck: BTreeMap<u64, Vec<Stuck>>,
-    /// The sizes of each position's changes between rows.
-    steps: Vec<Steps>,
+    /// For each measured position, the sizes of its changes between rows.
+    position_changes: Vec<PositionChanges>,
 }
 
 impl Survey {
-    /// The median time step, s.
-    pub(super) fn step(&self) -> f64 {
-        self.step
+    /// The median time step between rows, s.
+    pub(super) fn time_step(&self) -> f64 {
+        self.time_step
     }
 }
 
 /// Number of first rows from whose times the median step is computed.
 const STEP_ROWS: usize = 1001;
-/// A time step longer than this many median ones is a gap.
+/// A time step longer than this many median ones is a gap; a clock that goes back by more was set
+/// back.
 const GAP_STEPS: f64 = 1.5;
 /// Rows on either side of a value that decide whether it is an outlier.
 const OUTLIER_NEIGHBOURS: usize = 3;
-/// How far a value may be from the median of those around it, in median changes between those
+/// How far a position may be from the median of those around it, in median changes between these
 /// rows: smooth motion and noise stay within a few.
 const OUTLIER_CHANGES: f64 = 30.0;
-/// How far a value may be from the median of those around it, in steps of the encoder: at rest
-/// between two steps, an encoder changes between both.
+/// How far a position may be from the median of those around it, in steps of the encoder's
+/// resolution: a joint at rest on the border of two steps changes between both.
 const OUTLIER_ENCODER_STEPS: f64 = 2.0;
-/// Number of consecutive rows at an extreme from which on an effort counts as saturated.
+/// Number of consecutive rows at its smallest or largest value from which on an effort counts as
+/// saturated.
 const SATURATED_ROWS: usize = 4;
 
-/// One file with its columns.
+/// One log file with its columns.
 #[derive(Clone, Debug)]
 pub(super) struct LogFile {
     pub(super) path: PathBuf,
+    /// The channels of the model and their columns in the file.
     pub(super) layout: ColumnLayout,
+    /// Whether the file is Parquet; else CSV.
     parquet: bool,
     /// Whether outliers, saturated efforts and rows of stuck encoders are used.
     pub(super) keep: bool,
     /// The length in bytes of a CSV file whose last line has no end of line.
-    unended: Option<u64>,
+    unended_length: Option<u64>,
 }
 
 /// First bytes of a Parquet file.
-const MAGIC: [u8; 4] = *b"PAR1";
+const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
 
 /// Whether a file is Parquet, by its first bytes; false if it cannot be read, which a later read
 /// reports.
 fn is_parquet(path: &Path) -> bool {
     let mut start = [0; 4];
-    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok()) && start == MAGIC
+    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
+        && start == PARQUET_MAGIC
 }
 
 /// The length in bytes of a file whose last line has no end of line; `None` for other files and
 /// where it cannot be read, which a later read reports.
-fn unended(path: &Path) -> Option<u64> {
+fn unended_length(path: &Path) -> Option<u64> {
     let mut file = File::open(path).ok()?;
     let length = file.seek(SeekFrom::End(0)).ok()?;
     let mut last = [0];
@@ -133,7 +140,7 @@ impl LogFile {
             layout,
             parquet,
             keep: false,
-            unended: if parquet { None } else { unended(path) },
+            unended_length: if parquet { None } else { unended_length(path) },
         })
     }
 
@@ -142,12 +149,12 @@ impl LogFile {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
-        let mut watches = vec![PositionHistory::default(); positions.len()];
+        let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut rates = Rates::default();
-        let mut last = None;
+        let mut last_time = None;
         self.records(&mut |row| {
             let Ok(row) = row else {
-                last = None;
+                last_time = None;
                 return Ok(());
             };
             {
@@ -159,13 +166,14 @@ impl LogFile {
                     *extreme = (extreme.0.min(*value), extreme.1.max(*value));
                 }
                 let time = row.values[0];
-                if last.is_none_or(|last| time <= last) {
-                    watches.iter_mut().for_each(PositionHistory::pause);
+                if last_time.is_none_or(|last| time <= last) {
+                    histories.iter_mut().for_each(PositionHistory::pause);
                     rates.pause();
                 }
-                last = Some(time);
-                for (watch, value) in watches.iter_mut().zip(&row.values[positions.clone()]) {
-                    watch.push(row.line, *value);
+                last_time = Some(time);
+                let row_positions = &row.values[positions.clone()];
+                for (history, value) in histories.iter_mut().zip(row_positions) {
+                    history.push(row.line, *value);
                 }
                 if self.layout.derivatives {
                     rates.push(positions.len(), &row.values);
@@ -180,21 +188,21 @@ impl LogFile {
             });
         }
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
-        let mut steps_of = Vec::with_capacity(positions.len());
-        for (watch, entry) in watches.into_iter().zip(positions) {
-            let (found, steps) = watch.finish(entry);
-            steps_of.push(steps);
-            for found in found {
-                stuck.entry(found.first).or_default().push(found);
+        let mut position_changes = Vec::with_capacity(positions.len());
+        for (history, entry) in histories.into_iter().zip(positions) {
+            let (stretches, changes) = history.finish(entry);
+            position_changes.push(changes);
+            for stretch in stretches {
+                stuck.entry(stretch.first).or_default().push(stretch);
             }
         }
-        let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
-        let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+        let time_steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+        let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
         Ok(Survey {
-            step: median(&steps),
+            time_step: median(&time_steps),
             extremes,
             stuck,
-            steps: steps_of,
+            position_changes,
         })
     }
 
@@ -211,26 +219,27 @@ impl LogFile {
         }
         let mut reader = reader(&self.path)?;
         let mut record = ByteRecord::new();
-        let mut last = LastColumn::default();
+        let mut last_column = LastColumn::default();
         while reader
             .read_byte_record(&mut record)
             .map_err(|error| failed(&self.path, &error))?
         {
             let line = record.position().map_or(0, csv::Position::line);
-            let ends = self
-                .unended
-                .is_some_and(|end| reader.position().byte() >= end);
-            let cut = ends && last.cut(&record);
-            last.push(&record);
+            let is_unended_line = self
+                .unended_length
+                .is_some_and(|length| reader.position().byte() >= length);
+            let is_cut = is_unended_line && last_column.is_cut(&record);
+            last_column.push(&record);
             each(match self.parse(line, &record) {
-                Ok(_) if cut => Err(self.cut(line, &record)),
+                Ok(_) if is_cut => Err(self.cut_problem(line, &record)),
                 row => row,
             })?;
         }
         Ok(())
     }
 
-    fn cut(&self, line: u64, record: &ByteRecord) -> Problem {
+    /// The problem of a last row that was cut short.
+    fn cut_problem(&self, line: u64, record: &ByteRecord) -> Problem {
         let text = record
             .get(record.len().saturating_sub(1))
             .unwrap_or_default();
@@ -243,6 +252,7 @@ impl LogFile {
         }
     }
 
+    /// Converts the entries of a row to SI.
     fn parse(&self, line: u64, record: &ByteRecord) -> Result<LogRow, Problem> {
         let expected = self.layout.header.len();
         if record.len() != expected {
@@ -282,35 +292,35 @@ impl LogFile {
         problem: &mut dyn FnMut(Problem),
         each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
-        let mut cleaner = Cleaner {
+        let mut checker = RowChecker {
             layout: &self.layout,
             survey,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
-            last: None,
+            last_time: None,
             segment_ended: true,
             gap_reported: true,
             previous_time: None,
             clock_set_back: false,
-            until: 0,
+            stuck_until: 0,
             rows_skipped: false,
-            stuck: vec![0; self.layout.efforts],
+            rows_at_extreme: vec![0; self.layout.efforts],
             keep: self.keep,
         };
         self.records(&mut |row| {
             match row {
-                Ok(row) => cleaner.take(row, problem),
+                Ok(row) => checker.take(row, problem),
                 Err(found) => {
                     problem(found);
-                    cleaner.gap_reported = true;
+                    checker.gap_reported = true;
                 }
             }
-            if cleaner.queue.len() > OUTLIER_ROWS {
-                cleaner.release(problem, each)?;
+            if checker.queue.len() > OUTLIER_ROWS {
+                checker.release(problem, each)?;
             }
             Ok(())
         })?;
-        while !cleaner.queue.is_empty() {
-            cleaner.release(problem, each)?;
+        while !checker.queue.is_empty() {
+            checker.release(problem, each)?;
         }
         Ok(())
     }
@@ -331,32 +341,33 @@ struct PendingRow {
     clippy::struct_excessive_bools,
     reason = "the flags are independent of each other"
 )]
-/// Look-ahead buffer that checks rows for faults as they pass.
-struct Cleaner<'a> {
+/// Checks the rows of a file for faults in a look-ahead buffer.
+struct RowChecker<'a> {
     layout: &'a ColumnLayout,
     survey: &'a Survey,
+    /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
-    /// The time of the last row in order of time.
-    last: Option<f64>,
+    /// The time, s, of the last row that was in order of time, whether it is used or not.
+    last_time: Option<f64>,
     /// Whether the next row that is released does not follow the last one released.
     segment_ended: bool,
     /// Whether a gap before the next row comes from a row that was already reported.
     gap_reported: bool,
-    /// The time of the row before, whether it is used or not.
+    /// The time, s, of the row before, in order or not, used or not.
     previous_time: Option<f64>,
-    /// The last row in which an encoder is stuck.
-    until: u64,
-    /// Whether rows before this one were left out.
+    /// The line up to which rows are left out because an encoder is stuck.
+    stuck_until: u64,
+    /// Whether the rows just before the next one were left out because an encoder was stuck.
     rows_skipped: bool,
     /// Whether the clock was set back and has not yet caught up.
     clock_set_back: bool,
-    /// For how many rows each effort has been at an extreme.
-    stuck: Vec<usize>,
+    /// For each effort, the number of consecutive rows so far at its smallest or largest value.
+    rows_at_extreme: Vec<usize>,
     /// Whether outliers, saturated efforts and rows of stuck encoders are used.
     keep: bool,
 }
 
-impl Cleaner<'_> {
+impl RowChecker<'_> {
     /// Checks the time of a row and adds it to the buffer.
     fn take(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
@@ -368,13 +379,17 @@ impl Cleaner<'_> {
         };
         let mut follows = true;
         let previous_time = self.previous_time.replace(time).unwrap_or(time);
-        if let Some(before) = self.last {
-            let step = time - before;
+        if let Some(last_time) = self.last_time {
+            let step = time - last_time;
+            let longest_step = GAP_STEPS * self.survey.time_step;
             if step <= 0.0 {
-                let far = GAP_STEPS * self.survey.step;
-                // after a clock was set back, which is reported, it goes on from there
-                if !(self.clock_set_back && (0.0..=far).contains(&(time - previous_time))) {
-                    self.clock_set_back = -step > far;
+                // A row that is not after the last one in order is not used. If its time is behind
+                // by more than `longest_step`, the clock was set back; by less, the rows are
+                // unsorted; by nothing, the time is a duplicate. After the clock was set back,
+                // which is reported once, rows that go on regularly from there are not reported.
+                let follows_previous = (0.0..=longest_step).contains(&(time - previous_time));
+                if !(self.clock_set_back && follows_previous) {
+                    self.clock_set_back = -step > longest_step;
                     report(if self.clock_set_back {
                         Fault::ClockBack { step: -step }
                     } else if step < 0.0 {
@@ -387,17 +402,17 @@ impl Cleaner<'_> {
                 self.gap_reported = true;
                 return;
             }
-            if step > GAP_STEPS * self.survey.step {
+            if step > longest_step {
                 follows = false;
                 if !self.gap_reported {
-                    let usual = self.survey.step;
+                    let usual = self.survey.time_step;
                     report(Fault::Gap { step, usual });
                 }
             }
         }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
             if !self.keep {
-                self.until = self.until.max(stuck.last);
+                self.stuck_until = self.stuck_until.max(stuck.last);
             }
             report(Fault::Stuck {
                 column: self.layout.title(stuck.entry),
@@ -405,10 +420,10 @@ impl Cleaner<'_> {
                 until: stuck.last,
             });
         }
-        if row.line <= self.until {
+        if row.line <= self.stuck_until {
             // the gap that these rows leave is not reported, and the next row starts a segment
             self.gap_reported = true;
-            self.last = Some(time);
+            self.last_time = Some(time);
             self.rows_skipped = true;
             return;
         }
@@ -417,73 +432,74 @@ impl Cleaner<'_> {
         }
         self.gap_reported = false;
         self.clock_set_back = false;
-        self.last = Some(time);
+        self.last_time = Some(time);
         let efforts = self.layout.efforts();
-        let standing = self.standing(&row.values[efforts.clone()]);
+        let saturated = self.saturated_efforts(&row.values[efforts.clone()]);
         self.queue.push_back(PendingRow {
             row,
             follows,
             fault: None,
         });
-        for (k, count) in standing {
-            // the first time the limit is reached, all rows up to here are saturated
-            let back = if count == SATURATED_ROWS {
+        for (k, count) in saturated {
+            // when the limit is reached, the rows before this one are marked as saturated too
+            let marked_rows = if count == SATURATED_ROWS {
                 SATURATED_ROWS
             } else {
                 1
             };
-            for waiting in self.queue.iter_mut().rev().take(back) {
-                waiting.fault = Some(Fault::Saturated {
+            for pending in self.queue.iter_mut().rev().take(marked_rows) {
+                pending.fault = Some(Fault::Saturated {
                     column: self.layout.title(efforts.start + k),
-                    value: waiting.row.values[efforts.start + k],
+                    value: pending.row.values[efforts.start + k],
                 });
             }
         }
         if self.queue.len() >= OUTLIER_ROWS {
-            self.judge();
+            self.check_outliers();
         }
     }
 
-    /// The efforts that have been at an extreme for [`SATURATED_ROWS`] or more, with the number of
-    /// rows.
-    fn standing(&mut self, values: &[f64]) -> Vec<(usize, usize)> {
-        let mut out = Vec::new();
+    /// Counts the rows for which each effort has been at its smallest or largest value; returns the
+    /// efforts with [`SATURATED_ROWS`] or more, each with its count.
+    fn saturated_efforts(&mut self, values: &[f64]) -> Vec<(usize, usize)> {
+        let mut saturated = Vec::new();
         let extremes = self.survey.extremes.iter();
-        for (k, ((value, extreme), count)) in
-            values.iter().zip(extremes).zip(&mut self.stuck).enumerate()
-        {
+        let counts = self.rows_at_extreme.iter_mut();
+        for (k, ((value, extreme), count)) in values.iter().zip(extremes).zip(counts).enumerate() {
             let (low, high) = *extreme;
-            let at = (*value >= high || *value <= low) && low < high;
-            *count = if at { *count + 1 } else { 0 };
+            let is_at_extreme = (*value >= high || *value <= low) && low < high;
+            *count = if is_at_extreme { *count + 1 } else { 0 };
             if *count >= SATURATED_ROWS {
-                out.push((k, *count));
+                saturated.push((k, *count));
             }
         }
-        out
+        saturated
     }
 
     /// Checks the positions of the row in the middle of the last [`OUTLIER_ROWS`] for outliers.
-    fn judge(&mut self) {
+    fn check_outliers(&mut self) {
         let start = self.queue.len() - OUTLIER_ROWS;
         for entry in self.layout.positions() {
             let values: Vec<f64> = self
                 .queue
                 .iter()
                 .skip(start)
-                .map(|w| w.row.values[entry])
+                .map(|pending| pending.row.values[entry])
                 .collect();
             let middle = values[OUTLIER_NEIGHBOURS];
             // relative to the median change between these rows, so that fast motion is no outlier
-            let steps: Vec<f64> = values
+            let changes: Vec<f64> = values
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).abs())
                 .collect();
-            let usual = median(&steps);
+            let usual = median(&changes);
             let around = median(&values);
-            let steps = self.survey.steps.get(entry - self.layout.positions().start);
+            let first = self.layout.positions().start;
+            let log_changes = self.survey.position_changes.get(entry - first);
             // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
             // are allowed too
-            let allowed = steps.map_or(0.0, |s| (OUTLIER_ENCODER_STEPS * s.encoder).max(s.regular));
+            let allowed =
+                log_changes.map_or(0.0, |c| (OUTLIER_ENCODER_STEPS * c.encoder).max(c.regular));
             let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
             // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
@@ -496,18 +512,18 @@ impl Cleaner<'_> {
         }
     }
 
-    /// Removes the oldest row from the buffer and passes it on.
+    /// Removes the oldest row from the buffer, and passes it to `each`, or its fault to `problem`.
     fn release(
         &mut self,
         problem: &mut dyn FnMut(Problem),
         each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
-        let Some(waiting) = self.queue.pop_front() else {
+        let Some(pending) = self.queue.pop_front() else {
             return Ok(());
         };
-        if let Some(what) = waiting.fault {
+        if let Some(what) = pending.fault {
             problem(Problem {
-                row: waiting.row.line,
+                row: pending.row.line,
                 what,
             });
             if !self.keep {
@@ -515,9 +531,9 @@ impl Cleaner<'_> {
                 return Ok(());
             }
         }
-        let follows = waiting.follows && !self.segment_ended;
+        let follows = pending.follows && !self.segment_ended;
         self.segment_ended = false;
-        each(waiting.row, follows)
+        each(pending.row, follows)
     }
 }
 
@@ -525,14 +541,17 @@ impl Cleaner<'_> {
 /// its last entry.
 const MIN_ROWS_BEFORE_CUT: usize = 20;
 
-/// The number of rows and the shortest last entry among them, in bytes.
+/// The lengths of the last entries of the rows so far.
 #[derive(Default)]
 struct LastColumn {
+    /// The number of rows.
     rows: usize,
+    /// The length of the shortest last entry, bytes.
     shortest: usize,
 }
 
 impl LastColumn {
+    /// The length of the last entry of a row, bytes.
     fn length(record: &ByteRecord) -> usize {
         record
             .get(record.len().saturating_sub(1))
@@ -550,11 +569,12 @@ impl LastColumn {
     }
 
     /// Whether the last entry of a row without an end of line is shorter than all before it.
-    fn cut(&self, record: &ByteRecord) -> bool {
+    fn is_cut(&self, record: &ByteRecord) -> bool {
         self.rows >= MIN_ROWS_BEFORE_CUT && Self::length(record) < self.shortest
     }
 }
 
+/// A CSV reader that ignores lines starting with `#` and accepts rows of any length.
 fn reader(path: &Path) -> Result<Reader<File>, DataError> {
     csv::ReaderBuilder::new()
         .flexible(true)
@@ -563,6 +583,7 @@ fn reader(path: &Path) -> Result<Reader<File>, DataError> {
         .map_err(|error| failed(path, &error))
 }
 
+/// The error of a file that cannot be read.
 fn failed(path: &Path, error: &csv::Error) -> DataError {
     DataError::Io {
         file: path.display().to_string(),

@@ -24,7 +24,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let Some((log, report)) = self.files.get(file).zip(self.reports.get(file)) else {
             return Ok(Sample::default());
         };
-        let support = self.settings.method.support(log.survey.step());
+        let support = self.settings.method.support(log.survey.time_step());
         let support = support.ok().flatten().unwrap_or(0);
         let rows = report.rows;
         // a filter may need more rows than the log has
@@ -36,7 +36,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         };
         let mut out = Sample {
             measured: log.file.layout.measured.clone(),
-            step: log.survey.step(),
+            step: log.survey.time_step(),
             whole: rows / self.settings.decimation.max(1),
             ..Sample::default()
         };

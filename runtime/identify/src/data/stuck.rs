@@ -40,7 +40,7 @@ const REGULAR_QUANTILE: f64 = 0.9;
 
 /// Sizes of the changes of a position between rows, rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Steps {
+pub(super) struct PositionChanges {
     /// The encoder's step: the smallest change that is frequent; 0 where none is.
     pub(super) encoder: f64,
     /// The size that nine of ten changes do not exceed.
@@ -49,7 +49,7 @@ pub(super) struct Steps {
     usual: f64,
 }
 
-impl Steps {
+impl PositionChanges {
     /// The statistics of changes that are not zero.
     fn of(changes: &[f64]) -> Self {
         let mut sorted = changes.to_vec();
@@ -183,10 +183,10 @@ impl PositionHistory {
     }
 
     /// The stretches in which the encoder was stuck, and the statistics of its changes.
-    pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, Steps) {
+    pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, PositionChanges) {
         self.pause();
-        let steps = Steps::of(&self.changes);
-        let lost = MIN_JUMP * steps.usual.max(steps.encoder);
+        let changes = PositionChanges::of(&self.changes);
+        let lost = MIN_JUMP * changes.usual.max(changes.encoder);
         let mut out = vec![];
         for stretch in &self.stretches {
             let stuck = match stretch.jump {
@@ -195,8 +195,8 @@ impl PositionHistory {
                     stretch.rows >= MIN_REPEATED_ROWS_AT_END
                         && stretch.speed > 0.0
                         && stretch.speed
-                            >= (MIN_SPEED_CHANGES * steps.usual)
-                                .max(MIN_SPEED_STEPS * steps.encoder)
+                            >= (MIN_SPEED_CHANGES * changes.usual)
+                                .max(MIN_SPEED_STEPS * changes.encoder)
                 }
             };
             if stuck {
@@ -207,7 +207,7 @@ impl PositionHistory {
                 });
             }
         }
-        (out, steps)
+        (out, changes)
     }
 }
 

@@ -82,7 +82,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     /// both directions: as far as the differentiation reaches to either side of a sample, and at
     /// least one step, as the reversal itself lies between samples.
     fn reach(&self, encoder: Encoder) -> f64 {
-        let step = self.log.survey.step();
+        let step = self.log.survey.time_step();
         if self.log.file.layout.derivatives || self.log.series.is_some() {
             return step;
         }
@@ -117,7 +117,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
             }
         } else if n > 0 {
-            let method = self.settings.method.of_states(self.log.survey.step());
+            let method = self.settings.method.of_states(self.log.survey.time_step());
             for (entry, encoder) in layout.positions().zip(&self.log.encoders) {
                 let found = match method {
                     Method::Central => differences(&times, &column(entry), encoder.neighbours),

@@ -44,8 +44,8 @@ impl Autoregression {
     /// let found = Autoregression::fit(2.0, &[0.9, 0.81, 0.729, 0.6561], 10_000);
     /// assert!((found.coefficients[0] - 0.9).abs() < 0.01);
     /// // (1 + 0.9) / (1 - 0.9) samples carry as much information as one independent sample
-    /// assert!((found.memory() - 19.0).abs() < 0.5);
-    /// assert_eq!(Autoregression::fit(2.0, &[0.0, 0.0], 10_000).memory(), 1.0);
+    /// assert!((found.correlation_length() - 19.0).abs() < 0.5);
+    /// assert_eq!(Autoregression::fit(2.0, &[0.0, 0.0], 10_000).correlation_length(), 1.0);
     /// ```
     pub fn fit(variance: f64, autocorrelation: &[f64], samples: usize) -> Self {
         let mut best = Self::white(variance);
@@ -87,7 +87,7 @@ impl Autoregression {
 
     /// The number of samples that carry as much information on a mean as one independent sample:
     /// the sum of the autocorrelation over the lags of both signs; at least 1.
-    pub fn memory(&self) -> f64 {
+    pub fn correlation_length(&self) -> f64 {
         let sum = 1.0 - self.coefficients.iter().sum::<f64>();
         // the spectrum at frequency 0 over the variance
         let memory = self.innovation / (sum * sum) / self.variance;

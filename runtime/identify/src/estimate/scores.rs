@@ -119,7 +119,7 @@ impl Blocks {
 
     /// The number of samples that carry as much information as one independent sample, for the
     /// effort whose noise has the longest correlation.
-    pub fn memory(&self) -> f64 {
+    pub fn correlation_length(&self) -> f64 {
         self.memory
     }
 }
@@ -318,7 +318,7 @@ impl Scores {
         size("values", self.n, values.len())?;
         self.interrupt();
         self.end_block();
-        let memory = self.noise.iter().map(Autoregression::memory);
+        let memory = self.noise.iter().map(Autoregression::correlation_length);
         Ok(Blocks {
             parameters: self.n,
             values: values.to_vec(),

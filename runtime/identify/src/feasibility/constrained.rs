@@ -1,4 +1,8 @@
 //! Identification of the physical parameters that fit observations best.
+//!
+//! The objective is the sum of squared residuals plus the terms of priors. The relative duality gap
+//! is an upper bound, computed from dual matrices, on how far the objective of a result is above
+//! the minimum, as a fraction of the objective.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,12 +16,12 @@ use super::verdict::verdict;
 use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
 use crate::estimate::QrFactor;
 
-/// The interior-point method stops at this gap, as a fraction of the objective.
+/// The interior-point method stops at this relative duality gap.
 const TARGET_GAP: f64 = 1e-10;
-/// The gap up to which a result counts as the optimum, as a fraction of the objective.
+/// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
-/// The largest rise of the objective for the sake of closeness to the reference, as a fraction of
-/// the objective.
+/// The cost of the term for closeness to the reference at the first solution, as a fraction of the
+/// objective. The objective may rise by twice as much.
 const MAX_REFERENCE_COST: f64 = 1e-8;
 /// The data count as fitted exactly when the sum of squares is at most this fraction of the
 /// objective's floor.
@@ -25,8 +29,8 @@ const EXACT_FIT_PART: f64 = 1e-4;
 /// With an exact fit, the largest rise of the objective for closeness to the reference, as a
 /// fraction of the sum that counts as exact.
 const MAX_EXACT_FIT_COST: f64 = 1e-5;
-/// A generous limit (of [`SizeLimit`]) counts as active when lifting it would lower the objective
-/// by at least this fraction.
+/// A safety limit ([`SizeLimit`]) counts as active when lifting it would lower the objective by
+/// more than this fraction of it.
 const MIN_ACTIVE_GAIN: f64 = 1e-6;
 
 /// Whether constraints or priors changed the least-squares solution.
@@ -38,39 +42,43 @@ pub enum Outcome {
     Constrained,
 }
 
-/// Physical parameters of a robot.
+/// The physical parameters of a robot that fit observations best.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Physical {
+pub struct PhysicalFit {
     /// All p parameters, SI.
     pub phi: Vec<f64>,
-    /// The r base parameters of `phi`, SI.
+    /// The r base parameters, SI: those of `phi` or, if the outcome is [`Outcome::Unconstrained`],
+    /// those of least squares, unchanged.
     pub beta: Vec<f64>,
-    /// The sum of squared residuals of these parameters.
+    /// The sum of squared residuals of `beta`, in the units of the factor: of efforts in N or N m
+    /// that are each divided by its standard deviation, it has no unit.
     pub squared_residual: f64,
     /// The sum of squared residuals of least squares without constraints, which is the smallest
     /// possible.
-    pub least: f64,
-    /// The check that the parameters are physical, computed without the solver. Its list of
+    pub least_squares_residual: f64,
+    /// The check that `phi` is physical, computed without the solver. Its list of
     /// negative parameters omits those for which a limit in [`Options::bounds`] allows negative
     /// values.
     pub check: Check,
     /// Whether constraints or priors changed the least-squares solution.
     pub outcome: Outcome,
-    /// An upper bound on how far the objective (squared residuals plus the terms of priors) is
-    /// above its minimum over all physical robots, as a fraction of the objective. The bound is
-    /// computed from dual matrices whose eigenvalues were cut off at 0, by sums of twice the
-    /// working precision, and does not rely on what the solver reports. The objective counts as at
-    /// least 1e-8 of the squared efforts.
+    /// The relative duality gap: an upper bound on how far the objective (squared residuals plus
+    /// the terms of priors) is above its minimum over all physical robots, divided by the squared
+    /// residuals plus the quadratic terms of priors, or by 1e-8 of the squared efforts if that is
+    /// larger. The bound is computed from dual matrices whose eigenvalues were cut off at 0, by
+    /// sums of twice the working precision, and does not rely on what the solver reports. 0 if the
+    /// outcome is [`Outcome::Unconstrained`].
     pub gap: f64,
-    /// The labels of the bodies that would be heavier or larger without the limits in
+    /// The labels of the bodies that would be heavier or larger without the safety limits in
     /// [`sizes`](Self::sizes): the observations alone would make their masses infinite.
     pub limited: Vec<String>,
-    /// The generous limit of each body of the layout, a thousand times the known masses of the
-    /// robot; empty if no constraint took part.
+    /// The safety limit of each body of the layout; empty if the outcome is
+    /// [`Outcome::Unconstrained`].
     pub sizes: Vec<SizeLimit>,
 }
 
-/// How heavy and large a body may be: `m + (Ixx + Iyy + Izz) / (2 length^2) <= mass`.
+/// A safety limit: how heavy and large a body may be, `m + (Ixx + Iyy + Izz) / (2 length^2) <=
+/// mass`. The limit of the mass is a thousand times the largest known mass of the robot.
 ///
 /// Without such a limit the best fit can be at infinite masses, so that no best fit exists.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,19 +89,19 @@ pub struct SizeLimit {
     pub length: f64,
 }
 
-impl Physical {
+impl PhysicalFit {
     /// The relative rise of the root mean square residual above that of least squares without
     /// constraints: the cost of being physical.
     pub fn rise(&self) -> f64 {
-        if self.least > 0.0 {
-            (self.squared_residual / self.least).sqrt() - 1.0
+        if self.least_squares_residual > 0.0 {
+            (self.squared_residual / self.least_squares_residual).sqrt() - 1.0
         } else {
             0.0
         }
     }
 
-    /// Whether the gap proves that no physical parameters lower the objective by more than 1e-4 of
-    /// it.
+    /// Whether the relative duality gap proves that no physical parameters lower the objective by
+    /// more than 1e-4 of it.
     pub fn is_optimal(&self) -> bool {
         self.gap <= MAX_OPTIMAL_GAP
     }
@@ -103,20 +111,30 @@ impl Physical {
 ///
 /// Minimises `||R B phi - z||^2`, with priors weighted by the noise, over all parameters phi whose
 /// pseudo-inertias are positive semidefinite and whose single parameters (friction, rotors) are not
-/// negative (Eq. 28 and 29), as one convex programme: its solution is the global one. If the
-/// least-squares solution is physical, it is returned, up to rounding.
+/// negative (Eq. 28 and 29), as one convex programme: its solution is the global one. If there are
+/// no priors and no further constraints, and the least-squares solution is physical, its base
+/// parameters are returned unchanged; otherwise those of the fit, which agree with a physical
+/// least-squares solution up to the tolerance of the fit.
 ///
 /// Only the observations decide the fit. Among the parameters that fit equally well, the result is
-/// close to the reference, or small without one: that choice changes the objective by less than
-/// 1e-8 of it. [`Physical::gap`] bounds the distance of the result from the optimum.
+/// close to the reference, or small without one: that choice raises the objective by at most 2e-8
+/// of it. [`PhysicalFit::gap`] bounds how far the result is from the optimum.
 ///
-/// - `factor`: R and z over the r combinations (base parameters);
-/// - `combinations`: how they combine the p parameters of `layout`.
+/// - `factor`: R (r x r) and z (r) of the observations, over the r base parameters;
+/// - `combinations`: B (r x p), the combinations of the p parameters of `layout` that the base
+///   parameters are.
 ///
 /// # Errors
-/// When sizes or labels do not fit, a value is not finite, an entropic prior has no physical
-/// reference, a constraint can have no effect ([`FeasibilityError::Idle`]), or the constraints
-/// admit no parameters ([`FeasibilityError::Contradiction`]).
+/// - [`FeasibilityError::Size`], [`Unknown`](FeasibilityError::Unknown),
+///   [`Duplicate`](FeasibilityError::Duplicate): sizes or labels do not fit;
+/// - [`FeasibilityError::NotFinite`]: a value is not finite; or the margin, the entropic weight or
+///   the noise is negative, or a unit of the scale is not positive;
+/// - [`FeasibilityError::Reference`]: an entropic prior has no physical reference;
+/// - [`FeasibilityError::Idle`]: a constraint can have no effect;
+/// - [`FeasibilityError::Contradiction`]: the constraints admit no parameters;
+/// - [`FeasibilityError::Solver`]: the interior-point method found no solution;
+/// - [`FeasibilityError::Estimate`]: the base parameters or residuals cannot be computed from the
+///   factor.
 ///
 /// ```
 /// use regen_identify::estimate::QrFactor;
@@ -124,11 +142,11 @@ impl Physical {
 ///
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
 /// let layout = ParameterLayout::new(&labels)?;
-/// let seen = BaseMap::identity(&labels).select(&[5, 9])?;
+/// let measured = BaseMap::identity(&labels).select(&[5, 9])?;
 /// // Izz and m, each measured once: the measured inertia is negative
-/// let mut factor = QrFactor::new(seen.labels().to_vec());
+/// let mut factor = QrFactor::new(measured.labels().to_vec());
 /// factor.push_block(&[1.0, 0.0, 0.0, 1.0], &[-0.01, 2.0])?;
-/// let physical = identify(&factor, &seen, &layout, &Options::default())?;
+/// let physical = identify(&factor, &measured, &layout, &Options::default())?;
 /// assert!(physical.check.is_physical());
 /// assert!(physical.beta[0].abs() < 1e-6 && (physical.beta[1] - 2.0).abs() < 1e-6);
 /// assert!((physical.squared_residual - 1e-4).abs() < 1e-7);
@@ -139,7 +157,7 @@ pub fn identify(
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
-) -> Result<Physical, FeasibilityError> {
+) -> Result<PhysicalFit, FeasibilityError> {
     let p = layout.len();
     let r = combinations.rows().len();
     size("parameters", p, combinations.parameters())?;
@@ -147,14 +165,15 @@ pub fn identify(
     if !options.reference.is_empty() {
         size("reference", p, options.reference.len())?;
     }
-    let positive = |what, x: f64| {
-        let fits = x.is_finite() && x >= 0.0;
-        fits.then_some(())
+    let not_negative = |what, x: f64| {
+        let is_valid = x.is_finite() && x >= 0.0;
+        is_valid
+            .then_some(())
             .ok_or(FeasibilityError::NotFinite { what, index: 0 })
     };
-    positive("margin", options.margin)?;
-    positive("entropic", options.entropic)?;
-    positive("noise", options.noise.unwrap_or(1.0))?;
+    not_negative("margin", options.margin)?;
+    not_negative("entropic", options.entropic)?;
+    not_negative("noise", options.noise.unwrap_or(1.0))?;
     if !options.scale.is_valid() {
         return Err(FeasibilityError::NotFinite {
             what: "scale",
@@ -162,57 +181,64 @@ pub fn identify(
         });
     }
 
-    if let Some(kept) = least_squares_kept(factor, combinations, layout, options)? {
-        return Ok(kept);
+    if let Some(fit) = physical_least_squares(factor, combinations, layout, options)? {
+        return Ok(fit);
     }
-    let (least, rank) = least(factor);
-    let spare = factor.rows().saturating_sub(rank).max(1);
+    let (least_squares_residual, rank) = least_squares_residual(factor);
+    let degrees_of_freedom = factor.rows().saturating_sub(rank).max(1);
     let setting = Setting {
         factor,
         combinations,
         layout,
         options,
-        noise: options.noise.unwrap_or((least / spare as f64).sqrt()),
+        noise: options
+            .noise
+            .unwrap_or((least_squares_residual / degrees_of_freedom as f64).sqrt()),
     };
-    let InteriorStart { problem, x: within } = find_interior_point(&setting)?;
-    let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
-    let all = &problem.cones;
-    let ended = minimise(
+    let InteriorStart {
+        problem,
+        x: interior_point,
+    } = find_interior_point(&setting)?;
+    let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
+    let first = start(&problem.objective, &problem.cones, interior_point.clone())
+        .ok_or_else(no_solution)?;
+    let minimum = minimise(
         &problem.objective,
-        all,
+        &problem.cones,
         &problem.reach,
         first,
         TARGET_GAP,
         &|_| false,
     );
-    let ended = ended.ok_or_else(lost)?;
-    let limited = limited(&problem, layout, &ended);
+    let minimum = minimum.ok_or_else(no_solution)?;
+    let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
-        (ended.best.x.clone(), ended.gap.part())
+        (minimum.best.x.clone(), minimum.gap.part())
     } else {
-        closest_to_reference(&problem, options, &ended)
+        closest_to_reference(&problem, options, &minimum)
     };
-    let (phi, check, moved) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
-    let cost = objective(&problem, &moved) - objective(&problem, &x);
-    let gap = gap + cost.max(0.0) / ended.gap.value;
-    finite("solution", &phi).map_err(|_| lost())?;
+    let (phi, check, physical_x) =
+        physical_parameters(&problem, layout, options, &x, &interior_point)
+            .ok_or_else(no_solution)?;
+    let rise = objective(&problem, &physical_x) - objective(&problem, &x);
+    let gap = gap + rise.max(0.0) / minimum.gap.value;
+    finite("solution", &phi).map_err(|_| no_solution())?;
     let beta = combinations.apply(&phi)?;
-    Ok(Physical {
+    Ok(PhysicalFit {
         squared_residual: factor.squared_residual(&beta)?,
         beta,
         phi,
-        least,
+        least_squares_residual,
         check,
         outcome: Outcome::Constrained,
         gap,
         limited,
-        sizes: sizes(&problem, layout),
+        sizes: size_limits(&problem, layout),
     })
 }
 
 /// The sum of squared residuals of least squares, and the rank of the observations.
-fn least(factor: &QrFactor) -> (f64, usize) {
+fn least_squares_residual(factor: &QrFactor) -> (f64, usize) {
     if factor.solve().is_ok() {
         return (factor.rss(), factor.columns());
     }
@@ -220,12 +246,12 @@ fn least(factor: &QrFactor) -> (f64, usize) {
     let a = DMatrix::from_column_slice(r, r, factor.r());
     let z = DVector::from_column_slice(factor.z());
     let spectrum = Directions::of(&a);
-    let off = &a * spectrum.solve(&z) - z;
-    (off.norm_squared() + factor.rss(), spectrum.rank)
+    let residual = &a * spectrum.solve(&z) - z;
+    (residual.norm_squared() + factor.rss(), spectrum.rank)
 }
 
-/// The generous limits of the bodies, SI.
-fn sizes(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
+/// The safety limits of the bodies, SI.
+fn size_limits(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     let bodies = layout.bodies().iter().zip(&problem.heaviest);
     let limit = |(body, heaviest): (&Body, &f64)| {
         let [inertia, .., mass] = body.columns.map(|c| problem.units[c]);
@@ -237,18 +263,23 @@ fn sizes(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     bodies.map(limit).collect()
 }
 
-/// The labels of the bodies whose generous limits are active.
-fn limited(problem: &Problem, layout: &ParameterLayout, ended: &InteriorOutcome) -> Vec<String> {
-    let duals = problem.kinds.iter().zip(&ended.best.duals);
-    let matters = duals.filter_map(|(kind, dual)| {
+/// The labels of the bodies whose safety limits are active at the minimum.
+fn bodies_at_limit(
+    problem: &Problem,
+    layout: &ParameterLayout,
+    minimum: &InteriorOutcome,
+) -> Vec<String> {
+    let duals = problem.kinds.iter().zip(&minimum.best.duals);
+    let active = duals.filter_map(|(kind, dual)| {
         let Kind::Size(body) = kind else { return None };
         let gain = dual[0][0] * problem.heaviest.get(*body)?;
-        (gain > MIN_ACTIVE_GAIN * ended.gap.value).then(|| layout.bodies().get(*body))?
+        (gain > MIN_ACTIVE_GAIN * minimum.gap.value).then(|| layout.bodies().get(*body))?
     });
-    matters.map(|body| body.label.clone()).collect()
+    active.map(|body| body.label.clone()).collect()
 }
 
-/// Among the parameters that fit equally well, those close to the reference, with their gap.
+/// Among the parameters that fit equally well, those close to the reference, with their relative
+/// duality gap.
 ///
 /// Minimises the objective again with the additional term `w ||phi - reference||^2`. If that term
 /// is at most `MAX_REFERENCE_COST` of the objective at the first solution, the objective cannot
@@ -256,19 +287,20 @@ fn limited(problem: &Problem, layout: &ParameterLayout, ended: &InteriorOutcome)
 fn closest_to_reference(
     problem: &Problem,
     options: &Options,
-    ended: &InteriorOutcome,
+    minimum: &InteriorOutcome,
 ) -> (Vec<f64>, f64) {
-    let first = (ended.best.x.clone(), ended.gap.part());
+    let first = (minimum.best.x.clone(), minimum.gap.part());
     let plain = &problem.objective;
-    let far = |x: &[f64]| {
+    // the squared distance from the reference: the rows behind those of the objective
+    let squared_distance = |x: &[f64]| {
         let pulled = problem.pulled(&options.reference, 1.0);
-        let both: f64 = pulled.residuals(x)[plain.rows.len()..]
+        let squares: f64 = pulled.residuals(x)[plain.rows.len()..]
             .iter()
             .map(|r| r * r)
             .sum();
-        both
+        squares
     };
-    let distance = far(&first.0);
+    let distance = squared_distance(&first.0);
     if distance.is_nan() || distance <= 0.0 {
         return first;
     }
@@ -276,28 +308,28 @@ fn closest_to_reference(
     // be larger, as long as the cost stays negligible
     let floor = EXACT_FIT_PART * plain.floor;
     let squares = plain.squares(&first.0);
-    let exact = squares <= floor;
-    let (pulls, allowed): (&[f64], f64) = if exact {
+    let is_exact = squares <= floor;
+    let (cost_ratios, max_rise): (&[f64], f64) = if is_exact {
         (&[1e3, 1e2, 1e1, 1.0], MAX_EXACT_FIT_COST * floor)
     } else {
         (&[MAX_REFERENCE_COST], 2.0 * MAX_REFERENCE_COST * squares)
     };
-    for pull in pulls {
-        let weight = pull * squares.max(floor) / distance;
+    for cost_ratio in cost_ratios {
+        let weight = cost_ratio * squares.max(floor) / distance;
         let again = minimise(
             &problem.pulled(&options.reference, weight),
             &problem.cones,
             &problem.reach,
-            ended.inside.clone(),
-            1e-2 * MAX_REFERENCE_COST * squares.max(floor) / ended.gap.value,
+            minimum.interior_point.clone(),
+            1e-2 * MAX_REFERENCE_COST * squares.max(floor) / minimum.gap.value,
             &|_| false,
         );
         let Some(again) = again else { continue };
         let x = again.best.x;
         let rise = objective(problem, &x) - objective(problem, &first.0);
-        if rise <= allowed && far(&x) < distance {
-            let whole = ended.gap.complementarity + ended.gap.unbalanced + rise.max(0.0);
-            return (x, whole / ended.gap.value);
+        if rise <= max_rise && squared_distance(&x) < distance {
+            let gap = minimum.gap.complementarity + minimum.gap.unbalanced + rise.max(0.0);
+            return (x, gap / minimum.gap.value);
         }
     }
     first
@@ -320,20 +352,21 @@ fn objective(problem: &Problem, x: &[f64]) -> f64 {
     problem.objective.squares(x) - logarithms
 }
 
-/// The parameters at a point, with the check that they are physical and the point they belong to.
-/// If rounding makes an eigenvalue negative, a small part of a point well inside is mixed in.
-fn physical(
+/// The parameters at a point of the problem's variables, the check that they are physical, and the
+/// point that they belong to. If rounding makes an eigenvalue negative, the point is moved towards
+/// the interior point by a small fraction of the way.
+fn physical_parameters(
     problem: &Problem,
     layout: &ParameterLayout,
     options: &Options,
     x: &[f64],
-    within: &[f64],
+    interior_point: &[f64],
 ) -> Option<(Vec<f64>, Check, Vec<f64>)> {
-    for part in [0.0, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8] {
+    for fraction in [0.0, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8] {
         let mixed: Vec<f64> = x
             .iter()
-            .zip(within)
-            .map(|(a, b)| a + part * (b - a))
+            .zip(interior_point)
+            .map(|(a, b)| a + fraction * (b - a))
             .collect();
         let mut phi = problem.expand(&mixed);
         for (label, value) in &options.known {
@@ -343,9 +376,9 @@ fn physical(
         }
         let mut check = layout.check(&phi, options.scale).ok()?;
         check.negative.retain(|label| {
-            let own = options.bounds.iter().find(|b| b.parameter == *label);
-            let at = layout.find(label).ok().and_then(|j| phi.get(j));
-            !own.is_some_and(|b| at.is_some_and(|x| *x >= b.lowest))
+            let bound = options.bounds.iter().find(|b| b.parameter == *label);
+            let value = layout.find(label).ok().and_then(|j| phi.get(j));
+            !bound.is_some_and(|b| value.is_some_and(|x| *x >= b.lowest))
         });
         if check.is_physical() && check.margin() >= options.margin {
             return Some((phi, check, mixed));
@@ -355,12 +388,12 @@ fn physical(
 }
 
 /// The least-squares solution, if it is physical and there are no priors or further constraints.
-fn least_squares_kept(
+fn physical_least_squares(
     factor: &QrFactor,
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
-) -> Result<Option<Physical>, FeasibilityError> {
+) -> Result<Option<PhysicalFit>, FeasibilityError> {
     let has_constraints = !options.priors.is_empty()
         || options.entropic > 0.0
         || !options.known.is_empty()
@@ -384,15 +417,15 @@ fn least_squares_kept(
         let check = layout.check(&phi, options.scale)?;
         (phi, check)
     } else {
-        let inside = (phi.as_slice(), margin);
-        near_reference(layout, combinations, &beta, inside, options)?
+        let interior_point = (phi.as_slice(), margin);
+        near_reference(layout, combinations, &beta, interior_point, options)?
     };
     let squared_residual = factor.squared_residual(&beta)?;
-    Ok(Some(Physical {
+    Ok(Some(PhysicalFit {
         phi,
         beta,
         squared_residual,
-        least: squared_residual,
+        least_squares_residual: squared_residual,
         check,
         outcome: Outcome::Unconstrained,
         gap: 0.0,
@@ -402,7 +435,8 @@ fn least_squares_kept(
 }
 
 /// Finds the physical parameters whose base parameters are nearest to given ones, in the norm of
-/// the observations: it minimises `||R (B phi - beta)||`.
+/// the observations: it minimises `||R (B phi - beta)||`, with `factor` and `combinations` as in
+/// [`identify`]. The z of the factor is not used.
 ///
 /// - `beta`: r base parameters, SI.
 ///
@@ -414,7 +448,7 @@ pub fn nearest(
     layout: &ParameterLayout,
     beta: &[f64],
     options: &Options,
-) -> Result<Physical, FeasibilityError> {
+) -> Result<PhysicalFit, FeasibilityError> {
     size("beta", factor.columns(), beta.len())?;
     finite("beta", beta)?;
     let n = beta.len();

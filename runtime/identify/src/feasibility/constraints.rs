@@ -121,7 +121,7 @@ impl Setting<'_> {
     }
 
     /// Adds the signs of the single parameters, unless a limit of the user replaces the sign, and
-    /// their generous limits.
+    /// their safety limits.
     pub(super) fn singles(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
         for &j in self.layout.single() {
             let label = &self.layout.labels()[j];

@@ -76,7 +76,7 @@ pub(super) fn find_interior_point(
                 floor: 1e-9,
                 ..near
             };
-            let more = minimise(&exact, &cones, &reach, ended.inside, 1e-3, &well);
+            let more = minimise(&exact, &cones, &reach, ended.interior_point, 1e-3, &well);
             let more = more.ok_or_else(lost)?;
             let value = (1.0 - more.best.x[n]).powi(2);
             if value - more.gap.complementarity - more.gap.unbalanced > 1.0 + MIN_INSIDE {

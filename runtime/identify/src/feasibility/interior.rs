@@ -39,7 +39,7 @@ pub(super) struct InteriorOutcome {
     pub(super) best: Point,
     pub(super) gap: Gap,
     /// An earlier point, well inside the cones.
-    pub(super) inside: Point,
+    pub(super) interior_point: Point,
 }
 
 /// The scaling of one cone at a point, in which its matrix and its dual are the same diagonal
@@ -345,7 +345,7 @@ pub(super) fn minimise(
     let height: usize = cones.iter().map(|c| c.size * (c.size + 1) / 2).sum();
 
     let mut at = start;
-    let mut inside = at.clone();
+    let mut interior_point = at.clone();
     let mut best: Option<(Point, Gap)> = None;
     let mut since = 0;
     for _ in 0..MAX_STEPS {
@@ -367,7 +367,7 @@ pub(super) fn minimise(
             }
         }
         if found.part() > 1e-3 {
-            inside.clone_from(&at);
+            interior_point.clone_from(&at);
         }
         if best.as_ref().is_none_or(|(_, b)| found.part() < b.part()) {
             best = Some((at.clone(), found));
@@ -446,7 +446,11 @@ pub(super) fn minimise(
         }
     }
     let (best, gap) = best?;
-    Some(InteriorOutcome { best, gap, inside })
+    Some(InteriorOutcome {
+        best,
+        gap,
+        interior_point,
+    })
 }
 
 /// A start at `x` with duals on the central path; `None` if `x` is not strictly inside.

@@ -32,7 +32,7 @@ mod verdict;
 // links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
 
-pub use constrained::{MAX_OPTIMAL_GAP, Outcome, Physical, SizeLimit, identify, nearest};
+pub use constrained::{MAX_OPTIMAL_GAP, Outcome, PhysicalFit, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
 pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};
 pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};

@@ -21,9 +21,9 @@ pub(super) enum Kind {
     Sign,
     /// A limit that the user gave.
     Limit,
-    /// The generous limit of a body's mass and size, by its index.
+    /// The safety limit of a body's mass and size, by its index.
     Size(usize),
-    /// The generous limit of a single parameter, such as friction.
+    /// The safety limit of a single parameter, such as friction.
     Strength,
 }
 

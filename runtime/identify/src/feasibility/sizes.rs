@@ -1,4 +1,4 @@
-//! The units of the variables of the physical fit, and the generous limits of the parameters.
+//! The units of the variables of the physical fit, and the safety limits of the parameters.
 
 use super::Scale;
 use super::problem::Setting;
@@ -69,7 +69,7 @@ impl Setting<'_> {
         out
     }
 
-    /// The generous limit of a single parameter, in its unit.
+    /// The safety limit of a single parameter, in its unit.
     pub(super) fn single_limit(&self, j: usize, units: &[f64]) -> f64 {
         self.stated_sizes(j, units).fold(1.0, f64::max) * MAX_SINGLE_RATIO
     }

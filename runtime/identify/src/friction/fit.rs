@@ -5,7 +5,7 @@ use super::FrictionData;
 use super::starts::{STARTS, start};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, Physical, identify,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, PhysicalFit, identify,
 };
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
@@ -88,7 +88,7 @@ pub struct FrictionFit {
     /// The number of convex programmes that were solved.
     pub programmes: usize,
     /// A bound on the relative distance of the objective from the optimum for these shapes, see
-    /// [`Physical::gap`].
+    /// [`PhysicalFit::gap`].
     pub gap: f64,
     pub(super) point: Optimum,
 }
@@ -118,7 +118,7 @@ struct Search<'a> {
 #[derive(Clone)]
 struct Point {
     shapes: Vec<[f64; SHAPES]>,
-    solution: Physical,
+    solution: PhysicalFit,
     /// The minimised cost: squared residuals plus the squared deviations from priors.
     cost: f64,
 }
@@ -130,7 +130,7 @@ impl Search<'_> {
         combinations: &BaseMap,
         layout: &ParameterLayout,
         options: &Options,
-    ) -> Result<Physical, FeasibilityError> {
+    ) -> Result<PhysicalFit, FeasibilityError> {
         self.programmes += 1;
         identify(factor, combinations, layout, options)
     }
@@ -163,7 +163,7 @@ impl Search<'_> {
     }
 
     /// The squared residuals plus the squared deviations from priors.
-    fn cost(&self, solution: &Physical) -> f64 {
+    fn cost(&self, solution: &PhysicalFit) -> f64 {
         let noise = self.options.noise.unwrap_or(1.0);
         let beliefs = self.options.priors.iter().filter_map(|prior| {
             let at = self.layout.find(&prior.parameter).ok()?;
@@ -187,7 +187,7 @@ impl Search<'_> {
     }
 
     /// Solves again with the same shapes and chooses what the observations leave open.
-    fn finished(&mut self, point: &Point) -> Result<Physical, FeasibilityError> {
+    fn finished(&mut self, point: &Point) -> Result<PhysicalFit, FeasibilityError> {
         let factor = self.data.factor(&point.shapes, None)?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = Options {
@@ -423,7 +423,7 @@ pub(super) fn symbols(
 }
 
 /// Fits with linear friction at all joints.
-fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
+fn linear(search: &mut Search<'_>) -> Result<PhysicalFit, FeasibilityError> {
     let data = search.data;
     let laws = data.linear_laws();
     let factor = data.factor_of(&laws, &[], None)?;

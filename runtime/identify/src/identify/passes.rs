@@ -13,7 +13,7 @@ use crate::estimate::{
 };
 use regen_runtime::BaseModel;
 
-/// A log that can be read any number of times.
+/// A log that can be read any number of times: each pass of the identification reads it once.
 pub trait Source {
     /// The error of reading the log.
     type Error: From<EstimateError>;
@@ -39,7 +39,7 @@ pub struct Options {
     /// Huber's bound in standard deviations, beyond which the cost of a residual is linear: 1.345
     /// keeps 95 % of the efficiency on normal noise. `None`: plain least squares.
     pub huber: Option<f64>,
-    /// The number of autocorrelations of the residuals to compute.
+    /// The number of autocorrelations of the residuals to compute, at lags of 1, 2, ... samples.
     pub lags: usize,
     /// Number of samples in which residuals are correlated: the covariance is then Newey and
     /// West's (1987) with this bandwidth. `None`: the covariance of [`Deviations`].
@@ -62,7 +62,8 @@ impl Default for Options {
 pub struct Identified {
     /// The parameters, with the covariance for white residuals.
     pub estimate: Estimate,
-    /// The QR factor whose solution the estimate is: all efforts with their weights, and Huber's.
+    /// The QR factor whose solution the estimate is: the equations of all efforts with the weights
+    /// of the efforts and, with [`Options::huber`], Huber's weights.
     pub factor: QrFactor,
     /// The standard deviations that account for the residuals' correlation in time.
     pub deviations: Deviations,
@@ -76,7 +77,8 @@ pub struct Identified {
     pub errors: Vec<EffortError>,
     /// eps_RA over all efforts, percent (Eq. 33).
     pub relative_absolute: f64,
-    /// The samples and equations that were left out, by reason.
+    /// The number of samples that gave equations ([`LeftOut::samples`]), and the numbers of samples
+    /// and equations that were left out, by reason.
     pub left_out: LeftOut,
     /// The delays of the logged efforts behind the motion; none for energy balances.
     pub delays: Delays,
@@ -89,20 +91,24 @@ impl Identified {
     }
 }
 
-/// Most passes of Huber's reweighting.
+/// Largest number of passes of Huber's reweighting.
 const MAX_HUBER_PASSES: usize = 50;
 /// The reweighting ends once no parameter changes by more than this many standard deviations.
 const HUBER_TOLERANCE_DEVIATIONS: f64 = 1e-6;
 
 /// The estimate that Huber's weights are computed from.
 struct Huber<'a> {
+    /// The base parameters, SI.
     values: &'a [f64],
+    /// The standard deviation of each effort's residuals, N or N m, or J.
     sigmas: &'a [f64],
+    /// Huber's bound in standard deviations.
     bound: f64,
 }
 
 impl Huber<'_> {
-    /// Huber's weight of a residual: 1 within the bound, less beyond.
+    /// Huber's weight of an equation with this residual (N or N m, or J): 1 within the bound, less
+    /// beyond.
     fn weight(&self, effort: usize, residual: f64) -> f64 {
         let sigma = self.sigmas.get(effort).copied().unwrap_or(1.0);
         let size = residual.abs() / sigma;
@@ -124,18 +130,20 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     source: &mut S,
 ) -> Result<(FactorSet, LeftOut), S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let (set, _) = reduce_weighted(&mut replay, None)?;
+    let (set, _) = reduce(&mut replay, None)?;
     Ok((set, replay.left().clone()))
 }
 
-/// The QR factors, and for each effort the sum of the squared residuals times Huber's weights.
-fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+/// Reduces a log to one QR factor for each effort. With `huber` the equations have Huber's weights,
+/// and the second result is, for each effort, the sum of the squares of Huber's weight times the
+/// residual, N^2 or (N m)^2, or J^2 for energy balances; without, these sums are 0.
+fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     huber: Option<&Huber<'_>>,
 ) -> Result<(FactorSet, Vec<f64>), S::Error> {
     let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
     let mut rows = Accumulator::new(&origin);
-    let mut squares = vec![0.0; origin.efforts.len()];
+    let mut psi_squares = vec![0.0; origin.efforts.len()];
     replay.visit(&mut |equations| {
         let count = equations.tau.len();
         for (effort, (tau, weight)) in equations.tau.iter().zip(equations.weights).enumerate() {
@@ -143,22 +151,24 @@ fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 continue;
             }
             let entries = &equations.w[effort..];
-            let robust = huber.map_or(1.0, |h| {
+            let huber_factor = huber.map_or(1.0, |h| {
                 let residual = (tau - predicted(equations, effort, h.values)) * weight;
-                let share = h.weight(effort, residual);
-                if let Some(sum) = squares.get_mut(effort) {
-                    *sum += (share * residual).powi(2);
+                let huber_weight = h.weight(effort, residual);
+                if let Some(sum) = psi_squares.get_mut(effort) {
+                    *sum += (huber_weight * residual).powi(2);
                 }
-                share.sqrt()
+                // the cost of a row is the square of its factor
+                huber_weight.sqrt()
             });
-            rows.push(effort, entries, count, *tau, weight * robust)?;
+            rows.push(effort, entries, count, *tau, weight * huber_factor)?;
         }
         Ok(())
     })?;
-    Ok((rows.finish()?, squares))
+    Ok((rows.finish()?, psi_squares))
 }
 
-/// The right-hand side of equation `effort` that base parameters predict, N or N m.
+/// The right-hand side of equation `effort` that base parameters (SI) predict: N or N m, or J for
+/// energy balances.
 pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]) -> f64 {
     let stride = equations.tau.len().max(1);
     let entries = equations.w.iter().skip(effort).step_by(stride);
@@ -166,8 +176,8 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
 }
 
 /// Identifies base parameters from a log: the estimate, its residuals, and the covariance that
-/// accounts for their correlation. Several passes over the equations; logs whose equations do not
-/// fit into memory are read in each.
+/// accounts for their correlation. This takes several passes over the equations; a log whose
+/// equations are too many to be stored (64 MiB) is read again in each.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model, or leaves parameters undetermined.
@@ -202,21 +212,21 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     source: &mut S,
 ) -> Result<Identified, S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let (plain, _) = reduce_weighted(&mut replay, None)?;
+    let (plain, _) = reduce(&mut replay, None)?;
     let left_out = replay.left().clone();
     let mut estimate = Estimate::new(&plain, options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
         for _ in 0..MAX_HUBER_PASSES {
-            let (next, own) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
+            let (next, next_factor) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
-            let moved = pairs.fold(0.0, |m: f64, (k, (a, b))| {
+            let largest_change = pairs.fold(0.0, |m: f64, (k, (a, b))| {
                 m.max((a - b).abs() / deviation(k))
             });
-            (estimate, factor) = (next, own);
-            if moved < HUBER_TOLERANCE_DEVIATIONS {
+            (estimate, factor) = (next, next_factor);
+            if largest_change < HUBER_TOLERANCE_DEVIATIONS {
                 break;
             }
         }
@@ -225,31 +235,49 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let (errors, noise) = noise_of(&mut replay, options, &estimate, &means)?;
     let efforts = errors.efforts();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    let whole = plain.combined(&weights)?;
+    // the equations with the weights of the efforts, but without Huber's
+    let effort_weighted = plain.combined(&weights)?;
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
-    let given = options.bandwidth.map(|b| b.clamp(1, rows.max(1)));
-    let (blocks, stated, spread) = scores(&mut replay, options, &estimate, &noise, given)?;
-    let inside = match options.huber {
-        Some(_) => spread.inside as f64 / spread.rows.max(1) as f64,
+    let given_bandwidth = options.bandwidth.map(|b| b.clamp(1, rows.max(1)));
+    let (blocks, newey_west, psi_sums) =
+        scores(&mut replay, options, &estimate, &noise, given_bandwidth)?;
+    let fraction_within_bound = match options.huber {
+        Some(_) => psi_sums.within_bound as f64 / psi_sums.equations.max(1) as f64,
         None => 1.0,
     };
-    let all: Vec<usize> = (0..estimate.values.len()).collect();
-    let mut deviations = blocks.deviations(&whole, &all, &estimate.values, inside)?;
-    if let Some(stated) = stated {
-        let covariance = stated.covariance(&whole)?;
-        let covariance = covariance.iter().map(|c| c / (inside * inside));
+    let all_columns: Vec<usize> = (0..estimate.values.len()).collect();
+    let mut deviations = blocks.deviations(
+        &effort_weighted,
+        &all_columns,
+        &estimate.values,
+        fraction_within_bound,
+    )?;
+    if let Some(newey_west) = newey_west {
+        let covariance = newey_west.covariance(&effort_weighted)?;
+        let covariance = covariance
+            .iter()
+            .map(|c| c / (fraction_within_bound * fraction_within_bound));
         deviations = deviations.with_covariance(covariance.collect(), estimate.degrees_of_freedom);
     }
     if options.huber.is_some() {
-        // Huber (1973): (W^T W)^-1 times the mean of psi^2 over the squared part within bounds
-        let gram = Estimate::of(&whole)?;
-        let spare = gram.degrees_of_freedom.max(1) as f64;
-        let unit = whole.squared_residual(&gram.values)? / spare;
-        let variance = spread.squares / spare / (inside * inside);
-        let scale = if unit > 0.0 { variance / unit } else { 0.0 };
-        estimate.covariance = gram.covariance.iter().map(|c| c * scale).collect();
+        // Huber (1973): (W^T W)^-1 times the mean of psi^2 over the squared fraction of residuals
+        // within the bound; the covariance of least squares is (W^T W)^-1 times the variance of its
+        // residuals, which is replaced here
+        let least_squares = Estimate::of(&effort_weighted)?;
+        let degrees_of_freedom = least_squares.degrees_of_freedom.max(1) as f64;
+        let least_squares_variance =
+            effort_weighted.squared_residual(&least_squares.values)? / degrees_of_freedom;
+        let variance =
+            psi_sums.squares / degrees_of_freedom / (fraction_within_bound * fraction_within_bound);
+        let scale = if least_squares_variance > 0.0 {
+            variance / least_squares_variance
+        } else {
+            0.0
+        };
+        let covariance = least_squares.covariance.iter();
+        estimate.covariance = covariance.map(|c| c * scale).collect();
     }
-    let bandwidth = given.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
+    let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
     let delays = match kind {
         EquationKind::Forces => {
             let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
@@ -270,7 +298,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors: efforts,
         estimate,
         factor,
-        bandwidth: given.unwrap_or_else(|| samples_per_independent_one(&blocks)),
+        bandwidth: given_bandwidth.unwrap_or_else(|| samples_per_independent_one(&blocks)),
         deviations,
         blocks,
         left_out,
@@ -278,30 +306,34 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     })
 }
 
-/// One step of Huber's estimate of values and scales (his second proposal): the scales are such
-/// that the bounded residuals have the variance they would have for normal noise.
+/// One step of Huber's estimate of values and scales (his second proposal) from the `previous` one:
+/// the scales, one standard deviation for each effort, are such that the bounded residuals have the
+/// variance they would have for normal noise.
 fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
-    last: &Estimate,
+    previous: &Estimate,
     bound: f64,
     weighting: Weighting,
 ) -> Result<(Estimate, QrFactor), S::Error> {
-    let sigmas: Vec<f64> = last.efforts.iter().map(|e| e.sigma).collect();
+    let sigmas: Vec<f64> = previous.efforts.iter().map(|e| e.sigma).collect();
     let huber = Huber {
-        values: &last.values,
+        values: &previous.values,
         sigmas: &sigmas,
         bound,
     };
-    let (set, squares) = reduce_weighted(replay, Some(&huber))?;
+    let (set, psi_squares) = reduce(replay, Some(&huber))?;
     let normal = Normal::standard();
-    let beyond = normal.sf(bound);
-    let inside = 1.0 - 2.0 * beyond - 2.0 * bound * normal.pdf(bound);
-    let expected = (2.0 * bound * bound).mul_add(beyond, inside);
-    let all: usize = set.factors().iter().map(QrFactor::rows).sum();
-    let free = 1.0 - last.values.len() as f64 / all.max(1) as f64;
-    let scales = squares.iter().zip(set.factors()).zip(&sigmas);
+    // the expectation of psi^2 for standard normal residuals: that of u^2 within the bound, and
+    // bound^2 in both tails
+    let tail_probability = normal.sf(bound);
+    let square_within_bound = 1.0 - 2.0 * tail_probability - 2.0 * bound * normal.pdf(bound);
+    let expected_square = (2.0 * bound * bound).mul_add(tail_probability, square_within_bound);
+    let equations: usize = set.factors().iter().map(QrFactor::rows).sum();
+    // degrees of freedom per equation
+    let freedom_ratio = 1.0 - previous.values.len() as f64 / equations.max(1) as f64;
+    let scales = psi_squares.iter().zip(set.factors()).zip(&sigmas);
     let scales = scales.map(|((squares, factor), old)| {
-        let variance = squares / (expected * free * factor.rows() as f64);
+        let variance = squares / (expected_square * freedom_ratio * factor.rows() as f64);
         if variance > 0.0 {
             variance.sqrt()
         } else {
@@ -318,7 +350,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .collect();
     let factor = set.combined(&weights)?;
     let mut next = Estimate::of(&factor)?;
-    next.efforts.clone_from(&last.efforts);
+    next.efforts.clone_from(&previous.efforts);
     for (effort, (sigma, weight)) in next.efforts.iter_mut().zip(scales.iter().zip(&weights)) {
         effort.sigma = *sigma;
         effort.weight = *weight;
@@ -329,7 +361,8 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 /// Computes the residuals of given parameters on a log.
 ///
 /// - `values`: base parameters, SI;
-/// - `means`: of the efforts on this log, for eps_RA; see [`FactorSet::means`];
+/// - `means`: the means of the efforts on this log, N or N m, or J, for eps_RA; see
+///   [`FactorSet::means`];
 /// - `lags`: the number of autocorrelations to compute.
 ///
 /// # Errors
@@ -352,12 +385,12 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     lags: usize,
 ) -> Result<Residuals, S::Error> {
     let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
-    let mut out = Residuals::new(&origin.efforts, means, lags);
+    let mut residuals = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = Vec::new();
     let mut used = Vec::new();
     replay.visit(&mut |equations| {
         if !equations.follows {
-            out.interrupt();
+            residuals.interrupt();
         }
         if equations.tau.is_empty() {
             return Ok(());
@@ -366,21 +399,24 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         fitted.extend((0..equations.tau.len()).map(|e| predicted(equations, e, values)));
         used.clear();
         used.extend(equations.weights.iter().map(|w| *w > 0.0));
-        out.push_used(equations.tau, &fitted, &used)
+        residuals.push_used(equations.tau, &fitted, &used)
     })?;
-    Ok(out)
+    Ok(residuals)
 }
 
-/// Sums over the weighted residuals bounded by Huber (psi), and how many are within the bound.
+/// Sums over psi, the weighted residuals that are bounded by Huber's weight.
 #[derive(Default)]
-struct Spread {
+struct PsiSums {
+    /// The sum of psi^2.
     squares: f64,
-    inside: usize,
-    rows: usize,
+    /// The number of equations whose residual is within Huber's bound.
+    within_bound: usize,
+    /// The number of equations.
+    equations: usize,
 }
 
 /// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
-/// bounded where Huber bounds them.
+/// which are bounded by Huber's weight.
 fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
@@ -389,9 +425,9 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let mut errors = Residuals::new(&names, means, options.lags);
-    let none = vec![0.0; names.len()];
-    let mut noise = Residuals::new(&names, &none, ORDER);
-    let mut weighed = Weighed::new(options, estimate);
+    let zeros = vec![0.0; names.len()];
+    let mut noise = Residuals::new(&names, &zeros, ORDER);
+    let mut weighted = WeightedResiduals::new(options, estimate);
     replay.visit(&mut |equations| {
         if !equations.follows {
             errors.interrupt();
@@ -400,9 +436,9 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         if equations.tau.is_empty() {
             return Ok(());
         }
-        weighed.take(equations);
-        errors.push_used(equations.tau, &weighed.fitted, &weighed.used)?;
-        noise.push_used(&weighed.psi, &none, &weighed.used)
+        weighted.compute(equations);
+        errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
+        noise.push_used(&weighted.psi, &zeros, &weighted.used)
     })?;
     let noise = noise.efforts();
     let fits = noise
@@ -411,19 +447,27 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((errors, fits.collect()))
 }
 
-/// The weighted and bounded residuals of one sample, as scores need them.
-struct Weighed<'a> {
+/// The weighted and bounded residuals of one sample, from which scores are computed. The lists have
+/// one entry per equation.
+struct WeightedResiduals<'a> {
     estimate: &'a Estimate,
+    /// Huber's bound in standard deviations; infinite for plain least squares.
     bound: f64,
+    /// The standard deviation of each effort's residuals, N or N m, or J.
     sigmas: Vec<f64>,
+    /// The predicted right-hand sides, N or N m, or J.
     fitted: Vec<f64>,
+    /// Whether the equation is used: at standstill it may be left out.
     used: Vec<bool>,
+    /// The factor on the equation: its own weight times that of its effort.
     weights: Vec<f64>,
+    /// The residual times its factor and Huber's weight.
     psi: Vec<f64>,
+    /// The derivative of psi by the weighted residual: 1 within Huber's bound, 0 beyond.
     slopes: Vec<f64>,
 }
 
-impl<'a> Weighed<'a> {
+impl<'a> WeightedResiduals<'a> {
     fn new(options: &Options, estimate: &'a Estimate) -> Self {
         Self {
             estimate,
@@ -437,7 +481,8 @@ impl<'a> Weighed<'a> {
         }
     }
 
-    fn take(&mut self, equations: &Equations<'_>) {
+    /// Replaces the residuals by those of a sample's equations.
+    fn compute(&mut self, equations: &Equations<'_>) {
         self.fitted.clear();
         self.used.clear();
         self.weights.clear();
@@ -448,61 +493,63 @@ impl<'a> Weighed<'a> {
             sigmas: &self.sigmas,
             bound: self.bound,
         };
-        for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
+        let rows = equations.tau.iter().zip(equations.weights);
+        for (e, (tau, equation_weight)) in rows.enumerate() {
             let fitted = predicted(equations, e, &self.estimate.values);
-            let weight = own * self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
-            let robust = huber.weight(e, (tau - fitted) * own);
+            let effort_weight = self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
+            let weight = equation_weight * effort_weight;
+            let huber_weight = huber.weight(e, (tau - fitted) * equation_weight);
             self.fitted.push(fitted);
-            self.used.push(*own > 0.0);
+            self.used.push(*equation_weight > 0.0);
             self.weights.push(weight);
-            self.psi.push((tau - fitted) * weight * robust);
-            self.slopes.push(if robust < 1.0 { 0.0 } else { 1.0 });
+            self.psi.push((tau - fitted) * weight * huber_weight);
+            self.slopes.push(if huber_weight < 1.0 { 0.0 } else { 1.0 });
         }
     }
 }
 
-/// The sums over scores for the covariance that accounts for correlation; for a given bandwidth
-/// also those of Newey and West.
+/// The sums over the scores (regressor rows times psi) for the covariance that accounts for
+/// correlation in time; for a given bandwidth also those of Newey and West; and the sums over psi.
 fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
     estimate: &Estimate,
     noise: &[Autoregression],
     bandwidth: Option<usize>,
-) -> Result<(Blocks, Option<Autocorrelated>, Spread), S::Error> {
+) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
     let n = estimate.values.len();
-    let mut out = Scores::new(n, noise);
-    let mut stated = bandwidth.map(|b| Autocorrelated::new(n, b));
-    let mut spread = Spread::default();
+    let mut scores = Scores::new(n, noise);
+    let mut newey_west = bandwidth.map(|b| Autocorrelated::new(n, b));
+    let mut psi_sums = PsiSums::default();
     let mut score = vec![0.0; n];
-    let mut weighed = Weighed::new(options, estimate);
+    let mut weighted = WeightedResiduals::new(options, estimate);
     replay.visit(&mut |equations| {
         if !equations.follows {
-            out.interrupt();
-            if let Some(stated) = &mut stated {
-                stated.interrupt();
+            scores.interrupt();
+            if let Some(newey_west) = &mut newey_west {
+                newey_west.interrupt();
             }
         }
         let count = equations.tau.len();
         if count == 0 {
             return Ok(());
         }
-        weighed.take(equations);
-        for (e, used) in weighed.used.iter().enumerate() {
+        weighted.compute(equations);
+        for (e, used) in weighted.used.iter().enumerate() {
             if *used {
-                spread.squares += weighed.psi[e].powi(2);
-                spread.inside += usize::from(weighed.slopes[e] > 0.0);
-                spread.rows += 1;
+                psi_sums.squares += weighted.psi[e].powi(2);
+                psi_sums.within_bound += usize::from(weighted.slopes[e] > 0.0);
+                psi_sums.equations += 1;
             }
         }
-        let Weighed {
+        let WeightedResiduals {
             weights,
             psi,
             slopes,
             ..
-        } = &weighed;
-        out.push(equations.w, weights, psi, slopes)?;
-        let Some(stated) = &mut stated else {
+        } = &weighted;
+        scores.push(equations.w, weights, psi, slopes)?;
+        let Some(newey_west) = &mut newey_west else {
             return Ok(());
         };
         score.fill(0.0);
@@ -512,15 +559,15 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 *s += w * weight * psi;
             }
         }
-        stated.push(&score)
+        newey_west.push(&score)
     })?;
-    Ok((out.finish(&estimate.values)?, stated, spread))
+    Ok((scores.finish(&estimate.values)?, newey_west, psi_sums))
 }
 
 /// How many consecutive samples carry the information of one independent sample, rounded.
 fn samples_per_independent_one(blocks: &Blocks) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-    let samples = blocks.memory().round() as usize;
+    let samples = blocks.correlation_length().round() as usize;
     samples
 }
 

@@ -7,7 +7,7 @@ use regen_runtime::{BaseModel, Friction, LoopClosure};
 
 use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError, describe};
 use crate::feasibility::{
-    BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, Physical, Scale, Verdict,
+    BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
     identify, verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
@@ -240,7 +240,7 @@ fn describe_gap(gap: f64) -> String {
 
 /// Describes a physically feasible fit: how much the constraints increase the residual, and how far
 /// the result can be from the optimum.
-fn describe_fit(found: &Physical, layout: &ParameterLayout) -> String {
+fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> String {
     let how = match found.outcome {
         Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
         Outcome::Constrained => format!("physical, {}", describe_gap(found.gap)),
@@ -267,13 +267,13 @@ fn describe_fit(found: &Physical, layout: &ParameterLayout) -> String {
     text
 }
 
-/// Bodies heavier than this part of their generous mass limit are reported; the limit is a thousand
+/// Bodies heavier than this part of their safety limit of the mass are reported; the limit is a thousand
 /// times what is known of the robot.
 const MAX_LIMIT_PART: f64 = 0.1;
 
 /// The labels of masses far above any that the robot can have, without bodies that reach their
 /// limit.
-fn heavy(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
+fn heavy(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
     let bodies = layout.bodies().iter().zip(&found.sizes);
     let heavy = bodies.filter(|(body, size)| {
         let mass = body.columns.last().and_then(|c| found.phi.get(*c));
@@ -286,7 +286,7 @@ fn heavy(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
 }
 
 /// The labels of masses that neither the data nor a meaningful limit bounds.
-fn unbounded(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
+fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
     let limited = found.limited.iter().map(|body| format!("m({body})"));
     limited.chain(heavy(found, layout)).collect()
 }

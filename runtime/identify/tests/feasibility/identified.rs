@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, Outcome, ParameterLayout, Physical, Prior, SYMBOLS,
-    Scale, Total, Verdict, identify, nearest, pseudo_inertia, verdict,
+    BaseMap, Bound, FeasibilityError, Options, Outcome, ParameterLayout, PhysicalFit, Prior,
+    SYMBOLS, Scale, Total, Verdict, identify, nearest, pseudo_inertia, verdict,
 };
 
 use crate::robots::{Robot, robot};
@@ -42,7 +42,7 @@ fn observed(robot: &Robot, rows: usize, noise: f64, seed: u64) -> QrFactor {
     factor
 }
 
-fn find(robot: &Robot, factor: &QrFactor, options: &Options) -> Physical {
+fn find(robot: &Robot, factor: &QrFactor, options: &Options) -> PhysicalFit {
     identify(factor, &robot.combinations, &robot.layout, options).unwrap()
 }
 
@@ -162,7 +162,7 @@ proptest! {
         prop_assert!(robot.layout.check(&found.phi, Scale::default()).unwrap().is_physical());
         let truth = factor.squared_residual(&robot.beta()).unwrap();
         prop_assert!(found.squared_residual <= truth * (1.0 + 1e-6) + 1e-9);
-        prop_assert!(found.squared_residual >= found.least * (1.0 - 1e-9));
+        prop_assert!(found.squared_residual >= found.least_squares_residual * (1.0 - 1e-9));
         prop_assert!(close(&robot.combinations.apply(&found.phi).unwrap(), &found.beta, 1e-9));
     }
 

@@ -143,7 +143,7 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
             });
         }
         let found = identify(&factor, &combinations, &layout, &options).unwrap();
-        // with fewer rows than unknowns the optimum is limited only by rounding and by the generous
+        // with fewer rows than unknowns the optimum is limited only by rounding and by the safety
         // limits
         let most = if seed.is_multiple_of(2) { 1e-6 } else { 1e-4 };
         assert!(found.gap <= most, "{seed}: gap {:e}", found.gap);

@@ -3,7 +3,7 @@
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    BaseMap, Bound, Options, ParameterLayout, Physical, Prior, SYMBOLS, Scale, Total, identify,
+    BaseMap, Bound, Options, ParameterLayout, PhysicalFit, Prior, SYMBOLS, Scale, Total, identify,
 };
 
 /// The number of these units in a metre and in a kilogram.
@@ -97,7 +97,7 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
 
 /// A fit to observations of the robot: Izz and a rotor's inertia only by their sum, and some of the
 /// other parameters. The signs of the noise make constraints active.
-fn measured(units: Units, options: fn(Units, Options) -> Options) -> Physical {
+fn measured(units: Units, options: fn(Units, Options) -> Options) -> PhysicalFit {
     let labels = labels();
     let layout = ParameterLayout::new(&labels).unwrap();
     let all = BaseMap::identity(&labels);
