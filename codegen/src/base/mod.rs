@@ -197,7 +197,8 @@ fn derive_with_completion(
     let mut completed_exactness = Vec::new();
     if let Some(completion) = completion {
         // layer 3
-        let completed = completion.complete(&mut field, spec, model, &null, &order, requested.len());
+        let completed =
+            completion.complete(&mut field, spec, model, &null, &order, requested.len());
         unrecognised = completed.unrecognised;
         unvaried_names = completed.unvaried_names;
         // Completed direction k gets an additional entry 1 in the tag column `columns + k`, behind
