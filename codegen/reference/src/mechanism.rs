@@ -147,6 +147,8 @@ pub enum Parameter {
     Inertial(usize, usize),
     /// The named friction parameter (`Fv`, `Fc+`, ...) of the coordinate of this index.
     Friction(usize, &'static str),
+    /// The constant effort at the coordinate of this index.
+    Offset(usize),
     /// The rotor at the coordinate of this index.
     Rotor(usize),
 }
@@ -178,6 +180,8 @@ pub struct Mechanism {
     pub actuated: Vec<usize>,
     /// Friction by coordinate.
     pub friction: Vec<Friction>,
+    /// Whether there is a constant effort, by coordinate.
+    pub offset: Vec<bool>,
     /// Rotor by coordinate.
     pub rotor: Vec<bool>,
     /// What each column of the regressor means.
@@ -202,6 +206,7 @@ impl Mechanism {
             Parameter::Friction(coordinate, symbol) => {
                 format!("{symbol}({})", self.coordinates[*coordinate])
             }
+            Parameter::Offset(coordinate) => format!("Fo({})", self.coordinates[*coordinate]),
             Parameter::Rotor(coordinate) => format!("J({})", self.coordinates[*coordinate]),
         }
     }

@@ -72,6 +72,11 @@ pub enum ParameterKind {
         /// Which column.
         column: FrictionColumn,
     },
+    /// A constant effort at a coordinate, of either sign: of the amplifier, the sensor or a cable.
+    Offset {
+        /// Index of the coordinate.
+        coordinate: usize,
+    },
     /// Rotor and drive inertia at a coordinate (Eq. 18).
     Rotor {
         /// Index of the coordinate.
@@ -79,6 +84,8 @@ pub enum ParameterKind {
     },
 }
 
+/// The symbol of the constant effort of a joint.
+const OFFSET: &str = "Fo";
 /// The symbol of the inertia of a rotor and its drive (Eq. 18).
 const ROTOR: &str = "J";
 
@@ -99,6 +106,7 @@ impl ParameterKind {
         match self {
             ParameterKind::Inertial { entry, .. } => INERTIAL.get(entry).copied().unwrap_or("?"),
             ParameterKind::Friction { column, .. } => column.symbol(),
+            ParameterKind::Offset { .. } => OFFSET,
             ParameterKind::Rotor { .. } => ROTOR,
         }
     }
@@ -125,7 +133,7 @@ impl Parameter {
     }
 }
 
-/// The parameters in order: ten per body, then friction coordinate by
+/// The parameters in order: ten per body, then friction and the offset coordinate by
 /// coordinate, then rotors (Eq. 20).
 pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> Vec<Parameter> {
     let mut parameters = Vec::new();
@@ -142,6 +150,10 @@ pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> 
                 coordinate: index,
                 column,
             };
+            parameters.push(Parameter::new(kind, &coordinate.name));
+        }
+        if joint.offset {
+            let kind = ParameterKind::Offset { coordinate: index };
             parameters.push(Parameter::new(kind, &coordinate.name));
         }
     }
