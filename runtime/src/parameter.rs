@@ -70,6 +70,11 @@ pub enum Sign {
 /// assert_eq!(friction, Parameter::new(Symbol::Friction("Fc+"), "q2"));
 /// assert_eq!(friction.unit(Some(Motion::Rotation)), "N m");
 /// assert_eq!(friction.sign(), Sign::Nonnegative);
+/// let offset = Parameter::read("Fo(q2)").ok_or("a label")?;
+/// assert_eq!(offset, Parameter::new(Symbol::Offset, "q2"));
+/// assert_eq!(offset.unit(Some(Motion::Translation)), "N");
+/// assert_eq!(offset.sign(), Sign::Any);
+/// assert!(!offset.is_friction() && !offset.is_inertial());
 /// assert_eq!(Parameter::read("Q(1)"), None);
 /// # Ok::<(), &str>(())
 /// ```

@@ -156,9 +156,7 @@ impl<'a> Rows<'a> {
         units: Units,
     ) -> Rows<'a> {
         let parameters = model.parameters.iter();
-        let friction = parameters
-            .filter(|p| p.is_friction())
-            .count();
+        let friction = parameters.filter(|p| p.is_friction()).count();
         let velocities = match friction {
             0 => 0,
             _ => (2 * friction).div_ceil(states).max(3),

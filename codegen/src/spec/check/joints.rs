@@ -227,7 +227,9 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
         symbol.text
     ));
     if allowed.is_empty() {
-        fault.hint("the joint has neither friction nor rotor: choose a kind with `friction:`")
+        fault.hint(
+            "the joint has neither friction, offset nor rotor: choose a kind with `friction:`",
+        )
     } else {
         fault.hint(format!(
             "this joint has {}",
