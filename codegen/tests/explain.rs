@@ -260,3 +260,34 @@ fn rotors_explain_only_the_moments_that_they_took_over() {
         assert_eq!(rotors, one.parameter.starts_with("Izz("), "{one:?}");
     }
 }
+
+#[test]
+fn offsets_are_explained_beside_friction_weights_and_other_offsets() {
+    let of = |joints: &str, more: &str| {
+        explained(&format!(
+            "name: r\nlimbs:\n  - name: a\n    joints:\n{joints}{more}"
+        ))
+    };
+    let slide = "      - {name: z, type: prismatic, body: 1, actuated: true, rotor_inertia: true, offset: true, FRICTION}\n";
+    let friction = slide.replace("FRICTION", "friction: asymmetric");
+    let found = of(&friction, "");
+    let reason = together(&found, "Fo(z)").unwrap();
+    assert!(
+        reason.contains("Fc+ less Fc- of z is a constant effort"),
+        "{reason}"
+    );
+    let weight = slide.replace("FRICTION", "friction: none");
+    let found = of(&weight, "");
+    let reason = together(&found, "m(1)").unwrap();
+    assert!(
+        reason.contains("a weight is a constant force at z"),
+        "{reason}"
+    );
+    let geared = "      - {name: p, type: revolute, body: 1, actuated: true, offset: true}\n      - {name: q, type: revolute, dh: {a: 1}, body: 2, offset: true}\ncouplings: {q: -2*p}\n";
+    let found = of(geared, "");
+    let reason = together(&found, "Fo(p)").unwrap();
+    assert!(
+        reason.contains("the rates of p and q are linearly dependent"),
+        "{reason}"
+    );
+}

@@ -199,7 +199,8 @@ pub trait Model<T: Scalar = f64> {
         self.eval(Function::InverseDynamics, arguments, out)
     }
 
-    /// The efforts that hold the robot still: the gravity vector of the reduced model.
+    /// The efforts that hold the robot still: the gravity vector of the reduced model, and the
+    /// constant efforts of joints with an offset.
     ///
     /// - `q`: n; `phi`: p; `out`: dof.
     ///
@@ -215,7 +216,7 @@ pub trait Model<T: Scalar = f64> {
         self.eval(Function::Gravity, arguments, out)
     }
 
-    /// The efforts at zero independent accelerations, less gravity: Coriolis, centrifugal and
+    /// The efforts at zero independent accelerations, less those of [`gravity`](Self::gravity): Coriolis, centrifugal and
     /// friction, so that tau = M qdd_i + bias + gravity. The dependent accelerations are those
     /// that the closure then imposes.
     ///

@@ -10,6 +10,8 @@ pub const INERTIAL: [&str; 10] = [
 ];
 /// The symbol of the inertia of a rotor and its drive (Eq. 18).
 const ROTOR: &str = "J";
+/// The symbol of the constant effort of a joint.
+const OFFSET: &str = "Fo";
 
 /// The kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -37,6 +39,9 @@ pub enum Symbol {
     /// A coefficient of a joint's friction, by its symbol in [`Friction::symbols`](crate::Friction::symbols) or
     /// [`Friction::coefficients`](crate::Friction::coefficients).
     Friction(&'static str),
+    /// A constant effort of a joint, of its amplifier, sensor or cable. It is there at rest too, and
+    /// dissipates nothing.
+    Offset,
     /// The inertia of a rotor and its drive (Eq. 18).
     Rotor,
 }
@@ -46,7 +51,7 @@ pub enum Symbol {
 pub enum Sign {
     /// Zero or above: masses, moments of inertia, rotors, and friction, which takes energy out.
     Nonnegative,
-    /// Both signs: first moments and products of inertia.
+    /// Both signs: first moments, products of inertia and offsets.
     Any,
 }
 
@@ -65,6 +70,11 @@ pub enum Sign {
 /// assert_eq!(friction, Parameter::new(Symbol::Friction("Fc+"), "q2"));
 /// assert_eq!(friction.unit(Some(Motion::Rotation)), "N m");
 /// assert_eq!(friction.sign(), Sign::Nonnegative);
+/// let offset = Parameter::read("Fo(q2)").ok_or("a label")?;
+/// assert_eq!(offset, Parameter::new(Symbol::Offset, "q2"));
+/// assert_eq!(offset.unit(Some(Motion::Translation)), "N");
+/// assert_eq!(offset.sign(), Sign::Any);
+/// assert!(!offset.is_friction() && !offset.is_inertial());
 /// assert_eq!(Parameter::read("Q(1)"), None);
 /// # Ok::<(), &str>(())
 /// ```
@@ -101,6 +111,9 @@ impl Symbol {
         if text == ROTOR {
             return Some(Symbol::Rotor);
         }
+        if text == OFFSET {
+            return Some(Symbol::Offset);
+        }
         friction::symbol(text).map(Symbol::Friction)
     }
 
@@ -108,6 +121,7 @@ impl Symbol {
     pub fn name(self) -> &'static str {
         match self {
             Symbol::Friction(symbol) => symbol,
+            Symbol::Offset => OFFSET,
             Symbol::Rotor => ROTOR,
             _ => {
                 let mut inertial = Self::INERTIAL.iter().zip(INERTIAL);
@@ -131,6 +145,11 @@ impl Symbol {
                 Some(Motion::Translation) => "kg",
                 None => "SI",
             },
+            Symbol::Offset => match motion {
+                Some(Motion::Rotation) => "N m",
+                Some(Motion::Translation) => "N",
+                None => "SI",
+            },
             Symbol::Friction(symbol) => friction::unit(symbol, motion),
         }
     }
@@ -138,9 +157,13 @@ impl Symbol {
     /// The values that the parameter can have in a physical robot.
     pub fn sign(self) -> Sign {
         match self {
-            Symbol::Ixy | Symbol::Ixz | Symbol::Iyz | Symbol::Mx | Symbol::My | Symbol::Mz => {
-                Sign::Any
-            }
+            Symbol::Ixy
+            | Symbol::Ixz
+            | Symbol::Iyz
+            | Symbol::Mx
+            | Symbol::My
+            | Symbol::Mz
+            | Symbol::Offset => Sign::Any,
             Symbol::Ixx
             | Symbol::Iyy
             | Symbol::Izz
@@ -177,12 +200,17 @@ impl<'a> Parameter<'a> {
 
     /// Whether the parameter belongs to a body.
     pub fn is_inertial(&self) -> bool {
-        !self.is_friction() && !self.is_rotor()
+        !self.is_friction() && !self.is_offset() && !self.is_rotor()
     }
 
     /// Whether the parameter is a coefficient of a joint's friction.
     pub fn is_friction(&self) -> bool {
         matches!(self.symbol, Symbol::Friction(_))
+    }
+
+    /// Whether the parameter is a constant effort of a joint.
+    pub fn is_offset(&self) -> bool {
+        self.symbol == Symbol::Offset
     }
 
     /// Whether the parameter is the inertia of a rotor and its drive.

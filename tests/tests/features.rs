@@ -26,7 +26,7 @@ limbs:
       - {name: q3, type: revolute, dh: {d: 0.1}, body: 3, actuated: true}
 ";
 
-const TREE_FEATURES: [Row; 47] = [
+const TREE_FEATURES: [Row; 48] = [
     ("gravity", "limbs:", "gravity: [1, -2, -9]\nlimbs:"),
     ("geometry", "a: 0.3", "a: 2*l"),
     ("geometry in terms of earlier names", "a: 0.3", "a: m"),
@@ -123,6 +123,7 @@ const TREE_FEATURES: [Row; 47] = [
         "body: 2",
         "body: 2, friction: asymmetric",
     ),
+    ("offset", "body: 2", "body: 2, offset: true"),
     ("rotor_inertia", "body: 2", "body: 2, rotor_inertia: true"),
     (
         "independent, in another order",
@@ -342,10 +343,10 @@ fn every_value_for_simulation_is_read() {
         let cone = joint(&with("q2, type: revolute", &text)).limits.cone;
         assert!((cone.unwrap().value.to_f64() - 0.6).abs() < 1e-15);
     }
-    let nominal = "body: 2, friction: linear, rotor_inertia: true, nominal: {Fv: 3, Fc: 2, J: 1}";
+    let nominal = "body: 2, friction: linear, offset: true, rotor_inertia: true, nominal: {Fv: 3, Fc: 2, Fo: -1, J: 1}";
     let nominal = joint(&with("body: 2", nominal)).nominal;
     let names: Vec<&str> = nominal.iter().map(|n| n.0.value.as_str()).collect();
-    assert_eq!(names, ["Fv", "Fc", "J"]);
+    assert_eq!(names, ["Fv", "Fc", "Fo", "J"]);
     let body = "bodies: {2: {mass: 3, com: [0.1, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}}\nlimbs:";
     let bodies = with("limbs:", body).bodies;
     assert!((bodies[0].1.mass.value.to_f64() - 3.0).abs() < 1e-15);

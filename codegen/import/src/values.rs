@@ -36,7 +36,7 @@ struct Body {
 #[derive(Deserialize)]
 #[serde(
     deny_unknown_fields,
-    expecting = "expected an object with Fv, Fc (or Fv+, Fv-, Fc+, Fc-) and J, or some of them"
+    expecting = "expected an object with Fv, Fc (or Fv+, Fv-, Fc+, Fc-), Fo and J, or some of them"
 )]
 #[allow(non_snake_case, reason = "the symbols of the parameters")]
 struct Joint {
@@ -50,6 +50,7 @@ struct Joint {
     forward_coulomb: Option<f64>,
     #[serde(rename = "Fc-")]
     backward_coulomb: Option<f64>,
+    Fo: Option<f64>,
     J: Option<f64>,
 }
 
@@ -92,7 +93,7 @@ impl Joint {
 
 impl Parameters {
     /// Parameters from the text of a JSON file, as `bodies:` and `nominal:` of a spec have them:
-    /// `{"bodies": {LABEL: {"mass", "com", "inertia"}}, "joints": {NAME: {"Fv", "Fc", "J"}}}`, SI,
+    /// `{"bodies": {LABEL: {"mass", "com", "inertia"}}, "joints": {NAME: {"Fv", "Fc", "Fo", "J"}}}`, SI,
     /// with `Fv+`, `Fv-`, `Fc+` and `Fc-` in place of both directions' values. Beside them, in
     /// words, what URDF cannot hold of them.
     ///
@@ -141,6 +142,11 @@ fn checked(given: Given) -> (Parameters, Vec<String>) {
         (label, BodyParameters { mass, com, inertia })
     });
     let joints = given.joints.into_iter().map(|(name, joint)| {
+        if joint.Fo.is_some() {
+            notes.push(format!(
+                "warning: Fo({name}) is left out: URDF has no constant efforts"
+            ));
+        }
         if joint.J.is_some() {
             notes.push(format!(
                 "warning: J({name}) is left out: URDF has no inertia of rotors"

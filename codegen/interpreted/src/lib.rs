@@ -253,6 +253,7 @@ fn runtime_parameter(parameter: &model::Parameter) -> Parameter<'_> {
             own.unwrap_or(Symbol::Mass)
         }
         ParameterKind::Friction { .. } => Symbol::Friction(parameter.symbol()),
+        ParameterKind::Offset { .. } => Symbol::Offset,
         ParameterKind::Rotor { .. } => Symbol::Rotor,
     };
     Parameter::new(symbol, &parameter.owner)

@@ -56,7 +56,7 @@ impl Mechanism {
         twice * 0.5
     }
 
-    /// Potential energy of the tree at q in J.
+    /// Potential energy of the tree at q in J: of weights, and of constant efforts, Fo q.
     pub fn potential_energy<T: Scalar>(&self, q: &[T], phi: &[f64]) -> T {
         let frames = self.frames(q);
         let mut out = T::from(0.0);
@@ -65,6 +65,11 @@ impl Mechanism {
                 for (x, moment) in row.iter().zip(p) {
                     out -= *x * (moment[3] * g);
                 }
+            }
+        }
+        for (parameter, value) in self.parameters.iter().zip(phi) {
+            if let Parameter::Offset(j) = parameter {
+                out += q[*j] * *value;
             }
         }
         out

@@ -92,6 +92,7 @@ impl Mechanism {
             dependent,
             actuated: tree.actuated,
             friction: tree.friction,
+            offset: tree.offset,
             rotor: tree.rotor,
             home_guess,
             nominal: tree.nominal,
@@ -158,6 +159,7 @@ struct Tree {
     coordinates: Vec<String>,
     actuated: Vec<usize>,
     friction: Vec<Friction>,
+    offset: Vec<bool>,
     rotor: Vec<bool>,
     nominal: BTreeMap<String, f64>,
     cones: Vec<SwingLimit>,
@@ -190,6 +192,7 @@ impl Tree {
         let place = |old: usize| coordinates.iter().position(|k| *k == old).unwrap_or(old);
         self.coordinates = pick(&self.coordinates, coordinates);
         self.friction = pick(&self.friction, coordinates);
+        self.offset = pick(&self.offset, coordinates);
         self.rotor = pick(&self.rotor, coordinates);
         self.actuated = self.actuated.iter().map(|k| place(*k)).collect();
         self.actuated.sort_unstable();
@@ -307,6 +310,7 @@ impl Tree {
         if flag("actuated") {
             self.actuated.push(index);
         }
+        self.offset.push(flag("offset"));
         self.rotor.push(flag("rotor_inertia"));
         let friction = joint.get("friction").map(text).transpose()?;
         let word = friction.as_deref().unwrap_or("none");
@@ -393,6 +397,9 @@ impl Tree {
                     .iter()
                     .map(|s| Parameter::Friction(coordinate, s)),
             );
+            if self.offset.get(coordinate) == Some(&true) {
+                out.push(Parameter::Offset(coordinate));
+            }
         }
         let rotors = self.rotor.iter().enumerate().filter(|(_, rotor)| **rotor);
         out.extend(rotors.map(|(coordinate, _)| Parameter::Rotor(coordinate)));

@@ -150,6 +150,8 @@ pub enum Parameter {
     Inertial(usize, usize),
     /// The named friction parameter (`Fv`, `Fc+`, ...) of the coordinate of this index.
     Friction(usize, &'static str),
+    /// The constant effort at the coordinate of this index.
+    Offset(usize),
     /// The rotor at the coordinate of this index.
     Rotor(usize),
 }
@@ -181,6 +183,8 @@ pub struct Mechanism {
     pub actuated: Vec<usize>,
     /// The friction law of each coordinate.
     pub friction: Vec<Friction>,
+    /// Whether each coordinate has a constant effort among its parameters.
+    pub offset: Vec<bool>,
     /// Whether each coordinate has a rotor parameter.
     pub rotor: Vec<bool>,
     /// The parameter of each column of the regressor.
@@ -205,6 +209,7 @@ impl Mechanism {
             Parameter::Friction(coordinate, symbol) => {
                 format!("{symbol}({})", self.coordinates[*coordinate])
             }
+            Parameter::Offset(coordinate) => format!("Fo({})", self.coordinates[*coordinate]),
             Parameter::Rotor(coordinate) => format!("J({})", self.coordinates[*coordinate]),
         }
     }

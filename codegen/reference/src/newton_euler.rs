@@ -63,7 +63,7 @@ impl Mechanism {
     }
 
     /// The regressor K of the tree (Eq. 5): one row per coordinate, one column per parameter,
-    /// friction and rotors included.
+    /// friction, offsets and rotors included.
     pub fn tree_regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> DMatrix<f64> {
         let frames = self.frames(q);
         let motion = self.spatial(&frames, qd, qdd);
@@ -89,6 +89,7 @@ impl Mechanism {
                 Parameter::Friction(j, symbol) => {
                     out[(*j, column)] = crate::friction::friction_column(symbol, qd[*j]);
                 }
+                Parameter::Offset(j) => out[(*j, column)] = 1.0,
                 Parameter::Rotor(j) => out[(*j, column)] = qdd[*j],
             }
         }

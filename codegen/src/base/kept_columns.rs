@@ -14,7 +14,8 @@ use super::span::{Vector, add_scaled};
 ///
 /// Masses, then first moments along z, then one diagonal moment are eliminated first, those of
 /// bodies far from the base before those near it (the grouping of Khalil's rules); friction and
-/// rotors are kept as long as possible.
+/// rotors are kept as long as possible, offsets as long as no friction has their effect: Fc+ and Fc-
+/// then are the efforts in either direction.
 pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     const ORDER: [usize; 10] = [9, 8, 3, 5, 4, 2, 1, 7, 6, 0];
     let rank = |column: usize| -> (usize, usize) {
@@ -24,6 +25,7 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
                 (class, usize::MAX - body)
             }
             ParameterKind::Rotor { coordinate } => (20, coordinate),
+            ParameterKind::Offset { coordinate } => (25, coordinate),
             ParameterKind::Friction { .. } => (30, column),
         }
     };

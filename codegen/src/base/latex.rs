@@ -13,7 +13,9 @@ pub fn parameter(parameter: &Parameter) -> String {
         ParameterKind::Inertial { entry: 6.., .. } | ParameterKind::Rotor { .. } => {
             symbol.to_owned()
         }
-        ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => indexed(symbol),
+        ParameterKind::Inertial { .. }
+        | ParameterKind::Friction { .. }
+        | ParameterKind::Offset { .. } => indexed(symbol),
     };
     format!("{symbol}({})", name(&parameter.owner))
 }

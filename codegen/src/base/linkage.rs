@@ -1,11 +1,12 @@
 //! The mechanism as a graph of bodies connected by joints, cut joints included, from which spanning
 //! trees are chosen.
 
-use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
+use crate::model::{Model, MotionKind, ParameterKind};
 use crate::spec::Spec;
 
 use super::field::{Element, Field};
 use super::geometry::{Names, Placed};
+use super::span::Vector;
 
 /// One element of the connection between two bodies.
 #[derive(Clone, Debug)]
@@ -24,8 +25,8 @@ pub(super) enum Stage {
         coordinate: Option<usize>,
         /// Column of the rotor parameter.
         rotor: Option<usize>,
-        /// Columns of Fc+ and Fc-.
-        coulomb: Option<(usize, usize)>,
+        /// The direction in the parameters in which only the joint's constant effort grows.
+        offset: Option<Vector>,
     },
 }
 
@@ -82,7 +83,7 @@ impl Linkage {
                         backward: false,
                         coordinate: Some(motion.coordinate),
                         rotor: rotor_column(model, motion.coordinate),
-                        coulomb: coulomb_columns(model, motion.coordinate),
+                        offset: super::rates::offset(model, motion.coordinate),
                     });
                 }
             }
@@ -107,7 +108,7 @@ impl Linkage {
                         backward: false,
                         coordinate: None,
                         rotor: None,
-                        coulomb: None,
+                        offset: None,
                     }),
             );
             let last = Placed::new(field, &names, &b.placement).inverse(field);
@@ -161,13 +162,4 @@ impl Edge {
 fn rotor_column(model: &Model, coordinate: usize) -> Option<usize> {
     let wanted = ParameterKind::Rotor { coordinate };
     model.parameters.iter().position(|p| p.kind == wanted)
-}
-
-fn coulomb_columns(model: &Model, coordinate: usize) -> Option<(usize, usize)> {
-    let find = |column| {
-        let wanted = ParameterKind::Friction { coordinate, column };
-        model.parameters.iter().position(|p| p.kind == wanted)
-    };
-    let positive = find(FrictionColumn::CoulombPositive)?;
-    Some((positive, find(FrictionColumn::CoulombNegative)?))
 }

@@ -4,7 +4,7 @@
 //! Such velocity constraints come from couplings, and from loops whose revolute axes are all
 //! parallel: the rotations around the loop sum to zero, unless the cut joint rotates too. By
 //! homogeneity (see `BASE.md`, friction) each kind of friction is constrained by itself: offsets o
-//! (half of Fc+ minus Fc-) by any constraint, since their power is linear in the rates; v, c and e,
+//! (Fo, and half of Fc+ minus Fc-) by any constraint, since their power is linear in the rates; v, c and e,
 //! whose powers are v qd^2, c |qd|, e |qd| qd, only by constraints between two coordinates, or on
 //! one, which then does not move at all.
 
@@ -23,8 +23,8 @@ use super::trees::path;
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
-    let mut directions = Vec::new();
     let n = model.coordinates.len();
+    let mut directions: Vec<Vector> = (0..n).filter_map(|c| same_offset(model, c)).collect();
     let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
     for constraint in constraints_among(field, &velocity_constraints, &with_offset) {
@@ -126,8 +126,29 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
     ]))
 }
 
-/// The direction in which only the offset o grows.
-fn offset(model: &Model, c: usize) -> Option<Vector> {
+/// The direction in which only the offset o grows: Fo, or else Fc+ less Fc-.
+pub(super) fn offset(model: &Model, c: usize) -> Option<Vector> {
+    match offset_column(model, c) {
+        Some(at) => Some(Vector::from([(at, Element::one())])),
+        None => coulomb_difference(model, c),
+    }
+}
+
+/// Where a joint has both Fo and asymmetric Coulomb friction, the direction without effect: in
+/// motion, Fc+ less Fc- is the constant effort that Fo is.
+fn same_offset(model: &Model, c: usize) -> Option<Vector> {
+    let at = offset_column(model, c)?;
+    let mut direction = coulomb_difference(model, c)?;
+    direction.insert(at, Element::integer(-1));
+    Some(direction)
+}
+
+fn offset_column(model: &Model, coordinate: usize) -> Option<usize> {
+    let wanted = ParameterKind::Offset { coordinate };
+    model.parameters.iter().position(|p| p.kind == wanted)
+}
+
+fn coulomb_difference(model: &Model, c: usize) -> Option<Vector> {
     pair(
         column(model, c, FrictionColumn::CoulombPositive),
         column(model, c, FrictionColumn::CoulombNegative),

@@ -88,10 +88,11 @@ impl JointDirection {
     }
 }
 
-/// The joint's own columns, which follow the ten entries of the body: a rotor, or Fc+ and Fc-.
+/// The joint's own columns, which follow the ten entries of the body: a rotor, or the direction in
+/// the parameters in which only its constant effort grows (Fo, or Fc+ less Fc-).
 enum JointColumn {
     Rotor(usize),
-    Offset(usize, usize),
+    Offset(Vector),
 }
 
 /// Carries a body's spans over a joint, and finds the null directions at the joint.
@@ -148,15 +149,15 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointD
                 backward,
                 coordinate: _,
                 rotor,
-                coulomb,
+                offset,
             } => {
                 let joint = Joint::new(field, *kind, *axis, lead.as_ref());
                 let rotor_at = rotor.map(|column| {
                     own.push(JointColumn::Rotor(column));
                     9 + own.len()
                 });
-                let offset_at = coulomb.map(|(positive, negative)| {
-                    own.push(JointColumn::Offset(positive, negative));
+                let offset_at = offset.as_ref().map(|direction| {
+                    own.push(JointColumn::Offset(direction.clone()));
                     9 + own.len()
                 });
                 let (next, found) =
@@ -184,12 +185,12 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointD
             }
             let mut columns = Vec::new();
             for (at, entry) in direction.range(10..) {
-                match own[at - 10] {
-                    JointColumn::Rotor(column) => columns.push((column, entry.clone())),
-                    // an offset is half the difference of Fc+ and Fc-
-                    JointColumn::Offset(positive, negative) => {
-                        columns.push((positive, entry.clone()));
-                        columns.push((negative, entry.neg()));
+                match &own[at - 10] {
+                    JointColumn::Rotor(column) => columns.push((*column, entry.clone())),
+                    JointColumn::Offset(offset) => {
+                        for (column, factor) in offset {
+                            columns.push((*column, field.mul(entry, factor)));
+                        }
                     }
                 }
             }
@@ -346,7 +347,7 @@ impl Joint {
 
     /// The spans behind the joint, and the functionals to which a null direction at the joint must
     /// be orthogonal. They have ten entries for the body, one for the rotor (1 in the generator
-    /// h(S, S) alone) and one for the friction's offset (in the generators with gravity, with the
+    /// h(S, S) alone) and one for the joint's offset (in the generators with gravity, with the
     /// opposite sign if the joint is passed backward).
     fn extend(
         &self,

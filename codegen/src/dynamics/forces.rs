@@ -5,7 +5,7 @@ use crate::kinematics::{Frames, LinkMotion, Rates, Twist};
 use crate::model::{Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
-use super::friction_factor;
+use super::{friction_factor, offset_factor};
 
 /// The ten inertial parameters of a body about its link's origin, in the link's frame.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +86,8 @@ impl Wrench {
     }
 }
 
-/// The effort of every joint of the tree, by coordinate: K phi with friction and rotors, N m or N.
+/// The effort of every joint of the tree, by coordinate: K phi with friction, offsets and rotors, N m
+/// or N.
 pub fn joint_efforts(
     g: &mut Graph,
     frames: &Frames,
@@ -120,6 +121,7 @@ pub fn joint_efforts(
                 let factor = friction_factor(g, column, rates.qd[coordinate], rates.rd[coordinate]);
                 (coordinate, factor)
             }
+            ParameterKind::Offset { coordinate } => (coordinate, offset_factor(rates)),
             ParameterKind::Rotor { coordinate } => (coordinate, rates.qdd[coordinate]),
         };
         let term = g.mul(factor, *value);

@@ -10,4 +10,4 @@ mod regressor;
 pub use forces::{Inertial, joint_efforts};
 pub use inertia::mass_matrix;
 pub use reduction::Reduction;
-pub use regressor::{InertiaWrench, UnitTwists, friction_factor, reduced_regressor};
+pub use regressor::{InertiaWrench, UnitTwists, friction_factor, offset_factor, reduced_regressor};

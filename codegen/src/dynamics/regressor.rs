@@ -151,6 +151,12 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
     }
 }
 
+/// The factor that multiplies an offset in the joint's effort: 1. A constant effort remains at rest,
+/// so it belongs to the forces at rest, with gravity, and not to those that the velocities cause.
+pub fn offset_factor(rates: &Rates) -> Ex {
+    if rates.gravity { Ex::ONE } else { Ex::ZERO }
+}
+
 /// The unit twists that move the links, and the points at which joint axes meet.
 #[derive(Debug)]
 pub struct UnitTwists<'a> {
@@ -162,7 +168,8 @@ pub struct UnitTwists<'a> {
 
 /// The reduced regressor W, one column per parameter with one entry per independent coordinate:
 /// tau = W phi for the efforts tau of the independent coordinates. It is `K_i - X^T K_e` (Eq. 11)
-/// with friction and rotor columns (Eq. 20); columns of dependent joints are projected by -X^T.
+/// with friction, offset and rotor columns (Eq. 20); columns of dependent joints are projected by
+/// -X^T.
 ///
 /// The columns of each body are built about its origin and about each point at which axes before it
 /// meet. All these agree in value; for each body those are returned that make the `wanted` columns
@@ -203,6 +210,7 @@ pub fn reduced_regressor(
                 let factor = friction_factor(g, column, rates.qd[coordinate], rates.rd[coordinate]);
                 (coordinate, factor)
             }
+            ParameterKind::Offset { coordinate } => (coordinate, offset_factor(rates)),
             ParameterKind::Rotor { coordinate } => (coordinate, rates.qdd[coordinate]),
         };
         let column = (0..j.width()).map(|i| g.mul(j.at(coordinate, i), factor));

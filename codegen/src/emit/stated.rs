@@ -33,6 +33,7 @@ fn parameter(parameter: &Parameter) -> String {
     let symbol = match parameter.kind {
         ParameterKind::Inertial { entry, .. } => INERTIAL_SYMBOLS[entry].to_owned(),
         ParameterKind::Friction { .. } => format!("Friction({:?})", parameter.symbol()),
+        ParameterKind::Offset { .. } => "Offset".to_owned(),
         ParameterKind::Rotor { .. } => "Rotor".to_owned(),
     };
     format!("Parameter::new(Symbol::{symbol}, {:?})", parameter.owner)

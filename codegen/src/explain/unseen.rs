@@ -90,6 +90,7 @@ impl Bodies<'_> {
             let (reason, body) = match parameter.kind {
                 ParameterKind::Inertial { body, entry } => (self.reason(body, entry), Some(body)),
                 ParameterKind::Rotor { coordinate }
+                | ParameterKind::Offset { coordinate }
                 | ParameterKind::Friction { coordinate, .. } => {
                     let name = &self.model.coordinates[coordinate].name;
                     (Some(format!("{name} never moves")), None)
@@ -130,11 +131,13 @@ impl Bodies<'_> {
     }
 
     fn reason_of_combination(&self, row: &NullDirection) -> Option<String> {
-        let (mut bodies, mut rotors, mut friction) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut bodies, mut rotors) = (Vec::new(), Vec::new());
+        let (mut friction, mut offsets) = (Vec::new(), Vec::new());
         for term in &row.terms {
             let (to, at) = match self.model.parameters[term.column].kind {
                 ParameterKind::Inertial { body, .. } => (&mut bodies, body),
                 ParameterKind::Rotor { coordinate } => (&mut rotors, coordinate),
+                ParameterKind::Offset { coordinate } => (&mut offsets, coordinate),
                 ParameterKind::Friction { coordinate, .. } => (&mut friction, coordinate),
             };
             if !to.contains(&at) {
@@ -146,6 +149,23 @@ impl Bodies<'_> {
             let names = of.iter().map(|c| self.model.coordinates[*c].name.as_str());
             names.collect::<Vec<_>>().join(" and ")
         };
+        if !offsets.is_empty() {
+            let mut at = offsets.clone();
+            at.extend(friction.iter().filter(|c| !offsets.contains(c)));
+            return Some(if !bodies.is_empty() {
+                format!(
+                    "a weight is a constant force at {}, as an offset of the effort is",
+                    coordinates(&at)
+                )
+            } else if at.len() == 1 {
+                format!(
+                    "in motion, Fc+ less Fc- of {} is a constant effort, as its offset is",
+                    coordinates(&at)
+                )
+            } else {
+                format!("the rates of {} are linearly dependent", coordinates(&at))
+            });
+        }
         if !friction.is_empty() {
             return Some(if bodies.is_empty() {
                 format!("{} move in a fixed proportion", coordinates(&friction))

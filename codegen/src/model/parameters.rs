@@ -74,6 +74,11 @@ pub enum ParameterKind {
         /// The column of the friction law.
         column: FrictionColumn,
     },
+    /// A constant effort at a coordinate, of either sign: of the amplifier, the sensor or a cable.
+    Offset {
+        /// Index of the coordinate.
+        coordinate: usize,
+    },
     /// The inertia of rotor and drive at a coordinate (Eq. 18).
     Rotor {
         /// Index of the coordinate.
@@ -81,6 +86,8 @@ pub enum ParameterKind {
     },
 }
 
+/// The symbol of the constant effort of a joint.
+const OFFSET: &str = "Fo";
 /// The symbol of the inertia of a rotor and its drive (Eq. 18).
 const ROTOR: &str = "J";
 
@@ -101,6 +108,7 @@ impl ParameterKind {
         match self {
             ParameterKind::Inertial { entry, .. } => INERTIAL.get(entry).copied().unwrap_or("?"),
             ParameterKind::Friction { column, .. } => column.symbol(),
+            ParameterKind::Offset { .. } => OFFSET,
             ParameterKind::Rotor { .. } => ROTOR,
         }
     }
@@ -127,8 +135,8 @@ impl Parameter {
     }
 }
 
-/// All parameters in order: ten per body, then friction coordinate by coordinate, then rotors (Eq.
-/// 20).
+/// All parameters in order: ten per body, then friction and the offset coordinate by coordinate,
+/// then rotors (Eq. 20).
 pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for (index, body) in bodies.iter().enumerate() {
@@ -144,6 +152,10 @@ pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> 
                 coordinate: index,
                 column,
             };
+            parameters.push(Parameter::new(kind, &coordinate.name));
+        }
+        if joint.offset {
+            let kind = ParameterKind::Offset { coordinate: index };
             parameters.push(Parameter::new(kind, &coordinate.name));
         }
     }

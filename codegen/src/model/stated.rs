@@ -28,6 +28,7 @@ pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
             given.map(|(_, inertia)| about_origin(inertia, entry))
         }
         ParameterKind::Friction { coordinate, column } => at_joint(coordinate, column.symbol()),
+        ParameterKind::Offset { coordinate } => at_joint(coordinate, kind.symbol()),
         ParameterKind::Rotor { coordinate } => at_joint(coordinate, "J"),
     };
     model.parameters.iter().map(|p| value(&p.kind)).collect()

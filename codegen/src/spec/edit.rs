@@ -46,6 +46,7 @@ pub fn with_nominal(
         let coordinates = joint.coordinates();
         let symbols = joint.friction.symbols().iter().copied();
         let mut wanted: Vec<(&str, f64)> = Vec::new();
+        let symbols = symbols.chain(joint.offset.then_some("Fo"));
         for symbol in symbols.chain(joint.rotor_inertia.then_some("J")) {
             let values: Vec<Option<f64>> = coordinates.iter().map(|c| value(c, symbol)).collect();
             match values.split_first() {

@@ -47,6 +47,7 @@ pub(super) struct JointFacts<'a> {
     pub(super) kind: JointKind,
     pub(super) body: Option<&'a str>,
     pub(super) friction: Friction,
+    pub(super) offset: bool,
     pub(super) rotor: bool,
 }
 
@@ -68,6 +69,9 @@ impl Inventory {
             for coordinate in coordinates_of(joint.name, joint.kind) {
                 let symbols = joint.friction.parameters().iter();
                 friction.extend(symbols.map(|symbol| ParameterName::new(symbol, &coordinate)));
+                if joint.offset {
+                    friction.push(ParameterName::new("Fo", &coordinate));
+                }
                 if joint.rotor {
                     rotors.push(ParameterName::new("J", &coordinate));
                 }
@@ -114,6 +118,7 @@ impl Spec {
             kind: joint.kind.value,
             body: joint.body.as_ref().map(|body| body.value.as_str()),
             friction: joint.friction,
+            offset: joint.offset,
             rotor: joint.rotor_inertia,
         }))
     }
@@ -128,7 +133,8 @@ impl Spec {
         self.inventory().bodies
     }
 
-    /// The parameters' labels: ten per body, then friction coordinate by coordinate, then rotors.
+    /// The parameters' labels: ten per body, then friction and the offset coordinate by coordinate,
+    /// then rotors.
     pub fn parameters(&self) -> Vec<String> {
         let parameters = self.inventory().parameters;
         parameters.iter().map(ParameterName::label).collect()

@@ -121,11 +121,13 @@ record! {
         default actuated: Flag = "false",
         /// Friction at each of its coordinates
         default friction: Chosen<Friction> = "none",
+        /// Adds the parameter Fo: a constant effort of either sign, N m or N (amplifier, sensor, cable)
+        default offset: Flag = "false",
         /// Adds the parameter J: rotor and drive, reflected to the joint
         default rotor_inertia: Flag = "false",
         /// Limits of each coordinate
         optional limits: RawLimits,
-        /// Nominal friction and rotor values by symbol (Fv, Fc, J, ...), for simulation and comparison
+        /// Nominal friction, offset and rotor values by symbol (Fv, Fc, Fo, J, ...), for simulation and comparison
         optional nominal: Ordered<ParameterSymbol, Scalar>,
     }
     exclusive { "dh" "origin" }

@@ -257,6 +257,7 @@ impl Resolver<'_> {
             body: raw.body.as_ref().map(|body| spanned(&body.0)),
             actuated: raw.actuated.value,
             friction: raw.friction.value,
+            offset: raw.offset.value,
             rotor_inertia: raw.rotor_inertia.value,
             limits: limits?,
             nominal: nominal?,

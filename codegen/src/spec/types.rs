@@ -262,11 +262,13 @@ pub struct Joint {
     pub actuated: bool,
     /// Friction at each of its coordinates.
     pub friction: Friction,
+    /// Whether each coordinate has a constant effort Fo as a parameter.
+    pub offset: bool,
     /// Whether each coordinate has a rotor parameter J.
     pub rotor_inertia: bool,
     /// Limits of each coordinate.
     pub limits: Limits,
-    /// Nominal friction and rotor values by parameter symbol (`Fv`, `Fc`, `J`, ...).
+    /// Nominal friction, offset and rotor values by parameter symbol (`Fv`, `Fc`, `Fo`, `J`, ...).
     pub nominal: Vec<(Spanned<String>, Quantity)>,
     /// The place of the joint in the file.
     pub span: Span,

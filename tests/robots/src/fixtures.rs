@@ -6,6 +6,7 @@ robot_model!("../../fixtures/mechanisms/delta.yaml");
 robot_model!("../../fixtures/mechanisms/fivebar_redundant.yaml");
 robot_model!("../../fixtures/mechanisms/geared_fivebar.yaml");
 robot_model!("../../fixtures/mechanisms/hexapod.yaml");
+robot_model!("../../fixtures/mechanisms/offsets.yaml");
 robot_model!("../../fixtures/mechanisms/parallelogram.yaml");
 robot_model!("../../fixtures/mechanisms/parallelogram_cut.yaml");
 robot_model!("../../fixtures/mechanisms/prs3.yaml");
@@ -45,6 +46,7 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
         &geared_fivebar::GearedFivebar,
     ),
     ("mechanisms/hexapod.yaml", &hexapod::Hexapod),
+    ("mechanisms/offsets.yaml", &offsets::Offsets),
     (
         "mechanisms/parallelogram.yaml",
         &parallelogram::Parallelogram,

@@ -32,11 +32,13 @@ pub(super) fn check(
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
     figures.record("regressor", error, ROW_TOLERANCE);
 
-    // Eq. 1 has no rotors; they are a diagonal inertia.
+    // Eq. 1 has neither rotors, which are a diagonal inertia, nor constant efforts.
     let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
     for (p, value) in reference.parameters.iter().zip(&inertial) {
-        if let Parameter::Rotor(k) = p {
-            tau[*k] += value * qdd[*k];
+        match p {
+            Parameter::Rotor(k) => tau[*k] += value * qdd[*k],
+            Parameter::Offset(k) => tau[*k] += value,
+            Parameter::Inertial(..) | Parameter::Friction(..) => {}
         }
     }
     let (ours, scale) = apply(&w, &inertial);
@@ -56,7 +58,7 @@ pub(super) fn check(
     adaptive_regressor(engine, reference, state, &inertial, random, figures)
 }
 
-/// Random physical bodies and rotors, with or without friction.
+/// Random physical bodies, offsets and rotors, with or without friction.
 fn parameters(
     reference: &Mechanism,
     bodies: &[PhysicalBody],

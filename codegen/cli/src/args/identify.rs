@@ -65,11 +65,11 @@ nothing but noise: then the noise below the cutoff that is told still counts.
 The test of Durbin, Wu and Hausman says whether least squares is biased.
 
 With --feasible the parameters of --out are physical: the semidefinite programme
-finds all ten of each body, friction and rotors that are not negative. What the
-data leave open is taken close to the spec's nominal values. With --friction
-they have the spec's nonlinear friction too; its samples stay in memory
-(--decimate). With --against, or more models than one, a table has eps_RA
-(Eq. 33) of each model on each log, as the chapter's Table 4.")]
+finds all ten of each body, friction and rotors that are not negative, offsets
+of either sign. What the data leave open is taken close to the spec's nominal
+values. With --friction they have the spec's nonlinear friction too; its samples
+stay in memory (--decimate). With --against, or more models than one, a table
+has eps_RA (Eq. 33) of each model on each log, as the chapter's Table 4.")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,

@@ -34,7 +34,10 @@ pub(super) fn states_needed(model: &Model) -> usize {
         return 0;
     }
     let by_all = (2 * columns).div_ceil(n * (n + 3) / 2);
-    let by_gravity = (2 * 4 * model.bodies.len()).div_ceil(n);
+    let offsets = model.parameters.iter();
+    let offsets = offsets.filter(|p| matches!(p.kind, ParameterKind::Offset { .. }));
+    // offsets are constant forces, as weights are
+    let by_gravity = (2 * (4 * model.bodies.len() + offsets.count())).div_ceil(n);
     by_all.max(by_gravity).max(MIN_STATES)
 }
 
@@ -153,9 +156,7 @@ impl<'a> Rows<'a> {
         units: Units,
     ) -> Rows<'a> {
         let parameters = model.parameters.iter();
-        let friction = parameters
-            .filter(|p| matches!(p.kind, ParameterKind::Friction { .. }))
-            .count();
+        let friction = parameters.filter(|p| p.is_friction()).count();
         let velocities = match friction {
             0 => 0,
             _ => (2 * friction).div_ceil(states).max(3),
@@ -216,9 +217,9 @@ impl<'a> Rows<'a> {
                     ParameterKind::Rotor { coordinate } => {
                         state.j[coordinate][j] * state.j[coordinate][k]
                     }
-                    ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => {
-                        Float320::ZERO
-                    }
+                    ParameterKind::Inertial { .. }
+                    | ParameterKind::Friction { .. }
+                    | ParameterKind::Offset { .. } => Float320::ZERO,
                 };
                 let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
                 self.push(0, &blocks.collect::<Vec<_>>(), entry);
@@ -227,6 +228,7 @@ impl<'a> Rows<'a> {
                 ParameterKind::Friction { coordinate, column } => {
                     halves(FrictionHalves::of(column).o, state.j[coordinate][j])
                 }
+                ParameterKind::Offset { coordinate } => state.j[coordinate][j],
                 ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
             // derivative of the potential energy: minus the power of gravity
@@ -267,7 +269,9 @@ impl<'a> Rows<'a> {
                 ParameterKind::Friction { coordinate, column } => {
                     power(FrictionHalves::of(column), qd[coordinate])
                 }
-                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
+                ParameterKind::Inertial { .. }
+                | ParameterKind::Offset { .. }
+                | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
             self.push(unit, &[], entry);
         }

@@ -88,6 +88,10 @@ impl Units {
                     0
                 }
             }
+            ParameterKind::Offset { coordinate } => {
+                let length = if slides(coordinate) { -self.length } else { 0 };
+                length + self.time
+            }
             ParameterKind::Friction { coordinate, column } => {
                 let length = if slides(coordinate) { -self.length } else { 0 };
                 match column {

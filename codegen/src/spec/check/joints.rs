@@ -141,6 +141,13 @@ impl Checker<'_> {
                     hint,
                 );
             }
+            if joint.offset.value {
+                refuse(
+                    joint.offset.span,
+                    "a fixed joint has no effort, so no offset".into(),
+                    hint,
+                );
+            }
             if joint.rotor_inertia.value {
                 refuse(
                     joint.rotor_inertia.span,
@@ -173,6 +180,9 @@ impl Checker<'_> {
             return;
         };
         let mut allowed = joint.friction.value.nominal().to_vec();
+        if joint.offset.value {
+            allowed.push("Fo");
+        }
         if joint.rotor_inertia.value {
             allowed.push("J");
         }
@@ -206,13 +216,20 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
             .error("'J' without a rotor")
             .hint("write `rotor_inertia: true` at this joint, or remove the value");
     }
+    if symbol.text == "Fo" {
+        return symbol
+            .error("'Fo' without an offset")
+            .hint("write `offset: true` at this joint, or remove the value");
+    }
     let near = did_you_mean(&symbol.text, allowed.iter().copied());
     let fault = symbol.error(format!(
         "'{}' is no parameter of friction '{friction}'{near}",
         symbol.text
     ));
     if allowed.is_empty() {
-        fault.hint("the joint has neither friction nor rotor: choose a kind with `friction:`")
+        fault.hint(
+            "the joint has neither friction, offset nor rotor: choose a kind with `friction:`",
+        )
     } else {
         fault.hint(format!(
             "this joint has {}",

@@ -74,6 +74,7 @@ fn inventory(raw: &RawSpec) -> Inventory {
         kind: joint.kind.value,
         body: joint.body.as_ref().map(|body| body.0.text.as_str()),
         friction: joint.friction.value,
+        offset: joint.offset.value,
         rotor: joint.rotor_inertia.value,
     }))
 }

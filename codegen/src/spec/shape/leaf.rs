@@ -245,8 +245,18 @@ impl Shape for Flag {
         let value = match text.as_str() {
             "true" => true,
             "false" => false,
-            _ => {
-                reader.mismatch(Self::EXPECTED, node);
+            other => {
+                let message = format!("expected {}, found '{other}'", Self::EXPECTED);
+                let meant = match other.to_ascii_lowercase().as_str() {
+                    "yes" | "on" | "y" | "1" | "true" => Some("true"),
+                    "no" | "off" | "n" | "0" | "false" => Some("false"),
+                    _ => None,
+                };
+                let fault = Diagnostic::new(node.span, message);
+                reader.report(match meant {
+                    Some(word) => fault.hint(format!("write `{word}`")),
+                    None => fault,
+                });
                 return None;
             }
         };

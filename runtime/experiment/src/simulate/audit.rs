@@ -7,7 +7,8 @@ use regen_runtime::{Info, Model, Parameter, SizeError, Symbol};
 pub struct Energy {
     /// The kinetic energy qd_i^T M qd_i / 2, J.
     pub kinetic: f64,
-    /// The potential energy, J: minus the sum of m g.p over the bodies' centres of mass.
+    /// The potential energy, J: minus the sum of m g.p over the bodies' centres of mass, and the sum
+    /// of Fo q over the joints with an offset, a constant effort that acts against the actuators.
     pub potential: f64,
     /// The work of the actuators since the start, J.
     pub work: f64,
@@ -55,17 +56,28 @@ pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
         .collect()
 }
 
-/// The potential energy at q, J.
+/// The offset of each coordinate, N m or N; 0 at a coordinate without one.
+pub(super) fn offsets(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
+    let of = |name: &&str| {
+        let wanted = Parameter::new(Symbol::Offset, name);
+        let place = info.parameters.iter().position(|p| *p == wanted);
+        place.and_then(|k| phi.get(k)).copied().unwrap_or(0.0)
+    };
+    info.coordinates.iter().map(of).collect()
+}
+
+/// The potential energy at q, J, of the weights and of the offsets (one per coordinate, N m or N).
 pub(super) fn potential<M: Model<f64> + ?Sized>(
     model: &M,
     gravity: [f64; 3],
     moments: &[[f64; 4]],
+    offsets: &[f64],
     q: &[f64],
 ) -> Result<f64, SizeError> {
     let mut poses = vec![0.0; 12 * moments.len()];
     model.poses(q, &mut poses)?;
     let (poses, _) = poses.as_chunks::<12>();
-    let mut energy = 0.0;
+    let mut energy: f64 = offsets.iter().zip(q).map(|(effort, q)| effort * q).sum();
     for (pose, [m, mx, my, mz]) in poses.iter().zip(moments) {
         for (i, g) in gravity.iter().enumerate() {
             let turned = pose[3 * i] * mx + pose[3 * i + 1] * my + pose[3 * i + 2] * mz;

@@ -1,6 +1,6 @@
 //! The robot between samples: forward dynamics, drives, friction, and the sensors' readings.
 
-use super::audit::{Energy, kinetic, moments, potential};
+use super::audit::{Energy, kinetic, moments, offsets, potential};
 use super::control::Drive;
 use super::forward::{Forward, ForwardOutcome};
 use super::log::{Log, Termination};
@@ -15,6 +15,8 @@ pub(super) struct Robot<'m, M: ?Sized> {
     closure: LoopClosure<'m, M>,
     forward: Forward<'m, M>,
     moments: Vec<[f64; 4]>,
+    /// The constant effort of each coordinate, N m or N.
+    offsets: Vec<f64>,
     gravity: [f64; 3],
     pub(super) dof: usize,
     independent: Vec<usize>,
@@ -73,6 +75,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             settings,
             closure: LoopClosure::new(model)?,
             moments: moments(&info, phi),
+            offsets: offsets(&info, phi),
             gravity: info.gravity,
             forward,
             dof,
@@ -231,7 +234,13 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         let phi = self.forward.phi();
         log.energy.push(Energy {
             kinetic: kinetic(self.model, phi, &self.q, &qd_i)?,
-            potential: potential(self.model, self.gravity, &self.moments, &self.q)?,
+            potential: potential(
+                self.model,
+                self.gravity,
+                &self.moments,
+                &self.offsets,
+                &self.q,
+            )?,
             work: y[y.len() - 2],
             loss: y[y.len() - 1],
         });

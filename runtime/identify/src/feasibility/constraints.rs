@@ -121,13 +121,14 @@ impl Setting<'_> {
     }
 
     /// Adds the signs of the single parameters, unless a limit of the user replaces the sign, and
-    /// their safety limits.
+    /// their safety limits; offsets have these limits alone.
     pub(super) fn singles(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
-        for &j in self.layout.single() {
+        for &j in self.layout.single().iter().chain(self.layout.offsets()) {
             let label = &self.layout.labels()[j];
             let expression = problem.solved.expressions[j].clone();
             let own = self.options.bounds.iter().find(|b| b.parameter == *label);
-            let free = own.is_some_and(|b| b.lowest < 0.0);
+            let any_sign = self.layout.offsets().contains(&j);
+            let free = any_sign || own.is_some_and(|b| b.lowest < 0.0);
             if expression.terms.is_empty() {
                 if expression.constant < 0.0 && !free {
                     return Err(FeasibilityError::Contradiction(format!(
@@ -144,7 +145,7 @@ impl Setting<'_> {
             problem.push(Cone::line(&most), Kind::Strength);
             if !free {
                 problem.push(Cone::line(&expression), Kind::Sign);
-            } else if own.is_some_and(|b| !b.lowest.is_finite()) {
+            } else if own.is_none_or(|b| !b.lowest.is_finite()) {
                 most = expression;
                 most.constant += strongest;
                 problem.push(Cone::line(&most), Kind::Strength);
@@ -234,7 +235,7 @@ impl Setting<'_> {
                  leave it out"
             ));
         }
-        let bare = positive || symbol.is_none();
+        let bare = positive || self.layout.single().contains(&j);
         if bare && lowest == 0.0 && highest == f64::INFINITY {
             return idle(format!(
                 "{label} is not below 0 anyway: this limit does nothing"

@@ -193,11 +193,11 @@ impl Scale {
         let units = layout.units(scale);
         let mut mass = 0.0_f64;
         for (label, value) in combinations.labels().iter().zip(beta) {
-            // friction and rotor parameters give no information on the bodies
+            // friction, offsets and rotor parameters give no information on the bodies
             let Ok(column) = layout.find(label) else {
                 continue;
             };
-            if !layout.single().contains(&column) && value.is_finite() {
+            if layout.inertial(column).is_some() && value.is_finite() {
                 mass = mass.max((value / units[column]).abs());
             }
         }
@@ -212,7 +212,7 @@ impl Scale {
         scale
     }
 
-    /// The unit of parameters that belong to no body (friction, rotors): proportional to that of a
+    /// The unit of parameters that belong to no body (friction, offsets, rotors): proportional to that of a
     /// moment of inertia, and 1 for the default scale.
     pub(super) fn single(self) -> f64 {
         let usual = Self::default();

@@ -16,13 +16,14 @@ pub struct Body {
     pub columns: [usize; 10],
 }
 
-/// The parameters of a robot in groups: ten for each body, and single ones (friction, rotors),
-/// which dissipate or store energy and are not negative.
+/// The parameters of a robot in groups: ten for each body, single ones (friction, rotors), which
+/// dissipate or store energy and are not negative, and offsets, constant efforts of either sign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterLayout {
     labels: Vec<String>,
     bodies: Vec<Body>,
     single: Vec<usize>,
+    offsets: Vec<usize>,
 }
 
 /// The result of checking whether parameters are physical.
@@ -49,8 +50,8 @@ impl Check {
 }
 
 impl ParameterLayout {
-    /// Groups parameters by their labels: `Ixx(3)` belongs to body 3; a label without one of the
-    /// ten inertial symbols is a single parameter.
+    /// Groups parameters by their labels: `Ixx(3)` belongs to body 3, `Fo(q1)` is an offset; a label
+    /// without any of these symbols is a single parameter.
     ///
     /// # Errors
     /// When a body lacks one of its ten parameters, or a label occurs twice.
@@ -99,12 +100,16 @@ impl ParameterLayout {
     ) -> Result<Self, FeasibilityError> {
         let find = |label: &str| labels.iter().position(|l| l == label);
         let mut bodies: Vec<Body> = Vec::new();
-        let mut single = Vec::new();
+        let (mut single, mut offsets) = (Vec::new(), Vec::new());
         for (column, (label, parameter)) in labels.iter().zip(parameters).enumerate() {
             if find(label) != Some(column) {
                 return Err(FeasibilityError::Duplicate {
                     label: label.clone(),
                 });
+            }
+            if parameter.is_some_and(|p| p.is_offset()) {
+                offsets.push(column);
+                continue;
             }
             let of_body = parameter.filter(Parameter::is_inertial);
             let Some(Parameter { owner: body, .. }) = of_body else {
@@ -131,6 +136,7 @@ impl ParameterLayout {
             labels,
             bodies,
             single,
+            offsets,
         })
     }
 
@@ -144,12 +150,17 @@ impl ParameterLayout {
         &self.bodies
     }
 
-    /// The indices of the single parameters, which belong to no body.
+    /// The indices of the single parameters, which belong to no body and are not negative.
     pub fn single(&self) -> &[usize] {
         &self.single
     }
 
-    /// The symbol of a body's parameter; `None` for a single parameter.
+    /// The indices of the offsets, constant efforts of joints, which may have either sign.
+    pub fn offsets(&self) -> &[usize] {
+        &self.offsets
+    }
+
+    /// The symbol of a body's parameter; `None` for a parameter of a joint.
     pub(super) fn inertial(&self, column: usize) -> Option<Symbol> {
         let mut bodies = self.bodies.iter();
         let entry = bodies.find_map(|body| body.columns.iter().position(|c| *c == column))?;
@@ -214,6 +225,7 @@ impl ParameterLayout {
         let inside = |column: &usize| *column < count;
         let bodies = self.bodies.iter();
         let single = self.single.iter().copied();
+        let offsets = self.offsets.iter().copied();
         Self {
             labels: self.labels.iter().take(count).cloned().collect(),
             bodies: bodies
@@ -221,6 +233,7 @@ impl ParameterLayout {
                 .cloned()
                 .collect(),
             single: single.filter(inside).collect(),
+            offsets: offsets.filter(inside).collect(),
         }
     }
 

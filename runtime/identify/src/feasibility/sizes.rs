@@ -16,12 +16,12 @@ const MASS_STEP: f64 = 65536.0;
 pub(super) const MAX_SINGLE_RATIO: f64 = 1e4;
 
 impl Setting<'_> {
-    /// The unit of each parameter; that of a single parameter is the value that would explain all
-    /// of the efforts.
+    /// The unit of each parameter; that of a single parameter or an offset is the value that would
+    /// explain all of the efforts.
     pub(super) fn units(&self) -> Vec<f64> {
         let mut units = self.layout.units(self.scale());
         let whole = self.squared_efforts().sqrt();
-        for &j in self.layout.single() {
+        for &j in self.layout.single().iter().chain(self.layout.offsets()) {
             let column: f64 = self.column(j).iter().map(|x| x * x).sum();
             if column > 0.0 && whole > 0.0 {
                 units[j] = whole / column.sqrt();

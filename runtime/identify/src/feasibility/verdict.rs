@@ -63,7 +63,10 @@ impl InfeasibilityCertificate {
             .iter()
             .map(|body| eigenvalues(&functional(&body.columns.map(|k| c[k])))[0]);
         let of_single = layout.single().iter().map(|k| c[*k]);
-        let least = of_bodies.chain(of_single).fold(0.0, f64::min);
+        // an offset of either sign is bounded by no condition
+        let of_offsets = layout.offsets().iter().map(|k| -c[*k].abs());
+        let all = of_bodies.chain(of_single).chain(of_offsets);
+        let least = all.fold(0.0, f64::min);
         Ok(Self {
             value: weights.iter().zip(beta).map(|(w, b)| w * b).sum(),
             weights,
@@ -72,8 +75,8 @@ impl InfeasibilityCertificate {
     }
 
     /// The size that a physical robot must have at least to escape the proof, as the sum of the
-    /// traces of all pseudo-inertias and of the single parameters, in units of the scale; infinite
-    /// if the proof is exact.
+    /// traces of all pseudo-inertias, of the single parameters and of the sizes of the offsets, in
+    /// units of the scale; infinite if the proof is exact.
     pub fn escape(&self) -> f64 {
         if self.defect > 0.0 {
             -self.value / self.defect

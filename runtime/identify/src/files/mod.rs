@@ -116,7 +116,7 @@ pub struct ParameterFile {
     /// The bodies as in a spec, by label.
     #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
     pub bodies: BTreeMap<String, BodyRow>,
-    /// Linear friction and rotor inertia of each joint, by symbol.
+    /// Linear friction, offset and rotor inertia of each joint, by symbol.
     #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
     pub joints: BTreeMap<String, BTreeMap<String, f64>>,
 }

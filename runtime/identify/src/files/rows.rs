@@ -281,7 +281,7 @@ pub(super) fn bodies(layout: &ParameterLayout, phi: &[f64]) -> BTreeMap<String, 
         .collect()
 }
 
-/// Each joint's linear friction and rotor inertia, by symbol: all parameters that are not a body's.
+/// Each joint's linear friction, offset and rotor inertia, by symbol: all parameters that are not a body's.
 pub(super) fn joints(
     parameters: &[Parameter<'_>],
     phi: &[f64],

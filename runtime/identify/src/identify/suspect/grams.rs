@@ -59,15 +59,17 @@ pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Opt
     parameters.get(place(model, column)?).copied()
 }
 
-/// Whether the parameter that names a base parameter is friction, or a rotor without a nominal
-/// value.
+/// Whether the parameter that names a base parameter is friction, or an offset or a rotor without a
+/// nominal value.
 fn lacks_nominal<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
-    named(model, column).is_some_and(|p| p.is_friction() || (p.is_rotor() && unknown))
+    named(model, column)
+        .is_some_and(|p| p.is_friction() || ((p.is_rotor() || p.is_offset()) && unknown))
 }
 
-/// The base parameters of the nominal bodies; friction, and rotors without a value, count as 0.
+/// The base parameters of the nominal bodies; friction, and offsets and rotors without a value,
+/// count as 0.
 fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     let info = model.info();
     if info.nominal.len() != info.parameters.len() {
@@ -81,7 +83,8 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
         } else {
             *value
         };
-        phi.push(value.or_else(|| parameter.is_rotor().then_some(0.0))?);
+        let of_joint = parameter.is_rotor() || parameter.is_offset();
+        phi.push(value.or_else(|| of_joint.then_some(0.0))?);
     }
     let mut beta = vec![0.0; model.base_info().base.len()];
     model.to_base(&phi, &mut beta).ok()?;
@@ -356,7 +359,8 @@ impl Grams {
     }
 
     /// Compares the effort of equation `i` with the one that the nominal bodies need, after
-    /// subtracting from both what friction, rotors without nominal values and a constant explain.
+    /// subtracting from both what friction, offsets and rotors without nominal values and a constant
+    /// explain.
     /// Returns the correlation, the slope, and the remaining part of the effort's rms.
     pub(super) fn compare_with_nominal<M: BaseModel<f64> + ?Sized>(
         &self,
