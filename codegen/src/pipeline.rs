@@ -49,7 +49,7 @@ pub struct Mechanism {
     spec: Spec,
     model: Model,
     /// The loops closed at home, or the report why they cannot be.
-    closed_mechanism: OnceCell<Result<ClosedMechanism, Report>>,
+    closed: OnceCell<Result<ClosedMechanism, Report>>,
     /// The base parameters, derived or read by [`Mechanism::load_base`].
     analysis: OnceCell<Analysis>,
 }
@@ -83,7 +83,7 @@ impl Mechanism {
             source: source.clone(),
             spec,
             model,
-            closed_mechanism: OnceCell::new(),
+            closed: OnceCell::new(),
             analysis: OnceCell::new(),
         })
     }
@@ -139,7 +139,7 @@ impl Mechanism {
     /// As [`Mechanism::analysis`], except that `base: drop` is not checked.
     pub fn explanation(&self) -> Result<Explanation, Report> {
         let analysis = self.analysis_with_dropped()?;
-        let closed = &self.closed_mechanism()?.closed;
+        let closed = &self.closed()?.closed;
         let redundant = closed
             .closure
             .as_ref()
@@ -160,7 +160,7 @@ impl Mechanism {
     /// # Errors
     /// As [`Mechanism::analysis`], except that too many parameters are not an error here.
     pub fn robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
-        let mechanism = self.closed_mechanism()?;
+        let mechanism = self.closed()?;
         let needs_base = kinds
             .iter()
             .any(|kind| kind.signature().needs == Needs::Base);
@@ -203,15 +203,15 @@ impl Mechanism {
                 &self.model,
             ));
         }
-        let home = &self.closed_mechanism()?.closed.home;
+        let home = &self.closed()?.closed.home;
         // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
         let analyse = || base::analyse(&self.spec, &self.model, home);
         Ok(self.analysis.get_or_init(analyse))
     }
 
     /// The mechanism with its loops closed, computed at the first call.
-    fn closed_mechanism(&self) -> Result<&ClosedMechanism, Report> {
-        let closed = self.closed_mechanism.get_or_init(|| self.close_loops());
+    fn closed(&self) -> Result<&ClosedMechanism, Report> {
+        let closed = self.closed.get_or_init(|| self.close_loops());
         closed.as_ref().map_err(Clone::clone)
     }
 
@@ -336,7 +336,7 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 pub fn derive_with(source: &Source, from: BaseSource<'_>) -> Result<Robot, DeriveError> {
     let mut mechanism = Mechanism::open(source)?;
     // report mistakes in the spec before those in the stored base parameters
-    mechanism.closed_mechanism()?;
+    mechanism.closed()?;
     let few_enough_parameters = base::has_few_enough_parameters(&mechanism.model);
     match from {
         BaseSource::Skip => return Ok(mechanism.robot(&functions_without_base())?),
