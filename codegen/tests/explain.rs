@@ -254,13 +254,15 @@ fn offsets_are_explained_beside_friction_weights_and_other_offsets() {
     };
     let slide = "      - {name: z, type: prismatic, body: 1, actuated: true, rotor_inertia: true, offset: true, FRICTION}\n";
     let friction = slide.replace("FRICTION", "friction: asymmetric");
-    let reason = together(&of(&friction, ""), "Fo(z)").unwrap();
+    let found = of(&friction, "");
+    let reason = together(&found, "Fo(z)").unwrap();
     assert!(
         reason.contains("Fc+ less Fc- of z is a constant effort"),
         "{reason}"
     );
     let weight = slide.replace("FRICTION", "friction: none");
-    let reason = together(&of(&weight, ""), "m(1)").unwrap();
+    let found = of(&weight, "");
+    let reason = together(&found, "m(1)").unwrap();
     assert!(
         reason.contains("a weight is a constant force at z"),
         "{reason}"
