@@ -216,9 +216,9 @@ pub trait Model<T: Scalar = f64> {
         self.eval(Function::Gravity, arguments, out)
     }
 
-    /// The efforts at zero independent accelerations, less those of [`gravity`](Self::gravity): Coriolis, centrifugal and
-    /// friction, so that tau = M qdd_i + bias + gravity. The dependent accelerations are those
-    /// that the closure then imposes.
+    /// The efforts at zero independent accelerations, less those of [`gravity`](Self::gravity):
+    /// Coriolis, centrifugal and friction, so that tau = M qdd_i + bias + gravity. The dependent
+    /// accelerations are those that the closure then imposes.
     ///
     /// - `q`, `qd`: n; `phi`: p; `out`: dof.
     ///

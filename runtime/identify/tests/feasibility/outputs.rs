@@ -35,6 +35,7 @@ fn every_kind_of_parameter_has_its_unit() {
         ("Fc", "N m", "N"),
         ("Fc-", "N m", "N"),
         ("Fs", "N m", "N"),
+        ("Fo", "N m", "N"),
     ] {
         assert_eq!(unit(&format!("{symbol}(turn)"), &info), turn);
         assert_eq!(unit(&format!("{symbol}(slide)"), &info), slide);
