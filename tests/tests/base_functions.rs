@@ -59,7 +59,7 @@ fn base_functions_agree_with_the_full_ones() {
                 // that have these base parameters and zeros in place of the eliminated ones.
                 let has_offset = robot.parameters.iter().any(|p| p.label.starts_with("Fo("));
                 let zeros = vec![0.0; analysis.base.null.len()];
-                let with_zeros = call(&robot, F::ParametersFromBase, &[&beta, &zeros]);
+                let with_zeros = call(&robot, F::FromBase, &[&beta, &zeros]);
                 let equivalent = if has_offset { &with_zeros } else { &phi };
                 for (base, full, inputs) in [
                     (F::BaseGravity, F::Gravity, vec![q.as_slice()]),
