@@ -57,12 +57,12 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
 ///
 /// ```
 /// use regen_experiment::simulate::linear_friction;
-/// use regen_runtime::{Friction, Info, Joint};
+/// use regen_runtime::{Friction, Info, Joint, Parameter, Symbol};
 ///
 /// let joint = Joint { friction: Friction::Viscous, ..Joint::ROTATION };
 /// let info = Info {
 ///     coordinates: &["q1"],
-///     parameters: &["m(1)", "Fv(q1)"],
+///     parameters: &[Parameter::new(Symbol::Mass, "1"), Parameter::new(Symbol::Friction("Fv"), "q1")],
 ///     joints: &[joint],
 ///     ..Info::EMPTY
 /// };
