@@ -62,7 +62,10 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
 /// let joint = Joint { friction: Friction::Viscous, ..Joint::ROTATION };
 /// let info = Info {
 ///     coordinates: &["q1"],
-///     parameters: &[Parameter::new(Symbol::Mass, "1"), Parameter::new(Symbol::Friction("Fv"), "q1")],
+///     parameters: &[
+///         Parameter::new(Symbol::Mass, "1"),
+///         Parameter::new(Symbol::Friction("Fv"), "q1"),
+///     ],
 ///     joints: &[joint],
 ///     ..Info::EMPTY
 /// };
