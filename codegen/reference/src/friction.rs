@@ -1,5 +1,8 @@
-//! The friction of a joint: the columns of linear laws, and the effort of every law, written as its
-//! source prints it.
+//! The friction of a joint: the regressor's columns of linear laws, and the effort of every law.
+//!
+//! The efforts are written as in the publications (`stribeck` is Eq. 32, `atan` Eq. 16, `power`
+//! Eq. 17, `lugre` the steady state of the LuGre model). They share no code with the laws of the
+//! runtime; tests compare the two.
 
 use crate::mechanism::Mechanism;
 
@@ -8,21 +11,23 @@ use crate::mechanism::Mechanism;
 pub struct Friction {
     /// The law's word in the spec.
     pub word: &'static str,
-    /// The symbols of its columns; empty for a law that is not linear.
+    /// The symbols of its parameters, one regressor column each, such as `Fv` and `Fc`; empty for
+    /// a nonlinear law.
     pub columns: &'static [&'static str],
     effort: Effort,
 }
 
-/// How the effort is computed from the values of the symbols.
+/// How the effort, N m or N, is computed from the values of the law's coefficients.
 #[derive(Clone, Copy, Debug)]
 enum Effort {
-    /// The sum of the columns times their values.
+    /// Linear: the sum of the regressor's entries times the coefficients.
     Columns,
-    /// Another function of the values of these symbols, the velocity and its sign.
+    /// Nonlinear: the symbols of the coefficients, and the effort as a function of their values x
+    /// in this order, the velocity v, and the sign of v (-1, 0 or 1).
     Of(&'static [&'static str], fn(&[f64], f64, f64) -> f64),
 }
 
-/// All laws.
+/// All laws, with their words in the spec.
 const LAWS: [Friction; 10] = [
     linear("none", &[]),
     linear("viscous", &["Fv"]),
@@ -69,7 +74,7 @@ const fn nonlinear(
 }
 
 impl Friction {
-    /// The law of a word in the spec.
+    /// The law with this word in the spec; `None` if there is none.
     pub(crate) fn of(word: &str) -> Option<Friction> {
         LAWS.into_iter().find(|law| law.word == word)
     }
@@ -81,9 +86,11 @@ impl Friction {
 }
 
 impl Mechanism {
-    /// The effort, N m or N, that friction takes from a coordinate at the velocity `v`, rad/s or
-    /// m/s, with the spec's nominal values: positive where it opposes a positive velocity. `None`
-    /// where a value is missing.
+    /// The effort, N m or N, that overcomes the friction of a coordinate at the velocity `v`, rad/s
+    /// or m/s, with the spec's nominal coefficients. Where these are positive it has the sign of
+    /// `v`; at rest it is zero. `None` if a coefficient is missing or there is no such coordinate.
+    ///
+    /// - `coordinate`: the index among all coordinates.
     pub fn friction_effort(&self, coordinate: usize, v: f64) -> Option<f64> {
         let name = self.coordinates.get(coordinate)?;
         let law = self.friction.get(coordinate)?;
@@ -104,7 +111,11 @@ impl Mechanism {
     }
 }
 
-/// The regressor's entry of a friction parameter in the row of its joint.
+/// The regressor's entry in the column of a friction parameter and the row of its joint.
+///
+/// - `symbol`: one of `Fv`, `Fc`, `Fv+`, `Fv-`, `Fc+`, `Fc-`; the sign is that of the velocity at
+///   which the parameter acts;
+/// - `qd`: the joint's velocity, rad/s or m/s.
 pub(crate) fn friction_column(symbol: &str, qd: f64) -> f64 {
     let positive = f64::from(u8::from(qd > 0.0));
     let negative = f64::from(u8::from(qd < 0.0));

@@ -2,19 +2,19 @@
 //! depend (`codegen/BASE.md` explains the method).
 //!
 //! They follow from the null space of the regressor W (Eq. 11, 23): the changes of the parameters
-//! that change no force, in any motion. Three layers find its directions:
+//! that change no force, in any motion. Three layers find the directions of this space:
 //!
 //! - *layer 1* derives those of an open tree exactly, joint by joint;
 //! - *layer 2* derives those of a mechanism with loops exactly: it adds the null spaces of many
 //!   spanning trees, and the directions that velocity constraints imply (couplings, and the
 //!   rotations around planar loops);
 //! - *layer 3* completes the null space: it computes the directions that are still missing from
-//!   samples in multiple precision, and recognises their factors as exact numbers and as functions
-//!   of the named lengths.
+//!   the regressor at sampled states in multiple precision, and recognises their coefficients
+//!   (here called factors) as exact numbers and as functions of the named lengths.
 //!
-//! A column stands for a parameter everywhere here: its column in W, in the order of
-//! `Model::parameters`. Row reduction of the null space then decides which columns are eliminated;
-//! the others are kept, and each gives one base parameter.
+//! In this module a parameter is identified by the index of its column in W, in the order of
+//! `Model::parameters`. Row reduction of the null space decides which columns are eliminated; the
+//! others are kept, and each kept column gives one base parameter.
 
 mod analysis;
 pub mod certificate;
@@ -51,40 +51,43 @@ use span::{Span, Vector};
 /// A parameter with its factor in a linear combination of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// The parameter's column in the regressor.
+    /// The index of the parameter's column in the regressor.
     pub column: usize,
     /// The factor as an expression in the named lengths and angles of the spec.
     pub coefficient: Coefficient,
-    /// The factor's exact value at the values of the names in the spec, SI.
+    /// The factor's value in SI units at the spec's values of the names: approximate only where the
+    /// combination is [`Exactness::Numeric`] or a [`Number`] cannot represent it exactly.
     pub value: Number,
 }
 
-/// How a combination was obtained.
+/// How a combination of parameters (a null direction or a base parameter) was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Provenance {
     /// By layers 1 and 2: derived exactly from spanning trees and velocity constraints. Also for a
     /// base parameter that is a single parameter.
     Derived,
-    /// By layer 3: completed from samples in multiple precision.
+    /// By layer 3: completed from the regressor at sampled states, in multiple precision.
     Completed,
 }
 
-/// How well the factors of a completed combination are known.
+/// How well the factors of a combination are known, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exactness {
-    /// Functions of the geometry's names, derived, or verified at other values of the names (except
-    /// for the names that [`Base::unvaried_names`] lists).
+    /// All factors are known as functions of the geometry's names: derived, or completed and
+    /// verified at other values of the names.
     Symbolic,
-    /// Exact numbers at the given geometry; how they depend on its names is not known.
+    /// All factors are known exactly at the given geometry, but not how all of them depend on its
+    /// names. This includes completed factors if [`Base::unvaried_names`] is not empty.
     AtThisGeometry,
-    /// Some of the factors are known by their digits only.
+    /// Some factors were not recognised: only their numeric values are known.
     Numeric,
 }
 
 /// A null direction: a change of the parameters that changes no force, whatever the motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NullDirection {
-    /// The eliminated column, which no other direction of [`Base::null`] contains.
+    /// The index of the eliminated column, in which all other directions of [`Base::null`] are
+    /// zero.
     pub column: usize,
     /// The direction's nonzero entries; that of the eliminated column is 1.
     pub terms: Vec<Term>,
@@ -97,9 +100,9 @@ pub struct NullDirection {
 /// A base parameter: a kept parameter plus multiples of eliminated ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameter {
-    /// The kept column.
+    /// The index of the kept column.
     pub column: usize,
-    /// The combination; the kept parameter first, with factor 1.
+    /// The sum that makes up the base parameter: the kept parameter first, with factor 1.
     pub terms: Vec<Term>,
     /// How the combination was obtained.
     pub provenance: Provenance,
@@ -112,42 +115,46 @@ pub struct BaseParameter {
 /// A parameter that `base.zero` or `base.equal` of the spec replaces by a combination of others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Substitution {
-    /// The column of the replaced parameter.
+    /// The index of the replaced parameter's column.
     pub column: usize,
-    /// The combination that replaces it.
+    /// The sum that replaces it; empty if the parameter is zero.
     pub terms: Vec<Term>,
 }
 
 /// The base parameters of a mechanism.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// The base parameters, dropped ones among them, in the order of the parameters.
+    /// The base parameters, including dropped ones, ordered by their kept columns.
     pub parameters: Vec<BaseParameter>,
     /// A basis of the null space: one direction per eliminated column, in the order of the columns.
+    /// The parameters that `known` replaces are not among the columns.
     pub null: Vec<NullDirection>,
-    /// The parameters that `base.zero` and `base.equal` write as combinations of others.
+    /// The parameters that `base.zero` and `base.equal` of the spec replace by others.
     pub known: Vec<Substitution>,
-    /// Dimension of the part of the null space that layers 1 and 2 derive, over all columns: from
-    /// spanning trees and from velocity constraints.
+    /// How many independent null directions layers 1 and 2 derived, from spanning trees and from
+    /// velocity constraints; counted before `known` replaces parameters.
     pub from_trees: usize,
     /// How many spanning trees were analysed.
     pub trees: usize,
-    /// How many further null directions layer 3 completed from samples.
+    /// How many further null directions layer 3 completed from samples; counted likewise.
     pub completed: usize,
-    /// How many directions fail to be null at the sampled states: 0, unless the base is wrong.
+    /// How many of these directions change a force at the sampled states. This must be 0; otherwise
+    /// the derivation is wrong. Also 0 if there are no samples.
     pub refuted: usize,
-    /// Factors of completed directions that are known as numbers only, each with the reason.
+    /// Factors of completed directions of which only numeric values are known, each with the
+    /// reason.
     pub unrecognised: Vec<String>,
-    /// Names that layer 3 could not vary, or only in proportion to each other, so that the
-    /// completed factors hold for their given values or ratios only; each entry with the reason.
+    /// Names that layer 3 could not vary, or only in proportion to each other. Completed factors
+    /// are verified only at the given values or ratios of these names. Each entry has the reason.
     pub unvaried_names: Vec<String>,
-    /// Equalities between values of different names that the result depends on, such as `l1 = l2`.
+    /// Equalities of names that hold by their given values only and that the derivation relied on,
+    /// such as `l1 = l2`. At other values the base parameters may differ.
     pub coincidences: Vec<String>,
 }
 
 /// The largest number of parameters for which base parameters are derived. The certificate of a
-/// chain of a hundred general joints, 1000 parameters, takes about a minute, its memory and time
-/// grow with the square and the cube, and nobody has identified anything of that size.
+/// chain of a hundred general joints, which has 1000 parameters, takes about a minute. Its memory
+/// grows with the square of the number of parameters and its time with the cube.
 pub const MAX_PARAMETERS: usize = 1500;
 
 /// Whether the mechanism has few enough parameters ([`MAX_PARAMETERS`]) to derive its base
@@ -156,14 +163,16 @@ pub fn has_few_enough_parameters(model: &Model) -> bool {
     model.parameters.len() <= MAX_PARAMETERS
 }
 
-/// Derives the base parameters by layers 1 and 2 alone. The search over spanning trees ends early
-/// when the null space over all columns has `target` dimensions.
+/// Derives the base parameters by layers 1 and 2 alone.
+///
+/// - `target`: the dimension of the null space, if known (columns minus rank). The search over
+///   spanning trees ends early when it is reached.
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
     derive_with_completion(spec, model, target, None)
 }
 
-/// Derives the base parameters by layers 1 and 2, and by layer 3 if samples are given: null
-/// directions that the first two layers do not find are completed from the samples of `completion`.
+/// Derives the base parameters as `derive` does. If `completion` is given, layer 3 completes the
+/// null directions that the first two layers do not find, from the samples that it holds.
 fn derive_with_completion(
     spec: &Spec,
     model: &Model,
@@ -215,8 +224,8 @@ fn derive_with_completion(
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
-    // how a reduced row was obtained, from its entries in the tag columns; the factors are known
-    // as well as those of the worst completed direction in it
+    // A reduced row is completed if it has an entry in a tag column. Its factors are known as well
+    // as those of the least exact completed direction that it uses.
     let provenance_of = |row: &Vector| -> (Provenance, Exactness) {
         let tags = row.range(columns..);
         let used = tags.filter_map(|(tag, _)| completed_exactness.get(tag - columns));
@@ -231,8 +240,8 @@ fn derive_with_completion(
         .map(|c| {
             let (mut provenance, mut exactness) = (Provenance::Derived, Exactness::Symbolic);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
-                // forces do not change along the row, so the eliminated parameter enters with the
-                // opposite sign
+                // The row r of an eliminated column e says that W_e + sum_c r_c W_c = 0. Thus phi_e
+                // acts as -r_c phi_e does at each kept column c.
                 let factor = row.get(&c)?.neg();
                 if let (Provenance::Completed, of_row) = provenance_of(row) {
                     provenance = Provenance::Completed;
@@ -241,7 +250,7 @@ fn derive_with_completion(
                 Some((*eliminated, factor))
             });
             let mut terms: Vec<(usize, Element)> = combined.collect();
-            // short coefficients first, outer bodies first
+            // short coefficients first; among these, bodies far from the ground first
             terms.sort_by_key(|(column, e)| (e.weight(), usize::MAX - column));
             let label = &model.parameters[c].label;
             BaseParameter {
@@ -291,7 +300,7 @@ fn column(model: &Model, label: &str) -> Option<usize> {
     model.parameters.iter().position(|p| p.label == label)
 }
 
-/// A factor of the field as an expression in the names, with its value.
+/// The term of a column whose factor is `element`, as an expression in the names and as a value.
 fn term(field: &Field, column: usize, element: &Element) -> Term {
     Term {
         column,
@@ -301,7 +310,8 @@ fn term(field: &Field, column: usize, element: &Element) -> Term {
 }
 
 impl Base {
-    /// The number of base parameters without the dropped ones.
+    /// The number of base parameters in the model, which excludes dropped ones: the number of
+    /// columns of the base regressor.
     pub fn rank(&self) -> usize {
         self.parameters.iter().filter(|p| !p.dropped).count()
     }

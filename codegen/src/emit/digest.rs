@@ -1,4 +1,7 @@
-//! A short summary of a module's text, for snapshots that people do not have to read in full.
+//! A short summary of a generated module. `generated/digests.txt` has one for each robot whose
+//! module is not checked in, so that a change of the module is seen there.
+//!
+//! It is not the digest by which parameter files are matched with models: see [`crate::digest`].
 
 use std::fmt::Write as _;
 
@@ -8,8 +11,11 @@ use crate::optimize::Operations;
 use crate::robot::Robot;
 
 /// Summarises a module: a line with the robot's name, the number of lines of the text and its
-/// SHA-256, which differs for every other text; then a line per function with its operations, so
-/// that a change of the text can be judged without reading it.
+/// SHA-256; then a line for each function with its numbers of operations (see
+/// `Program::operations`), which show the effect of a change on the computational cost.
+///
+/// - `robot`: the robot whose functions are counted;
+/// - `text`: the source of its module.
 #[must_use]
 pub fn digest(robot: &Robot, text: &str) -> String {
     let mut out = format!("{}: {} lines, sha256 ", robot.name, text.lines().count());

@@ -1,7 +1,8 @@
-//! Angles as linear forms in the symbols, the usual arguments of sine and cosine.
+//! Angles that are linear in the symbols, such as `q1 + q2 + pi/6`: the usual arguments of sine and
+//! cosine.
 //!
-//! With linear arguments the sum of angles about parallel axes is a sum of forms, and sines and
-//! cosines of related angles can be computed from each other.
+//! Rotations about parallel axes are merged by adding their angles. The optimiser computes sines
+//! and cosines of sums and differences of angles from those of the parts.
 
 use dashu_int::IBig;
 use dashu_int::ops::RemEuclid;
@@ -21,17 +22,18 @@ impl AngleId {
     }
 }
 
-/// A linear form in the symbols with a constant part, rad.
+/// A linear form in the symbols plus a constant, rad.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Angle {
-    /// The symbols with their coefficients, in the symbols' order; no coefficient is zero.
+    /// The symbols with their coefficients, rad per unit of the symbol, sorted by symbol; no
+    /// coefficient is zero.
     pub terms: Vec<(SymbolId, Number)>,
-    /// The constant part.
+    /// The constant part, rad.
     pub constant: Number,
 }
 
 impl Angle {
-    /// A constant angle.
+    /// A constant angle, rad.
     pub fn constant(constant: Number) -> Self {
         Angle {
             terms: Vec::new(),
@@ -39,7 +41,7 @@ impl Angle {
         }
     }
 
-    /// The angle that a symbol is.
+    /// The angle that equals one symbol.
     pub fn symbol(symbol: SymbolId) -> Self {
         Angle {
             terms: vec![(symbol, Number::one())],
@@ -47,7 +49,7 @@ impl Angle {
         }
     }
 
-    /// `self + factor * other`.
+    /// `self + factor * other`; the factor must not be zero.
     #[must_use]
     pub fn plus(&self, other: &Angle, factor: &Number) -> Angle {
         let mut terms = self.terms.clone();
@@ -77,6 +79,7 @@ impl Angle {
         Angle::constant(Number::zero()).plus(self, &Number::from_i64(-1))
     }
 
+    /// The nodes of the angle's symbols in the graph.
     pub(super) fn symbol_nodes(&self, graph: &Graph) -> Vec<Ex> {
         self.terms
             .iter()
@@ -84,8 +87,8 @@ impl Angle {
             .collect()
     }
 
-    /// If the constant part is a rational multiple of pi, splits it into quarter turns (mod 4) and
-    /// a remainder in [0, pi/2); otherwise returns no quarter turns and the constant part.
+    /// If the constant part is a rational multiple of pi, splits it into a number of quarter turns
+    /// (mod 4) and a remainder in [0, pi/2); otherwise returns 0 and the constant part.
     fn quarter_turns(&self) -> (u8, Number) {
         let Some(multiple) = self.constant.pi_multiple() else {
             return (0, self.constant.clone());
@@ -106,6 +109,7 @@ impl Angle {
 }
 
 impl Graph {
+    /// The id of an angle; equal angles have the same id. Also creates the nodes of its symbols.
     fn intern_angle(&mut self, angle: Angle) -> AngleId {
         if let Some(&id) = self.angle_lookup.get(&angle) {
             return id;
@@ -124,8 +128,8 @@ impl Graph {
 
     /// Sine and cosine of an angle.
     ///
-    /// Constant angles give constants; quarter turns and the sign are taken out first, so that
-    /// `sin(-q)`, `cos(q + pi/2)` and `sin(q)` share one node.
+    /// A constant angle gives constants. Of other angles, the sign and the quarter turns are taken
+    /// out first, so that `sin(-q)` and `cos(q + pi/2)` are both the negative of the node `sin(q)`.
     pub fn sin_cos(&mut self, angle: &Angle) -> (Ex, Ex) {
         if angle.terms.is_empty() {
             let (sin, cos) = angle.constant.sin_cos();
@@ -150,8 +154,8 @@ impl Graph {
         }
     }
 
-    /// Sine and cosine of an expression. Constants and symbols are treated as angles; of other
-    /// expressions only the sign is taken out.
+    /// Sine and cosine of an expression, rad. Constants and symbols are treated as in
+    /// [`sin_cos`](Self::sin_cos); of other expressions only the sign is taken out.
     pub fn sin_cos_of(&mut self, ex: Ex) -> (Ex, Ex) {
         if let Some(constant) = self.value(ex) {
             return self.sin_cos(&Angle::constant(constant));

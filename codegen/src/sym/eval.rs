@@ -1,15 +1,17 @@
-//! Evaluation of expressions with the same result on every machine: sines and cosines are computed
-//! by a software library, not by the host's.
+//! Evaluation of expressions in double precision, with the same result on every machine: sines and
+//! cosines are computed by the crate `libm`, not by the mathematical library of the host.
 
 use super::graph::{Ex, Graph, Node};
 use crate::numeric::solve_pivoted;
 
-/// Evaluates a fixed set of expressions, for many values of the symbols.
+/// Evaluates a fixed set of expressions (the roots) at any number of values of the symbols.
 #[derive(Debug)]
 pub struct Evaluator<'g> {
     graph: &'g Graph,
+    /// The nodes that the roots depend on, operands first.
     order: Vec<Ex>,
     roots: Vec<Ex>,
+    /// The graph's numbers, rounded to double precision.
     constants: Vec<f64>,
 }
 
@@ -23,7 +25,7 @@ impl<'g> Evaluator<'g> {
                 stack.extend(graph.children(ex));
             }
         }
-        // children have smaller ids, so nodes are evaluated in ascending order
+        // operands have smaller ids than the nodes that use them, so ascending order is valid
         let order = (0..graph.len())
             .filter(|i| seen[*i])
             .map(|i| Ex(i as u32))
@@ -37,10 +39,15 @@ impl<'g> Evaluator<'g> {
         }
     }
 
-    /// The values of the roots; `symbols` has a value for each symbol in order of creation (missing
-    /// ones are 0).
+    /// The values of the roots, in their order.
+    ///
+    /// - `symbols`: the value of each symbol in order of creation; missing ones are 0.
+    ///
+    /// Linear systems are solved by elimination with complete pivoting, not in the graph's fixed
+    /// order of pivots. The solution of a singular system is NaN.
     pub fn run(&self, symbols: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.graph.len()];
+        // the solution of each linear system, computed when its first entry is needed
         let mut solutions: Vec<Option<Vec<Vec<f64>>>> = Vec::new();
         for &ex in &self.order {
             let at = |e: Ex| values[e.index()];
@@ -81,6 +88,7 @@ impl<'g> Evaluator<'g> {
         self.roots.iter().map(|r| values[r.index()]).collect()
     }
 
+    /// The value of an angle, rad.
     fn angle(&self, id: super::AngleId, symbols: &[f64]) -> f64 {
         let angle = self.graph.angle(id);
         angle

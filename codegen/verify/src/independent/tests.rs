@@ -1,4 +1,5 @@
-//! Every check can fail: a fault of the kind that it is there for makes it fail.
+//! Every independent check detects faults: each test puts a fault into a derived robot, its vectors
+//! or its certificate, and the checks that should detect it must fail.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::PathBuf;
@@ -37,7 +38,7 @@ fn derived(text: &str) -> Robot {
     pipeline::derive(&Source::new("robot.yaml", text)).unwrap()
 }
 
-/// A robot, with the text and the vectors against which it is checked.
+/// A robot, with the spec text and the test vectors of another program against which it is checked.
 struct Case {
     robot: Robot,
     text: String,
@@ -54,7 +55,7 @@ impl Case {
         }
     }
 
-    /// The checks with the given verdict.
+    /// Runs all checks and returns the keys of those with the given verdict.
     fn with(&self, verdict: Verdict) -> Vec<&'static str> {
         let report = independent(&self.robot, &self.text, self.vectors.as_ref()).unwrap();
         let made: Vec<_> = report.checks.iter().map(|c| c.what).collect();
@@ -70,7 +71,7 @@ impl Case {
         self.with(Verdict::Fails)
     }
 
-    /// Asserts that the given checks fail; others may fail too.
+    /// Asserts that the checks with the given keys fail; others may fail too.
     #[track_caller]
     fn fails(&self, keys: &[&str]) {
         let failing = self.failing();
@@ -79,7 +80,7 @@ impl Case {
         }
     }
 
-    /// Reverses the sign of the last entry of a function that is not a constant.
+    /// Reverses the sign of one output of a robot's function: the last that is not a constant.
     fn turn(&mut self, kind: FunctionKind) {
         let functions = &mut self.robot.functions;
         let function = functions.iter_mut().find(|f| f.kind == kind).unwrap();
@@ -146,7 +147,7 @@ fn a_wrong_factor_in_a_combination_turns_the_null_space() {
     let base = &mut case.robot.analysis.as_mut().unwrap().base;
     let direction = base.null.iter_mut().find(|d| d.terms.len() > 1).unwrap();
     let term = &mut direction.terms[1];
-    // an error of one millionth
+    // a relative error of one millionth
     let factor = Number::ratio(1_000_001, 1_000_000).unwrap();
     term.value = term.value.mul(&factor);
     assert_eq!(case.failing(), ["span"]);
@@ -180,7 +181,7 @@ fn numbers_dropped_near_those_kept_and_a_certificate_that_is_not_there_are_seen(
     case.fails(&["gap", "rank"]);
 }
 
-/// Lengths whose square overflows single precision, but not double precision.
+/// The square of the length 1e25 m overflows single precision, but not double precision.
 #[test]
 fn what_single_precision_cannot_hold_is_seen() {
     let text = "\

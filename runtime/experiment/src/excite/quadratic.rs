@@ -1,4 +1,4 @@
-//! The quadratic programme of one step, solved by clarabel.
+//! The quadratic programme of one step, solved by the interior-point solver clarabel.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -7,21 +7,28 @@ use clarabel::solver::{
 
 use super::ExciteError;
 
-/// Minimises `g.d + d^T B d / 2 + penalty t` over d and t, subject to `values_k + rows_k . d <= t`,
-/// `t >= 0` and `|d_i| <= trust_radius`.
+/// Minimises `g.d + d^T B d / 2 + penalty t` over the step d and the elastic variable t, subject to
+/// `values_k + rows_k . d <= t` for all limits k, `t >= 0` and `|d_i| <= trust_radius`. At the
+/// minimum t is the largest excess over a linearised limit.
 pub(super) struct Quadratic<'a> {
+    /// The gradient g of the objective, n entries.
     pub(super) gradient: &'a [f64],
     /// The matrix B, symmetric, n x n.
     pub(super) hessian: &'a [f64],
+    /// The gradient of each limit's value, n entries each.
     pub(super) rows: &'a [Vec<f64>],
+    /// The value of each limit, relative to half its range; at most zero within the limit.
     pub(super) values: &'a [f64],
     pub(super) trust_radius: f64,
+    /// The weight of the largest excess over a limit.
     pub(super) penalty: f64,
 }
 
-/// The step d and the Lagrange multipliers of `rows`.
+/// The solution of a [`Quadratic`].
 pub(super) struct Step {
+    /// The change of the n variables.
     pub(super) d: Vec<f64>,
+    /// The Lagrange multipliers of `rows`, not negative.
     pub(super) multipliers: Vec<f64>,
 }
 
@@ -30,7 +37,8 @@ impl Quadratic<'_> {
     pub(super) fn solve(&self) -> Result<Option<Step>, ExciteError> {
         let n = self.gradient.len();
         let m = self.rows.len() + 1 + 2 * n;
-        // upper triangle of P, column by column, the elastic variable last
+        // clarabel minimises x^T P x / 2 + q^T x with x = (d, t). The upper triangle of P in
+        // compressed columns: that of B, then an empty column, as the cost of t is linear.
         let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
         for j in 0..n {
             for i in 0..=j {
@@ -43,7 +51,8 @@ impl Quadratic<'_> {
         let p = CscMatrix::new(n + 1, n + 1, pointers, indices, entries);
         let mut q = self.gradient.to_vec();
         q.push(self.penalty);
-        // A x + s = b, s >= 0: the limits, t, then both sides of the box
+        // A x + s = b with slacks s >= 0. The rows are the limits, t >= 0, then the upper and the
+        // lower bounds of d.
         let box_row = self.rows.len() + 1;
         let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
         for j in 0..n {

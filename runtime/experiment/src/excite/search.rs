@@ -1,9 +1,13 @@
 //! One start of the search: sequential quadratic programming with exact gradients.
 //!
-//! Each step minimises a quadratic model of the objective, its Hessian by damped BFGS updates
-//! (Powell, 1978), over linearised limits within a box; an elastic variable keeps the programme
-//! solvable where limits are still exceeded (Fletcher, 1987, section 14.4). A step is accepted if
-//! the exact penalty function falls.
+//! Each step minimises a quadratic model of the objective subject to the linearised limits, within
+//! a box (the trust region). The Hessian of the model is approximated by damped BFGS updates
+//! (Powell, 1978). An elastic variable keeps the programme solvable where limits are still exceeded
+//! (Fletcher, 1987, section 14.4). A step is accepted if the exact penalty function, here called
+//! merit, decreases.
+//!
+//! In the comments below, the value of a limit is its excess relative to half the limit's range:
+//! positive outside the limit, at most zero within. There is one value per limit and grid point.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -14,22 +18,25 @@ use super::quadratic::{Quadratic, Step};
 use super::space::dot;
 use regen_runtime::{BaseModel, LoopClosure};
 
-/// The sharpness, the power of the means that replace singular values, of each stage: each stage
-/// ends near the start of the next.
+/// The sharpness p of each stage. The criteria need the largest and the smallest singular value,
+/// which are not smooth; power means with the exponent 2p replace them and approach them as p grows
+/// (see `Criterion::objective`). Each stage starts from the result of the one before.
 const STAGES: [f64; 5] = [2.0, 5.0, 12.0, 30.0, 80.0];
-/// Limits closer than this, relative to half their range, are in the quadratic programme of a step
-/// from the beginning; others are added where the step would exceed them.
+/// Limits whose value is above minus this are constraints of a step's quadratic programme from the
+/// beginning; others are added where the step would exceed them.
 const ACTIVE_MARGIN: f64 = 0.05;
-/// The excess over a limit, relative to half its range, that the search tolerates on its grid; the
-/// final check then reduces the motion.
+/// The value up to which the search counts a limit as met. The final check (`shrink_to_limits`)
+/// reduces the motion until it is within all limits.
 const EXCESS_TOLERANCE: f64 = 1e-7;
 
-/// Standard deviation of the random initial variables; a variable of 1 is the amplitude that the
-/// coordinate can reach at that frequency.
+/// Standard deviation of the random initial variables, without unit; a variable of 1 is about the
+/// amplitude that the coordinate can reach at that frequency.
 const INITIAL_SPREAD: f64 = 0.3;
-/// Factor by which a random initial motion beyond a limit is shrunk again and again.
+/// A random initial motion that exceeds a limit is multiplied by this factor, repeatedly until it
+/// is within all limits.
 const SHRINK_FACTOR: f64 = 0.8;
-/// Largest number of sizes that are tried: down to about 1e-4 of the random motion.
+/// Largest number of sizes of the initial motion that are tried, down to about 1e-4 of the random
+/// motion.
 const MAX_SHRINKS: usize = 40;
 
 /// Trust radius at the start: the bound on the change of each variable in one step.
@@ -39,29 +46,31 @@ const INITIAL_TRUST_RADIUS: f64 = 0.1;
 const MIN_STAGE_TRUST_RADIUS: f64 = 0.02;
 /// Largest trust radius: a step changes no variable by more than a reachable amplitude.
 const MAX_TRUST_RADIUS: f64 = 1.0;
-/// A stage ends where the trust radius is below this: no step decreases the merit.
+/// A stage ends if the trust radius falls below this, which means that no step decreases the merit.
 const MIN_TRUST_RADIUS: f64 = 1e-9;
 /// The trust radius is reduced by this factor where the loops do not close along the trial motion.
 const NOT_CLOSED_FACTOR: f64 = 0.25;
 
-/// A step is accepted if the merit decreases by more than this part of the prediction.
+/// A step is accepted if the merit decreases by more than this part of the predicted decrease.
 const ACCEPTED_RATIO: f64 = 0.01;
-/// Below this ratio of actual to predicted decrease the trust radius becomes half the step's size.
+/// Below this ratio of actual to predicted decrease the trust radius becomes half the step's size,
+/// the largest absolute change of a variable.
 const POOR_RATIO: f64 = 0.25;
 /// Above this ratio of actual to predicted decrease the trust radius is doubled, if the step
 /// reaches the boundary of the box.
 const GOOD_RATIO: f64 = 0.75;
-/// A step longer than this part of the trust radius counts as one to the boundary.
+/// A step whose size exceeds this part of the trust radius counts as reaching the boundary.
 const BOUNDARY_FRACTION: f64 = 0.9;
 
-/// Decrease of the merit below which a step counts as small. It is coarse because the result of a
+/// Decrease of the merit below which a step counts as small. It is large because the result of a
 /// stage is only the start of the next one.
 const MIN_DECREASE: f64 = 1e-3;
-/// The same for the last stage.
+/// The same for the last stage, whose result is final.
 const FINAL_MIN_DECREASE: f64 = 1e-6;
-/// A stage ends after this number of small steps in a row within the limits.
+/// A stage ends after this number of small accepted steps in a row, if the limits are met.
 const MAX_SMALL_DECREASES: usize = 5;
-/// A stage also ends if the predicted decrease is below this part of that of a small step.
+/// A stage also ends if the limits are met and the predicted decrease is below this part of the
+/// decrease that counts as small.
 const PREDICTED_FRACTION: f64 = 1e-2;
 
 /// Initial penalty: weight of the largest excess over a limit in the merit.
@@ -71,43 +80,48 @@ const INITIAL_PENALTY: f64 = 10.0;
 const PENALTY_GROWTH: f64 = 10.0;
 /// The penalty does not grow beyond this.
 const MAX_PENALTY: f64 = 1e4;
-/// Predicted decrease of the merit below which a step counts as none.
+/// If the predicted decrease of the merit is below this while a limit is exceeded, the penalty
+/// grows and the step is computed anew.
 const MIN_PREDICTED_DECREASE: f64 = 1e-9;
-/// Largest number of quadratic programmes per step: after each, the limits that its step would
-/// exceed are added.
+/// Largest number of quadratic programmes per step and penalty. After each one, the limits that its
+/// solution exceeds are added as constraints.
 const MAX_PROGRAMMES: usize = 6;
-/// Excess over a limit that is not in the programme, relative to half its range and beyond that of
-/// the limits in it, from which the limit is added.
+/// A limit outside the programme is added if its linearised value after the step exceeds the
+/// largest one in the programme (at least 0) by more than this.
 const VIOLATION_TOLERANCE: f64 = 1e-6;
 
-/// Lagrange multipliers below this count as zero, so that their limits' curvature is not computed.
+/// Lagrange multipliers up to this count as zero: their limits do not enter the gradient of the
+/// Lagrangian.
 const MIN_MULTIPLIER: f64 = 1e-6;
-/// Least curvature `d^T B d` along a step with which the Hessian is updated.
+/// The Hessian B is not updated if the curvature `d^T B d` along the step d is at most this.
 const MIN_CURVATURE: f64 = 1e-14;
-/// Powell's damping (1978): the change of the gradient is replaced such that its product with the
-/// step is at least this part of `d^T B d`, which keeps the Hessian positive definite.
+/// Powell's damping (1978): where the product of the step and the change of the gradient is less
+/// than this part of `d^T B d`, the change is mixed with `B d` until the product is equal to it.
+/// This keeps the Hessian positive definite.
 const POWELL_DAMPING: f64 = 0.2;
 
 /// The state of one start of the trust-region sequential quadratic programming.
 pub(super) struct Search<'p, 'm, M, D> {
     problem: &'p Problem<'m, M, D>,
     closure: LoopClosure<'m, M>,
-    /// The n current variables, without unit: see [`Space`](super::space::Space).
+    /// The n current variables, scaled Fourier coefficients without unit: see
+    /// [`Space`](super::space::Space).
     y: Vec<f64>,
-    /// The approximation B of the Lagrangian's Hessian, n x n, symmetric, positive definite.
+    /// The approximation B of the Lagrangian's Hessian, n x n, symmetric, positive definite; at
+    /// first the unit matrix.
     hessian: Vec<f64>,
     /// Half the width of the box that bounds a step: `|d_i| <= trust_radius`.
     trust_radius: f64,
-    /// The weight of the largest excess over a limit in the merit.
+    /// The weight in the merit of the largest excess over a limit.
     penalty: f64,
 }
 
 /// How a stage ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// No step improves the objective, or the maximum number of steps was taken.
+    /// The search converged, the solver found no step, or the maximum number of steps was taken.
     Done,
-    /// The loops do not close along the start of the stage.
+    /// The loops do not close along the trajectory with which the stage starts.
     NotClosed,
     /// The caller stopped the search.
     Stopped,
@@ -118,9 +132,12 @@ where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
 {
-    /// Draws random coefficients from the seed and the number of the start, and reduces the motion
-    /// about a pose until it is within all limits; if that fails, starts standing still at the
-    /// pose.
+    /// Draws random variables and scales the motion down towards standing still at `pose` until it
+    /// is within all limits. If no tried size is, the search starts from standing still.
+    ///
+    /// - `pose`: the independent coordinates, rad or m;
+    /// - `seed`, `start`: seed of the random numbers, and the number of this start, which selects
+    ///   their stream.
     pub(super) fn new(
         problem: &'p Problem<'m, M, D>,
         pose: &[f64],
@@ -176,8 +193,8 @@ where
         &self.y
     }
 
-    /// Takes up to `steps` steps of a stage; calls `keep_going` before each and stops where it
-    /// returns false.
+    /// Takes up to `steps` steps of the stage with the index `stage`; calls `keep_going` before
+    /// each and stops if it returns false.
     pub(super) fn stage(
         &mut self,
         stage: usize,
@@ -243,19 +260,22 @@ where
         Ok(Stage::Done)
     }
 
-    /// Objective, limits and their derivatives at the variables `y`; `None` where the loops do not
-    /// stay closed.
+    /// Computes objective, limits and their derivatives at the variables `y`; `None` if the loops
+    /// do not stay closed along the trajectory.
     fn evaluate(&mut self, y: &[f64], sharpness: f64) -> Result<Option<Evaluation>, ExciteError> {
         self.problem.evaluate(&mut self.closure, y, sharpness)
     }
 
-    /// The exact penalty function (merit): the objective plus the penalty times the largest excess.
+    /// The merit, an exact penalty function: the objective plus the penalty times the largest
+    /// excess.
     fn merit(&self, evaluation: &Evaluation) -> f64 {
         evaluation.objective + self.penalty * excess(evaluation)
     }
 
-    /// The step of the quadratic programme, the indices of the limits in it (in the order of the
-    /// step's multipliers), and the predicted decrease of the merit; `None` where the solver fails.
+    /// Solves the quadratic programme, adding limits to it as needed. Returns the step, the indices
+    /// (into `current.values`) of the limits in the programme, in the order of the step's
+    /// multipliers, and the predicted decrease of the merit; `None` if the solver fails. Increases
+    /// the penalty if it is too small to enforce the limits.
     fn step(
         &mut self,
         current: &Evaluation,
@@ -324,14 +344,16 @@ where
         Ok(solution)
     }
 
-    /// d^T B d with the Hessian B.
+    /// `d^T B d`, where B is the approximate Hessian.
     fn curvature(&self, d: &[f64]) -> f64 {
         let rows = self.hessian.chunks_exact(d.len().max(1));
         rows.zip(d).map(|(row, x)| x * dot(row, d)).sum()
     }
 
-    /// The damped BFGS update of the Lagrangian's Hessian from the gradients of the Lagrangian at
-    /// both ends of a step, with the step's multipliers of the `active` limits.
+    /// Updates the approximate Hessian by damped BFGS, from the change of the Lagrangian's gradient
+    /// between `current` and `trial`, the two ends of the step. Rejected steps are used too.
+    ///
+    /// - `active`: the indices of the limits that `step.multipliers` belong to.
     fn update_hessian(
         &mut self,
         current: &Evaluation,
@@ -388,7 +410,8 @@ where
     }
 }
 
-/// The largest excess over a limit, relative to half its range; 0 within all limits.
+/// The largest excess over a limit at any grid point, relative to half the limit's range; 0 within
+/// all limits.
 fn excess(evaluation: &Evaluation) -> f64 {
     evaluation.values.iter().fold(0.0, |m: f64, v| m.max(*v))
 }

@@ -3,40 +3,51 @@
 use super::{Filtering, Source, StateSample};
 use crate::estimate::EstimateError;
 
-/// A log whose rows are held in memory, as a [`Source`].
+/// A log whose rows are held in memory: a [`Source`] for data that no file contains, such as
+/// simulated motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     rows: Vec<RecordedSample>,
     filtering: Filtering,
 }
 
+/// One row: the fields of [`StateSample`], owned.
 #[derive(Clone, Debug, PartialEq)]
 struct RecordedSample {
     time: f64,
+    /// q, qd and qdd of all coordinates.
     motion: [Vec<f64>; 3],
     tau: Vec<f64>,
     efforts: Vec<f64>,
+    /// [`StateSample::at_standstill`].
     still: Vec<bool>,
     weights: Vec<f64>,
     follows: bool,
 }
 
 impl Recorded {
-    /// Creates a log without rows.
+    /// Creates a log without rows, with the default [`Filtering`]: no filter, no decimation,
+    /// equations at standstill left out.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The same log with other settings for filtering its equations.
+    /// Replaces the settings by which the log's equations are filtered.
     #[must_use]
     pub fn filtered(self, filtering: Filtering) -> Self {
         Self { filtering, ..self }
     }
 
-    /// Adds a row that follows the last one without a gap, with weights of 1.
+    /// Adds a row that follows the last one without a gap. Its weights are 1; the measured efforts
+    /// and the coordinates at standstill are not known.
     ///
-    /// - `time`: s; `q`, `qd`, `qdd`: all coordinates and their derivatives; `tau`: dof efforts,
-    ///   as in [`StateSample`].
+    /// - `time`: s;
+    /// - `q`, `qd`, `qdd`: all n coordinates with their velocities and accelerations, in rad or m,
+    ///   and s;
+    /// - `tau`: the generalized forces of the dof independent coordinates, N m or N, see
+    ///   [`StateSample::tau`].
+    ///
+    /// The lengths are not checked here, but where the log is used.
     pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
         self.rows.push(RecordedSample {
             time,
@@ -49,7 +60,8 @@ impl Recorded {
         });
     }
 
-    /// Adds a copy of a row.
+    /// Adds a copy of a row with all its fields; `row.follows` tells whether it follows the last
+    /// one without a gap.
     pub fn push_row(&mut self, row: &StateSample<'_>) {
         self.rows.push(RecordedSample {
             time: row.time,

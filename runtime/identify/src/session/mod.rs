@@ -1,5 +1,9 @@
-//! An identification session from logs to the adopted model: the settings that all estimators
-//! share, and the estimators that go on from one least-squares start.
+//! An identification session: the steps from logs to the adopted model.
+//!
+//! [`Session`] holds the model and the settings that all steps share. [`from_logs`],
+//! [`from_factors`] or [`with_friction`] computes a least-squares estimate; the other estimators
+//! ([`physical()`], [`reduction()`]) start from it. [`compare()`] and [`cross()`] compute errors of
+//! prediction.
 
 mod compare;
 mod cross;
@@ -30,25 +34,26 @@ pub use watch::{Monitor, MonitoredLogs, Silent};
 
 /// Model and settings that all steps of an identification share.
 pub struct Session<'a, M: ?Sized> {
-    /// The model.
+    /// The robot whose base parameters are identified.
     pub model: &'a M,
     /// The settings for reading logs.
     pub reading: Settings,
-    /// The kind of equations.
+    /// Whether least squares uses the equations of motion or energy balances.
     pub kind: EquationKind,
     /// The options of least squares.
     pub options: Options,
-    /// The level of confidence intervals, in (0, 1).
+    /// The level of confidence intervals, in (0, 1), such as 0.95.
     pub confidence: f64,
     /// Receives the progress of long work.
     pub watch: &'a dyn Monitor,
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
-    /// Opens and checks logs; passes over them report their progress to `watch`.
+    /// Opens log files and checks their rows. Whenever a later step reads the returned logs, it
+    /// reports its progress to `watch`.
     ///
     /// # Errors
-    /// When a log cannot be read, see [`Logs::open`].
+    /// When a log cannot be read or has faulty rows, see [`Logs::open`].
     pub fn open(&self, paths: &[PathBuf]) -> Result<MonitoredLogs<'a, M>, DataError> {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
         self.watch.work(&format!("checking {}", names.join(", ")));
