@@ -12,15 +12,14 @@
 //! # Features
 //!
 //! Features only add items; none changes a numerical result:
-//! - `std` (default): threads for batches, and fused products where the target has them.
-//! - `closure` (default): solving the loop closure on one assembly branch, and observation matrices
-//!   over samples. Needs an allocator.
+//! - `std` (default): fused products where the target has them.
+//! - `closure` (default): solving the loop closure on one assembly branch. Needs an allocator.
 //! - `dual`: `Dual`, dual numbers of the crate `num-dual`, to differentiate everything that a model
 //!   computes. Needs `std`.
 //! - `tangent`: `Tangent`, derivatives in several directions at once, bit-identical on every
 //!   machine.
 //! - `simd`: `Lane`, several states at once in one SIMD register, with the instruction set detected
-//!   at run time; `batch`, base regressors of many samples.
+//!   at run time.
 //! - `macros`: `robot_model!`, which derives a robot from its YAML file at compile time.
 //!
 //! The crate `regen-identify` identifies parameters from logs; `regen-experiment` computes exciting
@@ -37,8 +36,6 @@ extern crate alloc;
 extern crate std;
 
 mod base;
-#[cfg(feature = "simd")]
-pub mod batch;
 #[cfg(feature = "closure")]
 mod closure;
 mod condition;
@@ -48,8 +45,6 @@ mod info;
 mod kernel;
 mod linear;
 mod model;
-#[cfg(feature = "closure")]
-mod observation;
 mod parameter;
 mod scalar;
 mod size;
@@ -65,8 +60,6 @@ pub use info::{Cut, Info, Joint, Limits, Motion, SwingLimit};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
 pub use model::Model;
-#[cfg(feature = "closure")]
-pub use observation::{ObservationMatrix, Sample, observation_matrix};
 pub use parameter::{INERTIAL, Parameter, Sign, Symbol};
 #[cfg(feature = "macros")]
 pub use regen_macros::robot_model;

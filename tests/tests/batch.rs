@@ -6,11 +6,11 @@
 )]
 
 use pulp::{Simd, WithSimd};
-use regen_generated::rps3::{self, Rps3};
-use regen_runtime::SizeError;
-use regen_runtime::batch::{
+use regen_batch::{
     Block, Consumer, Normal, Samples, base_regressors, base_regressors_on_threads, task,
 };
+use regen_generated::rps3::{self, Rps3};
+use regen_runtime::SizeError;
 use regen_tests::reference::Random;
 
 const N: usize = 9;

@@ -9,7 +9,8 @@ use pendulum::Pendulum;
 use regen_experiment::simulate::{
     ControllerInput, Drive, Forward, ForwardOutcome, Settings, Termination, simulate_controlled,
 };
-use regen_runtime::{Sample, Status, observation_matrix};
+use regen_identify::observation::{Sample, observation_matrix};
+use regen_runtime::Status;
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const PHI: [f64; 2] = [0.02, 0.1];

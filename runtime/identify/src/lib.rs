@@ -5,7 +5,8 @@
 //! a QR factor and solves for the parameters and their standard deviations. [`feasibility`] finds
 //! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
 //! [`identifiability`] says which parameters a motion can identify, and [`intervals`] computes
-//! confidence intervals of estimates under constraints, which no formula gives.
+//! confidence intervals of estimates under constraints, which no formula gives. [`observation`] is
+//! the observation matrix as a whole, for small samples.
 //!
 //! The crate works on any [`BaseModel`](regen_runtime::BaseModel), generated or interpreted.
 //!
@@ -32,6 +33,7 @@ pub mod identifiability;
 pub mod identify;
 pub mod intervals;
 pub mod model;
+pub mod observation;
 mod qr_update;
 pub mod session;
 pub mod signals;

@@ -12,6 +12,8 @@ mod energy;
 mod instruments;
 #[path = "identification/motion.rs"]
 mod motion;
+#[path = "identification/observation.rs"]
+mod observation;
 #[path = "identification/robust.rs"]
 mod robust;
 

@@ -11,7 +11,7 @@ use std::io::BufRead;
 use std::time::{Duration, Instant};
 
 use pulp::{Simd, WithSimd};
-use regen_runtime::batch::{
+use regen_batch::{
     Block, Consumer, Normal, Samples, base_regressors, base_regressors_on_threads, task,
 };
 use regen_runtime::robot_model;

@@ -1,5 +1,6 @@
 //! Base regressors of many samples, computed several at once in SIMD registers with the instruction
-//! set detected at run time.
+//! set detected at run time, from generated models. A controller, which has one state at a time,
+//! does not link this crate.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -9,7 +10,7 @@ use core::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use crate::{BaseKernel, Condition, Lane, Scalar, SizeError};
+use regen_runtime::{BaseKernel, Condition, Lane, Scalar, SizeError};
 
 /// States of a model with N coordinates, one series per coordinate; consecutive samples fill the
 /// lanes of a register.
@@ -58,8 +59,7 @@ impl<'a, const N: usize> Samples<'a, N> {
 
     /// Splits the samples into `parts` consecutive parts, one per thread, whose lengths differ by
     /// at most one. Each item is the index of the part's first sample and the part.
-    #[cfg(feature = "std")]
-    fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
+        fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
         let Samples { q, qd, qdd, len } = *self;
         let parts = parts.max(1);
         (0..parts).map(move |part| {
@@ -113,7 +113,7 @@ pub trait Consumer<const DOF: usize, const COLUMNS: usize> {
 /// ```
 /// # use regen_runtime::{BaseKernel, Condition, Scalar};
 /// use pulp::Simd;
-/// use regen_runtime::batch::{Block, Consumer, Samples, base_regressors};
+/// use regen_batch::{Block, Consumer, Samples, base_regressors};
 ///
 /// /// A slider: its force is (qdd + g) m.
 /// struct Slider;
@@ -171,7 +171,6 @@ where
 /// As [`base_regressors`] on one thread per consumer: each consumer receives one consecutive part
 /// of the samples. Consumer k has received part k whichever thread finished first, so that merging
 /// them in order gives a reproducible result.
-#[cfg(feature = "std")]
 pub fn base_regressors_on_threads<K, C, const N: usize, const DOF: usize, const COLUMNS: usize>(
     samples: &Samples<'_, N>,
     consumers: &mut [C],

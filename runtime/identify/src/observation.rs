@@ -1,9 +1,6 @@
 //! The observation matrix of a trajectory (Eq. 12): the regressor at many samples.
 
-use alloc::vec;
-use alloc::vec::Vec;
-
-use crate::{Condition, Model, SizeError};
+use regen_runtime::{Condition, Model, SizeError, State};
 
 /// One state of a trajectory: n coordinates, velocities and accelerations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,8 +13,8 @@ pub struct Sample<'a> {
     pub qdd: &'a [f64],
 }
 
-impl<'a> From<&'a crate::State> for Sample<'a> {
-    fn from(state: &'a crate::State) -> Self {
+impl<'a> From<&'a State> for Sample<'a> {
+    fn from(state: &'a State) -> Self {
         Self {
             q: &state.q,
             qd: &state.qd,
@@ -48,9 +45,10 @@ pub struct ObservationMatrix {
 /// When a sample's arrays do not fit the model.
 ///
 /// ```
-/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/slider_crank.rs")); }
+/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/slider_crank.rs")); }
 /// # use models::SliderCrank;
-/// use regen_runtime::{LoopClosure, Sample, observation_matrix};
+/// use regen_identify::observation::{Sample, observation_matrix};
+/// use regen_runtime::LoopClosure;
 ///
 /// let model = SliderCrank::default();
 /// let mut closure = LoopClosure::new(&model)?;
