@@ -2,7 +2,7 @@
 //!
 //! The closure equations are f(q) = 0 (Eq. 6). A is their Jacobian (Eq. 7), and A_e its square part
 //! (Eq. 8): the columns of the dependent coordinates, and as many rows, those that are not
-//! redundant.
+//! redundant. Below, n is the number of all coordinates and dof that of the independent ones.
 //!
 //! For the same independent coordinates the closure equations of a mechanism have several
 //! solutions: its assembly branches. The branch solved here is the set of states that can be
@@ -10,13 +10,13 @@
 //! by continuation along the straight line in the independent coordinates, with a predictor (the
 //! velocities, Eq. 9) and a corrector (Newton's method).
 //!
-//! A step is accepted only if the corrector contracts and moves little compared to the predictor,
-//! and if A_e changes by at most half of what could make it singular, measured as the norm
-//! `|A_e(old)^-1 A_e(new) - 1|`: its largest row sum, after the columns of both matrices are
-//! divided by the largest entries of those of A_e(old). Every matrix between the two is then
-//! regular, so that a step cannot leap over a singularity, not even over one where the determinant
-//! touches zero and keeps its sign. A step that is refused is halved; where no step is short enough
-//! the [`Outcome`] gives the reason.
+//! A step is accepted only if two conditions hold. First, the corrector's steps at least halve each
+//! time, and together they are short compared to the predictor. Second, A_e changes by at most half
+//! of what could make it singular: the largest row sum of `|A_e(old)^-1 A_e(new) - 1|` is at most
+//! 1/2, after the columns of both matrices are divided by the largest entries of those of A_e(old).
+//! Every matrix between the two is then regular, so that a step cannot leap over a singularity, not
+//! even over one where the determinant touches zero and keeps its sign. A step that is refused is
+//! halved; where no step is short enough the [`Outcome`] gives the reason.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -37,7 +37,8 @@ use path::Point;
 pub enum Outcome {
     /// The loops are closed at the requested independent coordinates.
     Closed,
-    /// Newton's method found no closed state, or the line is too long for the number of steps.
+    /// Newton's method found no closed state, or the line is too long for the largest number of
+    /// steps.
     NotClosed {
         /// The fraction of the straight line that was reached, from 0 to 1; 0 for home.
         at: f64,
@@ -149,14 +150,15 @@ pub struct Solution {
     pub condition: Condition<f64>,
     /// Whether the loops were closed, or why not.
     pub outcome: Outcome,
-    /// The number of continuation steps, refused ones included; for home, of Newton steps.
+    /// The number of continuation steps, refused ones included; for home, the number of Newton
+    /// steps.
     pub steps: usize,
 }
 
 /// A state of motion found by [`LoopClosure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// All n coordinates, as [`Solution::q`].
+    /// All n coordinates, rad or m, as [`Solution::q`].
     pub q: Vec<f64>,
     /// All n velocities (Eq. 9), rad/s or m/s; NaN unless the outcome is [`Outcome::Closed`].
     pub qd: Vec<f64>,
@@ -165,10 +167,10 @@ pub struct State {
     pub qdd: Vec<f64>,
     /// The largest |f| (Eq. 6) at `q`, in m or without unit.
     pub residual: f64,
-    /// The condition of A_e at `q`; where its pivot is below 0.1, not above the reciprocal
-    /// condition number of A_e with scaled columns. Velocities carry the rounding errors of `q`
-    /// amplified by up to the inverse of this pivot, accelerations by up to the cube of the
-    /// inverse.
+    /// The condition of A_e at `q`. A pivot below 0.1 is replaced by the reciprocal condition
+    /// number of A_e with scaled columns, if that is smaller. The rounding errors of `q` are
+    /// amplified in the velocities by up to the inverse of this pivot, and in the accelerations by
+    /// up to the cube of the inverse.
     pub condition: Condition<f64>,
     /// Whether the loops were closed, or why not.
     pub outcome: Outcome,
@@ -220,8 +222,9 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// the result: a home that does not close, or is singular, is no error here but an outcome.
     ///
     /// # Errors
-    /// When the model's `Info` is inconsistent: [`ClosureError::Size`], [`ClosureError::NotFinite`]
-    /// or [`ClosureError::Partition`].
+    /// When the model's `Info` is inconsistent: [`ClosureError::Size`] for a home of other than n
+    /// entries or other wrong lengths, [`ClosureError::NotFinite`] for a home that is not finite,
+    /// [`ClosureError::Partition`] for a coordinate that is not listed once.
     pub fn new(model: &'m M) -> Result<Self, ClosureError> {
         let info = model.info();
         check_info(&info)?;
@@ -260,8 +263,9 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// within a factor of 16 of the mechanism's size; so 1 m for mechanisms between a sixteenth of
     /// a metre and 16 m.
     ///
-    /// A state counts as closed where |f| is below 1e-12 times the size of its terms in this unit,
-    /// so that a mechanism of micrometres is closed as accurately as one of metres.
+    /// A state counts as closed if every |f| is at most 1e-12 times the size of the terms of the
+    /// largest row, the sum of `|A| max(1, |q|)`, in this unit, so that a mechanism of micrometres
+    /// is closed as accurately as one of metres.
     pub fn length_unit(&self) -> f64 {
         self.newton.model.length
     }
@@ -300,7 +304,8 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         Ok(solution)
     }
 
-    /// Makes the next `track` call start from home again.
+    /// Makes the next [`track`](LoopClosure::track) or [`track_state`](LoopClosure::track_state)
+    /// call start from home again.
     pub fn restart(&mut self) {
         if let Some((home, last)) = &mut self.starts {
             last.clone_from(home);
@@ -376,13 +381,13 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         Ok((solution, outcome.is_closed().then_some(point)))
     }
 
-    /// Checks the independent velocities and accelerations.
+    /// Checks that the independent velocities and accelerations have dof finite entries each.
     fn check_rates(&self, qd_i: &[f64], qdd_i: &[f64]) -> Result<(), ClosureError> {
         check("qd_i", qd_i, self.newton.independent.len())?;
         check("qdd_i", qdd_i, self.newton.independent.len())
     }
 
-    /// Adds velocities and accelerations to a solution.
+    /// Adds velocities and accelerations to a solution; NaN unless it is closed.
     fn motion(
         &mut self,
         solution: Solution,

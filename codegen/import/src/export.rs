@@ -16,9 +16,9 @@ use regen_codegen::spec::{Flaw, flaw};
 /// Identified parameters of a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters {
-    /// Parameters by the body's label.
+    /// Parameters by the body's label in the spec, which must be the name of a link.
     pub bodies: Vec<(String, BodyParameters)>,
-    /// Parameters by the joint's name.
+    /// Parameters by the joint's name in the spec.
     pub joints: Vec<(String, JointParameters)>,
 }
 
@@ -29,16 +29,18 @@ pub struct BodyParameters {
     pub mass: f64,
     /// Centre of mass in the body's frame, m.
     pub com: [f64; 3],
-    /// `Ixx Ixy Ixz Iyy Iyz Izz` about the centre of mass in body axes, kg m^2.
+    /// `Ixx Ixy Ixz Iyy Iyz Izz` about the centre of mass in body axes, kg m^2; Ixy is the entry of
+    /// the tensor, the negative integral of x y dm, as in URDF.
     pub inertia: [f64; 6],
 }
 
-/// The friction parameters of a joint that URDF has.
+/// The friction parameters of a joint that URDF can express, in its element `<dynamics>`. `None`
+/// leaves the value in the file unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointParameters {
-    /// Viscous friction Fv, N m s/rad or N s/m.
+    /// Viscous friction Fv, N m s/rad or N s/m, at least 0; written as `damping`.
     pub viscous: Option<f64>,
-    /// Coulomb friction Fc, N m or N.
+    /// Coulomb friction Fc, N m or N, at least 0; written as `friction`.
     pub coulomb: Option<f64>,
 }
 
@@ -53,20 +55,24 @@ pub struct Exported {
     pub notes: Vec<Note>,
 }
 
-/// Largest difference of a body's pose from its link's over the configurations that are compared, m
-/// and rad. Angles of four printed digits differ by more.
+/// A body moves with its link if its pose in the link's frame differs by at most this between two
+/// configurations, in m and in the entries of the rotation matrix. An angle that one of the
+/// two files gives with four decimals causes a larger difference.
 const SAME_MOTION: f64 = 1e-6;
 
 /// Writes parameters into a URDF file: the numbers of the links' inertias, and of the joints'
 /// friction. All other bytes stay unchanged.
 ///
 /// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
-/// and the pose of each body's frame on its link is computed: the frames may differ from those that
-/// [`crate::import`] chose. `given` is the text that the parameters come from, for errors.
+/// and the pose of each body's frame in the frame of its link is computed: the body's frames may
+/// differ from those that [`crate::import`] chose. `given` is the text that the parameters come
+/// from; errors point to the label of the body or joint in it, in double quotes.
 ///
 /// # Errors
-/// If one of the files is invalid or the two do not describe the same robot, or if no physical body
-/// has the parameters.
+/// - One of the files is invalid, or the two do not describe the same robot.
+/// - A body or joint is unknown.
+/// - No physical body has the inertial parameters, or a friction coefficient is negative or not
+///   finite.
 ///
 /// ```
 /// use regen_codegen::diag::Source;
@@ -106,8 +112,8 @@ pub fn export(
     let mechanism = spec::parse(spec).map_err(|report| vec![report])?;
     let model = model::build(&mechanism);
     let mut first = None;
-    // read the angles first as multiples of pi, as import does, then as printed: the spec has one
-    // of these
+    // the spec was imported either with angles such as 1.5708 taken as pi/2, or with their printed
+    // values (`--exact`): try both
     for exact in [false, true] {
         let mut export = Export::new(given, exact);
         let written = export.write(urdf, &mechanism, &model, parameters);
@@ -130,9 +136,11 @@ pub fn export(
 struct Export<'a> {
     log: Log,
     given: &'a Source,
-    /// Errors in the parameters, and in the spec.
+    /// Errors in the parameters.
     about_given: Vec<Diagnostic>,
+    /// Errors in the spec.
     about_spec: Vec<Diagnostic>,
+    /// Whether angles of the file keep their printed values and are not taken as multiples of pi.
     exact: bool,
 }
 
@@ -147,6 +155,7 @@ impl<'a> Export<'a> {
         }
     }
 
+    /// All errors so far: in the URDF file, in the parameters and in the spec.
     fn reports(&self, spec: &Source) -> Vec<Report> {
         let mut reports = self.log.reports();
         for (source, errors) in [(self.given, &self.about_given), (spec, &self.about_spec)] {
@@ -157,6 +166,7 @@ impl<'a> Export<'a> {
         reports
     }
 
+    /// Records an error in the parameters of the body or joint `label`.
     fn parameter_error(&mut self, label: &str, message: String, hint: &str) {
         let quoted = format!("\"{label}\"");
         let at = self.given.text.find(&quoted).unwrap_or(0);
@@ -168,6 +178,8 @@ impl<'a> Export<'a> {
         );
     }
 
+    /// Collects the changes of the URDF text; `None` if the file cannot be read. Other errors are
+    /// recorded.
     fn write(
         &mut self,
         urdf: &Source,
@@ -190,7 +202,7 @@ impl<'a> Export<'a> {
             urdf::read(&root, &mut fields)?
         };
         let draft = layout::lay_out(&tree, &mut ignored_log);
-        // the notes of an import are of no interest here
+        // notes about the import do not concern the user of an export
         self.log.forget_notes();
         let mut edits = Edits::new(&urdf.text);
         for (label, values) in &parameters.bodies {
@@ -219,7 +231,7 @@ impl<'a> Export<'a> {
             let values = [("damping", values.viscous), ("friction", values.coulomb)];
             let Some(element) = element else {
                 if spec.coordinates().contains(name) {
-                    // a drive or a massless coordinate of the spec has no joint in the file
+                    // a coordinate that was added in the spec, of a drive or a massless joint
                     let text = format!(
                         "the URDF file has no joint for the coordinate '{name}': its friction is \
                          left out"
@@ -243,7 +255,7 @@ impl<'a> Export<'a> {
         Some(edits)
     }
 
-    /// Notes friction of the file that is not replaced, since only other values are given.
+    /// Notes the friction value of the file that stays, if only the other one of the two is given.
     fn note_unchanged_friction(
         &mut self,
         name: &str,
@@ -281,8 +293,8 @@ impl<'a> Export<'a> {
             self.parameter_error(label, message, hint);
             return false;
         }
-        /// Tolerance for rounded values: thin plates and rods are on the border, and printed with
-        /// about six digits.
+        /// Relative tolerance for rounded values: files give about six digits, and thin plates and
+        /// rods are at the limit of the triangle inequality.
         const ROUNDING_TOLERANCE: f64 = 1e-6;
         let message = match flaw(values.inertia, ROUNDING_TOLERANCE) {
             None => return true,
@@ -296,8 +308,9 @@ impl<'a> Export<'a> {
         false
     }
 
-    /// The body's frame in its link's, computed at zero, and verified to be the same at another
-    /// configuration.
+    /// The pose of the body's frame in the frame of its link. It is computed with all coordinates
+    /// at zero, and must be the same at another configuration; if not, an error is recorded. The
+    /// loops need not be closed, since the pose follows from the tree alone.
     fn frame(
         &mut self,
         label: &str,
@@ -387,7 +400,7 @@ fn link_of(model: &Model, link: usize, q: &[f64]) -> Pose {
     pose
 }
 
-/// The values converted to the link's frame.
+/// The parameters converted to the link's frame, in which `frame` is the pose of the body's frame.
 fn inertia_in_link(values: &BodyParameters, frame: &Pose) -> Inertia {
     let frame = if frame.is_unit() {
         &Pose::default()

@@ -2,21 +2,24 @@
 
 use crate::number::rounded;
 
-/// A vector in space.
+/// A vector in space; its unit depends on the use.
 pub(crate) type V3 = [f64; 3];
 /// A 3 x 3 matrix by rows.
 pub(crate) type M3 = [[f64; 3]; 3];
 
+/// The identity matrix.
 pub(crate) const UNIT: M3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Tolerance for angles (rad) and components of unit vectors: far above rounding, far below what a
-/// robot can measure.
+/// Tolerance for angles (rad), and for components of unit vectors and of rotation matrices: far
+/// above rounding errors, far below what a robot can measure.
 pub(crate) const ROUNDING_TOLERANCE: f64 = 1e-12;
 
-/// Significant digits of a computed length; further digits are rounding.
+/// Decimals of a computed length that are kept after the leading digit of the largest length it was
+/// computed from; further digits are rounding errors.
 const LENGTH_DIGITS: i32 = 15;
 
-/// Significant digits of a computed moment of inertia: files give six or so.
+/// The same for a computed moment of inertia, relative to the largest entry of the tensor; files
+/// give about six digits.
 pub(crate) const INERTIA_DIGITS: i32 = 12;
 
 pub(crate) fn dot(a: V3, b: V3) -> f64 {
@@ -50,7 +53,7 @@ pub(crate) fn difference(a: V3, b: V3) -> V3 {
 /// The unit vector in the direction of `a`; `None` if `a` is nearly zero.
 pub(crate) fn unit(a: V3) -> Option<V3> {
     let length = norm(a);
-    // a unit vector keeps its digits
+    // dividing a unit vector by its length would only change its last digits
     if (length - 1.0).abs() < f64::EPSILON {
         return Some(a);
     }
@@ -99,8 +102,8 @@ pub(crate) fn from_rpy([roll, pitch, yaw]: V3) -> M3 {
     product(&z, &product(&y, &x))
 }
 
-/// Roll, pitch, yaw of a rotation in rad; with roll 0 at a pitch of a quarter turn, where roll and
-/// yaw are not unique.
+/// Roll, pitch, yaw of a rotation in rad. At a pitch of pi/2 or -pi/2, where roll and yaw are not
+/// unique, roll is 0.
 pub(crate) fn to_rpy(r: &M3) -> V3 {
     let horizontal = libm::hypot(r[0][0], r[1][0]);
     let pitch = libm::atan2(-r[2][0], horizontal);
@@ -114,7 +117,8 @@ pub(crate) fn to_rpy(r: &M3) -> V3 {
     ]
 }
 
-/// The rotation of a quaternion w, x, y, z of any nonzero norm.
+/// The rotation of a quaternion w, x, y, z, which is normalised first; `None` if its norm is nearly
+/// zero or not finite.
 pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<M3> {
     let length = libm::sqrt(q.iter().map(|x| x * x).sum());
     if length <= 1e-10 || !length.is_finite() {
@@ -140,12 +144,16 @@ pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<M3> {
     ])
 }
 
-/// The pose of one frame in another: rotation and origin.
+/// The pose of an inner frame in an outer frame. Vectors v and points x are converted from the
+/// inner to the outer frame by `r v` and `p + r x`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pose {
+    /// The rotation; its columns are the inner axes in the outer frame.
     pub(crate) r: M3,
+    /// The inner origin in the outer frame, m.
     pub(crate) p: V3,
-    /// Roll, pitch and yaw, if the rotation was given by them.
+    /// Roll, pitch and yaw in rad if the rotation was given by them. They are kept, so that the
+    /// spec contains the angles of the file without rounding errors.
     rpy: Option<V3>,
 }
 
@@ -160,6 +168,7 @@ impl Pose {
         Self { r, p, rpy: None }
     }
 
+    /// A translation.
     pub(crate) fn shift(p: V3) -> Self {
         Self {
             r: UNIT,
@@ -168,6 +177,7 @@ impl Pose {
         }
     }
 
+    /// A rotation about the origin.
     pub(crate) fn turn(r: M3) -> Self {
         Self::new([0.0; 3], r)
     }
@@ -184,6 +194,7 @@ impl Pose {
         self.rpy.unwrap_or_else(|| to_rpy(&self.r))
     }
 
+    /// Whether the rotation is exactly the identity.
     pub(crate) fn is_shift(&self) -> bool {
         self.r == UNIT
     }
@@ -192,11 +203,13 @@ impl Pose {
         self.is_shift() && self.p[0] == 0.0 && self.p[1] == 0.0
     }
 
+    /// Whether the pose is the identity: no translation at all, no rotation up to rounding.
     pub(crate) fn is_unit(&self) -> bool {
         self.p == [0.0; 3] && same_rotation(&self.r, &UNIT)
     }
 
-    /// The composition with a pose that is given in this frame.
+    /// The pose in the outer frame of a frame whose pose in this one is `next`. Factors that are
+    /// pure translations or zero are not multiplied, so that no rounding errors arise.
     pub(crate) fn then(&self, next: &Self) -> Self {
         let (r, rpy) = if self.is_shift() {
             (next.r, next.rpy)
@@ -220,6 +233,7 @@ impl Pose {
         Self { r, p, rpy }
     }
 
+    /// The pose of the outer frame in the inner one.
     pub(crate) fn inverse(&self) -> Self {
         if self.is_shift() {
             return Self::shift(scaled(self.p, -1.0));
@@ -235,14 +249,14 @@ impl Pose {
     }
 }
 
-/// Rounds a sum or a rotated vector to the digits that a length of this size has, to remove
-/// rounding errors.
+/// Rounds the components of a computed vector, to remove rounding errors. `size` is the largest
+/// length that the vector was computed from, m.
 pub(crate) fn clean(v: V3, size: f64) -> V3 {
     v.map(|x| rounded(x, size, LENGTH_DIGITS))
 }
 
-/// A symmetric tensor `xx xy xz yy yz zz` in axes rotated by `r`: `r' T r`, rounded to twelve
-/// digits relative to its largest entry.
+/// Converts a symmetric tensor `xx xy xz yy yz zz` to the axes that are the columns of `r`:
+/// `r^T T r`, rounded to [`INERTIA_DIGITS`] relative to the largest entry of `T`.
 pub(crate) fn tensor_in(t: [f64; 6], r: &M3) -> [f64; 6] {
     if *r == UNIT {
         return t;

@@ -4,12 +4,13 @@
 //! its rows of the independent and of the dependent coordinates, and X = A_e^-1 A_i (Eq. 10), so
 //! that the dependent velocities are -X times the independent ones.
 //!
-//! Each joint gives one row for each link that it moves: the power of the link's inertial forces on
-//! the joint's unit twist (e, u), where e and u are the partial velocities of Eq. 1: the angular
-//! velocity of the link, and the velocity of its origin, per unit rate of the joint. The forces are
-//! linear in the link's ten parameters: the inertias I about the link's origin (Ixx Ixy Ixz Iyy Iyz
-//! Izz, kg m^2), the first moments m r (kg m) and the mass m (kg). All vectors are in the link's
-//! frame:
+//! Each coordinate gives one row for each link that it moves: the power of the link's inertial
+//! wrench on the coordinate's unit twist (e, u), where e and u are the partial velocities of Eq. 1:
+//! the angular velocity of the link, and the velocity of its origin, per unit rate of the
+//! coordinate. The inertial wrench is the force and the moment that the motion of the link
+//! requires, less those of gravity. It is linear in the link's ten parameters: the inertia tensor I
+//! about the link's origin (Ixx Ixy Ixz Iyy Iyz Izz, kg m^2, with Ixy the negative integral of x y
+//! dm), the first moments m r (kg m) and the mass m (kg). All vectors are in the link's frame:
 //!
 //! - a: the acceleration of the link's origin less gravity, m/s^2;
 //! - eta_tilde = (alpha x) + (w x)(w x), 3 by 3, 1/s^2, with the angular velocity w and the angular
@@ -27,8 +28,8 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 use super::Reduction;
 use super::reference_points::{self, Block};
 
-/// A link's inertial force (N) and its moment (N m) about the link's origin, in the link's frame,
-/// as linear functions of the link's ten parameters.
+/// The force (N) and the moment (N m) about the link's origin that the motion of a link requires,
+/// less those of gravity, in the link's frame, as linear functions of the link's ten parameters.
 #[derive(Clone, Debug)]
 pub struct InertiaWrench {
     /// The columns of eta hat (Eq. 3-4), 1/s^2, for Ixx Ixy Ixz Iyy Iyz Izz.
@@ -40,7 +41,7 @@ pub struct InertiaWrench {
 }
 
 impl InertiaWrench {
-    /// The inertial force and moment of a link in a given motion.
+    /// The inertial wrench of a link in a given motion.
     pub fn new(g: &mut Graph, motion: &LinkMotion) -> Self {
         let eta = &motion.eta;
         let [xx, xy, xz, yy, yz, zz] = motion.ww;
@@ -61,15 +62,16 @@ impl InertiaWrench {
         }
     }
 
-    /// The ten entries of the regressor row for a unit twist, in the order of the link's
-    /// parameters.
+    /// The ten entries of the regressor row for a unit twist in the link's frame, in the order Ixx
+    /// Ixy Ixz Iyy Iyz Izz mx my mz m.
     pub fn row(&self, g: &mut Graph, twist: &Twist) -> [Ex; 10] {
         self.split_row(g, None, &ZERO3, twist)
     }
 
-    /// The moments of the inertial forces about another point than the origin, per unit of each
-    /// first moment and of the mass: `v x a + arm x eta_tilde v` for each axis v, and `arm x a`;
-    /// `arm` is the vector from the point to the link's origin, m.
+    /// The moment of the inertial wrench about another point than the link's origin, per unit of
+    /// each first moment and of the mass: `v x a + arm x eta_tilde v` for each axis v, and
+    /// `arm x a`. `arm` is the vector from the point to the link's origin, m. The part by the
+    /// inertia tensor is a pure moment and the same about every point.
     fn moments_about(&self, g: &mut Graph, arm: &V3) -> MomentsAbout {
         let first = [0, 1, 2].map(|axis| {
             let mut unit = ZERO3;
@@ -82,9 +84,11 @@ impl InertiaWrench {
         MomentsAbout { first, mass }
     }
 
-    /// The regressor row for the sum of a rotation and a twist. The angular velocity `rotation` is
-    /// about the reference point of `moments`; with the vector `arm` from that point to the link's
-    /// origin, the whole twist is `(rotation + twist.e, rotation x arm + twist.u)`.
+    /// The regressor row for the sum of a rotation about the reference point of `moments`, with
+    /// angular velocity `rotation`, and a twist. With the vector `arm` from that point to the
+    /// link's origin, the whole twist is `(rotation + twist.e, rotation x arm + twist.u)`. The
+    /// power of the rotation is computed from the moments about the point, so that `rotation x arm`
+    /// is not needed.
     fn split_row(
         &self,
         g: &mut Graph,
@@ -113,7 +117,7 @@ impl InertiaWrench {
     }
 }
 
-/// The moments of a link's inertial forces about a point at which axes meet.
+/// The moments of a link's inertial wrench about a point at which joint axes meet.
 struct MomentsAbout {
     /// Per unit of each first moment mx, my, mz: m/s^2.
     first: [V3; 3],
@@ -122,15 +126,17 @@ struct MomentsAbout {
 }
 
 impl MomentsAbout {
+    /// The columns of mx, my, mz and m.
     fn columns(&self) -> impl Iterator<Item = &V3> {
         self.first.iter().chain([&self.mass])
     }
 }
 
-/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14). `qd` is the
-/// joint's velocity, which decides the direction of friction; `rd` is its reference velocity, which
-/// viscous friction is proportional to. Both are equal unless the forces are those of a
-/// passivity-based controller (see [`Rates::rd`]).
+/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14): a velocity for
+/// viscous friction, a sign for Coulomb friction. `qd` is the joint's velocity, rad/s or m/s, which
+/// decides the direction of friction; `rd` is its reference velocity, to which viscous friction is
+/// proportional. Both are equal unless the forces are those of a passivity-based controller (see
+/// [`Rates::rd`]).
 pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) -> Ex {
     match column {
         FrictionColumn::Viscous => rd,
@@ -151,8 +157,9 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
     }
 }
 
-/// The factor that multiplies an offset in the joint's effort: 1. A constant effort remains at rest,
-/// so it belongs to the forces at rest, with gravity, and not to those that the velocities cause.
+/// The factor that multiplies an offset in the joint's effort: 1, or 0 if the rates are without
+/// gravity. A constant effort acts at rest too, so it is counted with gravity, and not with the
+/// forces that accelerations and velocities cause.
 pub fn offset_factor(rates: &Rates) -> Ex {
     if rates.gravity { Ex::ONE } else { Ex::ZERO }
 }
@@ -167,13 +174,18 @@ pub struct UnitTwists<'a> {
 }
 
 /// The reduced regressor W, one column per parameter with one entry per independent coordinate:
-/// tau = W phi for the efforts tau of the independent coordinates. It is `K_i - X^T K_e` (Eq. 11)
+/// `tau = W phi` for the efforts tau of the independent coordinates. It is `K_i - X^T K_e` (Eq. 11)
 /// with friction, offset and rotor columns (Eq. 20); columns of dependent joints are projected by
-/// -X^T.
+/// -X^T. The columns are in the order of `model.parameters`, which begins with the ten parameters
+/// of each body.
 ///
-/// The columns of each body are built about its origin and about each point at which axes before it
-/// meet. All these agree in value; for each body those are returned that make the `wanted` columns
-/// (a flag per parameter) cheap to evaluate. `j` is the matrix of `qd = J qd_i`.
+/// The columns of each body are built once about its origin, and once about each point at which
+/// axes of joints before it meet. They have the same values but need different numbers of
+/// operations; for each body those are returned that make the `wanted` columns (a flag per
+/// parameter) cheap to evaluate.
+///
+/// - `motions`, `unit_twists`: by link;
+/// - `j`: the matrix J of `qd = J qd_i`.
 pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
@@ -219,12 +231,14 @@ pub fn reduced_regressor(
     columns
 }
 
-/// The regressor rows of a body, one per independent coordinate.
+/// The regressor rows of a body about a centre, or about its origin for `None`; one row per
+/// independent coordinate.
 ///
 /// If several of the coordinates that move the body depend on one independent coordinate, their
-/// unit twists are added first and the power of the body's forces is computed once; a single one
-/// scales its row of K. If the axis of a coordinate passes through the centre, only its rotation
-/// has power, on the moments about the centre.
+/// unit twists are added first, weighted by J, and the power of the body's inertial wrench is
+/// computed once. If there is only one, its row of K is multiplied by the entry of J. A coordinate
+/// whose axis passes through the centre is a pure rotation about it, so that only the moments about
+/// the centre have power.
 fn body_rows(
     g: &mut Graph,
     wrench: &InertiaWrench,

@@ -1,5 +1,6 @@
 //! The validated spec: every name resolves, every expression is finite, every label is unique. The
-//! types describe the file only; dynamics are derived elsewhere.
+//! types describe the file only; dynamics are derived elsewhere. Quantities are in SI units and
+//! radians.
 
 use crate::diag::Span;
 use crate::sym::Number;
@@ -18,9 +19,9 @@ pub struct Spanned<T> {
 /// A scalar of the spec: its expression as written and its exact value.
 #[derive(Clone, Debug)]
 pub struct Quantity {
-    /// The expression, geometry names unresolved.
+    /// The expression as written, with the names of `geometry`.
     pub expr: Expr,
-    /// The value at the spec's geometry.
+    /// The value of the expression at the values in `geometry`.
     pub value: Number,
     /// The place in the file.
     pub span: Span,
@@ -66,12 +67,13 @@ pub enum Expr {
     Call(Function, Box<Expr>),
 }
 
-/// A constant plus constant multiples of named things (coordinates, parameters).
+/// A constant plus a linear combination of coordinates (in `couplings`) or of dynamic parameters
+/// (in `base: zero`).
 #[derive(Clone, Debug)]
 pub struct LinearForm {
     /// The constant part.
     pub constant: Quantity,
-    /// Names with their coefficients, in the order written.
+    /// The names of the coordinates or parameters with their coefficients, in the order written.
     pub terms: Vec<(Spanned<String>, Quantity)>,
     /// The place of the whole form in the file.
     pub span: Span,
@@ -86,18 +88,19 @@ pub struct Spec {
     pub description: Option<String>,
     /// Gravity in the world frame, m/s^2.
     pub gravity: [Quantity; 3],
-    /// Named constants in order.
+    /// Named constants in the order written; an expression uses earlier names only.
     pub geometry: Vec<(Spanned<String>, Quantity)>,
     /// Serial branches in order.
     pub limbs: Vec<Limb>,
     /// Joints opened to obtain the tree.
     pub cuts: Vec<Cut>,
-    /// The independent coordinates, where given.
+    /// The names of the independent coordinates; `None`: the actuated ones.
     pub independent: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Coordinates that are linear in others, with the form of each.
+    /// Coordinates that are a linear form in others (parallelograms, belts, gears), each with its
+    /// form.
     pub couplings: Vec<(Spanned<String>, LinearForm)>,
-    /// The coordinates at which the closure solve starts, rad or m; they select the assembly
-    /// branch.
+    /// Values of the coordinates at which the solve of the loop closure starts, rad or m; missing
+    /// ones are 0. They select the assembly branch.
     pub home: Vec<(Spanned<String>, Quantity)>,
     /// The place of `home` in the file; `None` without `home`.
     pub home_span: Option<Span>,
@@ -108,7 +111,8 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// Every quantity that the mechanism and its home depend on, except the geometry's values.
+    /// Every quantity of the mechanism and its home: gravity, placements, leads, couplings and home
+    /// coordinates. Not the geometry's values, limits, nominal values and `base`.
     pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {
         let mut all: Vec<&mut Quantity> = self.gravity.iter_mut().collect();
         for limb in &mut self.limbs {
@@ -165,15 +169,16 @@ pub struct Placement {
     pub rpy: [Quantity; 3],
 }
 
-/// The joint types of `limbs`; R and T are rotations and translations by the coordinates n.1, n.2,
-/// n.3.
+/// The joint types of `limbs`. A joint n of several coordinates names them n.1, n.2, n.3; Rx, Tz
+/// and so on are rotations and translations by them, about and along the axes of the joint's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum JointKind {
-    /// One rotation.
+    /// A rotation about [`Joint::axis`].
     Revolute,
-    /// One translation.
+    /// A translation along [`Joint::axis`].
     Prismatic,
-    /// A rotation and a proportional translation.
+    /// A screw with one coordinate, the angle about [`Joint::axis`]; the translation along the axis
+    /// is [`Joint::lead`] times the angle.
     Helical,
     /// Rz(n.1) Tz(n.2).
     Cylindrical,
@@ -239,7 +244,8 @@ pub struct Limits {
     pub acceleration: Option<Interval>,
     /// Effort, N m or N.
     pub effort: Option<Interval>,
-    /// Greatest angle between the z axes before and after the joint, rad.
+    /// Greatest swing angle, rad: between the z axes of the two frames that a spherical or
+    /// universal joint connects.
     pub cone: Option<Quantity>,
 }
 
@@ -250,36 +256,39 @@ pub struct Joint {
     pub name: Option<Spanned<String>>,
     /// The joint's type.
     pub kind: Spanned<JointKind>,
-    /// The placement of the joint's frame.
+    /// The placement of the joint's frame in the preceding frame.
     pub frame: JointFrame,
-    /// The axis that a joint of one coordinate moves about or along.
+    /// The axis of the joint's frame that a joint of one coordinate moves about or along.
     pub axis: Axis,
     /// The lead of a helical joint, m per radian: its pitch over 2 pi.
     pub lead: Option<Quantity>,
-    /// Label of the body that the joint carries; `None` if there is no mass.
+    /// Label of the body that the joint carries; `None` if it carries no mass.
     pub body: Option<Spanned<String>>,
     /// Whether each of its coordinates is actuated.
     pub actuated: bool,
     /// Friction at each of its coordinates.
     pub friction: Friction,
-    /// Whether each coordinate has a constant effort Fo as a parameter.
+    /// Whether each coordinate has the parameter Fo: a constant effort of either sign, N m or N.
     pub offset: bool,
-    /// Whether each coordinate has a rotor parameter J.
+    /// Whether each coordinate has the parameter J: the inertia of rotor and drive, reflected to
+    /// the joint, kg m^2 or kg.
     pub rotor_inertia: bool,
     /// Limits of each coordinate.
     pub limits: Limits,
-    /// Nominal friction, offset and rotor values by parameter symbol (`Fv`, `Fc`, `Fo`, `J`, ...).
+    /// Nominal friction, offset and rotor values, SI, by parameter symbol (`Fv`, `Fc`, `Fo`, `J`,
+    /// ...).
     pub nominal: Vec<(Spanned<String>, Quantity)>,
     /// The place of the joint in the file.
     pub span: Span,
 }
 
-/// The joint types of `cuts`, with the number of closure equations of each.
+/// The joint types of `cuts`, with the number of closure equations of each. The axis of a joint
+/// with one axis is the z axis of the cut's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CutKind {
     /// 3 equations.
     Spherical,
-    /// 4 equations.
+    /// 4 equations; the x axis of frame A stays perpendicular to the y axis of frame B.
     Universal,
     /// 5 equations.
     Revolute,
@@ -326,19 +335,22 @@ pub struct BodyInertia {
     pub mass: Quantity,
     /// Centre of mass in the body's frame, m.
     pub com: [Quantity; 3],
-    /// `Ixx Ixy Ixz Iyy Iyz Izz` about the centre of mass in body axes, kg m^2.
+    /// `Ixx Ixy Ixz Iyy Iyz Izz` about the centre of mass in body axes, kg m^2; Ixy is the entry of
+    /// the tensor, the negative integral of x y dm.
     pub inertia: [Quantity; 6],
 }
 
 /// The user's choices about the base parameters.
 #[derive(Clone, Debug, Default)]
 pub struct BaseChoices {
-    /// Parameters to eliminate first, in this order.
+    /// Parameters that are eliminated first, in this order, where the others can replace them.
     pub eliminate: Vec<Spanned<String>>,
     /// Linear forms in the parameters that are known to be zero.
     pub zero: Vec<LinearForm>,
-    /// Groups of bodies that are known to be identical.
+    /// Groups of bodies that are known to be identical: their columns are added, under the labels
+    /// of the first body.
     pub equal: Vec<Vec<Spanned<String>>>,
-    /// Base parameters to leave out of the model.
+    /// Base parameters to leave out of the model, each by the label of the parameter whose column
+    /// represents it.
     pub drop: Vec<Spanned<String>>,
 }

@@ -22,7 +22,9 @@ fn robot() -> &'static dyn BaseModel<f64> {
     &Rps3Friction
 }
 
-/// A smooth periodic motion of the three legs about 0.62 m: amplitudes in m, multiples of 1/7.5 Hz.
+/// A smooth periodic motion of the lengths of the three legs about 0.62 m. Each wave is an
+/// amplitude in m and a frequency as a multiple of 1/7.5 Hz. The function fills positions,
+/// velocities and accelerations at a time in s.
 fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], &mut [f64]) {
     move |t, q, qd, qdd| {
         for leg in 0..3 {
@@ -41,8 +43,8 @@ fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], 
 
 fn main() -> Result<(), Box<dyn Error>> {
     let info = robot().info();
-    // the true robot, whose parameters are unknown: its bodies differ from the drawing by up to 10
-    // %
+    // the true robot, which the controller does not know: the ten parameters of each body are those
+    // of the drawing times one factor of 0.9 to 1.1, and every other parameter has its own factor
     let drawing = info.nominal_parameters().ok_or("no nominal values")?;
     let truth = perturb_parameters(&info, &drawing, 0.1, &mut Noise::new(7));
     let laws = nominal_friction(&info)?;
@@ -99,7 +101,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Base parameters by least squares, each leg's equations weighted by its noise.
+/// The base parameters by least squares, each leg's equations weighted by its noise. The efforts
+/// are the measured ones; the motion is the exact one of the simulation, which a real log does not
+/// have.
 fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
     let n = robot().info().coordinates.len();
     let mut data = Recorded::new();
@@ -129,10 +133,14 @@ fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
     Ok(found.values)
 }
 
-/// Computed torque control in base parameters: tau = M(q) (qdd_wanted + Kv e' + Kp e) + h(q, qd).
+/// Computed torque control in base parameters: `tau = M(q) (qdd_d + Kv de/dt + Kp e) + h(q, qd_d)`,
+/// with the measured positions q, the desired motion q_d, qd_d, qdd_d, the error `e = q_d - q` and
+/// the forces h of velocities, gravity and friction.
 struct ComputedTorque {
+    /// The base parameters, SI.
     beta: Vec<f64>,
     closure: LoopClosure<'static, dyn BaseModel<f64>>,
+    /// The measured positions of the last sample, m, for the velocities.
     last: Option<Vec<f64>>,
 }
 
@@ -147,7 +155,8 @@ impl ComputedTorque {
     }
 
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
-        // a bandwidth of 20 rad/s, critically damped
+        // the error decays with a natural frequency of 20 rad/s, critically damped: kp in 1/s^2, kv
+        // in 1/s
         let (kp, kv) = (400.0, 40.0);
         let measured = now.measured;
         let last = self.last.replace(measured.to_vec());
@@ -161,9 +170,10 @@ impl ComputedTorque {
                 now.qdd_i[k] + kv * ed + kp * e
             })
             .collect();
-        // the model is evaluated at the measured positions and the wanted velocities: the
-        // velocities from the encoders are noisy, and Coulomb friction would chatter at each
-        // reversal
+        // the model is evaluated at the measured positions and the desired velocities: the
+        // velocities from the encoders are noisy, so that the sign of Coulomb friction would
+        // chatter at each reversal. Where the loops cannot be closed, the efforts of the last
+        // sample remain
         if let Ok(state) = self.closure.solve_state(measured, now.qd_i, &wanted)
             && state.outcome.is_closed()
         {
@@ -173,7 +183,7 @@ impl ComputedTorque {
     }
 }
 
-/// The root mean square of the legs' tracking errors, m.
+/// The root mean square of the true tracking errors of the three legs after the first second, m.
 fn tracking(log: &Log, reference: &impl Fn(f64, &mut [f64], &mut [f64], &mut [f64])) -> f64 {
     let n = robot().info().coordinates.len();
     let (mut sum, mut count) = (0.0, 0.0);

@@ -1,9 +1,11 @@
 use super::*;
 
+/// The expression of an element as it is printed.
 fn printed(field: &Field, element: &Element) -> String {
     field.coefficient(element).to_string()
 }
 
+/// Geometry names with these values.
 fn names(field: &mut Field, list: &[(&str, i64)]) -> Vec<Element> {
     list.iter()
         .map(|(name, value)| {
@@ -62,7 +64,7 @@ fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
     assert!(difference.is_zero());
     assert_eq!(printed(&f, &difference), "0");
     assert_eq!(f.coincidences().collect::<Vec<_>>(), ["l1 = l2"]);
-    // a difference that is zero by its expression is no coincidence
+    // a difference whose expression is zero too is no coincidence
     let nothing = f.sub(&left, &left);
     assert!(nothing.is_zero() && f.coincidences().count() == 1);
 }
@@ -105,6 +107,7 @@ fn a_negative_sum_of_roots_keeps_its_sign() {
     assert_eq!(printed(&f, &product), "-(sqrt(6) - sqrt(2))*a");
 }
 
+/// sin(x + k pi/2) and cos(x + k pi/2) are printed with sin(x) and cos(x).
 #[test]
 fn quarter_turns_bring_no_new_sines() {
     let mut f = Field::default();
@@ -121,6 +124,8 @@ fn quarter_turns_bring_no_new_sines() {
     }
 }
 
+/// Sines and cosines of multiples of pi/18 are printed as square roots where these are exact, else
+/// with an angle of at most pi/4.
 #[test]
 fn multiples_of_pi_are_written_within_an_eighth_turn() {
     let mut f = Field::default();
@@ -140,6 +145,7 @@ fn multiples_of_pi_are_written_within_an_eighth_turn() {
     assert_eq!(f.coincidences().count(), 0);
 }
 
+/// The sine and the cosine of 0.6 are not exact, but the sum of their squares is exactly 1.
 #[test]
 fn what_is_left_of_sines_is_exact() {
     let mut f = Field::default();
@@ -161,7 +167,7 @@ fn an_expression_that_is_too_long_is_written_as_its_value() {
         value: half.clone(),
         form: Form::TooLong,
     };
-    // an expression computed from a dropped one is dropped too
+    // an element computed from one whose expression was dropped has no expression either
     let sum = f.add(&name, &long);
     for (element, known, text) in [
         (Element::exact(half), true, "1/2"),

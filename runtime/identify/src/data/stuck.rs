@@ -6,51 +6,58 @@
 
 /// Least number of consecutive rows with exactly the same position.
 const MIN_REPEATED_ROWS: usize = 8;
-/// The same for rows up to the end of a log.
+/// The same for rows that repeat the position before them, up to the end of a log or to a gap.
 const MIN_REPEATED_ROWS_AT_END: usize = 32;
 /// Number of changes before the repeated rows from which the speed there is computed.
 const SPEED_CHANGES: usize = 4;
-/// Least ratio of the change that the last ones extrapolate to, over their mean, at which a motion
-/// is not braked: one that is braked to rest has 0.
+/// At this ratio or above, the motion was not braked before the position began to repeat. The ratio
+/// is the next change, extrapolated linearly from the last ones, over their mean. It is 1 at
+/// constant speed, and 0 for a joint that is about to come to rest.
 const MIN_UNBRAKED_RATIO: f64 = 0.5;
-/// Least speed of a motion that friction does not stop, in usual changes between rows.
+/// A joint at this speed or above is not stopped by friction within a row. The speed is the change
+/// per row, as a multiple of the median change.
 const MIN_SPEED_CHANGES: f64 = 0.5;
-/// The same in steps of the encoder.
+/// The same as a multiple of the encoder's step.
 const MIN_SPEED_STEPS: f64 = 4.0;
-/// Least jump at the end of repeated rows, in usual changes and in steps of the encoder: a coarse
-/// encoder that is turned slowly jumps by one step.
+/// An encoder that was stuck jumps by more than this multiple of the median change, and of the
+/// encoder's step, when it works again. A coarse encoder that is turned slowly also repeats rows,
+/// but jumps by one step only.
 const MIN_JUMP: f64 = 8.0;
-/// Least ratio of the jump of an encoder that was stuck to the next change: the jump is the motion
-/// of several rows, while a motion that starts from rest is faster in the next row.
+/// Such a jump also exceeds this multiple of the change in the next row: it is the motion of
+/// several rows. A joint that starts from rest moves further in the next row than in the first.
 const MIN_JUMP_RATIO: f64 = 4.0;
 /// Most changes that are stored for the statistics.
 const MAX_CHANGES: usize = 4001;
-/// Most stretches of repeated rows that are stored until the usual change is known.
+/// Most stretches of repeated rows that are stored until the median change is known, which is at
+/// the end of the file.
 const MAX_STRETCHES: usize = 4096;
-/// A change below this part of the position is rounding of a number and no step.
+/// A change up to this fraction of the position is rounding of the printed number, not motion.
 const RELATIVE_ROUNDING: f64 = 1e-10;
-/// Changes that differ by less than this part are the same number of steps.
+/// Changes that differ by at most this fraction count as equal.
 const RELATIVE_TOLERANCE: f64 = 1e-3;
-/// Number of equal changes that are needed to take them for a step.
+/// Number of equal changes that are needed to take their size for the encoder's step.
 const MIN_EQUAL_CHANGES: usize = 5;
-/// How far a change may be from a whole number of steps, in steps: rounding of decimals.
+/// How far a change may be from a whole number of steps, in steps, since files contain rounded
+/// decimals.
 const WHOLE_STEP_TOLERANCE: f64 = 0.1;
-/// The quantile of the changes of a moving joint up to which they count as regular.
+/// The quantile of the changes up to which they count as regular. It is also the least fraction of
+/// changes that must be whole multiples of the encoder's step.
 const REGULAR_QUANTILE: f64 = 0.9;
 
 /// Sizes of the changes of a position between rows, rad or m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PositionChanges {
-    /// The encoder's step: the smallest change that is frequent; 0 where none is.
+    /// The encoder's step (resolution): the smallest frequent change, if nearly all changes are
+    /// multiples of it; else 0.
     pub(super) encoder: f64,
     /// The size that nine of ten changes do not exceed.
     pub(super) regular: f64,
-    /// The median of the changes.
+    /// The median of the changes; changes of 0 and rounding are not among them.
     usual: f64,
 }
 
 impl PositionChanges {
-    /// The statistics of changes that are not zero.
+    /// The statistics of the absolute values of changes, none of them 0.
     fn of(changes: &[f64]) -> Self {
         let mut sorted = changes.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -88,44 +95,52 @@ fn counted(changes: &[f64], step: f64) -> bool {
 pub(super) struct Stuck {
     /// The index of the position in [`LogRow::values`](super::reader::LogRow::values).
     pub(super) entry: usize,
-    /// The first row that repeats the position of the row before.
+    /// The line of the first row that repeats the position of the row before.
     pub(super) first: u64,
-    /// The last such row.
+    /// The line of the last such row.
     pub(super) last: u64,
 }
 
 /// Statistics of one position, updated row by row through a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PositionHistory {
+    /// The position in the last row; `None` at the start and after a gap.
     value: Option<f64>,
-    /// The last changes.
+    /// The last changes with their signs, the newest at the end.
     recent: [f64; SPEED_CHANGES],
-    /// Number of rows that repeat `value`, the first and the last of them, and the change per row
-    /// before.
+    /// Number of rows that repeat `value` so far.
     repeats: usize,
+    /// The lines of the first and the last of these rows.
     span: (u64, u64),
+    /// As [`RepeatedRows::speed`], for these rows.
     speed: f64,
+    /// The absolute values of the changes, for the statistics.
     changes: Vec<f64>,
     stretches: Vec<RepeatedRows>,
-    /// Whether the change after the last stretch's jump is still to come.
+    /// Whether the last row ended a stretch by a jump, so that the next change is stored in
+    /// [`RepeatedRows::next`].
     waking: bool,
 }
 
+/// A stretch of rows that repeat one position.
 #[derive(Clone, Copy, Debug)]
 struct RepeatedRows {
+    /// Number of rows that repeat the position of the row before.
     rows: usize,
+    /// The lines of the first and the last of them.
     span: (u64, u64),
-    /// Change per row before the stretch if the motion had one direction and was not braked; 0
-    /// otherwise.
+    /// The mean change per row just before the stretch, rad or m, if the motion had one direction
+    /// and was not braked; 0 otherwise.
     speed: f64,
-    /// Change at the end of the stretch; `None` where no row follows.
+    /// The absolute change at the end of the stretch; `None` where no row follows, or only after a
+    /// gap.
     jump: Option<f64>,
-    /// The change after the jump.
+    /// The absolute change in the row after the jump; 0 where there is none.
     next: f64,
 }
 
 impl PositionHistory {
-    /// Adds the next row.
+    /// Adds the position (rad or m) of the row at `line`.
     pub(super) fn push(&mut self, line: u64, value: f64) {
         let Some(before) = self.value.replace(value) else {
             return;
@@ -160,7 +175,7 @@ impl PositionHistory {
         self.recent[SPEED_CHANGES - 1] = change;
     }
 
-    /// Ends the current stretch: no row follows, or only after a gap.
+    /// Ends the current stretch without a jump, at a gap in the log or at its end.
     pub(super) fn pause(&mut self) {
         self.close(None);
         self.value = None;
@@ -168,6 +183,7 @@ impl PositionHistory {
         self.recent = [0.0; SPEED_CHANGES];
     }
 
+    /// Stores the current stretch, if it is long enough to be judged.
     fn close(&mut self, jump: Option<f64>) {
         let rows = core::mem::take(&mut self.repeats);
         if rows + 1 >= MIN_REPEATED_ROWS && self.stretches.len() < MAX_STRETCHES {
@@ -182,7 +198,8 @@ impl PositionHistory {
         }
     }
 
-    /// The stretches in which the encoder was stuck, and the statistics of its changes.
+    /// The stretches in which the encoder was stuck, and the statistics of its changes. `entry` is
+    /// that of [`Stuck::entry`].
     pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, PositionChanges) {
         self.pause();
         let changes = PositionChanges::of(&self.changes);
@@ -224,7 +241,7 @@ mod tests {
         found.iter().map(|s| (s.first, s.last)).collect()
     }
 
-    /// A swing of 2 s, sampled at 100 Hz.
+    /// A sine of amplitude 1 and period 2 s, sampled at 100 Hz.
     fn swing(row: usize) -> f64 {
         (core::f64::consts::PI * row as f64 / 100.0).sin()
     }

@@ -8,8 +8,9 @@ use super::symmetric::{self, Square, ZERO, inner, plus};
 pub(super) struct Cone {
     /// The number of rows of the matrix, 1 to 4.
     pub(super) size: usize,
+    /// The matrix where all variables are 0.
     pub(super) constant: Square,
-    /// The matrix that multiplies each variable, for the variables that occur.
+    /// The index of each variable that occurs, with the matrix that multiplies it.
     pub(super) terms: Vec<(usize, Square)>,
     /// The factor of `-ln det` of the matrix in the objective; 0 without that term.
     pub(super) logarithm: f64,
@@ -40,7 +41,7 @@ impl Cone {
         plus(&self.along(x), &self.constant, 1.0)
     }
 
-    /// The change of the matrix along a direction `d` of the variables.
+    /// The change of the matrix if the variables change by `d`.
     pub(super) fn along(&self, d: &[f64]) -> Square {
         let mut out = ZERO;
         for (v, m) in &self.terms {
@@ -50,20 +51,23 @@ impl Cone {
     }
 }
 
-/// The objective `||A x - b||^2 + c . x`, minus `ln det` of the cones with a logarithm.
+/// The objective `||A x - b||^2 + c . x + constant`, which is minimised. The cones with a logarithm
+/// add `-logarithm ln det` to it.
 #[derive(Clone, Debug)]
 pub(super) struct Objective {
     /// The rows of A, each followed by its entry of b.
     pub(super) rows: Vec<Vec<f64>>,
+    /// c.
     pub(super) linear: Vec<f64>,
-    /// A constant part of the objective: squares that no variable changes.
+    /// The sum of the squares that no variable changes.
     pub(super) constant: f64,
-    /// Objective values up to this count as zero: they are rounding errors of b.
+    /// A sum of squares below this is replaced by it where the gap is divided by the objective:
+    /// smaller ones are rounding errors of b.
     pub(super) floor: f64,
 }
 
 impl Objective {
-    /// `A x - b`, in twice the working precision before the last rounding.
+    /// `A x - b`, each entry summed in twice the working precision and then rounded.
     pub(super) fn residuals(&self, x: &[f64]) -> Vec<f64> {
         let one = |row: &Vec<f64>| {
             let mut sum = Sum::default();
@@ -76,7 +80,7 @@ impl Objective {
         self.rows.iter().map(one).collect()
     }
 
-    /// The objective without logarithms; not negative except for its linear part.
+    /// The objective without logarithms. Only its linear part can be negative.
     pub(super) fn squares(&self, x: &[f64]) -> f64 {
         let squares: f64 = self.residuals(x).iter().map(|r| r * r).sum();
         let linear: f64 = self.linear.iter().zip(x).map(|(c, v)| c * v).sum();
@@ -84,13 +88,16 @@ impl Objective {
     }
 }
 
-/// A sum in twice the working precision (Ogita, Rump and Oishi, 2005).
+/// A sum in twice the working precision (Ogita, Rump and Oishi, 2005, algorithms Sum2 and Dot2).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
+    /// The sum in working precision.
     high: f64,
+    /// The sum of the rounding errors of `high`.
     low: f64,
     /// The sum of the absolute values of all terms.
     size: f64,
+    /// The number of terms.
     count: usize,
 }
 
@@ -104,6 +111,7 @@ impl Sum {
         self.count += 1;
     }
 
+    /// Adds `a b`.
     pub(super) fn product(&mut self, a: f64, b: f64) {
         let p = a * b;
         self.low += a.mul_add(b, -p);
@@ -122,20 +130,22 @@ impl Sum {
     }
 }
 
-/// An upper bound on how far the objective at a point is above its minimum.
+/// The duality gap: `complementarity + unbalanced` is an upper bound on how far the objective at a
+/// point is above its minimum.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gap {
     /// The sum of the inner products of the cones' matrices and their duals.
     pub(super) complementarity: f64,
-    /// The largest change of the objective over the set by the gradient that the duals do not
-    /// balance.
+    /// The most by which the objective can fall within the constraints because of the part of the
+    /// gradient that the duals do not balance.
     pub(super) unbalanced: f64,
-    /// The value of the objective, at least its floor.
+    /// The squares of the objective, at least its floor. The linear part and the logarithms are not
+    /// included, since they may be negative.
     pub(super) value: f64,
 }
 
 impl Gap {
-    /// The bound as a fraction of the objective.
+    /// The bound as a fraction of `value`; infinite if it is not finite.
     pub(super) fn part(&self) -> f64 {
         let part = (self.complementarity + self.unbalanced) / self.value;
         if part.is_finite() {
@@ -146,20 +156,23 @@ impl Gap {
     }
 }
 
-/// Bounds how far the objective at `x` is above its minimum, from dual matrices. The bound holds
-/// for any dual matrices, however they were computed.
+/// Bounds how far the objective at `x` is above its minimum, by weak duality. The bound holds for
+/// any dual matrices, however they were computed.
 ///
-/// The objective is convex: at any other point it is at least its value at `x` plus the gradient
-/// times the distance. With positive semidefinite S_i the gradient is the sum of the `E_i^*(S_i)`
-/// and a remainder. `<S_i, X_i>` is nowhere negative, so the objective can fall by at most the sum
-/// of the `<S_i, X_i(x)>` plus the remainder times the distance that a variable can be from `x`.
-/// Negative eigenvalues of the S_i are cut off first. The gradient is summed in twice the working
-/// precision, from the residuals of the squares as they were rounded: for `u` near `r = A x - b`,
-/// `||A y - b||^2 >= ||r||^2 + 2 u^T A (y - x) - ||u - r||^2`, so that their rounding enters only
-/// by its square.
+/// Let `X_i(x)` be the matrix of cone i, and S_i its dual matrix, of which negative eigenvalues are
+/// first replaced by 0. The objective is convex, so at any point y it is at least its value at `x`
+/// plus `g . (y - x)` with the gradient g at `x`. g is split into the gradient of the sum of the
+/// `<S_i, X_i>` and a remainder. The first part can fall by at most the sum of the `<S_i, X_i(x)>`,
+/// since `<S_i, X_i(y)>` is not negative where y fulfils the constraints. The second can fall by at
+/// most the absolute remainder of each variable times its largest distance from `x`.
 ///
-/// - `x`: a point strictly inside the cones that have a logarithm;
-/// - `reach`: the largest absolute value of each variable in the set.
+/// The gradient is summed in twice the working precision, from rounded residuals u of
+/// `r = A x - b`. Since `||A y - b||^2 >= ||r||^2 + 2 u^T A (y - x) - ||u - r||^2`, their
+/// rounding errors enter only by their squares, which are neglected.
+///
+/// - `reach`: an upper bound on the absolute value of each variable within the constraints;
+/// - `x`: a point strictly inside the cones that have a logarithm; the gap is infinite otherwise;
+/// - `duals`: one symmetric matrix for each cone.
 pub(super) fn gap(
     objective: &Objective,
     cones: &[Cone],
@@ -182,8 +195,9 @@ pub(super) fn gap(
     }
 }
 
-/// The part of the gradient that the duals do not balance, and the sum of the inner products of
-/// duals and matrices.
+/// The part of the gradient that the duals do not balance, for each variable, and the sum of the
+/// inner products of duals and matrices. For a cone with a logarithm, the dual includes the part
+/// that balances the gradient of the logarithm; this part is not in the inner products.
 pub(super) fn remainder(
     objective: &Objective,
     cones: &[Cone],
@@ -206,7 +220,8 @@ pub(super) fn remainder(
     for (cone, dual) in cones.iter().zip(duals) {
         let at = cone.at(x);
         let (own, more) = if cone.logarithm > 0.0 {
-            // the gradient of -ln det is -X^-1: a part of the dual matrix balances it
+            // the gradient of -ln det X is -X^-1: this multiple of X^-1 in the dual balances it,
+            // and only the rest of the dual is a multiplier of the constraint
             let Some(l) = symmetric::cholesky(&at, cone.size) else {
                 complementarity = f64::INFINITY;
                 continue;

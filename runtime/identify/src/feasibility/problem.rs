@@ -1,4 +1,8 @@
-//! The physical fit as least squares over cones.
+//! The physical fit as a least-squares problem with semidefinite constraints (cones).
+//!
+//! A *single* parameter belongs to no body and is not negative: a friction coefficient or a rotor
+//! inertia. Every parameter is divided by its unit, see [`Setting::units`], and phi is the vector
+//! of all p parameters in SI.
 
 use super::cones::{Cone, Objective};
 use super::equalities::{Equality, Solved, solve};
@@ -8,27 +12,29 @@ use super::symmetric::{ONE, Square, ZERO};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout};
 use crate::estimate::QrFactor;
 
-/// The objective counts as at least this fraction of the squared efforts: residuals below 1e-4 of
-/// the efforts count as zero.
+/// The duality gap is divided by at least this fraction of the sum of the squared efforts:
+/// residuals below 1e-4 of the efforts count as rounding errors.
 const MIN_OBJECTIVE_PART: f64 = 1e-8;
 
 /// The constraint that a cone represents.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
-    /// The pseudo-inertia of a body, by its index.
+    /// The pseudo-inertia of the body with this index, less the margin, is positive semidefinite.
     Body(usize),
-    /// The sign of a single parameter.
+    /// A single parameter is not negative.
     Sign,
-    /// A limit that the user gave.
+    /// A lower or an upper limit that the user gave.
     Limit,
-    /// The safety limit of a body's mass and size, by its index.
+    /// The trace of the pseudo-inertia of the body with this index is at most
+    /// [`Problem::heaviest`]. This safety limit keeps the feasible set bounded.
     Size(usize),
-    /// The safety limit of a single parameter, such as friction.
+    /// The absolute value of a single parameter or an offset is at most its safety limit,
+    /// [`Setting::single_limit`].
     Strength,
 }
 
-/// The subspace to which equations restrict a body's pseudo-inertia: orthonormal columns, of which
-/// the first `size` count.
+/// The face of the semidefinite cone to which equations restrict a body's pseudo-inertia J:
+/// `J v = 0` for all v orthogonal to the first `size` columns of `basis`, which are orthonormal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     pub(super) basis: Square,
@@ -37,7 +43,9 @@ pub(super) struct Face {
 
 /// The observations, constraints and options of a physical fit.
 pub(super) struct Setting<'a> {
+    /// The QR factor R, z of the observations of the base parameters.
     pub(super) factor: &'a QrFactor,
+    /// The matrix B that gives the base parameters as B phi.
     pub(super) combinations: &'a BaseMap,
     pub(super) layout: &'a ParameterLayout,
     pub(super) options: &'a Options,
@@ -45,22 +53,29 @@ pub(super) struct Setting<'a> {
     pub(super) noise: f64,
 }
 
-/// The problem in the variables that no equation eliminates.
+/// The problem in the variables that no equation eliminates. Each variable is one of the
+/// parameters, divided by its unit.
 pub(super) struct Problem {
+    /// All parameters as affine expressions in the variables.
     pub(super) solved: Solved,
+    /// The unit of each of the p parameters, SI.
     pub(super) units: Vec<f64>,
     pub(super) objective: Objective,
     pub(super) cones: Vec<Cone>,
+    /// The kind of each cone.
     pub(super) kinds: Vec<Kind>,
-    /// The largest absolute value of each variable.
+    /// An upper bound on the absolute value of each variable within the constraints.
     pub(super) reach: Vec<f64>,
-    /// The largest trace of each body's pseudo-inertia, in units of the scale.
+    /// The upper limit of the trace of each body's pseudo-inertia, in units of [`Setting::scale`].
     pub(super) heaviest: Vec<f64>,
 }
 
 impl Setting<'_> {
-    /// The equations between parameters, in their units: forms that the model takes as zero,
-    /// identical bodies, known values and sums, and limits that leave a single value.
+    /// The equations between the parameters divided by their units: forms that the model takes as
+    /// zero, identical bodies, known values and sums, and limits that leave a single value.
+    ///
+    /// Fails if a label is unknown, a value is not finite, or a body is declared identical to
+    /// nothing or to itself.
     pub(super) fn equalities(&self, units: &[f64]) -> Result<Vec<Equality>, FeasibilityError> {
         let mut out = Vec::new();
         for (name, row) in self.combinations.zeros() {
@@ -154,7 +169,8 @@ impl Setting<'_> {
         Ok(out)
     }
 
-    /// The problem with these equations and faces.
+    /// The problem with these equations, and for each body the face of its cone, `None` for the
+    /// whole cone.
     pub(super) fn problem(
         &self,
         equalities: &[Equality],
@@ -177,7 +193,8 @@ impl Setting<'_> {
         self.bodies(&mut problem, faces)?;
         self.singles(&mut problem)?;
         self.limits(&mut problem)?;
-        // the largest value of each variable, which is one of the parameters
+        // the limits of all parameters, of which the variables are some; the trace of the
+        // pseudo-inertia bounds each of the ten parameters of a body
         let mut most = vec![0.0_f64; p];
         for (body, heaviest) in self.layout.bodies().iter().zip(&problem.heaviest) {
             body.columns.iter().for_each(|c| most[*c] = *heaviest);
@@ -191,6 +208,8 @@ impl Setting<'_> {
         Ok(problem)
     }
 
+    /// The squares `||R B phi - z||^2 + rss` of the observations, and one row for each prior,
+    /// weighted by the noise over the prior's standard deviation.
     fn objective(&self, solved: &Solved, units: &[f64]) -> Result<Objective, FeasibilityError> {
         let n = solved.variables.len();
         let r = self.factor.columns();
@@ -245,7 +264,7 @@ impl Problem {
         self.kinds.push(kind);
     }
 
-    /// All parameters, SI, at a point of the variables.
+    /// All p parameters, SI, at the values `x` of the variables.
     pub(super) fn expand(&self, x: &[f64]) -> Vec<f64> {
         let pairs = self.solved.expressions.iter().zip(&self.units);
         pairs
@@ -256,8 +275,8 @@ impl Problem {
             .collect()
     }
 
-    /// The objective with the additional term `weight` times the squared distance from the
-    /// reference values, each in units of its parameter.
+    /// The objective plus `weight` times the squared distance of the parameters from `reference`
+    /// (SI; 0 where there is none), each divided by its unit.
     pub(super) fn pulled(&self, reference: &[Option<f64>], weight: f64) -> Objective {
         let mut objective = self.objective.clone();
         let n = self.solved.variables.len();
@@ -277,8 +296,9 @@ impl Problem {
         objective
     }
 
-    /// The cones and ranges of the search for an inside point: one more variable t is subtracted
-    /// from the diagonal of every cone, so that t > 0 means inside.
+    /// The cones and the bounds of the variables for the search for a point strictly inside all
+    /// cones. One more variable t, the last, is subtracted from the diagonal of every cone's
+    /// matrix; at a point with t > 0 all these matrices are positive definite.
     pub(super) fn interior_search(&self) -> (Vec<Cone>, Vec<f64>) {
         let n = self.solved.variables.len();
         let cones = self.cones.iter().map(|cone| {
@@ -297,6 +317,7 @@ impl Problem {
     }
 }
 
+/// Fails unless `x`, entry `index` of the option `what`, is finite.
 pub(super) fn finite(what: &'static str, index: usize, x: f64) -> Result<(), FeasibilityError> {
     if x.is_finite() {
         Ok(())
