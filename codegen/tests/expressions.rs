@@ -6,7 +6,7 @@ use std::path::Path;
 
 use regen_codegen::constraints::{Closed, Pivot, world_equations};
 use regen_codegen::diag::Source;
-use regen_codegen::dynamics::{Reduction, UnitTwists, reduced_regressor};
+use regen_codegen::dynamics::{Reduction, TreeKinematics, reduced_regressor};
 use regen_codegen::functions::Symbols;
 use regen_codegen::kinematics::{Frames, Geometry, Rates, centres, motions, twists};
 use regen_codegen::model::{self, Model};
@@ -107,12 +107,13 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
     let twists = twists(&mut g, &frames, &model);
     let j = Reduction::new(&mut g, &model, &[]);
     let centres = centres(&mut g, &frames, &model);
-    let link_paths = UnitTwists {
+    let tree = TreeKinematics {
+        frames: &frames,
         twists: &twists,
         centres: &centres,
     };
     let wanted = vec![true; model.parameters.len()];
-    let columns = reduced_regressor(&mut g, &model, &motions, &link_paths, &rates, &j, &wanted);
+    let columns = reduced_regressor(&mut g, &model, &motions, &tree, &rates, &j, &wanted);
     let parameters: Vec<String> = model.parameters.iter().map(|p| p.label.clone()).collect();
     let shown = entries(&g, "K", &coordinates(&model), &parameters, |i, j| {
         columns[j][i]

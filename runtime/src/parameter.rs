@@ -12,10 +12,12 @@ pub const INERTIAL: [&str; 10] = [
 const ROTOR: &str = "J";
 /// The symbol of the constant effort of a joint.
 const OFFSET: &str = "Fo";
+/// The symbols of springs: at a joint, then of those between points.
+const SPRINGS: [&str; 4] = ["K", "k", "kl", "f"];
 
 /// The kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Symbol {
+pub enum Symbol<'a> {
     /// Moment of inertia of a body about the x axis of its frame.
     Ixx,
     /// Product of inertia of a body about the origin of its frame.
@@ -44,6 +46,16 @@ pub enum Symbol {
     Offset,
     /// The inertia of a rotor and its drive (Eq. 18).
     Rotor,
+    /// The stiffness of a spring at a joint.
+    Stiffness,
+    /// The coefficient of an effort term of a joint, by the name that the spec gives it.
+    Term(&'a str),
+    /// The stiffness of a spring between two points, N/m.
+    SpringStiffness,
+    /// Stiffness times relaxed length of a spring between two points, N.
+    SpringPreload,
+    /// The constant pull between two points, N; negative where it pushes.
+    SpringPull,
 }
 
 /// The values that a parameter of a physical robot can have.
@@ -51,7 +63,7 @@ pub enum Symbol {
 pub enum Sign {
     /// Zero or above: masses, moments of inertia, rotors, and friction, which takes energy out.
     Nonnegative,
-    /// Both signs: first moments, products of inertia and offsets.
+    /// Both signs: first moments, products of inertia, offsets, effort terms and constant pulls.
     Any,
 }
 
@@ -75,21 +87,23 @@ pub enum Sign {
 /// assert_eq!(offset.unit(Some(Motion::Translation)), "N");
 /// assert_eq!(offset.sign(), Sign::Any);
 /// assert!(!offset.is_friction() && !offset.is_inertial());
-/// assert_eq!(Parameter::read("Q(1)"), None);
+/// let cable = Parameter::read("cable(q4)").ok_or("a label")?;
+/// assert_eq!(cable.symbol, Symbol::Term("cable"));
+/// assert_eq!(Parameter::read("9(1)"), None);
 /// # Ok::<(), &str>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Parameter<'a> {
     /// The kind.
-    pub symbol: Symbol,
-    /// The label of the body, or the name of the coordinate.
+    pub symbol: Symbol<'a>,
+    /// The label of the body, or the name of the coordinate or of the spring between points.
     pub owner: &'a str,
 }
 
-impl Symbol {
+impl<'a> Symbol<'a> {
     /// A body's ten inertial parameters in order: inertia about the origin of the body's frame,
     /// first moments, mass.
-    pub const INERTIAL: [Symbol; 10] = [
+    pub const INERTIAL: [Symbol<'static>; 10] = [
         Symbol::Ixx,
         Symbol::Ixy,
         Symbol::Ixz,
@@ -102,30 +116,41 @@ impl Symbol {
         Symbol::Mass,
     ];
 
-    /// Finds a symbol by its text in labels.
-    fn read(text: &str) -> Option<Self> {
-        let mut inertial = INERTIAL.iter().zip(Self::INERTIAL);
-        if let Some((_, symbol)) = inertial.find(|(name, _)| **name == text) {
-            return Some(symbol);
+    /// The symbols of springs, in the order of `SPRINGS`.
+    const OF_SPRINGS: [Symbol<'static>; 4] = [
+        Symbol::Stiffness,
+        Symbol::SpringStiffness,
+        Symbol::SpringPreload,
+        Symbol::SpringPull,
+    ];
+
+    /// Finds a symbol by its text in labels; other identifiers are names of effort terms.
+    fn read(text: &'a str) -> Option<Self> {
+        let named = |names: &[&str], symbols: &[Symbol<'static>]| {
+            let mut known = names.iter().zip(symbols);
+            known.find(|(name, _)| **name == text).map(|(_, s)| *s)
+        };
+        match text {
+            ROTOR => return Some(Symbol::Rotor),
+            OFFSET => return Some(Symbol::Offset),
+            _ => {}
         }
-        if text == ROTOR {
-            return Some(Symbol::Rotor);
-        }
-        if text == OFFSET {
-            return Some(Symbol::Offset);
-        }
-        friction::symbol(text).map(Symbol::Friction)
+        named(&INERTIAL, &Self::INERTIAL)
+            .or_else(|| named(&SPRINGS, &Self::OF_SPRINGS))
+            .or_else(|| friction::symbol(text).map(Symbol::Friction))
+            .or_else(|| is_identifier(text).then_some(Symbol::Term(text)))
     }
 
     /// The symbol's text in labels.
-    pub fn name(self) -> &'static str {
+    pub fn name(self) -> &'a str {
         match self {
-            Symbol::Friction(symbol) => symbol,
+            Symbol::Friction(symbol) | Symbol::Term(symbol) => symbol,
             Symbol::Offset => OFFSET,
             Symbol::Rotor => ROTOR,
             _ => {
-                let mut inertial = Self::INERTIAL.iter().zip(INERTIAL);
-                let found = inertial.find(|(symbol, _)| **symbol == self);
+                let symbols = Symbol::INERTIAL.iter().chain(&Symbol::OF_SPRINGS);
+                let mut named = symbols.zip(INERTIAL.iter().chain(&SPRINGS));
+                let found = named.find(|(symbol, _)| **symbol == self);
                 found.map_or("", |(_, name)| name)
             }
         }
@@ -151,6 +176,14 @@ impl Symbol {
                 None => "SI",
             },
             Symbol::Friction(symbol) => friction::unit(symbol, motion),
+            Symbol::Stiffness => match motion {
+                Some(Motion::Rotation) => "N m/rad",
+                Some(Motion::Translation) => "N/m",
+                None => "SI",
+            },
+            Symbol::SpringStiffness => "N/m",
+            Symbol::SpringPreload | Symbol::SpringPull => "N",
+            Symbol::Term(_) => "SI",
         }
     }
 
@@ -163,32 +196,39 @@ impl Symbol {
             | Symbol::Mx
             | Symbol::My
             | Symbol::Mz
-            | Symbol::Offset => Sign::Any,
+            | Symbol::Offset
+            | Symbol::Term(_)
+            | Symbol::SpringPull => Sign::Any,
             Symbol::Ixx
             | Symbol::Iyy
             | Symbol::Izz
             | Symbol::Mass
             | Symbol::Friction(_)
-            | Symbol::Rotor => Sign::Nonnegative,
+            | Symbol::Rotor
+            | Symbol::Stiffness
+            | Symbol::SpringStiffness
+            | Symbol::SpringPreload => Sign::Nonnegative,
         }
     }
 }
 
 impl<'a> Parameter<'a> {
-    /// Creates a parameter; `owner` is the label of a body or the name of a coordinate.
-    pub const fn new(symbol: Symbol, owner: &'a str) -> Self {
+    /// Creates a parameter; `owner` is the label of a body, or the name of a coordinate or of a
+    /// spring between points.
+    pub const fn new(symbol: Symbol<'a>, owner: &'a str) -> Self {
         Self { symbol, owner }
     }
 
     /// Parses a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` that a person or a file gives; `None`
-    /// if its symbol is unknown. A model lists its own parameters in [`Info`](crate::Info).
+    /// if it is no label. A symbol that no other parameter has is taken for the name of an effort
+    /// term. A model lists its own parameters in [`Info`](crate::Info).
     pub fn read(label: &'a str) -> Option<Self> {
         let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;
         Some(Self::new(Symbol::read(symbol)?, owner))
     }
 
     /// The symbol's text in labels.
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'a str {
         self.symbol.name()
     }
 
@@ -200,7 +240,7 @@ impl<'a> Parameter<'a> {
 
     /// Whether the parameter belongs to a body.
     pub fn is_inertial(&self) -> bool {
-        !self.is_friction() && !self.is_offset() && !self.is_rotor()
+        Symbol::INERTIAL.contains(&self.symbol)
     }
 
     /// Whether the parameter is a coefficient of a joint's friction.
@@ -211,6 +251,11 @@ impl<'a> Parameter<'a> {
     /// Whether the parameter is a constant effort of a joint.
     pub fn is_offset(&self) -> bool {
         self.symbol == Symbol::Offset
+    }
+
+    /// Whether the parameter is of a spring, or the coefficient of an effort term.
+    pub fn is_spring_or_term(&self) -> bool {
+        matches!(self.symbol, Symbol::Term(_)) || Symbol::OF_SPRINGS.contains(&self.symbol)
     }
 
     /// Whether the parameter is the inertia of a rotor and its drive.
@@ -227,6 +272,12 @@ impl<'a> Parameter<'a> {
     pub fn sign(&self) -> Sign {
         self.symbol.sign()
     }
+}
+
+/// Whether a text consists of letters, digits and underscores, and does not start with a digit.
+fn is_identifier(text: &str) -> bool {
+    let start = |c: char| c.is_ascii_alphabetic() || c == '_';
+    text.starts_with(start) && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
 impl fmt::Display for Parameter<'_> {

@@ -87,6 +87,10 @@ pub trait Scalar:
     #[must_use]
     fn sign(self) -> Self;
 
+    /// The square root, correctly rounded where the type is a float; NaN below 0.
+    #[must_use]
+    fn sqrt(self) -> Self;
+
     /// Sine and cosine of an angle in radians.
     #[must_use]
     fn sin_cos(self) -> (Self, Self);

@@ -33,6 +33,13 @@ struct Operations {
     mul: usize,
     div: usize,
     sincos: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    sqrt: usize,
+}
+
+/// Whether a count is 0: robots without springs between points have no square roots.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Runs the command.
@@ -77,6 +84,7 @@ fn operations(function: &regen_codegen::robot::Function) -> Operations {
         mul: count.mul,
         div: count.div,
         sincos: count.sincos,
+        sqrt: count.sqrt,
     }
 }
 

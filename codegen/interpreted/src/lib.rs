@@ -24,7 +24,7 @@ mod tangent;
 use std::sync::OnceLock;
 
 use regen_codegen::base;
-use regen_codegen::model::{self, MotionKind, ParameterKind};
+use regen_codegen::model::{self, MotionKind, ParameterKind, SpringPart};
 use regen_codegen::robot::{JointInfo, Robot};
 use regen_codegen::spec;
 use regen_runtime::function::Sizes;
@@ -252,9 +252,16 @@ fn runtime_parameter(parameter: &model::Parameter) -> Parameter<'_> {
             let own = Symbol::INERTIAL.get(entry).copied();
             own.unwrap_or(Symbol::Mass)
         }
-        ParameterKind::Friction { .. } => Symbol::Friction(parameter.symbol()),
+        ParameterKind::Friction { column, .. } => Symbol::Friction(column.symbol()),
         ParameterKind::Offset { .. } => Symbol::Offset,
         ParameterKind::Rotor { .. } => Symbol::Rotor,
+        ParameterKind::JointSpring { .. } => Symbol::Stiffness,
+        ParameterKind::EffortTerm { .. } => Symbol::Term(parameter.symbol()),
+        ParameterKind::PointSpring { part, .. } => match part {
+            SpringPart::Stiffness => Symbol::SpringStiffness,
+            SpringPart::Preload => Symbol::SpringPreload,
+            SpringPart::Pull => Symbol::SpringPull,
+        },
     };
     Parameter::new(symbol, &parameter.owner)
 }

@@ -48,6 +48,10 @@ impl<const N: usize> Number for TangentNumber<N> {
         (Self(sin), Self(cos))
     }
 
+    fn sqrt(self) -> Self {
+        Self(Scalar::sqrt(self.0))
+    }
+
     /// Solves for X with the values, then for its derivatives from `A dX = dB - dA X`.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let part = |rows: &[Vec<Self>], of: &dyn Fn(&Tangent<N>) -> f64| -> Vec<Vec<f64>> {

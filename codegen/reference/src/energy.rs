@@ -56,7 +56,8 @@ impl Mechanism {
         twice * 0.5
     }
 
-    /// Potential energy of the tree at q in J: of weights, and of constant efforts, Fo q.
+    /// Potential energy of the tree at q in J: of weights, constant efforts (Fo q) and
+    /// springs; effort terms count as friction, which has none.
     pub fn potential_energy<T: Scalar>(&self, q: &[T], phi: &[f64]) -> T {
         let frames = self.frames(q);
         let mut out = T::from(0.0);
@@ -68,8 +69,12 @@ impl Mechanism {
             }
         }
         for (parameter, value) in self.parameters.iter().zip(phi) {
-            if let Parameter::Offset(j) = parameter {
-                out += q[*j] * *value;
+            match parameter {
+                Parameter::Offset(j) => out += q[*j] * *value,
+                Parameter::Spring(index) => {
+                    out += self.stored_energy(&self.springs[*index].stored, q) * *value;
+                }
+                _ => {}
             }
         }
         out

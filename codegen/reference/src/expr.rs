@@ -87,7 +87,14 @@ impl Parser<'_> {
     fn power(&mut self) -> Result<f64, String> {
         let base = self.atom()?;
         if self.take('^') {
-            Ok(base.powf(self.sign()?))
+            let exponent = self.sign()?;
+            // a whole power of a negative number exists
+            let whole = exponent.fract() == 0.0 && exponent.abs() < 1e6;
+            Ok(if whole {
+                base.powi(exponent as i32)
+            } else {
+                base.powf(exponent)
+            })
         } else {
             Ok(base)
         }
@@ -153,6 +160,9 @@ impl Parser<'_> {
                 "cos" => Ok(argument.cos()),
                 "tan" => Ok(argument.tan()),
                 "deg" => Ok(argument.to_radians()),
+                "abs" => Ok(argument.abs()),
+                "sign" if argument == 0.0 => Ok(0.0),
+                "sign" => Ok(argument.signum()),
                 _ => Err(self.error(&format!("unknown function {name}"))),
             };
         }

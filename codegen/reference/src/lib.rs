@@ -27,6 +27,7 @@ mod newton_euler;
 mod random;
 mod reduced;
 mod scalar;
+mod springs;
 mod states;
 mod yaml;
 
@@ -39,4 +40,5 @@ pub use mechanism::{
 };
 pub use random::{PhysicalBody, Random};
 pub use scalar::{Mat4, Scalar, Vec3};
+pub use springs::{EffortTerm, Point, Spring, Stored};
 pub use states::State;

@@ -5,13 +5,16 @@ use std::collections::BTreeMap;
 
 use crate::expr::evaluate;
 use crate::friction::Friction;
-use crate::load_fields::{Names, dh, entries, list, pitch, placement, scalar, text, vector};
+use crate::load_fields::{
+    Names, dh, entries, list, pitch, placement, scalar, scalar_at, text, vector,
+};
 use crate::mechanism::{
     Axis, Body, Coupling, Cut, CutKind, CutSide, JointMotion, Mechanism, Node, PARAMETERS_PER_BODY,
     Parameter, SwingLimit,
 };
 use crate::random::PhysicalBody;
 use crate::scalar::identity;
+use crate::springs::{EffortTerm, Point, Spring, Stored};
 use crate::yaml::Value;
 
 impl Mechanism {
@@ -48,6 +51,9 @@ impl Mechanism {
             .iter()
             .map(|cut| tree.cut(cut, &names).map_err(|e| in_item(cut, &e)))
             .collect::<Result<_, _>>()?;
+        for item in list(&spec, "springs")? {
+            tree.spring(item, &names).map_err(|e| in_item(item, &e))?;
+        }
         let couplings = entries(&spec, "couplings")?
             .iter()
             .map(|(key, form)| tree.coupling(key, form, &names))
@@ -94,6 +100,8 @@ impl Mechanism {
             friction: tree.friction,
             offset: tree.offset,
             rotor: tree.rotor,
+            springs: tree.springs,
+            terms: tree.terms,
             home_guess,
             nominal: tree.nominal,
         })
@@ -161,6 +169,8 @@ struct Tree {
     friction: Vec<Friction>,
     offset: Vec<bool>,
     rotor: Vec<bool>,
+    springs: Vec<Spring>,
+    terms: Vec<EffortTerm>,
     nominal: BTreeMap<String, f64>,
     cones: Vec<SwingLimit>,
 }
@@ -196,6 +206,20 @@ impl Tree {
         self.rotor = pick(&self.rotor, coordinates);
         self.actuated = self.actuated.iter().map(|k| place(*k)).collect();
         self.actuated.sort_unstable();
+        for spring in &mut self.springs {
+            if let Stored::Joint { coordinate, .. } = &mut spring.stored {
+                *coordinate = place(*coordinate);
+            }
+        }
+        for term in &mut self.terms {
+            term.coordinate = place(term.coordinate);
+        }
+        let of_spring = |spring: &Spring| match spring.stored {
+            Stored::Joint { coordinate, .. } => coordinate,
+            _ => usize::MAX,
+        };
+        self.springs.sort_by_key(of_spring);
+        self.terms.sort_by_key(|term| term.coordinate);
         self.bodies = pick(&self.bodies, bodies);
         for node in &mut self.nodes {
             if let Some(motion) = &mut node.motion {
@@ -312,6 +336,27 @@ impl Tree {
         }
         self.offset.push(flag("offset"));
         self.rotor.push(flag("rotor_inertia"));
+        if let Some(spring) = joint.get("spring") {
+            self.springs.push(Spring {
+                label: format!("K({name})"),
+                stored: Stored::Joint {
+                    coordinate: index,
+                    rest: scalar_at(spring, "rest", names)?,
+                },
+            });
+        }
+        for (term, factor) in entries(joint, "terms")? {
+            self.terms.push(EffortTerm {
+                label: format!("{term}({name})"),
+                coordinate: index,
+                factor: match factor {
+                    Value::Integer(n) => n.to_string(),
+                    Value::Float(x) => x.to_string(),
+                    factor => text(factor)?,
+                },
+                names: names.clone(),
+            });
+        }
         let friction = joint.get("friction").map(text).transpose()?;
         let word = friction.as_deref().unwrap_or("none");
         let law = Friction::of(word).ok_or_else(|| format!("no friction {word}"))?;
@@ -359,6 +404,39 @@ impl Tree {
         })
     }
 
+    /// Adds the parameters of a spring between points.
+    fn spring(&mut self, spring: &Value, names: &Names) -> Result<(), String> {
+        let name = text(spring.get("name").ok_or("no name")?)?;
+        let ends: Vec<Point> = list(spring, "between")?
+            .iter()
+            .map(|end| {
+                Ok(Point {
+                    node: self.node_of(end.get("body"))?,
+                    at: end.get("xyz").map_or(Ok([0.0; 3]), |v| vector(v, names))?,
+                })
+            })
+            .collect::<Result<_, String>>()?;
+        let ends: [Point; 2] = ends.try_into().map_err(|_| "not two ends")?;
+        let constant = spring.get("constant").is_some_and(Value::is_true);
+        let length = spring.get("length").map(|v| scalar(v, names)).transpose()?;
+        let distance = |factor| Stored::Distance { ends, factor };
+        let stretch = |length| Stored::Stretch { ends, length };
+        let parts = match length {
+            _ if constant => vec![("f", distance(1.0))],
+            Some(length) => vec![("k", stretch(length))],
+            None => vec![("k", stretch(0.0)), ("kl", distance(-1.0))],
+        };
+        for (symbol, stored) in parts {
+            let label = format!("{symbol}({name})");
+            self.springs.push(Spring { label, stored });
+        }
+        for (symbol, value) in entries(spring, "nominal")? {
+            self.nominal
+                .insert(format!("{symbol}({name})"), scalar(value, names)?);
+        }
+        Ok(())
+    }
+
     fn coupling(&self, key: &str, form: &Value, names: &Names) -> Result<Coupling, String> {
         let (constant, coefficients) = linear_form(&text(form)?, &self.coordinates, names)?;
         Ok(Coupling {
@@ -403,6 +481,12 @@ impl Tree {
         }
         let rotors = self.rotor.iter().enumerate().filter(|(_, rotor)| **rotor);
         out.extend(rotors.map(|(coordinate, _)| Parameter::Rotor(coordinate)));
+        let of_joint = |index: &usize| matches!(self.springs[*index].stored, Stored::Joint { .. });
+        let (at_joints, between): (Vec<usize>, Vec<usize>) =
+            (0..self.springs.len()).partition(of_joint);
+        out.extend(at_joints.into_iter().map(Parameter::Spring));
+        out.extend((0..self.terms.len()).map(Parameter::Term));
+        out.extend(between.into_iter().map(Parameter::Spring));
         out
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::friction::Friction;
 use crate::scalar::Mat4;
+use crate::springs::{EffortTerm, Spring};
 
 /// The number of inertial parameters of a body, `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m`, about the
 /// origin of the body's frame and in its axes.
@@ -154,6 +155,10 @@ pub enum Parameter {
     Offset(usize),
     /// The rotor at the coordinate of this index.
     Rotor(usize),
+    /// The parameter of the spring of this index.
+    Spring(usize),
+    /// The coefficient of the effort term of this index.
+    Term(usize),
 }
 
 /// A mechanism as its spec describes it.
@@ -187,6 +192,10 @@ pub struct Mechanism {
     pub offset: Vec<bool>,
     /// Whether each coordinate has a rotor parameter.
     pub rotor: Vec<bool>,
+    /// Springs, one entry per parameter.
+    pub springs: Vec<Spring>,
+    /// Effort terms.
+    pub terms: Vec<EffortTerm>,
     /// The parameter of each column of the regressor.
     pub parameters: Vec<Parameter>,
     /// The coordinates at which the closure solve starts, rad or m.
@@ -211,6 +220,8 @@ impl Mechanism {
             }
             Parameter::Offset(coordinate) => format!("Fo({})", self.coordinates[*coordinate]),
             Parameter::Rotor(coordinate) => format!("J({})", self.coordinates[*coordinate]),
+            Parameter::Spring(index) => self.springs[*index].label.clone(),
+            Parameter::Term(index) => self.terms[*index].label.clone(),
         }
     }
 

@@ -63,7 +63,7 @@ impl Mechanism {
     }
 
     /// The regressor K of the tree (Eq. 5): one row per coordinate, one column per parameter,
-    /// friction, offsets and rotors included.
+    /// friction, offsets, rotors, springs and effort terms included.
     pub fn tree_regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> DMatrix<f64> {
         let frames = self.frames(q);
         let motion = self.spatial(&frames, qd, qdd);
@@ -91,6 +91,17 @@ impl Mechanism {
                 }
                 Parameter::Offset(j) => out[(*j, column)] = 1.0,
                 Parameter::Rotor(j) => out[(*j, column)] = qdd[*j],
+                Parameter::Spring(index) => {
+                    let efforts = self.spring_efforts(&self.springs[*index].stored, q);
+                    for (j, effort) in efforts.into_iter().enumerate() {
+                        out[(j, column)] = effort;
+                    }
+                }
+                Parameter::Term(index) => {
+                    let term = &self.terms[*index];
+                    let j = term.coordinate;
+                    out[(j, column)] = term.at(q[j], qd[j]);
+                }
             }
         }
         out

@@ -103,6 +103,8 @@ impl Names {
                         let value = a.value().tan()?;
                         written(field, Function::Tan, &a, value)
                     }
+                    // only effort terms call these, and no combination reads their factors
+                    Function::Sign | Function::Abs => return None,
                     Function::Deg => {
                         let factor = Number::pi().div(&Number::from_i64(180))?;
                         field.mul(&a, &Element::exact(factor))

@@ -26,6 +26,9 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
             }
             ParameterKind::Rotor { coordinate } => (20, coordinate),
             ParameterKind::Offset { coordinate } => (25, coordinate),
+            ParameterKind::JointSpring { .. }
+            | ParameterKind::EffortTerm { .. }
+            | ParameterKind::PointSpring { .. } => (27, column),
             ParameterKind::Friction { .. } => (30, column),
         }
     };

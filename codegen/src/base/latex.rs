@@ -15,7 +15,10 @@ pub fn parameter(parameter: &Parameter) -> String {
         }
         ParameterKind::Inertial { .. }
         | ParameterKind::Friction { .. }
-        | ParameterKind::Offset { .. } => indexed(symbol),
+        | ParameterKind::Offset { .. }
+        | ParameterKind::PointSpring { .. } => indexed(symbol),
+        ParameterKind::JointSpring { .. } => symbol.to_owned(),
+        ParameterKind::EffortTerm { .. } => name(symbol),
     };
     format!("{symbol}({})", name(&parameter.owner))
 }
@@ -140,6 +143,8 @@ pub fn expression(tree: &Coefficient) -> String {
         Coefficient::Call(function, inner) => match function {
             Function::Sqrt => format!("\\sqrt{{{}}}", expression(inner)),
             Function::Deg => format!("{}^{{\\circ}}", factor(inner)),
+            Function::Abs => format!("\\left|{}\\right|", expression(inner)),
+            Function::Sign => format!("\\operatorname{{sgn}}\\bigl({}\\bigr)", expression(inner)),
             Function::Sin | Function::Cos | Function::Tan => {
                 format!("\\{}\\bigl({}\\bigr)", function.name(), expression(inner))
             }

@@ -2,10 +2,10 @@
 //! computed from the base outward, the joint efforts inward.
 
 use crate::kinematics::{Frames, LinkMotion, Rates, Twist};
-use crate::model::{Model, ParameterKind};
+use crate::model::Model;
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
-use super::{friction_factor, offset_factor};
+use super::effort_column;
 
 /// The ten inertial parameters of a body about its link's origin, in the link's frame.
 #[derive(Clone, Copy, Debug)]
@@ -86,8 +86,8 @@ impl Wrench {
     }
 }
 
-/// The effort of every joint of the tree, by coordinate: K phi with friction, offsets and rotors, N m
-/// or N.
+/// The effort of every joint of the tree, by coordinate: K phi with friction, offsets, rotors and
+/// springs, N m or N.
 pub fn joint_efforts(
     g: &mut Graph,
     frames: &Frames,
@@ -115,17 +115,10 @@ pub fn joint_efforts(
         }
     }
     for (parameter, value) in model.parameters.iter().zip(phi) {
-        let (coordinate, factor) = match parameter.kind {
-            ParameterKind::Inertial { .. } => continue,
-            ParameterKind::Friction { coordinate, column } => {
-                let factor = friction_factor(g, column, rates.qd[coordinate], rates.rd[coordinate]);
-                (coordinate, factor)
-            }
-            ParameterKind::Offset { coordinate } => (coordinate, offset_factor(rates)),
-            ParameterKind::Rotor { coordinate } => (coordinate, rates.qdd[coordinate]),
-        };
-        let term = g.mul(factor, *value);
-        efforts[coordinate] = g.add(efforts[coordinate], term);
+        for (coordinate, factor) in effort_column(g, model, frames, rates, parameter.kind) {
+            let term = g.mul(factor, *value);
+            efforts[coordinate] = g.add(efforts[coordinate], term);
+        }
     }
     efforts
 }

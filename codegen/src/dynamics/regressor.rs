@@ -21,12 +21,12 @@
 //! r_OkOi, with the vector r_OkOi from the joint's origin to the link's, which gives Eq. 4; for a
 //! prismatic one e = 0.
 
-use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
-use crate::model::{FrictionColumn, Model, ParameterKind};
+use crate::kinematics::{Centre, Frames, LinkMotion, Rates, Twist};
+use crate::model::{Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
-use super::Reduction;
 use super::reference_points::{self, Block};
+use super::{Reduction, effort_column};
 
 /// The force (N) and the moment (N m) about the link's origin that the motion of a link requires,
 /// less those of gravity, in the link's frame, as linear functions of the link's ten parameters.
@@ -132,41 +132,11 @@ impl MomentsAbout {
     }
 }
 
-/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14): a velocity for
-/// viscous friction, a sign for Coulomb friction. `qd` is the joint's velocity, rad/s or m/s, which
-/// decides the direction of friction; `rd` is its reference velocity, to which viscous friction is
-/// proportional. Both are equal unless the forces are those of a passivity-based controller (see
-/// [`Rates::rd`]).
-pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) -> Ex {
-    match column {
-        FrictionColumn::Viscous => rd,
-        FrictionColumn::Coulomb => g.sign(qd),
-        FrictionColumn::ViscousPositive => {
-            let is_positive = g.positive(qd);
-            g.mul(is_positive, rd)
-        }
-        FrictionColumn::ViscousNegative => {
-            let is_negative = g.negative(qd);
-            g.mul(is_negative, rd)
-        }
-        FrictionColumn::CoulombPositive => g.positive(qd),
-        FrictionColumn::CoulombNegative => {
-            let is_negative = g.negative(qd);
-            g.neg(is_negative)
-        }
-    }
-}
-
-/// The factor that multiplies an offset in the joint's effort: 1, or 0 if the rates are without
-/// gravity. A constant effort acts at rest too, so it is counted with gravity, and not with the
-/// forces that accelerations and velocities cause.
-pub fn offset_factor(rates: &Rates) -> Ex {
-    if rates.gravity { Ex::ONE } else { Ex::ZERO }
-}
-
-/// The unit twists that move the links, and the points at which joint axes meet.
+/// The frames of the links, the unit twists that move them, and the points at which joint axes meet.
 #[derive(Debug)]
-pub struct UnitTwists<'a> {
+pub struct TreeKinematics<'a> {
+    /// The frame of each link.
+    pub frames: &'a Frames,
     /// For each link, the coordinates that move it and their unit twists, in the link's frame.
     pub twists: &'a [Vec<(usize, Twist)>],
     /// For each link, the points at which axes of joints before it meet.
@@ -175,7 +145,7 @@ pub struct UnitTwists<'a> {
 
 /// The reduced regressor W, one column per parameter with one entry per independent coordinate:
 /// `tau = W phi` for the efforts tau of the independent coordinates. It is `K_i - X^T K_e` (Eq. 11)
-/// with friction, offset and rotor columns (Eq. 20); columns of dependent joints are projected by
+/// with the columns of friction, offsets, rotors (Eq. 20) and springs; columns of dependent joints are projected by
 /// -X^T. The columns are in the order of `model.parameters`, which begins with the ten parameters
 /// of each body.
 ///
@@ -184,13 +154,13 @@ pub struct UnitTwists<'a> {
 /// operations; for each body those are returned that make the `wanted` columns (a flag per
 /// parameter) cheap to evaluate.
 ///
-/// - `motions`, `unit_twists`: by link;
+/// - `motions`, `tree`: by link;
 /// - `j`: the matrix J of `qd = J qd_i`.
 pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
     motions: &[LinkMotion],
-    unit_twists: &UnitTwists<'_>,
+    tree: &TreeKinematics<'_>,
     rates: &Rates,
     j: &Reduction,
     wanted: &[bool],
@@ -201,8 +171,8 @@ pub fn reduced_regressor(
         .iter()
         .map(|body| {
             let wrench = InertiaWrench::new(g, &motions[body.link]);
-            let twists = &unit_twists.twists[body.link];
-            let centres = unit_twists.centres[body.link].iter().map(Some);
+            let twists = &tree.twists[body.link];
+            let centres = tree.centres[body.link].iter().map(Some);
             let points = [None].into_iter().chain(centres);
             points
                 .map(|centre| body_rows(g, &wrench, twists, centre, j))
@@ -216,17 +186,17 @@ pub fn reduced_regressor(
         }
     }
     for parameter in &model.parameters {
-        let (coordinate, factor) = match parameter.kind {
-            ParameterKind::Inertial { .. } => continue,
-            ParameterKind::Friction { coordinate, column } => {
-                let factor = friction_factor(g, column, rates.qd[coordinate], rates.rd[coordinate]);
-                (coordinate, factor)
-            }
-            ParameterKind::Offset { coordinate } => (coordinate, offset_factor(rates)),
-            ParameterKind::Rotor { coordinate } => (coordinate, rates.qdd[coordinate]),
-        };
-        let column = (0..j.width()).map(|i| g.mul(j.at(coordinate, i), factor));
-        columns.push(column.collect());
+        if matches!(parameter.kind, ParameterKind::Inertial { .. }) {
+            continue;
+        }
+        let column = effort_column(g, model, tree.frames, rates, parameter.kind);
+        let entries = (0..j.width()).map(|i| {
+            column.iter().fold(Ex::ZERO, |sum, (coordinate, factor)| {
+                let entry = g.mul(j.at(*coordinate, i), *factor);
+                g.add(sum, entry)
+            })
+        });
+        columns.push(entries.collect());
     }
     columns
 }

@@ -483,6 +483,7 @@ impl Body<'_> {
             }
             Op::NegMulAdd(a, b, c) => format!("({}).mul_add({}, {})", self.negated(a), o(b), o(c)),
             Op::MulSub(a, b, c) => format!("{}.mul_add({}, {})", o(a), o(b), self.negated(c)),
+            Op::Sqrt(a) => format!("{}.sqrt()", o(a)),
             Op::Sign(a) => format!("{}.sign()", o(a)),
             Op::Positive(a) => {
                 format!(

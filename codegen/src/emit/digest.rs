@@ -29,12 +29,17 @@ pub fn digest(robot: &Robot, text: &str) -> String {
             mul,
             div,
             sincos,
+            sqrt,
         } = function.program.operations();
         let name = function.kind.name();
-        let _ = writeln!(
+        let _ = write!(
             out,
             "    {name}: {add} add, {mul} mul, {div} div, {sincos} sin and cos"
         );
+        if sqrt > 0 {
+            let _ = write!(out, ", {sqrt} sqrt");
+        }
+        out.push('\n');
     }
     out
 }

@@ -135,17 +135,38 @@ fn header(robot: &Robot, out: &mut String) {
         let _ = writeln!(out, "//! {rank} base parameters, {certified}.");
         let _ = writeln!(out, "//!");
     }
-    let _ = writeln!(out, "//! | function | add | mul | div | sin and cos |");
-    let _ = writeln!(out, "//! |---|---|---|---|---|");
+    let has_roots = robot
+        .functions
+        .iter()
+        .any(|function| function.program.operations().sqrt > 0);
+    let [head, rule] = if has_roots {
+        [" sqrt |", "---|"]
+    } else {
+        ["", ""]
+    };
+    let _ = writeln!(
+        out,
+        "//! | function | add | mul | div | sin and cos |{head}"
+    );
+    let _ = writeln!(out, "//! |---|---|---|---|---|{rule}");
     for function in &robot.functions {
         let Operations {
             add,
             mul,
             div,
             sincos,
+            sqrt,
         } = function.program.operations();
         let name = function.kind.name();
-        let _ = writeln!(out, "//! | [`{name}`] | {add} | {mul} | {div} | {sincos} |");
+        let roots = if has_roots {
+            format!(" {sqrt} |")
+        } else {
+            String::new()
+        };
+        let _ = writeln!(
+            out,
+            "//! | [`{name}`] | {add} | {mul} | {div} | {sincos} |{roots}"
+        );
     }
     let _ = writeln!(out);
 }
@@ -310,11 +331,17 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         mul,
         div,
         sincos,
+        sqrt,
     } = program.operations();
     let _ = writeln!(out, "///");
     let _ = writeln!(
         out,
-        "/// {add} additions, {mul} multiplications, {div} divisions, {sincos} sines and cosines."
+        "/// {add} additions, {mul} multiplications, {div} divisions, {sincos} sines and cosines{}.",
+        match sqrt {
+            0 => String::new(),
+            1 => ", 1 square root".to_owned(),
+            many => format!(", {many} square roots"),
+        }
     );
     let mut parameters: Vec<String> = program
         .arguments

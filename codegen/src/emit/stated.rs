@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use crate::model::SpringPart;
 use crate::robot::{JointInfo, Parameter, ParameterKind, Robot};
 
 use super::module::wrapped;
@@ -35,6 +36,13 @@ fn parameter(parameter: &Parameter) -> String {
         ParameterKind::Friction { .. } => format!("Friction({:?})", parameter.symbol()),
         ParameterKind::Offset { .. } => "Offset".to_owned(),
         ParameterKind::Rotor { .. } => "Rotor".to_owned(),
+        ParameterKind::JointSpring { .. } => "Stiffness".to_owned(),
+        ParameterKind::EffortTerm { .. } => format!("Term({:?})", parameter.symbol()),
+        ParameterKind::PointSpring { part, .. } => match part {
+            SpringPart::Stiffness => "SpringStiffness".to_owned(),
+            SpringPart::Preload => "SpringPreload".to_owned(),
+            SpringPart::Pull => "SpringPull".to_owned(),
+        },
     };
     format!("Parameter::new(Symbol::{symbol}, {:?})", parameter.owner)
 }

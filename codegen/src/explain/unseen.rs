@@ -91,9 +91,16 @@ impl Bodies<'_> {
                 ParameterKind::Inertial { body, entry } => (self.reason(body, entry), Some(body)),
                 ParameterKind::Rotor { coordinate }
                 | ParameterKind::Offset { coordinate }
+                | ParameterKind::JointSpring { coordinate, .. }
+                | ParameterKind::EffortTerm { coordinate, .. }
                 | ParameterKind::Friction { coordinate, .. } => {
                     let name = &self.model.coordinates[coordinate].name;
                     (Some(format!("{name} never moves")), None)
+                }
+                ParameterKind::PointSpring { spring, .. } => {
+                    let name = &self.model.point_springs[spring].name;
+                    let reason = format!("the length of spring {name} never changes");
+                    (Some(reason), None)
                 }
             };
             let derived = row.provenance == Provenance::Derived;
@@ -130,6 +137,16 @@ impl Bodies<'_> {
         .collect()
     }
 
+    /// Why springs and effort terms act in combination only.
+    fn reason_of_springs(&self, row: &NullDirection) -> String {
+        let columns = row.terms.iter().map(|term| term.column);
+        let labels = columns.map(|column| self.model.parameters[column].label.as_str());
+        format!(
+            "at every state, the forces of {} are linearly dependent",
+            labels.collect::<Vec<_>>().join(", ")
+        )
+    }
+
     fn reason_of_combination(&self, row: &NullDirection) -> Option<String> {
         let (mut bodies, mut rotors) = (Vec::new(), Vec::new());
         let (mut friction, mut offsets) = (Vec::new(), Vec::new());
@@ -139,6 +156,11 @@ impl Bodies<'_> {
                 ParameterKind::Rotor { coordinate } => (&mut rotors, coordinate),
                 ParameterKind::Offset { coordinate } => (&mut offsets, coordinate),
                 ParameterKind::Friction { coordinate, .. } => (&mut friction, coordinate),
+                ParameterKind::JointSpring { .. }
+                | ParameterKind::EffortTerm { .. }
+                | ParameterKind::PointSpring { .. } => {
+                    return Some(self.reason_of_springs(row));
+                }
             };
             if !to.contains(&at) {
                 to.push(at);

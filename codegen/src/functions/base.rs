@@ -93,7 +93,7 @@ pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Groups {
         }
         let title = match column / 10 {
             body if body < cx.model.bodies.len() => format!("body {}", cx.model.bodies[body].label),
-            _ => "friction and rotors (Eq. 14-19)".to_owned(),
+            _ => dynamics::remaining_columns(cx.model).to_owned(),
         };
         match groups.last_mut() {
             Some((last, values)) if *last == title => values.extend(entries),

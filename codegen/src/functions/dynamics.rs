@@ -1,6 +1,7 @@
 //! Dynamic functions: regressors, forces and the mass matrix.
 
-use crate::dynamics::{self, Reduction, UnitTwists};
+use crate::dynamics::{self, Reduction, TreeKinematics};
+use crate::model::Model;
 use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
 use crate::sym::Ex;
 
@@ -36,12 +37,13 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
     let j = reduction(cx);
     let motions = link_motions(cx, rates);
     let twists = twists(cx.g, cx.frames, cx.model);
-    let unit_twists = UnitTwists {
+    let tree = TreeKinematics {
+        frames: cx.frames,
         twists: &twists,
         centres: &centres(cx.g, cx.frames, cx.model),
     };
     let columns =
-        dynamics::reduced_regressor(cx.g, cx.model, &motions, &unit_twists, rates, &j, wanted);
+        dynamics::reduced_regressor(cx.g, cx.model, &motions, &tree, rates, &j, wanted);
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;
@@ -58,6 +60,16 @@ pub(super) fn regressor_columns(cx: &mut Context<'_>, wanted: &[bool]) -> Vec<Ve
     columns_of(cx, &rates, wanted)
 }
 
+/// The title of the columns behind those of the bodies.
+pub(super) fn remaining_columns(model: &Model) -> &'static str {
+    let springs = model.parameters.iter().any(|p| p.is_spring_or_term());
+    if springs {
+        "friction, rotors (Eq. 14-19) and springs"
+    } else {
+        "friction and rotors (Eq. 14-19)"
+    }
+}
+
 /// The columns of W as groups of expressions: one per body, one for friction and rotors.
 fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Groups {
     let columns = columns_of(cx, rates, &vec![true; cx.model.parameters.len()]);
@@ -68,7 +80,7 @@ fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Groups {
         groups.push(group(title, columns.concat()));
     }
     if !rest.is_empty() {
-        groups.push(group("friction and rotors (Eq. 14-19)", rest.concat()));
+        groups.push(group(remaining_columns(cx.model), rest.concat()));
     }
     groups
 }

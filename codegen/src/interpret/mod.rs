@@ -33,6 +33,10 @@ pub trait Number:
     /// Sine and cosine.
     fn sin_cos(self) -> (Self, Self);
 
+    /// The square root.
+    #[must_use]
+    fn sqrt(self) -> Self;
+
     /// The solution of `A X = B`, unknowns by right-hand sides, by elimination with pivoting, and
     /// the ratio of the smallest to the largest pivot.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64);
@@ -49,6 +53,10 @@ impl Number for f64 {
 
     fn sin_cos(self) -> (Self, Self) {
         (libm::sin(self), libm::cos(self))
+    }
+
+    fn sqrt(self) -> Self {
+        libm::sqrt(self)
     }
 
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
@@ -70,6 +78,10 @@ impl Number for f32 {
 
     fn sin_cos(self) -> (Self, Self) {
         (libm::sinf(self), libm::cosf(self))
+    }
+
+    fn sqrt(self) -> Self {
+        libm::sqrtf(self)
     }
 
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
@@ -165,6 +177,7 @@ impl<T: Number> Machine<'_, T> {
             Op::NegMulAdd(a, b, c) => self.at(c) - self.at(a) * self.at(b),
             Op::MulSub(a, b, c) => self.at(a) * self.at(b) - self.at(c),
             Op::Div(a, b) => self.at(a) / self.at(b),
+            Op::Sqrt(a) => self.at(a).sqrt(),
             Op::Sign(a) => {
                 let a = self.at(a).value();
                 T::constant(if a == 0.0 { 0.0 } else { a.signum() })

@@ -163,6 +163,20 @@ impl<P: Precision> Number for Rounded<P> {
         (Self::new(sin, error), Self::new(cos, error))
     }
 
+    fn sqrt(self) -> Self {
+        let root = libm::sqrt(self.value);
+        // the error of the root is at most that of the value over twice the smallest root; beside
+        // zero, where that is infinite, it is at most the root of the error
+        let smallest = libm::sqrt((self.value - self.error).max(0.0));
+        let by_slope = self.error / (2.0 * smallest);
+        let error = if by_slope.is_finite() {
+            by_slope.min(libm::sqrt(self.error))
+        } else {
+            libm::sqrt(self.error)
+        };
+        Self::new(root, error + P::UNIT * root)
+    }
+
     /// Solves by elimination with complete pivoting as in the runtime, with the errors of each
     /// operation.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {

@@ -286,6 +286,7 @@ fn named(g: &mut Graph, expr: &Expr) -> Option<Ex> {
                 Function::Sin => value.sin_cos().0,
                 Function::Cos => value.sin_cos().1,
                 Function::Tan => value.tan()?,
+                Function::Sign | Function::Abs => return None,
                 Function::Deg => value.mul(&Number::pi()).div(&Number::from_i64(180))?,
             };
             g.constant(result)

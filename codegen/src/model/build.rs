@@ -5,7 +5,7 @@ use crate::sym::Number;
 
 use super::{
     Body, Coordinate, Coupling, Cut, Link, Model, Motion, Placement, Side, Step, SwingLimit,
-    parameters,
+    parameters, springs,
 };
 
 /// The single-axis motions of a joint, in order; `first` is the index of its first coordinate.
@@ -58,6 +58,9 @@ pub fn build(spec: &Spec) -> Model {
         cuts: Vec::new(),
         cones: Vec::new(),
         couplings: Vec::new(),
+        joint_springs: Vec::new(),
+        effort_terms: Vec::new(),
+        point_springs: Vec::new(),
         independent: Vec::new(),
         dependent: Vec::new(),
         actuated: Vec::new(),
@@ -115,7 +118,16 @@ pub fn build(spec: &Spec) -> Model {
             model.home[at] = value.value.clone();
         }
     }
+    model.joint_springs = springs::joint_springs(spec);
+    model.effort_terms = springs::effort_terms(spec);
+    model.point_springs = springs::point_springs(spec, &model.bodies);
     model.parameters = parameters::list(spec, &model.bodies, &model.coordinates);
+    model.parameters.extend(parameters::of_springs(
+        &model.coordinates,
+        &model.joint_springs,
+        &model.effort_terms,
+        &model.point_springs,
+    ));
     model
 }
 

@@ -4,10 +4,12 @@
 
 mod build;
 mod parameters;
+mod springs;
 mod stated;
 
 pub use build::build;
 pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
+pub use springs::{EffortTerm, JointSpring, PointSpring, SpringEnd, SpringPart};
 pub use stated::{joints_of_coordinates, nominal};
 
 pub use crate::spec::MotionKind;
@@ -149,6 +151,12 @@ pub struct Model {
     pub cones: Vec<SwingLimit>,
     /// Couplings in the spec's order.
     pub couplings: Vec<Coupling>,
+    /// Springs at joints, in the order of coordinates.
+    pub joint_springs: Vec<JointSpring>,
+    /// Effort terms, coordinate by coordinate.
+    pub effort_terms: Vec<EffortTerm>,
+    /// Springs between points, in the spec's order.
+    pub point_springs: Vec<PointSpring>,
     /// Independent coordinates, in the order of the spec.
     pub independent: Vec<usize>,
     /// The other coordinates, in the order of coordinates.

@@ -3,7 +3,7 @@
 use crate::spec::{BodyInertia, Joint, Spec};
 use crate::sym::Number;
 
-use super::{Model, ParameterKind};
+use super::{Model, Parameter, ParameterKind};
 
 /// For each coordinate, the joint that it belongs to.
 pub fn joints_of_coordinates(spec: &Spec) -> Vec<&Joint> {
@@ -21,17 +21,26 @@ pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
         let value = joints.get(coordinate)?.nominal_value(symbol)?;
         Some(value.value.clone())
     };
-    let value = |kind: &ParameterKind| match *kind {
+    let value = |parameter: &Parameter| match parameter.kind {
         ParameterKind::Inertial { body, entry } => {
             let label = &model.bodies.get(body)?.label;
             let given = spec.bodies.iter().find(|(l, _)| l.value == *label);
             given.map(|(_, inertia)| about_origin(inertia, entry))
         }
         ParameterKind::Friction { coordinate, column } => at_joint(coordinate, column.symbol()),
-        ParameterKind::Offset { coordinate } => at_joint(coordinate, kind.symbol()),
-        ParameterKind::Rotor { coordinate } => at_joint(coordinate, "J"),
+        ParameterKind::Offset { coordinate }
+        | ParameterKind::Rotor { coordinate }
+        | ParameterKind::JointSpring { coordinate, .. }
+        | ParameterKind::EffortTerm { coordinate, .. } => {
+            at_joint(coordinate, parameter.symbol())
+        }
+        ParameterKind::PointSpring { spring, .. } => {
+            let mut nominal = spec.springs.get(spring)?.nominal.iter();
+            let stated = nominal.find(|(symbol, _)| symbol.value == parameter.symbol());
+            stated.map(|(_, quantity)| quantity.value.clone())
+        }
     };
-    model.parameters.iter().map(|p| value(&p.kind)).collect()
+    model.parameters.iter().map(value).collect()
 }
 
 /// One of a body's ten parameters about the frame's origin: the tensor is moved there from the

@@ -238,6 +238,7 @@ impl Lowering<'_> {
             },
             Node::Mul(a, b) => Op::Mul(at(&a), at(&b)),
             Node::Div(a, b) => Op::Div(at(&a), at(&b)),
+            Node::Sqrt(a) => Op::Sqrt(at(&a)),
             Node::Sign(a) => Op::Sign(at(&a)),
             Node::Positive(a) => Op::Positive(at(&a)),
             Node::Negative(a) => Op::Negative(at(&a)),

@@ -41,6 +41,8 @@ pub enum Op {
     Div(Operand, Operand),
     /// Sine and cosine: two results.
     SinCos(Operand),
+    /// The square root.
+    Sqrt(Operand),
     /// The sign: -1, 0 or 1.
     Sign(Operand),
     /// 1 for a positive operand, else 0.
@@ -118,6 +120,8 @@ pub struct Operations {
     pub div: usize,
     /// Pairs of sine and cosine.
     pub sincos: usize,
+    /// Square roots.
+    pub sqrt: usize,
 }
 
 /// A straight-line program.
@@ -141,9 +145,12 @@ impl Op {
     /// The operands, in order.
     pub fn operands(&self) -> Vec<Operand> {
         match self {
-            Op::Neg(a) | Op::SinCos(a) | Op::Sign(a) | Op::Positive(a) | Op::Negative(a) => {
-                vec![*a]
-            }
+            Op::Neg(a)
+            | Op::SinCos(a)
+            | Op::Sqrt(a)
+            | Op::Sign(a)
+            | Op::Positive(a)
+            | Op::Negative(a) => vec![*a],
             Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) => vec![*a, *b],
             Op::MulAdd(a, b, c) | Op::NegMulAdd(a, b, c) | Op::MulSub(a, b, c) => vec![*a, *b, *c],
             Op::Solve(s) => {
@@ -160,9 +167,12 @@ impl Op {
     pub(super) fn change_operands(&mut self, to: impl Fn(&Operand) -> Operand) {
         let change = |o: &mut Operand| *o = to(o);
         match self {
-            Op::Neg(a) | Op::SinCos(a) | Op::Sign(a) | Op::Positive(a) | Op::Negative(a) => {
-                change(a);
-            }
+            Op::Neg(a)
+            | Op::SinCos(a)
+            | Op::Sqrt(a)
+            | Op::Sign(a)
+            | Op::Positive(a)
+            | Op::Negative(a) => change(a),
             Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) => {
                 change(a);
                 change(b);
@@ -196,6 +206,7 @@ impl Program {
                 }
                 Op::Div(..) => count.div += 1,
                 Op::SinCos(_) => count.sincos += 1,
+                Op::Sqrt(_) => count.sqrt += 1,
                 Op::Neg(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {}
             }
         }

@@ -365,6 +365,8 @@ fn absolute_sums(program: &Program) -> Vec<(f64, bool)> {
             Op::Div(a, _) => (bound(a).0, true),
             // the solution of a singular system is undefined, like a quotient
             Op::Solve(_) => (1.0, true),
+            // the square root of a number at most 1 larger: of the size of a length
+            Op::Sqrt(a) => (libm::sqrt(bound(a).0).max(1.0), bound(a).1),
             Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) => continue,
         };
         for result in &step.results {
@@ -419,7 +421,7 @@ impl RandomValues {
                     continue;
                 }
                 // not rational functions: their results are random numbers
-                Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
+                Op::Sqrt(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
                     for result in &step.results {
                         drawn.temps[result.0 as usize] = drawn.random_residue(*result);
                     }

@@ -49,6 +49,14 @@ pub(super) struct JointFacts<'a> {
     pub(super) friction: Friction,
     pub(super) offset: bool,
     pub(super) rotor: bool,
+    pub(super) spring: bool,
+    pub(super) terms: Vec<&'a str>,
+}
+
+/// The properties of a spring between points that labels depend on.
+pub(super) struct SpringFacts<'a> {
+    pub(super) name: &'a str,
+    pub(super) symbols: &'static [&'static str],
 }
 
 /// All labels of a robot, each list in order.
@@ -59,11 +67,15 @@ pub(super) struct Inventory {
 }
 
 impl Inventory {
-    /// The labels that these joints define.
-    pub(super) fn of<'a>(joints: impl IntoIterator<Item = JointFacts<'a>>) -> Self {
+    /// The labels that these joints and springs define.
+    pub(super) fn of<'a>(
+        joints: impl IntoIterator<Item = JointFacts<'a>>,
+        springs: impl IntoIterator<Item = SpringFacts<'a>>,
+    ) -> Self {
         let mut coordinates = Vec::new();
         let mut bodies: Vec<String> = Vec::new();
         let (mut friction, mut rotors) = (Vec::new(), Vec::new());
+        let (mut joint_springs, mut terms) = (Vec::new(), Vec::new());
         for joint in joints {
             bodies.extend(joint.body.map(str::to_owned));
             for coordinate in coordinates_of(joint.name, joint.kind) {
@@ -75,13 +87,28 @@ impl Inventory {
                 if joint.rotor {
                     rotors.push(ParameterName::new("J", &coordinate));
                 }
+                if joint.spring {
+                    joint_springs.push(ParameterName::new("K", &coordinate));
+                }
+                let names = joint.terms.iter();
+                terms.extend(names.map(|name| ParameterName::new(name, &coordinate)));
                 coordinates.push(coordinate);
             }
         }
         let inertial = bodies
             .iter()
             .flat_map(|body| INERTIAL.map(|symbol| ParameterName::new(symbol, body)));
-        let parameters = inertial.chain(friction).chain(rotors).collect();
+        let point_springs = springs.into_iter().flat_map(|spring| {
+            let symbols = spring.symbols.iter();
+            symbols.map(move |symbol| ParameterName::new(symbol, spring.name))
+        });
+        let parameters = inertial
+            .chain(friction)
+            .chain(rotors)
+            .chain(joint_springs)
+            .chain(terms)
+            .chain(point_springs)
+            .collect();
         Self {
             coordinates,
             bodies,
@@ -113,14 +140,21 @@ impl Joint {
 impl Spec {
     fn inventory(&self) -> Inventory {
         let joints = self.limbs.iter().flat_map(|limb| &limb.joints);
-        Inventory::of(joints.map(|joint| JointFacts {
+        let springs = self.springs.iter().map(|spring| SpringFacts {
+            name: &spring.name.value,
+            symbols: spring.force.symbols(),
+        });
+        let joints = joints.map(|joint| JointFacts {
             name: joint.name.as_ref().map_or("", |name| name.value.as_str()),
             kind: joint.kind.value,
             body: joint.body.as_ref().map(|body| body.value.as_str()),
             friction: joint.friction,
             offset: joint.offset,
             rotor: joint.rotor_inertia,
-        }))
+            spring: joint.spring.is_some(),
+            terms: joint.terms.iter().map(|(name, _)| name.value.as_str()).collect(),
+        });
+        Inventory::of(joints, springs)
     }
 
     /// The coordinates' names, in the order of the limbs.
@@ -134,7 +168,7 @@ impl Spec {
     }
 
     /// The parameters' labels: ten per body, then friction and the offset coordinate by coordinate,
-    /// then rotors.
+    /// then rotors, joint springs, effort terms, and springs between points.
     pub fn parameters(&self) -> Vec<String> {
         let parameters = self.inventory().parameters;
         parameters.iter().map(ParameterName::label).collect()

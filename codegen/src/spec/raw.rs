@@ -4,7 +4,7 @@
 use super::shape::{
     BodyReference, Chosen, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey,
     Located, Name, Ordered, ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar,
-    Text, choices, record,
+    TermExpression, TermName, Text, choices, record,
 };
 use super::types::{Axis, CutKind, Friction, JointKind};
 
@@ -49,6 +49,8 @@ record! {
         required limbs: Vec<RawLimb>,
         /// Loop closures: joints opened to obtain the tree
         optional cuts: Vec<RawCut>,
+        /// Springs and constant pulls between points of two bodies
+        optional springs: Vec<RawSpring>,
         /// The independent coordinates; default: the actuated ones
         optional independent: Located<Vec<CoordinateReference>>,
         /// Coordinates tied linearly to others (parallelograms, belts, gears)
@@ -125,13 +127,51 @@ record! {
         default offset: Flag = "false",
         /// Adds the parameter J: rotor and drive, reflected to the joint
         default rotor_inertia: Flag = "false",
+        /// Adds the parameter K: a spring at each of its coordinates, with the effort K (q - rest)
+        optional spring: RawJointSpring,
+        /// Adds a parameter for each name: an effort that is an expression in the joint's own q and qd (cables, cogging)
+        optional terms: Ordered<TermName, TermExpression>,
         /// Limits of each coordinate
         optional limits: RawLimits,
-        /// Nominal friction, offset and rotor values by symbol (Fv, Fc, Fo, J, ...), for simulation and comparison
+        /// Nominal values by symbol (Fv, Fc, Fo, J, K, names of terms, ...), for simulation and comparison
         optional nominal: Ordered<ParameterSymbol, Scalar>,
     }
     exclusive { "dh" "origin" }
     unless { "name" "type" "fixed" }
+}
+
+record! {
+    /// A spring at a joint
+    struct RawJointSpring, "joint spring" {
+        /// The coordinate at which the spring is relaxed, rad or m; if that is unknown, leave it 0 and add `offset: true`
+        default rest: Scalar = "0",
+    }
+}
+
+record! {
+    /// A spring between points of two bodies: the parameter k, its stiffness, and without a length also kl, stiffness times length
+    struct RawSpring, "spring" {
+        /// Unique name of the spring
+        required name: Label,
+        /// The two points
+        required between: [RawPoint; 2],
+        /// The length of the relaxed spring, m
+        optional length: Scalar,
+        /// A constant pull instead, the parameter f (gas springs, springs on a cam)
+        default constant: Flag = "false",
+        /// Nominal values by symbol (k, kl, f), for simulation and comparison
+        optional nominal: Ordered<ParameterSymbol, Scalar>,
+    }
+}
+
+record! {
+    /// A point of a body
+    struct RawPoint, "point" {
+        /// Label of the body, or world
+        required body: BodyReference,
+        /// The point in the body's frame, m
+        default xyz: [Scalar; 3] = "[0, 0, 0]",
+    }
 }
 
 record! {
@@ -228,6 +268,7 @@ impl RawJoint {
         }
         all.extend(self.origin.iter().flat_map(RawPlacement::constants));
         all.extend(&self.pitch);
+        all.extend(self.spring.iter().map(|spring| &spring.rest));
         if let Some(limits) = &self.limits {
             let intervals = [
                 &limits.position,
@@ -253,6 +294,26 @@ impl RawCut {
             .collect();
         all.extend(&self.pitch);
         all.extend(self.limits.iter().flat_map(|limits| &limits.cone));
+        all
+    }
+}
+
+impl RawSpring {
+    /// The symbols of the spring's parameters, in order.
+    pub(super) fn symbols(&self) -> &'static [&'static str] {
+        match (self.constant.value, &self.length) {
+            (true, _) => &["f"],
+            (false, Some(_)) => &["k"],
+            (false, None) => &["k", "kl"],
+        }
+    }
+
+    /// The spring's expressions in the geometry names.
+    pub(super) fn constants(&self) -> Vec<&Scalar> {
+        let mut all: Vec<&Scalar> = self.between.iter().flat_map(|point| &point.xyz).collect();
+        all.extend(&self.length);
+        let nominal = self.nominal.iter().flat_map(|nominal| &nominal.0);
+        all.extend(nominal.map(|(_, scalar)| scalar));
         all
     }
 }

@@ -4,15 +4,17 @@
 use std::collections::BTreeMap;
 
 use super::check::canonical;
-use super::expression::{Ast, evaluate, linear, quantity};
+use super::expression::{Ast, effort_term, evaluate, linear, quantity};
 use super::physical::{Flaw, flaw};
 use super::raw::{
     RawBase, RawCut, RawDh, RawInertia, RawJoint, RawLimb, RawLimits, RawPlacement, RawSpec,
+    RawSpring,
 };
 use super::shape::{BodyReference, Scalar, Word};
 use super::types::{
-    Axis, BaseChoices, BodyInertia, Cut, CutSide, Expr, Interval, Joint, JointFrame, JointKind,
-    Limb, Limits, LinearForm, Placement, Quantity, Spanned, Spec,
+    Axis, BaseChoices, BodyInertia, Cut, CutSide, EffortExpr, Expr, Interval, Joint, JointFrame,
+    JointKind, JointSpring, Limb, Limits, LinearForm, Placement, PointSpring, Quantity, Spanned,
+    Spec, SpringEnd, SpringForce,
 };
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
@@ -34,6 +36,9 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     let gravity = resolver.quantities(&raw.gravity);
     let limbs = collect_all(&raw.limbs, |limb| resolver.limb(limb));
     let cuts = collect_all(raw.cuts.iter().flatten(), |cut| resolver.cut(cut));
+    let springs = collect_all(raw.springs.iter().flatten(), |spring| {
+        resolver.spring(spring)
+    });
     let couplings = collect_all(
         raw.couplings.iter().flat_map(|couplings| &couplings.0),
         |(key, form)| {
@@ -60,6 +65,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         geometry: geometry?,
         limbs: limbs?,
         cuts: cuts?,
+        springs: springs?,
         independent: raw.independent.as_ref().map(|names| Spanned {
             value: names.value.iter().map(|name| spanned(&name.0)).collect(),
             span: names.span,
@@ -238,12 +244,25 @@ impl Resolver<'_> {
             raw.nominal.iter().flat_map(|nominal| &nominal.0),
             |(symbol, scalar)| {
                 let quantity = self.quantity(scalar)?;
-                if symbol.0.text == "J" && quantity.value.is_negative() {
-                    self.report(scalar, "a rotor inertia must not be negative");
+                let nonnegative = match symbol.0.text.as_str() {
+                    "J" => "a rotor inertia must not be negative",
+                    "K" => "the stiffness of a spring must not be negative",
+                    _ => "",
+                };
+                if !nonnegative.is_empty() && quantity.value.is_negative() {
+                    self.report(scalar, nonnegative);
                     return None;
                 }
                 Some((spanned(&symbol.0), quantity))
             },
+        );
+        let spring = match &raw.spring {
+            Some(spring) => self.quantity(&spring.rest).map(|rest| Some(JointSpring { rest })),
+            None => Some(None),
+        };
+        let terms = collect_all(
+            raw.terms.iter().flat_map(|terms| &terms.0),
+            |(name, factor)| Some((spanned(&name.0), self.effort_term(&factor.0)?)),
         );
         Some(Joint {
             name: raw.name.as_ref().map(|name| spanned(&name.0)),
@@ -259,7 +278,70 @@ impl Resolver<'_> {
             friction: raw.friction.value,
             offset: raw.offset.value,
             rotor_inertia: raw.rotor_inertia.value,
+            spring: spring?,
+            terms: terms?,
             limits: limits?,
+            nominal: nominal?,
+            span: raw.span,
+        })
+    }
+
+    /// Evaluates the constants of an effort term's factor.
+    fn effort_term(&mut self, scalar: &Scalar) -> Option<EffortExpr> {
+        if self.uses_failed_value(&scalar.ast) {
+            return None;
+        }
+        let lookup = |name: &str| self.values.get(name).cloned().flatten();
+        match effort_term(&scalar.ast, &lookup) {
+            Ok(EffortExpr::Constant(constant)) if constant.value.is_zero() => {
+                self.report(scalar, "this effort term is always 0");
+                None
+            }
+            Ok(factor) => Some(factor),
+            Err(error) => {
+                self.sink.push(error.at(&scalar.path));
+                None
+            }
+        }
+    }
+
+    fn spring(&mut self, raw: &RawSpring) -> Option<PointSpring> {
+        let ends = collect_all(&raw.between, |point| {
+            Some(SpringEnd {
+                body: body_label(&point.body),
+                xyz: self.quantities(&point.xyz)?,
+            })
+        });
+        let length = match &raw.length {
+            Some(length) => {
+                let value = self.quantity(length)?;
+                if value.value.is_negative() {
+                    self.report(length, "the length of a spring must not be negative");
+                    return None;
+                }
+                Some(value)
+            }
+            None => None,
+        };
+        let nominal = collect_all(
+            raw.nominal.iter().flat_map(|nominal| &nominal.0),
+            |(symbol, scalar)| {
+                let quantity = self.quantity(scalar)?;
+                if symbol.0.text != "f" && quantity.value.is_negative() {
+                    self.report(scalar, "the stiffness of a spring must not be negative");
+                    return None;
+                }
+                Some((spanned(&symbol.0), quantity))
+            },
+        );
+        Some(PointSpring {
+            name: spanned(&raw.name.0),
+            ends: ends?.try_into().ok()?,
+            force: if raw.constant.value {
+                SpringForce::Constant
+            } else {
+                SpringForce::Elastic { length }
+            },
             nominal: nominal?,
             span: raw.span,
         })

@@ -40,6 +40,10 @@ pub enum Function {
     Tan,
     /// Degrees to radians.
     Deg,
+    /// The sign, -1, 0 or 1; in effort terms only.
+    Sign,
+    /// The absolute value; in effort terms only.
+    Abs,
 }
 
 /// An arithmetic expression over numbers, `pi` and geometry names.
@@ -94,6 +98,8 @@ pub struct Spec {
     pub limbs: Vec<Limb>,
     /// Joints opened to obtain the tree.
     pub cuts: Vec<Cut>,
+    /// Springs and constant pulls between points of two bodies.
+    pub springs: Vec<PointSpring>,
     /// The names of the independent coordinates; `None`: the actuated ones.
     pub independent: Option<Spanned<Vec<Spanned<String>>>>,
     /// Coordinates that are a linear form in others (parallelograms, belts, gears), each with its
@@ -111,8 +117,8 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// Every quantity of the mechanism and its home: gravity, placements, leads, couplings and home
-    /// coordinates. Not the geometry's values, limits, nominal values and `base`.
+    /// Every quantity of the mechanism and its home: gravity, placements, leads, springs, effort
+    /// terms, couplings and home coordinates. Not the geometry's values, limits, nominal values and `base`.
     pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {
         let mut all: Vec<&mut Quantity> = self.gravity.iter_mut().collect();
         for limb in &mut self.limbs {
@@ -123,12 +129,21 @@ impl Spec {
                     JointFrame::Origin(origin) => all.extend(origin.quantities_mut()),
                 }
                 all.extend(&mut joint.lead);
+                all.extend(joint.spring.as_mut().map(|spring| &mut spring.rest));
+                let terms = joint.terms.iter_mut();
+                all.extend(terms.flat_map(|(_, factor)| factor.constants_mut()));
             }
         }
         for cut in &mut self.cuts {
             let sides = cut.sides.iter_mut();
             all.extend(sides.flat_map(|side| side.placement.quantities_mut()));
             all.extend(&mut cut.lead);
+        }
+        for spring in &mut self.springs {
+            all.extend(spring.ends.iter_mut().flat_map(|end| &mut end.xyz));
+            if let SpringForce::Elastic { length } = &mut spring.force {
+                all.extend(length);
+            }
         }
         for (_, form) in &mut self.couplings {
             all.push(&mut form.constant);
@@ -273,12 +288,134 @@ pub struct Joint {
     /// Whether each coordinate has the parameter J: the inertia of rotor and drive, reflected to
     /// the joint, kg m^2 or kg.
     pub rotor_inertia: bool,
+    /// A spring at each coordinate, with the parameter K; `None` without one.
+    pub spring: Option<JointSpring>,
+    /// Effort terms at each coordinate: a parameter each, with its column.
+    pub terms: Vec<(Spanned<String>, EffortExpr)>,
     /// Limits of each coordinate.
     pub limits: Limits,
-    /// Nominal friction, offset and rotor values, SI, by parameter symbol (`Fv`, `Fc`, `Fo`, `J`,
-    /// ...).
+    /// Nominal friction, offset, rotor, spring and term values, SI, by parameter symbol (`Fv`, `Fc`, `Fo`, `J`,
+    /// `K`, the names of terms, ...).
     pub nominal: Vec<(Spanned<String>, Quantity)>,
     /// The place of the joint in the file.
+    pub span: Span,
+}
+
+/// A spring at a joint: the effort K (q - rest) that the joint needs is linear in its stiffness K.
+#[derive(Clone, Debug)]
+pub struct JointSpring {
+    /// The value of the coordinate at which the spring is relaxed, rad or m.
+    pub rest: Quantity,
+}
+
+/// The factor of an effort term: an expression in the coordinate of its joint, the coordinate's
+/// rate, and constants.
+#[derive(Clone, Debug)]
+pub enum EffortExpr {
+    /// A constant.
+    Constant(Quantity),
+    /// The joint's coordinate, rad or m.
+    Q,
+    /// The coordinate's rate, rad/s or m/s.
+    Qd,
+    /// Negation.
+    Neg(Box<EffortExpr>),
+    /// Sum.
+    Add(Box<EffortExpr>, Box<EffortExpr>),
+    /// Difference.
+    Sub(Box<EffortExpr>, Box<EffortExpr>),
+    /// Product.
+    Mul(Box<EffortExpr>, Box<EffortExpr>),
+    /// Quotient.
+    Div(Box<EffortExpr>, Box<EffortExpr>),
+    /// Power with a whole exponent from 1 to [`EffortExpr::MAX_EXPONENT`].
+    Pow(Box<EffortExpr>, u32),
+    /// A function of one argument.
+    Call(Function, Box<EffortExpr>),
+}
+
+impl EffortExpr {
+    /// The largest exponent of a power.
+    pub const MAX_EXPONENT: u32 = 32;
+
+    /// The constants of the expression, from left to right.
+    fn constants_mut(&mut self) -> Vec<&mut Quantity> {
+        match self {
+            EffortExpr::Constant(quantity) => vec![quantity],
+            EffortExpr::Q | EffortExpr::Qd => Vec::new(),
+            EffortExpr::Neg(a) | EffortExpr::Pow(a, _) | EffortExpr::Call(_, a) => {
+                a.constants_mut()
+            }
+            EffortExpr::Add(a, b)
+            | EffortExpr::Sub(a, b)
+            | EffortExpr::Mul(a, b)
+            | EffortExpr::Div(a, b) => {
+                let mut all = a.constants_mut();
+                all.extend(b.constants_mut());
+                all
+            }
+        }
+    }
+
+    /// Whether the expression contains the coordinate's rate.
+    pub fn uses_rate(&self) -> bool {
+        match self {
+            EffortExpr::Constant(_) | EffortExpr::Q => false,
+            EffortExpr::Qd => true,
+            EffortExpr::Neg(a) | EffortExpr::Pow(a, _) | EffortExpr::Call(_, a) => a.uses_rate(),
+            EffortExpr::Add(a, b)
+            | EffortExpr::Sub(a, b)
+            | EffortExpr::Mul(a, b)
+            | EffortExpr::Div(a, b) => a.uses_rate() || b.uses_rate(),
+        }
+    }
+}
+
+/// The force of a spring between two points at the distance d, N, along the line through them.
+#[derive(Clone, Debug)]
+pub enum SpringForce {
+    /// The pull k (d - length), with the parameter k. Without a length, which is then unknown,
+    /// the pull k d - kl, with the parameters k and kl = k length.
+    Elastic {
+        /// The length of the relaxed spring, m.
+        length: Option<Quantity>,
+    },
+    /// A constant pull, the parameter f; negative where it pushes, as gas springs do.
+    Constant,
+}
+
+impl SpringForce {
+    /// The symbols of the spring's parameters, in order.
+    pub fn symbols(&self) -> &'static [&'static str] {
+        match self {
+            SpringForce::Elastic { length: Some(_) } => &["k"],
+            SpringForce::Elastic { length: None } => &["k", "kl"],
+            SpringForce::Constant => &["f"],
+        }
+    }
+}
+
+/// An end of a spring: a point of a body.
+#[derive(Clone, Debug)]
+pub struct SpringEnd {
+    /// Body label; `None` is the world.
+    pub body: Option<Spanned<String>>,
+    /// The point in the body's frame, m.
+    pub xyz: [Quantity; 3],
+}
+
+/// A spring or a constant pull between points of two bodies.
+#[derive(Clone, Debug)]
+pub struct PointSpring {
+    /// Unique name.
+    pub name: Spanned<String>,
+    /// The two points.
+    pub ends: [SpringEnd; 2],
+    /// Its force.
+    pub force: SpringForce,
+    /// Nominal values, SI, by symbol: `k`, `kl`, `f`.
+    pub nominal: Vec<(Spanned<String>, Quantity)>,
+    /// The place of the spring in the file.
     pub span: Span,
 }
 

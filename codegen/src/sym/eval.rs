@@ -63,6 +63,7 @@ impl<'g> Evaluator<'g> {
                 Node::Cos(id) => libm::cos(self.angle(id, symbols)),
                 Node::SinOf(a) => libm::sin(at(a)),
                 Node::CosOf(a) => libm::cos(at(a)),
+                Node::Sqrt(a) => libm::sqrt(at(a)),
                 Node::Sign(a) if at(a) == 0.0 => 0.0,
                 Node::Sign(a) => at(a).signum(),
                 Node::Positive(a) => f64::from(u8::from(at(a) > 0.0)),

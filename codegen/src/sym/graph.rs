@@ -86,6 +86,8 @@ pub enum Node {
     SinOf(Ex),
     /// Cosine of an expression that is not a linear form in the symbols.
     CosOf(Ex),
+    /// The square root, which is not negative.
+    Sqrt(Ex),
     /// The sign: -1, 0 or 1.
     Sign(Ex),
     /// 1 for a positive operand, else 0.
@@ -350,6 +352,7 @@ impl Graph {
             Node::Neg(a)
             | Node::SinOf(a)
             | Node::CosOf(a)
+            | Node::Sqrt(a)
             | Node::Sign(a)
             | Node::Positive(a)
             | Node::Negative(a) => vec![a],
@@ -384,7 +387,7 @@ impl Graph {
             | Node::Sign(_)
             | Node::Positive(_)
             | Node::Negative(_) => 1,
-            Node::Div(..) => 6,
+            Node::Div(..) | Node::Sqrt(_) => 6,
             Node::Sin(_) | Node::Cos(_) | Node::SinOf(_) | Node::CosOf(_) => 10,
         }
     }

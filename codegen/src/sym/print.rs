@@ -67,6 +67,7 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
         Node::SinOf(a) => (format!("sin({})", sub(a).0), Level::Atom),
         Node::CosOf(a) => (format!("cos({})", sub(a).0), Level::Atom),
         Node::Sign(a) => (format!("sgn({})", sub(a).0), Level::Atom),
+        Node::Sqrt(a) => (format!("sqrt({})", sub(a).0), Level::Atom),
         Node::Positive(a) => (format!("[{} > 0]", sub(a).0), Level::Atom),
         Node::Negative(a) => (format!("[{} < 0]", sub(a).0), Level::Atom),
         Node::Solved(system, row, column) => {

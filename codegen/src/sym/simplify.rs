@@ -401,6 +401,14 @@ impl Graph {
         if negative { self.neg(sign) } else { sign }
     }
 
+    /// The square root of `a`, which must not be negative.
+    pub fn sqrt(&mut self, a: Ex) -> Ex {
+        if let Some(root) = self.value(a).and_then(|value| value.sqrt()) {
+            return self.constant(root);
+        }
+        self.intern(Node::Sqrt(a))
+    }
+
     /// 1 where `a` is positive, else 0.
     pub fn positive(&mut self, a: Ex) -> Ex {
         match (self.value(a), self.node(a)) {

@@ -74,6 +74,11 @@ impl<D: DualNum<Primitive = f64> + Copy> Scalar for Dual<D> {
     }
 
     #[inline]
+    fn sqrt(self) -> Self {
+        Self(self.0.sqrt())
+    }
+
+    #[inline]
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = self.0.sin_cos();
         (Self(sin), Self(cos))

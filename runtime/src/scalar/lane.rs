@@ -271,6 +271,14 @@ impl<S: Simd> Scalar for Lane<S> {
     }
 
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self {
+            v: self.simd.sqrt_f64s(self.v),
+            ..self
+        }
+    }
+
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let [both] = Self::sin_cos_all([self]);
         both

@@ -5,7 +5,7 @@ use super::Scalar;
 
 /// Implements [`Scalar`] for one float type.
 macro_rules! scalar {
-    ($float:ident, $sincos:ident, { $($all:item)* }) => {
+    ($float:ident, $sincos:ident, $sqrt:ident, { $($all:item)* }) => {
         impl Scalar for $float {
             type Mask = bool;
 
@@ -41,6 +41,19 @@ macro_rules! scalar {
                     -1.0
                 } else {
                     self
+                }
+            }
+
+            #[inline]
+            fn sqrt(self) -> Self {
+                // both are correctly rounded; that of std is one instruction
+                #[cfg(feature = "std")]
+                {
+                    $float::sqrt(self)
+                }
+                #[cfg(not(feature = "std"))]
+                {
+                    libm::$sqrt(self)
                 }
             }
 
@@ -87,7 +100,7 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f64, sincos, {
+scalar!(f64, sincos, sqrt, {
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "the results shall stay in registers")]
     fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
@@ -97,4 +110,4 @@ scalar!(f64, sincos, {
         }
     }
 });
-scalar!(f32, sincosf, {});
+scalar!(f32, sincosf, sqrtf, {});

@@ -134,6 +134,12 @@ impl<const N: usize> Scalar for Tangent<N> {
     }
 
     #[inline]
+    fn sqrt(self) -> Self {
+        let root = libm::sqrt(self.value);
+        self.chain(root, 0.5 / root)
+    }
+
+    #[inline]
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = libm::sincos(self.value);
         (self.chain(sin, cos), self.chain(cos, -sin))

@@ -32,13 +32,20 @@ pub(super) fn check(
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
     figures.record("regressor", error, ROW_TOLERANCE);
 
-    // Eq. 1 has neither rotors, which are a diagonal inertia, nor constant efforts.
+    // Eq. 1 has neither rotors, which are a diagonal inertia, nor constant efforts or springs.
     let mut tau = reference.gibbs_appell(q, qd, qdd, &bodies);
     for (p, value) in reference.parameters.iter().zip(&inertial) {
         match p {
             Parameter::Rotor(k) => tau[*k] += value * qdd[*k],
             Parameter::Offset(k) => tau[*k] += value,
-            Parameter::Inertial(..) | Parameter::Friction(..) => {}
+            Parameter::Spring(index) => {
+                let stored = &reference.springs[*index].stored;
+                let efforts = reference.spring_efforts(stored, q);
+                for (sum, effort) in tau.iter_mut().zip(efforts) {
+                    *sum += value * effort;
+                }
+            }
+            Parameter::Inertial(..) | Parameter::Friction(..) | Parameter::Term(_) => {}
         }
     }
     let (ours, scale) = apply(&w, &inertial);
@@ -58,7 +65,7 @@ pub(super) fn check(
     adaptive_regressor(engine, reference, state, &inertial, random, figures)
 }
 
-/// Random physical bodies, offsets and rotors, with or without friction.
+/// Random physical bodies, offsets, rotors and springs, with or without friction and effort terms.
 fn parameters(
     reference: &Mechanism,
     bodies: &[PhysicalBody],
@@ -68,7 +75,7 @@ fn parameters(
     let ten: Vec<[f64; 10]> = bodies.iter().map(PhysicalBody::parameters).collect();
     let value = |p: &Parameter| match p {
         Parameter::Inertial(body, k) => ten[*body][*k],
-        Parameter::Friction(..) if !friction => 0.0,
+        Parameter::Friction(..) | Parameter::Term(_) if !friction => 0.0,
         _ => random.uniform(0.1, 2.0),
     };
     reference.parameters.iter().map(value).collect()
@@ -80,6 +87,11 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     let stored = reference.energy_rate(q, qd, qdd, phi);
     let mut lost = 0.0;
     for (p, value) in reference.parameters.iter().zip(phi) {
+        if let Parameter::Term(index) = p {
+            let term = &reference.terms[*index];
+            let k = term.coordinate;
+            lost += value * term.at(q[k], qd[k]) * qd[k];
+        }
         if let Parameter::Friction(k, symbol) = p {
             let v = qd[*k];
             let applies = match symbol.chars().last() {
@@ -95,7 +107,7 @@ fn power(reference: &Mechanism, state: &State, phi: &[f64], tau: &[f64], figures
     }
     let terms = reference.independent.iter().zip(tau);
     let powers: Vec<f64> = terms.map(|(k, t)| t * qd[*k]).collect();
-    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost + MIN_FORCE;
+    let scale = powers.iter().map(|p| p.abs()).sum::<f64>() + stored.abs() + lost.abs() + MIN_FORCE;
     let error = ratio((powers.iter().sum::<f64>() - stored - lost).abs(), scale);
     figures.record("power balance", error, BALANCE_TOLERANCE);
 }

@@ -146,9 +146,13 @@ impl Naive<'_> {
             - m.tree_regressor(q, difference.as_slice(), &rest);
         let mut tree = m.tree_regressor(q, &rest, qdd_r.as_slice()) + quadratic / 4.0;
         let on_reference = m.tree_regressor(q, qd_r.as_slice(), &rest);
+        let on_motion = m.tree_regressor(q, qd, &rest);
         for (j, p) in m.parameters.iter().enumerate() {
             if matches!(p, Parameter::Friction(..)) {
                 tree.set_column(j, &on_reference.column(j));
+            }
+            if matches!(p, Parameter::Term(_)) {
+                tree.set_column(j, &on_motion.column(j));
             }
         }
         Ok(n.transpose() * tree)

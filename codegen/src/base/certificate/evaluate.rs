@@ -69,7 +69,8 @@ impl<'g> Evaluator<'g> {
     }
 
     /// Evaluates the roots. `symbols` has a value for each symbol in order of creation (missing
-    /// ones are 0). `None` if a divisor is 0 or a linear system is singular.
+    /// ones are 0). `None` if a divisor is 0, a square root of a negative number is
+    /// asked for, or a linear system is singular.
     pub(super) fn run(&self, symbols: &[Float320]) -> Option<Vec<Float320>> {
         let mut values = vec![Float320::ZERO; self.graph.len()];
         let mut turned: Vec<Option<(Float320, Float320)>> = vec![None; self.angles.len()];
@@ -91,6 +92,7 @@ impl<'g> Evaluator<'g> {
                 Node::Cos(id) => sin_cos(id).1,
                 Node::SinOf(a) => at(a).sin_cos().0,
                 Node::CosOf(a) => at(a).sin_cos().1,
+                Node::Sqrt(a) => at(a).sqrt()?,
                 Node::Sign(a) => whether(at(a) > Float320::ZERO) - whether(at(a).is_negative()),
                 Node::Positive(a) => whether(at(a) > Float320::ZERO),
                 Node::Negative(a) => whether(at(a).is_negative()),

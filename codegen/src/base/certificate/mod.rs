@@ -90,6 +90,10 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
     for coordinate in &model.coordinates {
         g.symbol(&coordinate.name);
     }
+    // their rates follow, for effort terms
+    for name in rows::rate_names(model) {
+        g.symbol(&name);
+    }
     g.set_naming(false);
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let equations = crate::constraints::world_equations(&mut g, &frames, model, None);

@@ -1,12 +1,17 @@
-//! The rows that a state contributes: kinetic energy, power of gravity, and power of friction,
-//! sorted by its dependence on the velocities.
+//! The rows that a state contributes: kinetic energy, forces at rest (gravity, offsets, springs), and
+//! power of friction, sorted by its dependence on the velocities.
 //!
 //! With t_j the twist of a body for a unit rate of the independent coordinate j (in the body's
 //! frame, at its origin), T = 1/2 sum_jk h(t_j, t_k) qd_j qd_k is linear in the parameters, and so
 //! is gravity's power. Energies of different degree in the velocities, or of different sign under
 //! their reversal, vanish separately, and each has its own rows.
+//!
+//! An effort term may depend on the velocity in any way, so that nothing separates it from friction
+//! and from the forces at rest. With such a term, the rows are the sums of all forces but those of
+//! inertia, at random velocities: a combination without kinetic energy has no forces of inertia.
 
-use crate::kinematics::{Frames, twists};
+use crate::dynamics::effort_column;
+use crate::kinematics::{Frames, Rates, twists};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
@@ -34,10 +39,10 @@ pub(super) fn states_needed(model: &Model) -> usize {
         return 0;
     }
     let by_all = (2 * columns).div_ceil(n * (n + 3) / 2);
-    let offsets = model.parameters.iter();
-    let offsets = offsets.filter(|p| matches!(p.kind, ParameterKind::Offset { .. }));
-    // offsets are constant forces, as weights are
-    let by_gravity = (2 * (4 * model.bodies.len() + offsets.count())).div_ceil(n);
+    let others = model.parameters.iter();
+    // offsets, springs and effort terms are forces at rest, as weights are
+    let others = others.filter(|p| p.is_offset() || p.is_spring_or_term());
+    let by_gravity = (2 * (4 * model.bodies.len() + others.count())).div_ceil(n);
     by_all.max(by_gravity).max(MIN_STATES)
 }
 
@@ -53,6 +58,19 @@ pub(super) fn column_units(model: &Model, units: Units) -> Vec<i32> {
 #[derive(Clone, Debug)]
 pub(super) struct Expressions {
     bodies: Vec<BodyExpressions>,
+    /// Springs, and effort terms that do not depend on velocities.
+    at_rest: Vec<EffortExpressions>,
+    /// Effort terms that depend on velocities; the symbols of these follow the coordinates.
+    in_motion: Vec<EffortExpressions>,
+}
+
+/// The forces of a spring or an effort term for a parameter of 1.
+#[derive(Clone, Debug)]
+struct EffortExpressions {
+    /// Index of the parameter.
+    parameter: usize,
+    /// The efforts of the tree's coordinates that are not 0.
+    column: Vec<(usize, Ex)>,
 }
 
 #[derive(Clone, Debug)]
@@ -79,20 +97,77 @@ impl Expressions {
                 .collect(),
             gravity: gravity[body.link],
         });
+        let bodies = bodies.collect();
+        let qd: Vec<Ex> = rate_names(model).map(|name| g.symbol(&name)).collect();
+        let rates = Rates {
+            rd: qd.clone(),
+            qdd: vec![Ex::ZERO; qd.len()],
+            qd,
+            gravity: true,
+        };
+        let (mut at_rest, mut in_motion) = (Vec::new(), Vec::new());
+        for (index, parameter) in model.parameters.iter().enumerate() {
+            if !parameter.is_spring_or_term() {
+                continue;
+            }
+            let effort = EffortExpressions {
+                parameter: index,
+                column: effort_column(g, model, frames, &rates, parameter.kind),
+            };
+            match parameter.kind {
+                ParameterKind::EffortTerm { term, .. }
+                    if model.effort_terms[term].factor.uses_rate() =>
+                {
+                    in_motion.push(effort);
+                }
+                _ => at_rest.push(effort),
+            }
+        }
         Expressions {
-            bodies: bodies.collect(),
+            bodies,
+            at_rest,
+            in_motion,
         }
     }
 
     fn roots(&self) -> Vec<Ex> {
-        let bodies = self.bodies.iter();
-        bodies
-            .flat_map(|b| {
-                let twists = b.twists.iter().flat_map(|(_, t)| *t);
-                twists.chain(b.gravity)
-            })
-            .collect()
+        let bodies = self.bodies.iter().flat_map(|b| {
+            let twists = b.twists.iter().flat_map(|(_, t)| *t);
+            twists.chain(b.gravity)
+        });
+        let efforts = self.at_rest.iter().flat_map(EffortExpressions::roots);
+        bodies.chain(efforts).collect()
     }
+}
+
+impl EffortExpressions {
+    fn roots(&self) -> impl Iterator<Item = Ex> {
+        self.column.iter().map(|(_, ex)| *ex)
+    }
+
+    /// Reads the values of the column, and adds the generalised forces at the independent
+    /// coordinates to the list of all parameters'.
+    fn project(
+        &self,
+        values: &mut impl Iterator<Item = Float320>,
+        state: &State,
+        forces: &mut [Vec<Float320>],
+    ) {
+        let width = state.j.first().map_or(0, Vec::len);
+        let mut sums = vec![Float320::ZERO; width];
+        for (coordinate, _) in &self.column {
+            let effort = values.next().unwrap_or(Float320::ZERO);
+            for (sum, rate) in sums.iter_mut().zip(&state.j[*coordinate]) {
+                *sum = *sum + *rate * effort;
+            }
+        }
+        forces[self.parameter] = sums;
+    }
+}
+
+/// The names of the symbols of the coordinates' rates.
+pub(super) fn rate_names(model: &Model) -> impl Iterator<Item = String> {
+    model.coordinates.iter().map(|c| format!("{}'", c.name))
 }
 
 /// The coefficients of an effort `v qd + e |qd| + c sgn(qd) + o`, in units of 1/2, for a friction
@@ -137,6 +212,8 @@ pub(super) struct Rows<'a> {
     model: &'a Model,
     expressions: &'a Expressions,
     evaluator: Evaluator<'a>,
+    /// Evaluates the effort terms that depend on velocities.
+    in_motion: Evaluator<'a>,
     /// Number of random velocities per state for the rows of friction.
     velocities: usize,
     /// The fraction of the mass matrix's off-diagonal entries that is sampled.
@@ -156,19 +233,32 @@ impl<'a> Rows<'a> {
         units: Units,
     ) -> Rows<'a> {
         let parameters = model.parameters.iter();
-        let friction = parameters.filter(|p| p.is_friction()).count();
-        let velocities = match friction {
-            0 => 0,
-            _ => (2 * friction).div_ceil(states).max(3),
+        let n = model.independent.len();
+        let velocities = if expressions.in_motion.is_empty() {
+            let friction = parameters.filter(|p| p.is_friction()).count();
+            match friction {
+                0 => 0,
+                _ => (2 * friction).div_ceil(states).max(3),
+            }
+        } else {
+            let rows = states * n.max(1);
+            (2 * model.parameters.len()).div_ceil(rows).max(4)
         };
         // with many coordinates, a part of the entries suffices to cover all columns
-        let n = model.independent.len();
         let entries = states * (n * (n + 1) / 2);
         let share = (ROWS_PER_COLUMN * model.parameters.len()) as f64 / entries.max(1) as f64;
         Rows {
             model,
             expressions,
             evaluator: Evaluator::new(g, expressions.roots()),
+            in_motion: Evaluator::new(
+                g,
+                expressions
+                    .in_motion
+                    .iter()
+                    .flat_map(EffortExpressions::roots)
+                    .collect(),
+            ),
             velocities,
             share,
             units,
@@ -208,56 +298,98 @@ impl<'a> Rows<'a> {
             at += 3;
             bodies.push((twists, gamma));
         }
+        let mut forces = vec![Vec::new(); self.model.parameters.len()];
+        let mut values = values.into_iter().skip(at);
+        for effort in &self.expressions.at_rest {
+            effort.project(&mut values, state, &mut forces);
+        }
+        let separate = self.expressions.in_motion.is_empty();
         for j in 0..width {
             for k in j..width {
                 if k > j && self.share < 1.0 && random.next() > 2.0 * self.share - 1.0 {
                     continue;
                 }
-                let entry = |kind: ParameterKind| match kind {
+                let entry = |_: usize, kind: ParameterKind| match kind {
                     ParameterKind::Rotor { coordinate } => {
                         state.j[coordinate][j] * state.j[coordinate][k]
                     }
-                    ParameterKind::Inertial { .. }
-                    | ParameterKind::Friction { .. }
-                    | ParameterKind::Offset { .. } => Float320::ZERO,
+                    _ => Float320::ZERO,
                 };
                 let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
                 self.push(0, &blocks.collect::<Vec<_>>(), entry);
             }
-            let entry = |kind: ParameterKind| match kind {
+            if !separate {
+                continue;
+            }
+            let entry = |index: usize, kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
                     halves(FrictionHalves::of(column).o, state.j[coordinate][j])
                 }
-                ParameterKind::Offset { coordinate } => state.j[coordinate][j],
-                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
+                _ => force_at_rest(state, &forces, index, kind, j),
             };
             // derivative of the potential energy: minus the power of gravity
-            let blocks = bodies.iter().map(|(t, gamma)| {
-                let power = polar(gamma, &t[j]);
-                power.map(|x| -x)
-            });
-            self.push(-self.units.time, &blocks.collect::<Vec<_>>(), entry);
+            let weights = weights(&bodies, j);
+            self.push(-self.units.time, &weights, entry);
         }
         for _ in 0..self.velocities {
-            self.sample_friction(state, random);
+            if separate {
+                self.sample_friction(state, random);
+            } else {
+                self.sample_forces(state, &bodies, &mut forces, random)?;
+            }
         }
         Some(())
     }
 
-    /// Adds the rows of friction at random velocities of both signs.
-    fn sample_friction(&mut self, state: &State, random: &mut Random) {
+    /// Adds rows of all forces but those of inertia, at a random velocity; `None` where an effort
+    /// term has no value.
+    fn sample_forces(
+        &mut self,
+        state: &State,
+        bodies: &[(Vec<Twist>, Twist)],
+        forces: &mut [Vec<Float320>],
+        random: &mut Random,
+    ) -> Option<()> {
+        let qd = self.random_rates(state, random);
+        let inputs: Vec<Float320> = state.q.iter().chain(&qd).copied().collect();
+        let mut values = self.in_motion.run(&inputs)?.into_iter();
+        for effort in &self.expressions.in_motion {
+            effort.project(&mut values, state, forces);
+        }
+        for j in 0..self.model.independent.len() {
+            let entry = |index: usize, kind: ParameterKind| match kind {
+                ParameterKind::Friction { coordinate, column } => {
+                    let parts = FrictionHalves::of(column);
+                    let qd = qd[coordinate];
+                    let sign = if qd.is_negative() { -1 } else { 1 };
+                    let effort = halves(parts.v, qd)
+                        + halves(parts.e, qd.abs())
+                        + halves(sign * parts.c + parts.o, Float320::ONE);
+                    effort * state.j[coordinate][j]
+                }
+                _ => force_at_rest(state, forces, index, kind, j),
+            };
+            self.push(-self.units.time, &weights(bodies, j), entry);
+        }
+        Some(())
+    }
+
+    /// The rates of all coordinates at random rates of the independent ones.
+    fn random_rates(&self, state: &State, random: &mut Random) -> Vec<Float320> {
         let width = self.model.independent.len();
         let rates: Vec<Float320> = (0..width)
             .map(|_| Float320::from_f64(random.next()))
             .collect();
-        let qd: Vec<Float320> = state
-            .j
-            .iter()
-            .map(|row| {
-                let terms = row.iter().zip(&rates);
-                terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r)
-            })
-            .collect();
+        let rows = state.j.iter().map(|row| {
+            let terms = row.iter().zip(&rates);
+            terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r)
+        });
+        rows.collect()
+    }
+
+    /// Adds the rows of friction at random velocities of both signs.
+    fn sample_friction(&mut self, state: &State, random: &mut Random) {
+        let qd = self.random_rates(state, random);
         type Power = fn(FrictionHalves, Float320) -> Float320;
         let kinds: [(i32, Power); 3] = [
             (0, |effort, qd| halves(effort.v, qd * qd)),
@@ -265,13 +397,11 @@ impl<'a> Rows<'a> {
             (0, |effort, qd| halves(effort.e, qd.abs() * qd)),
         ];
         for (unit, power) in kinds {
-            let entry = |kind: ParameterKind| match kind {
+            let entry = |_: usize, kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
                     power(FrictionHalves::of(column), qd[coordinate])
                 }
-                ParameterKind::Inertial { .. }
-                | ParameterKind::Offset { .. }
-                | ParameterKind::Rotor { .. } => Float320::ZERO,
+                _ => Float320::ZERO,
             };
             self.push(unit, &[], entry);
         }
@@ -297,14 +427,14 @@ impl<'a> Rows<'a> {
         &mut self,
         unit: i32,
         blocks: &[[Float320; 10]],
-        entry: impl Fn(ParameterKind) -> Float320,
+        entry: impl Fn(usize, ParameterKind) -> Float320,
     ) {
-        let parameters = self.model.parameters.iter();
-        let row = parameters.map(|parameter| match parameter.kind {
+        let parameters = self.model.parameters.iter().enumerate();
+        let row = parameters.map(|(index, parameter)| match parameter.kind {
             ParameterKind::Inertial { body, entry } => blocks
                 .get(body)
                 .map_or(Float320::ZERO, |block| block[entry]),
-            kind => entry(kind),
+            kind => entry(index, kind),
         });
         let row = row.zip(&self.columns);
         let row: Vec<Float320> = row.map(|(x, column)| x.scaled(unit + column)).collect();
@@ -312,6 +442,31 @@ impl<'a> Rows<'a> {
             self.collected.push(row);
         }
     }
+}
+
+/// The generalised force of an offset or a spring at the independent coordinate `j`, for a parameter
+/// of 1; 0 for other kinds.
+fn force_at_rest(
+    state: &State,
+    forces: &[Vec<Float320>],
+    index: usize,
+    kind: ParameterKind,
+    j: usize,
+) -> Float320 {
+    match kind {
+        ParameterKind::Offset { coordinate } => state.j[coordinate][j],
+        _ => forces[index].get(j).copied().unwrap_or(Float320::ZERO),
+    }
+}
+
+/// The derivative of the potential energy by the independent coordinate `j`, minus the power of
+/// gravity, for each body's parameters.
+fn weights(bodies: &[(Vec<Twist>, Twist)], j: usize) -> Vec<[Float320; 10]> {
+    let blocks = bodies.iter().map(|(twists, gamma)| {
+        let power = polar(gamma, &twists[j]);
+        power.map(|x| -x)
+    });
+    blocks.collect()
 }
 
 /// The symmetric form h: h(V, V) . phi / 2 is the kinetic energy of a body with the twist V.

@@ -6,7 +6,7 @@
 //! sampled in metres and seconds as they are. The units are computed before anything is sampled, or
 //! from rates one of which is 1: a column or row that is zero up to rounding is never scaled up.
 
-use crate::model::{FrictionColumn, Model, ParameterKind, Step};
+use crate::model::{FrictionColumn, Model, ParameterKind, SpringPart, Step};
 
 use super::float320::Float320;
 
@@ -48,9 +48,12 @@ impl Units {
             Step::Translate(_, quantity) => Some(Float320::from_number(&quantity.value)),
             Step::Rotate(..) => None,
         });
+        let points = model.point_springs.iter().flat_map(|spring| &spring.ends);
+        let points = points.flat_map(|end| &end.point);
+        let points = points.map(|quantity| Float320::from_number(&quantity.value).abs());
         let slides = home.iter().enumerate().filter(|(c, _)| model.slides(*c));
         let slides = slides.map(|(_, q)| Float320::from_f64(*q));
-        let length = coarse(&largest(offsets.chain(slides)));
+        let length = coarse(&largest(offsets.chain(slides).chain(points)));
         let gravity = largest(
             model
                 .gravity
@@ -92,6 +95,19 @@ impl Units {
                 let length = if slides(coordinate) { -self.length } else { 0 };
                 length + self.time
             }
+            ParameterKind::JointSpring { coordinate, .. } => {
+                let length = if slides(coordinate) { -self.length } else { 0 };
+                2 * length + self.time
+            }
+            // the factor may have any unit; it counts as a number
+            ParameterKind::EffortTerm { coordinate, .. } => {
+                let length = if slides(coordinate) { -self.length } else { 0 };
+                length + self.time
+            }
+            ParameterKind::PointSpring { part, .. } => match part {
+                SpringPart::Stiffness => -2 * self.length + self.time,
+                SpringPart::Preload | SpringPart::Pull => -self.length + self.time,
+            },
             ParameterKind::Friction { coordinate, column } => {
                 let length = if slides(coordinate) { -self.length } else { 0 };
                 match column {

@@ -143,6 +143,8 @@ fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
                 Function::Sin => a.sin_cos().0,
                 Function::Cos => a.sin_cos().1,
                 Function::Tan => a.tan()?,
+                // only effort terms call these, and none with constants alone
+                Function::Sign | Function::Abs => return None,
                 Function::Deg => a.mul(&Number::pi()).div(&Number::from_i64(180))?,
             }
         }

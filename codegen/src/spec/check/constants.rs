@@ -36,6 +36,11 @@ impl Checker<'_> {
                 self.constant(scalar, all);
             }
         }
+        for spring in raw.springs.iter().flatten() {
+            for scalar in spring.constants() {
+                self.constant(scalar, all);
+            }
+        }
         for (_, scalar) in raw.home.iter().flat_map(|home| &home.value.0) {
             self.constant(scalar, all);
         }

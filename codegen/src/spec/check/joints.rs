@@ -5,7 +5,7 @@ use super::super::shape::{Choice, Word};
 use super::super::suggest::{did_you_mean, one_of};
 use super::super::types::JointKind;
 use super::cycles::cycles;
-use super::{Checker, duplicates, joint_path, limb_path, unknown_body};
+use super::{Checker, duplicates, joint_path, limb_path, term_names, unknown_body};
 use crate::diag::{Diagnostic, Span};
 
 impl Checker<'_> {
@@ -155,6 +155,13 @@ impl Checker<'_> {
                     hint,
                 );
             }
+            if let Some(spring) = &joint.spring {
+                refuse(spring.span, "a fixed joint has no spring".into(), hint);
+            }
+            if let Some(name) = term_names(joint).next() {
+                let message = "a fixed joint has no effort, so no effort terms";
+                refuse(name.span, message.into(), hint);
+            }
             if let Some(limits) = &joint.limits {
                 refuse(limits.span, "a fixed joint has no limits".into(), hint);
             }
@@ -171,6 +178,7 @@ impl Checker<'_> {
                 "only spherical and universal joints do; use `position`",
             );
         }
+        self.effort_terms(joint);
         self.nominal(joint);
     }
 
@@ -186,6 +194,10 @@ impl Checker<'_> {
         if joint.rotor_inertia.value {
             allowed.push("J");
         }
+        if joint.spring.is_some() {
+            allowed.push("K");
+        }
+        allowed.extend(term_names(joint).map(|name| name.text.as_str()));
         for (symbol, _) in &nominal.0 {
             let symbol = &symbol.0;
             if !allowed.contains(&symbol.text.as_str()) {
@@ -216,6 +228,11 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
             .error("'J' without a rotor")
             .hint("write `rotor_inertia: true` at this joint, or remove the value");
     }
+    if symbol.text == "K" {
+        return symbol
+            .error("'K' without a spring")
+            .hint("write `spring: {rest: 0}` at this joint, or remove the value");
+    }
     if symbol.text == "Fo" {
         return symbol
             .error("'Fo' without an offset")
@@ -228,7 +245,7 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
     ));
     if allowed.is_empty() {
         fault.hint(
-            "the joint has neither friction, offset nor rotor: choose a kind with `friction:`",
+            "the joint has neither friction, offset, rotor, spring nor terms: choose a kind with `friction:`",
         )
     } else {
         fault.hint(format!(

@@ -5,13 +5,14 @@ mod cycles;
 mod joints;
 mod limits;
 mod references;
+mod springs;
 
 pub(super) use references::canonical;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::labels::ParameterName;
-use super::labels::{Inventory, JointFacts};
+use super::labels::{Inventory, JointFacts, SpringFacts};
 use super::raw::{RawJoint, RawLimb, RawSpec};
 use super::shape::Word;
 use super::suggest::{did_you_mean, one_of};
@@ -44,6 +45,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     checker.constants();
     checker.limbs();
     checker.cuts();
+    checker.springs();
     checker.independent();
     checker.couplings();
     checker.home();
@@ -63,20 +65,33 @@ struct Checker<'a> {
     sink: &'a mut Sink,
 }
 
+/// The names of a joint's effort terms, in order.
+fn term_names(joint: &RawJoint) -> impl Iterator<Item = &Word> {
+    let terms = joint.terms.iter().flat_map(|terms| &terms.0);
+    terms.map(|(name, _)| &name.0)
+}
+
 fn joint_name(joint: &RawJoint) -> &str {
     joint.name.as_ref().map_or("", |name| name.0.text.as_str())
 }
 
 fn inventory(raw: &RawSpec) -> Inventory {
     let joints = raw.limbs.iter().flat_map(|limb| &limb.joints);
-    Inventory::of(joints.map(|joint| JointFacts {
+    let springs = raw.springs.iter().flatten().map(|spring| SpringFacts {
+        name: &spring.name.0.text,
+        symbols: spring.symbols(),
+    });
+    let joints = joints.map(|joint| JointFacts {
         name: joint_name(joint),
         kind: joint.kind.value,
         body: joint.body.as_ref().map(|body| body.0.text.as_str()),
         friction: joint.friction.value,
         offset: joint.offset.value,
         rotor: joint.rotor_inertia.value,
-    }))
+        spring: joint.spring.is_some(),
+        terms: term_names(joint).map(|name| name.text.as_str()).collect(),
+    });
+    Inventory::of(joints, springs)
 }
 
 fn limb_path(limb: &RawLimb) -> String {

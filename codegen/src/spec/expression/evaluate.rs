@@ -99,6 +99,11 @@ fn call(function: Function, x: &Number, whole: &Ast, argument: &Ast) -> Result<N
             Fault::new(whole.span, "the tangent is infinite here")
                 .hint("its argument is an odd multiple of pi/2")
         }),
+        Function::Sign if x.is_zero() => Ok(Number::zero()),
+        Function::Sign if x.is_negative() => Ok(Number::one().neg()),
+        Function::Sign => Ok(Number::one()),
+        Function::Abs if x.is_negative() => Ok(x.neg()),
+        Function::Abs => Ok(x.clone()),
         Function::Deg => x
             .mul(&Number::pi())
             .div(&Number::from_i64(180))

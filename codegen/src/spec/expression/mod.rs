@@ -9,6 +9,7 @@
 //! ```
 //! so that `-a^2 = -(a^2)` and `^` associates to the right.
 
+mod effort;
 mod evaluate;
 mod lexer;
 mod linear;
@@ -16,6 +17,7 @@ mod parser;
 #[cfg(test)]
 mod tests;
 
+pub(super) use effort::{POSITION, RATE, effort_term};
 pub(super) use evaluate::{evaluate, quantity};
 pub(super) use lexer::INERTIAL;
 pub(super) use linear::linear;
@@ -41,6 +43,8 @@ pub(super) enum Vocabulary {
     Coordinates,
     /// Parameters: `Ixy(3)`, `Fc+(q2)`.
     Parameters,
+    /// `q` and `qd` of the joint, and the functions of [`TERM_FUNCTIONS`].
+    EffortTerms,
 }
 
 /// The syntax tree of an expression, with the place of each part.
@@ -167,10 +171,25 @@ pub(super) const FUNCTIONS: [(&str, Function); 5] = [
     ("deg", Function::Deg),
 ];
 
+/// The functions that only effort terms may call.
+pub(super) const TERM_FUNCTIONS: [(&str, Function); 2] =
+    [("sign", Function::Sign), ("abs", Function::Abs)];
+
+impl Vocabulary {
+    /// The functions that an expression may call, with their names.
+    fn functions(self) -> impl Iterator<Item = &'static (&'static str, Function)> + Clone {
+        let more: &[_] = match self {
+            Vocabulary::EffortTerms => &TERM_FUNCTIONS,
+            _ => &[],
+        };
+        FUNCTIONS.iter().chain(more)
+    }
+}
+
 impl Function {
     /// The name of the function in expressions.
     pub(crate) fn name(self) -> &'static str {
-        let mut all = FUNCTIONS.iter();
+        let mut all = FUNCTIONS.iter().chain(&TERM_FUNCTIONS);
         all.find(|(_, function)| *function == self)
             .map_or("", |(name, _)| name)
     }

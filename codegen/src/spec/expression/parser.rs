@@ -2,7 +2,7 @@
 
 use super::lexer::{Token, TokenKind, tokens};
 use super::{
-    Ast, AstKind, FUNCTIONS, Fault, MAX_HEIGHT, MAX_LENGTH, MAX_NESTING, Operator, Vocabulary,
+    Ast, AstKind, Fault, MAX_HEIGHT, MAX_LENGTH, MAX_NESTING, Operator, Vocabulary,
 };
 use crate::diag::Span;
 use crate::spec::suggest::did_you_mean;
@@ -218,7 +218,8 @@ impl Parser<'_> {
     fn name(&mut self, token: Token) -> Result<Ast, Fault> {
         let span = self.span_of(token);
         let name = self.text_of(token).to_owned();
-        let function = FUNCTIONS.iter().find(|(known, _)| *known == name);
+        let mut functions = self.vocabulary.functions();
+        let function = functions.find(|(known, _)| *known == name);
         let called = self.take(&['(']);
         match (function, called) {
             (Some((_, function)), Some((_, open))) => {
@@ -230,7 +231,7 @@ impl Parser<'_> {
                 .hint(format!("write its argument in parentheses: '{name}(...)'"))),
             (None, Some(_)) if name == "pi" => Err(missing_operator(span, "pi")),
             (None, Some(_)) => {
-                let known = FUNCTIONS.iter().map(|(known, _)| *known);
+                let known = self.vocabulary.functions().map(|(known, _)| *known);
                 let near = did_you_mean(&name, known.clone());
                 let fault = Fault::new(span, format!("unknown function '{name}'{near}"));
                 Err(if near.is_empty() {

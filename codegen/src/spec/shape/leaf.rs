@@ -201,8 +201,27 @@ words! {
     CoordinateReference, "a coordinate", text, "^[A-Za-z_][A-Za-z0-9_]*(\\.[0-9]+)?$", check_coordinate;
     /// The label of a parameter.
     ParameterReference, "a parameter", text, "^[A-Za-z]+[0-9]*[+-]?\\s*\\(.+\\)$", check_parameter;
-    /// The symbol of a friction or rotor parameter.
-    ParameterSymbol, "a parameter's symbol", text, "^(Fv[123+-]?|Fc[+-]?|Fs|vs|delta|J)$", accept_any;
+    /// The symbol of a parameter of a joint or of a spring.
+    ParameterSymbol, "a parameter's symbol", text, "^[A-Za-z_][A-Za-z0-9_]*[+-]?$", accept_any;
+    /// The name of an effort term, with which the label of its parameter begins.
+    TermName, "a name", text, "^[A-Za-z_][A-Za-z0-9_]*$", check_term_name;
+}
+
+/// The symbols of parameters, which no effort term may be called.
+const SYMBOLS: &[&str] = &[
+    "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m", "Fv", "Fc", "Fs", "Fv1",
+    "Fv2", "Fv3", "vs", "delta", "Fo", "J", "K", "k", "kl", "f",
+];
+
+fn check_term_name(text: &str) -> Result<(), Refusal> {
+    check_identifier(text)?;
+    if SYMBOLS.contains(&text) {
+        return Err((
+            "is the symbol of another parameter".into(),
+            "choose another name for the term, such as 'cable' or 'cogging'".into(),
+        ));
+    }
+    Ok(())
 }
 
 /// Accepts any text: it is checked later, when more is known.
@@ -336,6 +355,23 @@ impl Shape for CouplingForm {
     fn schema(definitions: &mut Definitions) -> Json {
         let doc = "A constant plus constant multiples of coordinates, such as -q2 + pi";
         expression_schema("coupling", doc, definitions)
+    }
+}
+
+/// The factor of an effort term: an expression in the joint's own `q` and `qd`.
+#[derive(Clone, Debug)]
+pub(in crate::spec) struct TermExpression(pub(in crate::spec) Scalar);
+
+impl Shape for TermExpression {
+    const EXPECTED: &'static str = "an expression in q and qd";
+
+    fn read(node: &Node, reader: &mut Reader) -> Option<Self> {
+        expression(node, Self::EXPECTED, Vocabulary::EffortTerms, reader).map(Self)
+    }
+
+    fn schema(definitions: &mut Definitions) -> Json {
+        let doc = "An expression in the joint's own q and qd and in geometry names, such as q^2, sin(16*q) or abs(qd)*qd";
+        expression_schema("effort_term", doc, definitions)
     }
 }
 

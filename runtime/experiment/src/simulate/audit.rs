@@ -12,7 +12,7 @@ pub struct Energy {
     pub potential: f64,
     /// The work of the actuators since the start, J.
     pub work: f64,
-    /// The energy lost to friction since the start, J.
+    /// The energy lost to friction, and given to springs and effort terms, since the start, J.
     pub loss: f64,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn kinetic<M: Model<f64> + ?Sized>(
 /// Mass, kg, and first moments, kg m, of each body: the parameters `m(b)`, `mx(b)`, `my(b)`,
 /// `mz(b)`; 0 for a parameter that the model does not have.
 pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
-    let of = |symbol: Symbol, body: &str| {
+    let of = |symbol: Symbol<'_>, body: &str| {
         let wanted = Parameter::new(symbol, body);
         let place = info.parameters.iter().position(|p| *p == wanted);
         place.and_then(|k| phi.get(k)).copied().unwrap_or(0.0)
@@ -64,6 +64,33 @@ pub(super) fn offsets(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
         place.and_then(|k| phi.get(k)).copied().unwrap_or(0.0)
     };
     info.coordinates.iter().map(of).collect()
+}
+
+/// The parameters of springs and effort terms, all others 0; empty if the model has none.
+pub(super) fn springs(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
+    if !info.parameters.iter().any(Parameter::is_spring_or_term) {
+        return Vec::new();
+    }
+    let parameters = info.parameters.iter().zip(phi);
+    let springs = parameters.map(|(p, value)| if p.is_spring_or_term() { *value } else { 0.0 });
+    springs.collect()
+}
+
+/// The power that springs and effort terms take, W.
+///
+/// - `springs`: their parameters, the others 0;
+/// - `force`: a buffer of one entry per independent coordinate.
+pub(super) fn spring_power<M: Model<f64> + ?Sized>(
+    model: &M,
+    springs: &[f64],
+    [q, qd, qd_i]: [&[f64]; 3],
+    force: &mut [f64],
+) -> Result<f64, SizeError> {
+    let dot = |force: &[f64]| force.iter().zip(qd_i).map(|(f, v)| f * v).sum::<f64>();
+    let _condition = model.gravity(q, springs, force)?;
+    let at_rest = dot(force);
+    let _condition = model.bias_forces(q, qd, springs, force)?;
+    Ok(at_rest + dot(force))
 }
 
 /// The potential energy at q, J, of the weights and of the offsets (one per coordinate, N m or N).

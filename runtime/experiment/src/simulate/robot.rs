@@ -1,6 +1,6 @@
 //! The robot between samples: forward dynamics, drives, friction, and the sensors' readings.
 
-use super::audit::{Energy, kinetic, moments, offsets, potential};
+use super::audit::{Energy, kinetic, moments, offsets, potential, spring_power, springs};
 use super::control::Drive;
 use super::forward::{Forward, ForwardOutcome};
 use super::log::{Log, Termination};
@@ -17,6 +17,8 @@ pub(super) struct Robot<'m, M: ?Sized> {
     moments: Vec<[f64; 4]>,
     /// The constant effort of each coordinate, N m or N.
     offsets: Vec<f64>,
+    /// The parameters of springs and effort terms, all others 0; empty without any.
+    springs: Vec<f64>,
     gravity: [f64; 3],
     pub(super) dof: usize,
     independent: Vec<usize>,
@@ -76,6 +78,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             closure: LoopClosure::new(model)?,
             moments: moments(&info, phi),
             offsets: offsets(&info, phi),
+            springs: springs(&info, phi),
             gravity: info.gravity,
             forward,
             dof,
@@ -167,6 +170,10 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
                 return Ok(Err(Termination::Open(outcome)));
             }
             ForwardOutcome::Solved(_) => {}
+        }
+        if !self.springs.is_empty() {
+            let state = [self.q.as_slice(), self.qd.as_slice(), qd_i];
+            loss += spring_power(self.model, &self.springs, state, &mut self.unit)?;
         }
         self.dy[..self.dof].copy_from_slice(qd_i);
         self.dy[self.dof..at].copy_from_slice(&self.qdd_i);

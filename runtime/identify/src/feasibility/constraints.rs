@@ -123,11 +123,11 @@ impl Setting<'_> {
     /// Adds the signs of the single parameters, unless a limit of the user replaces the sign, and
     /// their safety limits; offsets have these limits alone.
     pub(super) fn singles(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
-        for &j in self.layout.single().iter().chain(self.layout.offsets()) {
+        for &j in self.layout.single().iter().chain(self.layout.any_sign()) {
             let label = &self.layout.labels()[j];
             let expression = problem.solved.expressions[j].clone();
             let own = self.options.bounds.iter().find(|b| b.parameter == *label);
-            let any_sign = self.layout.offsets().contains(&j);
+            let any_sign = self.layout.any_sign().contains(&j);
             let free = any_sign || own.is_some_and(|b| b.lowest < 0.0);
             if expression.terms.is_empty() {
                 if expression.constant < 0.0 && !free {

@@ -2,7 +2,7 @@
 
 use super::error::{finite, size};
 use super::{FeasibilityError, InertialParameters, Scale};
-use regen_runtime::{BaseInfo, BaseModel, Parameter, Symbol};
+use regen_runtime::{BaseInfo, BaseModel, Parameter, Sign, Symbol};
 
 /// The symbols of a body's ten parameters.
 pub const SYMBOLS: [&str; 10] = regen_runtime::INERTIAL;
@@ -16,14 +16,15 @@ pub struct Body {
     pub columns: [usize; 10],
 }
 
-/// The parameters of a robot in groups: ten for each body, single ones (friction, rotors), which
-/// dissipate or store energy and are not negative, and offsets, constant efforts of either sign.
+/// The parameters of a robot in groups: ten for each body, single ones (friction, rotors,
+/// springs), which dissipate or store energy and are not negative, and those of either sign
+/// (offsets, effort terms, constant pulls).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterLayout {
     labels: Vec<String>,
     bodies: Vec<Body>,
     single: Vec<usize>,
-    offsets: Vec<usize>,
+    any_sign: Vec<usize>,
 }
 
 /// The result of checking whether parameters are physical.
@@ -100,15 +101,16 @@ impl ParameterLayout {
     ) -> Result<Self, FeasibilityError> {
         let find = |label: &str| labels.iter().position(|l| l == label);
         let mut bodies: Vec<Body> = Vec::new();
-        let (mut single, mut offsets) = (Vec::new(), Vec::new());
+        let (mut single, mut any_sign) = (Vec::new(), Vec::new());
         for (column, (label, parameter)) in labels.iter().zip(parameters).enumerate() {
             if find(label) != Some(column) {
                 return Err(FeasibilityError::Duplicate {
                     label: label.clone(),
                 });
             }
-            if parameter.is_some_and(|p| p.is_offset()) {
-                offsets.push(column);
+            let of_joint = |p: &Parameter<'_>| !p.is_inertial() && p.sign() == Sign::Any;
+            if parameter.as_ref().is_some_and(of_joint) {
+                any_sign.push(column);
                 continue;
             }
             let of_body = parameter.filter(Parameter::is_inertial);
@@ -136,7 +138,7 @@ impl ParameterLayout {
             labels,
             bodies,
             single,
-            offsets,
+            any_sign,
         })
     }
 
@@ -155,13 +157,14 @@ impl ParameterLayout {
         &self.single
     }
 
-    /// The indices of the offsets, constant efforts of joints, which may have either sign.
-    pub fn offsets(&self) -> &[usize] {
-        &self.offsets
+    /// The indices of the parameters of either sign that belong to no body: offsets, effort terms
+    /// and constant pulls.
+    pub fn any_sign(&self) -> &[usize] {
+        &self.any_sign
     }
 
     /// The symbol of a body's parameter; `None` for a parameter of a joint.
-    pub(super) fn inertial(&self, column: usize) -> Option<Symbol> {
+    pub(super) fn inertial(&self, column: usize) -> Option<Symbol<'_>> {
         let mut bodies = self.bodies.iter();
         let entry = bodies.find_map(|body| body.columns.iter().position(|c| *c == column))?;
         Symbol::INERTIAL.get(entry).copied()
@@ -225,7 +228,7 @@ impl ParameterLayout {
         let inside = |column: &usize| *column < count;
         let bodies = self.bodies.iter();
         let single = self.single.iter().copied();
-        let offsets = self.offsets.iter().copied();
+        let any_sign = self.any_sign.iter().copied();
         Self {
             labels: self.labels.iter().take(count).cloned().collect(),
             bodies: bodies
@@ -233,7 +236,7 @@ impl ParameterLayout {
                 .cloned()
                 .collect(),
             single: single.filter(inside).collect(),
-            offsets: offsets.filter(inside).collect(),
+            any_sign: any_sign.filter(inside).collect(),
         }
     }
 

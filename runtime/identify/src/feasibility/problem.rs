@@ -199,7 +199,7 @@ impl Setting<'_> {
         for (body, heaviest) in self.layout.bodies().iter().zip(&problem.heaviest) {
             body.columns.iter().for_each(|c| most[*c] = *heaviest);
         }
-        for &j in self.layout.single().iter().chain(self.layout.offsets()) {
+        for &j in self.layout.single().iter().chain(self.layout.any_sign()) {
             most[j] = self.single_limit(j, &problem.units);
         }
         for (slot, j) in problem.reach.iter_mut().zip(&problem.solved.variables) {

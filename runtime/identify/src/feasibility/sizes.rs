@@ -21,7 +21,7 @@ impl Setting<'_> {
     pub(super) fn units(&self) -> Vec<f64> {
         let mut units = self.layout.units(self.scale());
         let whole = self.squared_efforts().sqrt();
-        for &j in self.layout.single().iter().chain(self.layout.offsets()) {
+        for &j in self.layout.single().iter().chain(self.layout.any_sign()) {
             let column: f64 = self.column(j).iter().map(|x| x * x).sum();
             if column > 0.0 && whole > 0.0 {
                 units[j] = whole / column.sqrt();

@@ -64,7 +64,7 @@ impl InfeasibilityCertificate {
             .map(|body| eigenvalues(&functional(&body.columns.map(|k| c[k])))[0]);
         let of_single = layout.single().iter().map(|k| c[*k]);
         // an offset of either sign is bounded by no condition
-        let of_offsets = layout.offsets().iter().map(|k| -c[*k].abs());
+        let of_offsets = layout.any_sign().iter().map(|k| -c[*k].abs());
         let all = of_bodies.chain(of_single).chain(of_offsets);
         let least = all.fold(0.0, f64::min);
         Ok(Self {

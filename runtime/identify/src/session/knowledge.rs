@@ -106,7 +106,7 @@ fn nominal_priors(layout: &ParameterLayout, nominal: &[Option<f64>], part: f64) 
             push(*column, usual);
         }
     }
-    for k in layout.single().iter().chain(layout.offsets()) {
+    for k in layout.single().iter().chain(layout.any_sign()) {
         push(*k, of(*k).unwrap_or(0.0).abs());
     }
     out

@@ -127,6 +127,15 @@ impl Scalar for Double {
         Self::new(Scalar::sign(self.high))
     }
 
+    fn sqrt(self) -> Self {
+        let root = Self::new(self.high.sqrt());
+        if root.high == 0.0 {
+            return root;
+        }
+        // one step of Newton's method doubles the digits
+        root + (self - root * root) / (root + root)
+    }
+
     #[inline(never)]
     fn sin_cos(self) -> (Self, Self) {
         // to |rest| < pi / 4

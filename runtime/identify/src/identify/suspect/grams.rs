@@ -65,7 +65,7 @@ fn lacks_nominal<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
     named(model, column)
-        .is_some_and(|p| p.is_friction() || ((p.is_rotor() || p.is_offset()) && unknown))
+        .is_some_and(|p| p.is_friction() || ((p.is_rotor() || p.is_offset() || p.is_spring_or_term()) && unknown))
 }
 
 /// The base parameters of the nominal bodies; friction, and offsets and rotors without a value,
@@ -83,7 +83,8 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
         } else {
             *value
         };
-        let of_joint = parameter.is_rotor() || parameter.is_offset();
+        let of_joint =
+            parameter.is_rotor() || parameter.is_offset() || parameter.is_spring_or_term();
         phi.push(value.or_else(|| of_joint.then_some(0.0))?);
     }
     let mut beta = vec![0.0; model.base_info().base.len()];
