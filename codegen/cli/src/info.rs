@@ -142,20 +142,26 @@ pub(crate) fn to_text(robot: &Robot) -> String {
     ] {
         out.push_str(&table::field(name, &value));
     }
+    let heads = ["operations", "add", "mul", "div", "sincos", "sqrt"];
+    // only springs between points need square roots
+    let has_roots = robot.functions.iter().any(|f| operations(f).sqrt > 0);
+    let columns = heads.len() - usize::from(!has_roots);
     let rows: Vec<Vec<String>> = robot
         .functions
         .iter()
         .map(|function| {
             let count = operations(function);
+            let counts = [count.add, count.mul, count.div, count.sincos, count.sqrt];
             std::iter::once(function.kind.name().to_owned())
-                .chain([count.add, count.mul, count.div, count.sincos].map(|n| n.to_string()))
+                .chain(counts.map(|n| n.to_string()))
+                .take(columns)
                 .collect()
         })
         .collect();
     let _ = write!(
         out,
         "\n{}",
-        table::columns(&["operations", "add", "mul", "div", "sincos"], &rows)
+        table::columns(&heads[..columns], &rows)
     );
     out
 }

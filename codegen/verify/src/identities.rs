@@ -4,7 +4,7 @@
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{LoopClosure, Model, SizeError};
+use regen_runtime::{LoopClosure, Model, Parameter, SizeError, Symbol};
 
 use crate::base_identities;
 use crate::check::{Identities, Report};
@@ -256,12 +256,15 @@ impl CheckedState<'_> {
         let info = model.info();
         let dof = info.dof();
         let qd_i = self.independent(qd);
-        // Friction dissipates power, which no energy contains.
+        // Friction and effort terms take power that no energy contains.
+        let without_energy = |parameter: &Parameter<'_>| {
+            parameter.is_friction() || matches!(parameter.symbol, Symbol::Term(_))
+        };
         let phi: Vec<f64> = info
             .parameters
             .iter()
             .zip(self.phi)
-            .map(|(parameter, &value)| if parameter.is_friction() { 0.0 } else { value })
+            .map(|(parameter, &value)| if without_energy(parameter) { 0.0 } else { value })
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));

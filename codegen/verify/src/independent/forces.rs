@@ -1,7 +1,7 @@
 //! Checks of the regressor against derivations that share no code with it.
 
 use regen_codegen::interpret::{self, Double, Precision, Single};
-use regen_codegen::robot::FunctionKind;
+use regen_codegen::robot::{FunctionKind, ParameterKind};
 use regen_reference::{Random, State};
 
 use crate::check::{Check, Worst};
@@ -122,12 +122,13 @@ impl Subject<'_> {
         Ok(worst.check(POWER))
     }
 
-    /// Random parameters without friction, which energies do not contain.
+    /// Random parameters without friction and effort terms, which energies do not contain.
     pub(super) fn without_friction(&self, random: &mut Random) -> Vec<f64> {
         let parameters = self.robot.parameters.iter();
         parameters
             .map(|parameter| match random.signed() {
                 _ if parameter.is_friction() => 0.0,
+                _ if matches!(parameter.kind, ParameterKind::EffortTerm { .. }) => 0.0,
                 value => value,
             })
             .collect()
