@@ -7,7 +7,7 @@ use crate::optimize::{Operations, Program};
 use crate::signature::Size;
 use crate::spec::{Friction, Interval, Spec};
 
-pub use crate::model::{Parameter, ParameterKind};
+pub use crate::model::{Parameter, ParameterKind, SpringPart};
 pub use crate::signature::FunctionKind;
 
 /// A function of a robot.

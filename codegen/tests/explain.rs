@@ -291,3 +291,15 @@ fn offsets_are_explained_beside_friction_weights_and_other_offsets() {
         "{reason}"
     );
 }
+
+#[test]
+fn springs_of_coupled_joints_are_explained_as_linearly_dependent() {
+    let found = explained(
+        "name: r\nlimbs:\n  - name: a\n    joints:\n      - {name: p, type: revolute, body: 1, actuated: true, spring: {rest: 0}}\n      - {name: q, type: revolute, dh: {a: 1}, body: 2, spring: {rest: 0}}\ncouplings: {q: -2*p}\n",
+    );
+    let reason = together(&found, "K(p)").unwrap();
+    assert!(
+        reason.contains("the forces of K(p), K(q) are linearly dependent"),
+        "{reason}"
+    );
+}

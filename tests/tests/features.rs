@@ -343,10 +343,10 @@ fn every_value_for_simulation_is_read() {
         let cone = joint(&with("q2, type: revolute", &text)).limits.cone;
         assert!((cone.unwrap().value.to_f64() - 0.6).abs() < 1e-15);
     }
-    let nominal = "body: 2, friction: linear, offset: true, rotor_inertia: true, nominal: {Fv: 3, Fc: 2, Fo: -1, J: 1}";
+    let nominal = "body: 2, friction: linear, offset: true, rotor_inertia: true, spring: {rest: 0.5}, terms: {cog: cos(q)}, nominal: {Fv: 3, Fc: 2, Fo: -1, J: 1, K: 2, cog: -1}";
     let nominal = joint(&with("body: 2", nominal)).nominal;
     let names: Vec<&str> = nominal.iter().map(|n| n.0.value.as_str()).collect();
-    assert_eq!(names, ["Fv", "Fc", "Fo", "J"]);
+    assert_eq!(names, ["Fv", "Fc", "Fo", "J", "K", "cog"]);
     let body = "bodies: {2: {mass: 3, com: [0.1, 0, 0], inertia: [1, 0, 0, 1, 0, 1]}}\nlimbs:";
     let bodies = with("limbs:", body).bodies;
     assert!((bodies[0].1.mass.value.to_f64() - 3.0).abs() < 1e-15);

@@ -158,10 +158,6 @@ pub(crate) fn to_text(robot: &Robot) -> String {
                 .collect()
         })
         .collect();
-    let _ = write!(
-        out,
-        "\n{}",
-        table::columns(&heads[..columns], &rows)
-    );
+    let _ = write!(out, "\n{}", table::columns(&heads[..columns], &rows));
     out
 }

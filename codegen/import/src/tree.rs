@@ -66,6 +66,10 @@ pub(crate) struct Joint {
     pub(crate) damping: f64,
     /// Coulomb friction, N m or N.
     pub(crate) friction: f64,
+    /// The stiffness of a spring at the joint, N m/rad or N/m; 0 without one.
+    pub(crate) stiffness: f64,
+    /// The value of the coordinate, counted as in the file, at which the spring is relaxed.
+    pub(crate) spring_rest: f64,
     /// Inertia of rotor and drive, reflected to the joint, kg m^2 or kg.
     pub(crate) armature: f64,
     /// Whether the joint is part of one with several degrees of freedom; these are not actuated.
@@ -86,6 +90,8 @@ impl Joint {
             effort: None,
             damping: 0.0,
             friction: 0.0,
+            stiffness: 0.0,
+            spring_rest: 0.0,
             armature: 0.0,
             passive: false,
         }

@@ -218,6 +218,11 @@ fn joint_fields(
         fields.push(("rotor_inertia", "true".to_owned()));
         nominal.push(("J", number(from.armature)));
     }
+    if from.stiffness > 0.0 {
+        let rest = number(from.spring_rest);
+        fields.push(("spring", flow(&[("rest", rest)])));
+        nominal.push(("K", number(from.stiffness)));
+    }
     let mut limits = Vec::new();
     // multiples of pi only where the number agrees with one up to rounding
     let figure = |x: f64| {

@@ -282,8 +282,11 @@ fn friction_and_rotors_are_nominal_values() {
         "<joint name=\"q\" damping=\"0.5\" frictionloss=\"0.2\" armature=\"0.01\"/>",
     ));
     assert_has(&spec, "nominal: {Fv: 0.5, Fc: 0.2, J: 0.01}");
-    let made = imported(&single("<joint name=\"q\" stiffness=\"3\"/>"));
-    assert_has(&notes(&made), "the spring of 'q' is left out");
+    let made = imported(&single(
+        "<joint name=\"q\" stiffness=\"3\" springref=\"0.4\"/>",
+    ));
+    assert_has(&made.spec, "spring: {rest: 0.4}");
+    assert_has(&made.spec, "nominal: {K: 3}");
 }
 
 #[test]

@@ -3,9 +3,9 @@
 
 use crate::kinematics::{Frames, Rates};
 use crate::model::{
-    EffortTerm, FrictionColumn, Model, ParameterKind, PointSpring, SpringEnd, SpringPart,
+    EffortExpr, EffortTerm, FrictionColumn, Function, Model, ParameterKind, PointSpring, SpringEnd,
+    SpringForce, SpringPart,
 };
-use crate::spec::{EffortExpr, Function, SpringForce};
 use crate::sym::{Ex, Graph, V3};
 
 use super::forces::Wrench;
@@ -184,7 +184,12 @@ fn point_spring(
     // the force on the first point, less its sign: the gradient of the spring's energy there
     let force = match (part, &spring.force) {
         (SpringPart::Stiffness, SpringForce::Elastic { length: None }) => span,
-        (SpringPart::Stiffness, SpringForce::Elastic { length: Some(length) }) => {
+        (
+            SpringPart::Stiffness,
+            SpringForce::Elastic {
+                length: Some(length),
+            },
+        ) => {
             let d = distance(g);
             let length = frames.length(g, length);
             let ratio = g.div(length, d).unwrap_or(Ex::ZERO);

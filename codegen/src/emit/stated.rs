@@ -3,8 +3,7 @@
 
 use std::fmt::Write as _;
 
-use crate::model::SpringPart;
-use crate::robot::{JointInfo, Parameter, ParameterKind, Robot};
+use crate::robot::{JointInfo, Parameter, ParameterKind, Robot, SpringPart};
 
 use super::module::wrapped;
 use super::names::literal;

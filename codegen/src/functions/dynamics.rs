@@ -1,8 +1,8 @@
 //! Dynamic functions: regressors, forces and the mass matrix.
 
 use crate::dynamics::{self, Reduction, TreeKinematics};
-use crate::model::Model;
 use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
+use crate::model::Model;
 use crate::sym::Ex;
 
 use super::closure::{all_accelerations, all_velocities, rates_without_qdd};
@@ -42,8 +42,7 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
         twists: &twists,
         centres: &centres(cx.g, cx.frames, cx.model),
     };
-    let columns =
-        dynamics::reduced_regressor(cx.g, cx.model, &motions, &tree, rates, &j, wanted);
+    let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &tree, rates, &j, wanted);
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;

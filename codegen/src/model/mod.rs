@@ -12,7 +12,7 @@ pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
 pub use springs::{EffortTerm, JointSpring, PointSpring, SpringEnd, SpringPart};
 pub use stated::{joints_of_coordinates, nominal};
 
-pub use crate::spec::MotionKind;
+pub use crate::spec::{EffortExpr, Function, MotionKind, SpringForce};
 
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;

@@ -241,11 +241,13 @@ pub(super) fn of_springs(
     });
     let point_springs = point_springs.iter().enumerate().flat_map(|(spring, of)| {
         let parts = SpringPart::of(&of.force).iter();
-        parts.map(move |&part| {
-            Parameter::new(ParameterKind::PointSpring { spring, part }, &of.name)
-        })
+        parts
+            .map(move |&part| Parameter::new(ParameterKind::PointSpring { spring, part }, &of.name))
     });
-    joint_springs.chain(effort_terms).chain(point_springs).collect()
+    joint_springs
+        .chain(effort_terms)
+        .chain(point_springs)
+        .collect()
 }
 
 #[cfg(test)]

@@ -31,9 +31,7 @@ pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
         ParameterKind::Offset { coordinate }
         | ParameterKind::Rotor { coordinate }
         | ParameterKind::JointSpring { coordinate, .. }
-        | ParameterKind::EffortTerm { coordinate, .. } => {
-            at_joint(coordinate, parameter.symbol())
-        }
+        | ParameterKind::EffortTerm { coordinate, .. } => at_joint(coordinate, parameter.symbol()),
         ParameterKind::PointSpring { spring, .. } => {
             let mut nominal = spec.springs.get(spring)?.nominal.iter();
             let stated = nominal.find(|(symbol, _)| symbol.value == parameter.symbol());

@@ -1,6 +1,6 @@
 //! Replaces values in a spec's text; every other byte of it stays the same.
 
-use super::{Joint, Spec};
+use super::{Quantity, Spanned, Spec};
 use crate::diag::Span;
 
 /// A replacement in a text: these bytes by this text.
@@ -9,11 +9,11 @@ struct Change {
     text: String,
 }
 
-/// Returns a spec's text with other `nominal:` values at its joints, and notes on values that could
-/// not be written.
+/// Returns a spec's text with other `nominal:` values at its joints and springs, and notes on values
+/// that could not be written.
 ///
-/// - `value`: the value of a symbol, such as `Fv`, at a coordinate; joints without any known value
-///   are not changed.
+/// - `value`: the value of a symbol, such as `Fv`, at a coordinate or spring; joints and springs
+///   without any known value are not changed.
 ///
 /// A joint has one nominal value for all its coordinates: where their values differ, none is
 /// written.
@@ -46,8 +46,12 @@ pub fn with_nominal(
         let coordinates = joint.coordinates();
         let symbols = joint.friction.symbols().iter().copied();
         let mut wanted: Vec<(&str, f64)> = Vec::new();
-        let symbols = symbols.chain(joint.offset.then_some("Fo"));
-        for symbol in symbols.chain(joint.rotor_inertia.then_some("J")) {
+        let symbols = symbols
+            .chain(joint.offset.then_some("Fo"))
+            .chain(joint.rotor_inertia.then_some("J"))
+            .chain(joint.spring.as_ref().map(|_| "K"))
+            .chain(joint.terms.iter().map(|(name, _)| name.value.as_str()));
+        for symbol in symbols {
             let values: Vec<Option<f64>> = coordinates.iter().map(|c| value(c, symbol)).collect();
             match values.split_first() {
                 Some((Some(first), rest)) if rest.iter().all(|v| *v == Some(*first)) => {
@@ -61,18 +65,40 @@ pub fn with_nominal(
                 _ => {}
             }
         }
-        nominal(text, joint, &wanted, &mut changes);
+        nominal(text, &joint.nominal, joint.kind.span, &wanted, &mut changes);
+    }
+    for spring in &spec.springs {
+        let symbols = spring.force.symbols().iter();
+        let wanted =
+            symbols.filter_map(|symbol| Some((*symbol, value(&spring.name.value, symbol)?)));
+        let wanted: Vec<(&str, f64)> = wanted.collect();
+        nominal(
+            text,
+            &spring.nominal,
+            spring.name.span,
+            &wanted,
+            &mut changes,
+        );
     }
     (changed(text, changes), notes)
 }
 
-/// Appends the changes that give a joint these nominal values.
-fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<Change>) {
+/// Appends the changes that give a joint or a spring these nominal values.
+///
+/// - `stated`: the values that it has;
+/// - `anchor`: the place of a value of the mapping, behind which new values are inserted.
+fn nominal(
+    text: &str,
+    stated: &[(Spanned<String>, Quantity)],
+    anchor: Span,
+    wanted: &[(&str, f64)],
+    changes: &mut Vec<Change>,
+) {
     if wanted.is_empty() {
         return;
     }
     let mut left: Vec<(&str, f64)> = wanted.to_vec();
-    for (symbol, quantity) in &joint.nominal {
+    for (symbol, quantity) in stated {
         let entry = Span::new(symbol.span.start, quantity.span.end);
         if let Some(k) = left.iter().position(|(s, _)| *s == symbol.value) {
             let (_, value) = left.remove(k);
@@ -103,15 +129,15 @@ fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<
         return;
     }
     let pairs: Vec<String> = left.iter().map(pair).collect();
-    let (span, added) = if let Some((symbol, quantity)) = joint.nominal.last() {
+    let (span, added) = if let Some((symbol, quantity)) = stated.last() {
         let entry = Span::new(symbol.span.start, quantity.span.end);
         let separator = separator(text, &entry);
         let more = pairs.iter().map(|pair| format!("{separator}{pair}"));
         (quantity.span, more.collect::<String>())
     } else {
-        let separator = separator(text, &joint.kind.span);
+        let separator = separator(text, &anchor);
         let map = format!("{separator}nominal: {{{}}}", pairs.join(", "));
-        (joint.kind.span, map)
+        (anchor, map)
     };
     changes.push(Change {
         span: Span::new(behind_quote(text, span.end), behind_quote(text, span.end)),

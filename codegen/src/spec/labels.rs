@@ -152,7 +152,11 @@ impl Spec {
             offset: joint.offset,
             rotor: joint.rotor_inertia,
             spring: joint.spring.is_some(),
-            terms: joint.terms.iter().map(|(name, _)| name.value.as_str()).collect(),
+            terms: joint
+                .terms
+                .iter()
+                .map(|(name, _)| name.value.as_str())
+                .collect(),
         });
         Inventory::of(joints, springs)
     }

@@ -257,7 +257,9 @@ impl Resolver<'_> {
             },
         );
         let spring = match &raw.spring {
-            Some(spring) => self.quantity(&spring.rest).map(|rest| Some(JointSpring { rest })),
+            Some(spring) => self
+                .quantity(&spring.rest)
+                .map(|rest| Some(JointSpring { rest })),
             None => Some(None),
         };
         let terms = collect_all(

@@ -264,7 +264,13 @@ impl CheckedState<'_> {
             .parameters
             .iter()
             .zip(self.phi)
-            .map(|(parameter, &value)| if without_energy(parameter) { 0.0 } else { value })
+            .map(|(parameter, &value)| {
+                if without_energy(parameter) {
+                    0.0
+                } else {
+                    value
+                }
+            })
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));

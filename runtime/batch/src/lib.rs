@@ -59,7 +59,7 @@ impl<'a, const N: usize> Samples<'a, N> {
 
     /// Splits the samples into `parts` consecutive parts, one per thread, whose lengths differ by
     /// at most one. Each item is the index of the part's first sample and the part.
-        fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
+    fn split(&self, parts: usize) -> impl Iterator<Item = (usize, Self)> + use<'a, N> {
         let Samples { q, qd, qdd, len } = *self;
         let parts = parts.max(1);
         (0..parts).map(move |part| {

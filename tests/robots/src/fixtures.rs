@@ -13,6 +13,7 @@ robot_model!("../../fixtures/mechanisms/prs3.yaml");
 robot_model!("../../fixtures/mechanisms/rrr3.yaml");
 robot_model!("../../fixtures/mechanisms/screw_jack.yaml");
 robot_model!("../../fixtures/mechanisms/skew_tree.yaml");
+robot_model!("../../fixtures/mechanisms/springs.yaml");
 robot_model!("../../fixtures/pairs/fivebar/base.yaml");
 robot_model!("../../fixtures/pairs/fivebar/tip.yaml");
 robot_model!("../../fixtures/pairs/fourbar/pin.yaml");
@@ -58,6 +59,7 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ("mechanisms/prs3.yaml", &prs3::Prs3),
     ("mechanisms/rrr3.yaml", &rrr3::Rrr3),
     ("mechanisms/screw_jack.yaml", &screw_jack::ScrewJack),
+    ("mechanisms/springs.yaml", &springs::Springs),
     ("mechanisms/skew_tree.yaml", &skew_tree::SkewTree),
     ("pairs/fivebar/base.yaml", &fivebar_base::FivebarBase),
     ("pairs/fivebar/tip.yaml", &fivebar_tip::FivebarTip),

@@ -2,6 +2,7 @@
 
 use super::orientation::Classed;
 use super::{InertiaFrom, Reading};
+use crate::Place;
 use crate::pose::{Pose, tensor_in, transposed, unit};
 use crate::tree::{Inertia, Joint, Kind, Link, Side};
 use crate::xml::{Attribute, Element};
@@ -238,13 +239,35 @@ impl<'a> Reading<'a, '_, '_> {
         joint.damping = number("damping").unwrap_or(0.0).max(0.0);
         joint.friction = number("frictionloss").unwrap_or(0.0).max(0.0);
         joint.armature = number("armature").unwrap_or(0.0).max(0.0);
-        if number("stiffness").is_some_and(|k| k != 0.0) {
-            let text = format!("the spring of '{}' is left out", joint.name);
-            self.fields.log.note(element.place, text);
-        }
+        joint.stiffness = number("stiffness").unwrap_or(0.0).max(0.0);
+        self.spring(of, element.place, &mut joint);
         self.range(of, &mut joint);
         joint.effort = self.limit(of, "actuatorfrcrange", "actuatorfrclimited");
         Some(joint)
+    }
+
+    /// Reads where the spring of a hinge or a slide is relaxed; a ball has no such coordinate.
+    fn spring(&mut self, of: Classed<'_>, place: Place, joint: &mut Joint) {
+        if joint.stiffness == 0.0 {
+            return;
+        }
+        match joint.kind {
+            Kind::Revolute | Kind::Prismatic => {
+                if let Some(rest) = self.attribute(of, "springref") {
+                    let value = if joint.kind == Kind::Revolute {
+                        self.angles::<1>(&rest).map(|[a]| a)
+                    } else {
+                        self.fields.number(&rest)
+                    };
+                    joint.spring_rest = value.unwrap_or(0.0);
+                }
+            }
+            _ => {
+                joint.stiffness = 0.0;
+                let text = format!("the spring of the ball '{}' is left out", joint.name);
+                self.fields.log.note(place, text);
+            }
+        }
     }
 
     /// Reads range and reference of a joint; those of hinges are in the file's unit of angles.

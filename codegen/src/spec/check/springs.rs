@@ -53,7 +53,10 @@ impl Checker<'_> {
                 let all = one_of(symbols.iter().copied()).replace(" or ", " and ");
                 self.sink.push(
                     symbol
-                        .error(format!("'{}' is no parameter of this spring{near}", symbol.text))
+                        .error(format!(
+                            "'{}' is no parameter of this spring{near}",
+                            symbol.text
+                        ))
                         .hint(format!("it has {all}")),
                 );
             }

@@ -1,9 +1,7 @@
 //! Parses tokens as syntax trees.
 
 use super::lexer::{Token, TokenKind, tokens};
-use super::{
-    Ast, AstKind, Fault, MAX_HEIGHT, MAX_LENGTH, MAX_NESTING, Operator, Vocabulary,
-};
+use super::{Ast, AstKind, Fault, MAX_HEIGHT, MAX_LENGTH, MAX_NESTING, Operator, Vocabulary};
 use crate::diag::Span;
 use crate::spec::suggest::did_you_mean;
 use crate::sym::Number;

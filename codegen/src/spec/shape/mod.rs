@@ -11,8 +11,8 @@ pub(super) use choice::{Choice, Chosen, choices};
 pub(super) use collection::{Located, Ordered};
 pub(super) use leaf::{
     BodyReference, ConstantName, CoordinateReference, CouplingForm, Flag, Label, LabelKey, Name,
-    ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar,
-    TermExpression, TermName, Text, Word,
+    ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar, TermExpression,
+    TermName, Text, Word,
 };
 pub(super) use record::{Field, Layout, describe_record, read_default, record};
 

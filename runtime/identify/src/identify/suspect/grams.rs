@@ -64,8 +64,9 @@ pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Opt
 fn lacks_nominal<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
     let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
     let unknown = stated.copied().flatten().is_none();
-    named(model, column)
-        .is_some_and(|p| p.is_friction() || ((p.is_rotor() || p.is_offset() || p.is_spring_or_term()) && unknown))
+    named(model, column).is_some_and(|p| {
+        p.is_friction() || ((p.is_rotor() || p.is_offset() || p.is_spring_or_term()) && unknown)
+    })
 }
 
 /// The base parameters of the nominal bodies; friction, and offsets and rotors without a value,
