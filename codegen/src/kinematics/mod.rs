@@ -4,10 +4,12 @@ mod centre;
 mod chain;
 mod frames;
 mod motion;
+mod springs;
 mod twist;
 
 pub use centre::{Centre, centres};
 pub use chain::{Chain, ChainJoint, Start, centripetal};
 pub use frames::{FrameJoint, Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};
+pub use springs::spring_column;
 pub use twist::{Twist, twists};

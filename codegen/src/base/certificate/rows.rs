@@ -10,8 +10,7 @@
 //! and from the forces at rest. With such a term, the rows are the sums of all forces but those of
 //! inertia, at random velocities: a combination without kinetic energy has no forces of inertia.
 
-use crate::dynamics::effort_column;
-use crate::kinematics::{Frames, Rates, twists};
+use crate::kinematics::{Frames, Rates, spring_column, twists};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
@@ -112,7 +111,7 @@ impl Expressions {
             }
             let effort = EffortExpressions {
                 parameter: index,
-                column: effort_column(g, model, frames, &rates, parameter.kind),
+                column: spring_column(g, model, frames, &rates, parameter.kind),
             };
             match parameter.kind {
                 ParameterKind::EffortTerm { term, .. }
