@@ -282,5 +282,6 @@ fn runtime_joint(joint: &JointInfo) -> Joint {
             effort,
         },
         nominal: joint.nominal,
+        travel: joint.travel,
     }
 }

@@ -1,7 +1,7 @@
 //! The mechanism as a graph of bodies connected by joints, cut joints included, from which spanning
 //! trees are chosen.
 
-use crate::model::{Model, MotionKind, ParameterKind};
+use crate::model::{Model, MotionKind};
 use crate::spec::Spec;
 
 use super::field::{Element, Field};
@@ -23,8 +23,8 @@ pub(super) enum Stage {
         backward: bool,
         /// The coordinate; `None` for cut joints.
         coordinate: Option<usize>,
-        /// Column of the rotor parameter.
-        rotor: Option<usize>,
+        /// The direction in the parameters in which only the rotor's inertia at the joint grows.
+        rotor: Option<Vector>,
         /// The direction in the parameters in which only the joint's constant effort grows.
         offset: Option<Vector>,
     },
@@ -82,8 +82,8 @@ impl Linkage {
                         lead: motion.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: Some(motion.coordinate),
-                        rotor: rotor_column(model, motion.coordinate),
-                        offset: super::rates::offset(model, motion.coordinate),
+                        rotor: super::rates::rotor(field, model, motion.coordinate),
+                        offset: super::rates::offset(field, model, motion.coordinate),
                     });
                 }
             }
@@ -157,9 +157,4 @@ impl Edge {
             _ => None,
         }
     }
-}
-
-fn rotor_column(model: &Model, coordinate: usize) -> Option<usize> {
-    let wanted = ParameterKind::Rotor { coordinate };
-    model.parameters.iter().position(|p| p.kind == wanted)
 }

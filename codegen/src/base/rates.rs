@@ -25,7 +25,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     velocity_constraints.extend(planar_loops(field, linkage));
     let n = model.coordinates.len();
     let mut directions: Vec<Vector> = (0..n).filter_map(|c| same_offset(model, c)).collect();
-    let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
+    let offsets: Vec<Option<Vector>> = (0..n).map(|c| own_offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
     for constraint in constraints_among(field, &velocity_constraints, &with_offset) {
         let mut direction = Vector::new();
@@ -82,14 +82,15 @@ fn to_form(constraint: &Vector) -> LinearForm {
         .collect()
 }
 
-/// Null directions of v, c and e for two coordinates with proportional rates, or for one that
-/// cannot move.
+/// Null directions of v, c, e and of rotors for two coordinates with proportional rates, or for one
+/// that cannot move.
 fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec<Vector> {
     let mut entries = constraint.iter();
     let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
         return Vec::new();
     };
-    let kinds: [fn(&Model, usize) -> Option<Vector>; 3] = [viscous, coulomb, viscous_difference];
+    let kinds: [fn(&Model, usize) -> Option<Vector>; 4] =
+        [viscous, coulomb, viscous_difference, own_rotor];
     let Some((b, rb)) = second else {
         return kinds.iter().filter_map(|kind| kind(model, *a)).collect();
     };
@@ -102,7 +103,8 @@ fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec
     } else {
         k.clone()
     };
-    let factors = [field.mul(&k, &k), size.clone(), field.mul(&k, &size)];
+    let square = field.mul(&k, &k);
+    let factors = [square.clone(), size.clone(), field.mul(&k, &size), square];
     let mut directions = Vec::new();
     for (kind, factor) in kinds.iter().zip(factors) {
         if let (Some(on_a), Some(on_b)) = (kind(model, *a), kind(model, *b)) {
@@ -126,12 +128,57 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
     ]))
 }
 
-/// The direction in which only the offset o grows: Fo, or else Fc+ less Fc-.
-pub(super) fn offset(model: &Model, c: usize) -> Option<Vector> {
+/// The direction in which only the offset o of a joint grows: Fo, or else Fc+ less Fc-; without
+/// these, that of the motor which drives it alone.
+pub(super) fn offset(field: &Field, model: &Model, c: usize) -> Option<Vector> {
+    own_offset(model, c).or_else(|| {
+        let (drive, ratio) = own_drive(model, c)?;
+        let own = own_offset(model, drive)?;
+        Some(scaled(field, &own, Number::one().div(&ratio)?))
+    })
+}
+
+/// The direction in which only the rotor's inertia at a joint grows: J, or that of the motor which
+/// drives it alone.
+pub(super) fn rotor(field: &Field, model: &Model, c: usize) -> Option<Vector> {
+    own_rotor(model, c).or_else(|| {
+        let (drive, ratio) = own_drive(model, c)?;
+        let square = ratio.mul(&ratio);
+        let own = own_rotor(model, drive)?;
+        Some(scaled(field, &own, Number::one().div(&square)?))
+    })
+}
+
+/// The first drive that moves with this joint alone, and its ratio.
+fn own_drive(model: &Model, c: usize) -> Option<(usize, Number)> {
+    model.drives.iter().find_map(|drive| {
+        let form = model.form_of_drive(*drive)?;
+        match form.terms.as_slice() {
+            [(joint, ratio)] if *joint == c => Some((*drive, ratio.clone())),
+            _ => None,
+        }
+    })
+}
+
+fn scaled(field: &Field, direction: &Vector, factor: Number) -> Vector {
+    let factor = Element::exact(factor);
+    let entries = direction.iter();
+    entries
+        .map(|(column, entry)| (*column, field.mul(&factor, entry)))
+        .collect()
+}
+
+fn own_offset(model: &Model, c: usize) -> Option<Vector> {
     match offset_column(model, c) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
         None => coulomb_difference(model, c),
     }
+}
+
+fn own_rotor(model: &Model, coordinate: usize) -> Option<Vector> {
+    let wanted = ParameterKind::Rotor { coordinate };
+    let at = model.parameters.iter().position(|p| p.kind == wanted)?;
+    Some(Vector::from([(at, Element::one())]))
 }
 
 /// Where a joint has both Fo and asymmetric Coulomb friction, the direction without effect: in

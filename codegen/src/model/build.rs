@@ -58,6 +58,7 @@ pub fn build(spec: &Spec) -> Model {
         cuts: Vec::new(),
         cones: Vec::new(),
         couplings: Vec::new(),
+        drives: Vec::new(),
         independent: Vec::new(),
         dependent: Vec::new(),
         actuated: Vec::new(),
@@ -97,6 +98,8 @@ pub fn build(spec: &Spec) -> Model {
         })
     });
     model.couplings = couplings.collect();
+    let drives = spec.drives.iter().filter_map(|name| find(&name.value));
+    model.drives = drives.collect();
     let all = model.coordinates.iter().enumerate();
     model.actuated = all.filter(|(_, c)| c.actuated).map(|(i, _)| i).collect();
     model.independent = match &spec.independent {
@@ -113,6 +116,11 @@ pub fn build(spec: &Spec) -> Model {
     for (name, value) in &spec.home {
         if let Some(at) = model.coordinates.iter().position(|c| c.name == name.value) {
             model.home[at] = value.value.clone();
+        }
+    }
+    for &at in &model.drives {
+        if let Some(value) = spec.home_of_drive(&model.coordinates[at].name) {
+            model.home[at] = value;
         }
     }
     model.parameters = parameters::list(spec, &model.bodies, &model.coordinates);

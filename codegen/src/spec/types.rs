@@ -88,14 +88,17 @@ pub struct Spec {
     pub gravity: [Quantity; 3],
     /// Named constants in order.
     pub geometry: Vec<(Spanned<String>, Quantity)>,
-    /// Serial branches in order.
+    /// Serial branches in order, then one for each drive: a massless joint from the world.
     pub limbs: Vec<Limb>,
     /// Joints opened to obtain the tree.
     pub cuts: Vec<Cut>,
     /// The independent coordinates, where given.
     pub independent: Option<Spanned<Vec<Spanned<String>>>>,
-    /// Coordinates that are linear in others, with the form of each.
+    /// Coordinates that are linear in others, with the form of each: those under `couplings`, then
+    /// the drives.
     pub couplings: Vec<(Spanned<String>, LinearForm)>,
+    /// The names of the drives, which are their coordinates'.
+    pub drives: Vec<Spanned<String>>,
     /// The coordinates at which the closure solve starts, rad or m; they select the assembly
     /// branch.
     pub home: Vec<(Spanned<String>, Quantity)>,
@@ -183,6 +186,25 @@ pub enum JointKind {
     Spherical,
     /// No coordinate.
     Fixed,
+}
+
+/// The types of `drives`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveKind {
+    /// The motor's coordinate is an angle.
+    Revolute,
+    /// The motor's coordinate is a length.
+    Prismatic,
+}
+
+impl DriveKind {
+    /// The type of the massless joint that stands for the drive.
+    pub fn joint(self) -> JointKind {
+        match self {
+            Self::Revolute => JointKind::Revolute,
+            Self::Prismatic => JointKind::Prismatic,
+        }
+    }
 }
 
 /// The constant placement of a joint's frame in the preceding frame.

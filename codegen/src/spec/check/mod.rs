@@ -2,6 +2,7 @@
 
 mod constants;
 mod cycles;
+mod drives;
 mod joints;
 mod limits;
 mod references;
@@ -28,6 +29,10 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
             .enumerate()
             .map(|(index, (name, _))| (name.0.text.as_str(), index))
             .collect(),
+        drives: raw
+            .drives()
+            .map(|(name, _)| (name.0.text.as_str(), name.0.span))
+            .collect(),
         coordinates: set(&inventory.coordinates),
         bodies: set(&inventory.bodies),
         parameters: inventory
@@ -44,6 +49,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     checker.constants();
     checker.limbs();
     checker.cuts();
+    checker.drives();
     checker.independent();
     checker.couplings();
     checker.home();
@@ -55,6 +61,8 @@ struct Checker<'a> {
     raw: &'a RawSpec,
     /// For each geometry name, its index in the list.
     geometry: BTreeMap<&'a str, usize>,
+    /// The drives with the places of their names.
+    drives: BTreeMap<&'a str, Span>,
     coordinates: BTreeSet<String>,
     bodies: BTreeSet<String>,
     parameters: BTreeSet<String>,
@@ -68,8 +76,9 @@ fn joint_name(joint: &RawJoint) -> &str {
 }
 
 fn inventory(raw: &RawSpec) -> Inventory {
+    let drives = raw.drive_joints();
     let joints = raw.limbs.iter().flat_map(|limb| &limb.joints);
-    Inventory::of(joints.map(|joint| JointFacts {
+    Inventory::of(joints.chain(&drives).map(|joint| JointFacts {
         name: joint_name(joint),
         kind: joint.kind.value,
         body: joint.body.as_ref().map(|body| body.0.text.as_str()),
