@@ -316,7 +316,8 @@ fn mismatch(a: &[Vec<f64>], model: &Model) -> Mismatch {
 fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
     // prefer coupled coordinates as dependent ones: they are dependent in any case
-    let mut order: Vec<usize> = model.couplings.iter().map(|c| c.key).collect();
+    let keys = model.couplings.iter().map(|c| c.key);
+    let mut order: Vec<usize> = keys.filter(|c| !model.drives.contains(c)).collect();
     // then passive ones, the later first: they are more often the passive end of a chain
     let passive = (0..n).rev().filter(|c| !model.actuated.contains(c));
     order.extend(passive.chain(model.actuated.iter().rev().copied()));
