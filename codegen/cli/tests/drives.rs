@@ -101,7 +101,7 @@ fn every_command_knows_drives() {
         r#"[{"independent": {"q": [1.0471975511965976, 6.4, 6.4], "qd": [0, 0, 0], "qdd": [0, 0, 0]}}]"#,
     )
     .unwrap();
-    let found = run(&dir, "eval wrist.yaml --states states.json");
+    let found = run(&dir, "eval wrist.yaml --states states.json --format json");
     let found: Value = serde_json::from_str(&found).unwrap();
     let q: Vec<f64> = serde_json::from_value(found[0]["q"].clone()).unwrap();
     for (q, known) in q.iter().zip([0.0, 0.2, 0.0]) {

@@ -21,7 +21,7 @@ use super::trees::path;
 
 /// The null directions of friction that follow from velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let mut velocity_constraints = couplings(model);
+    let mut velocity_constraints = linkage.couplings.clone();
     velocity_constraints.extend(planar_loops(field, linkage));
     let n = model.coordinates.len();
     let mut directions: Vec<Vector> = (0..n).filter_map(|c| same_offset(model, c)).collect();
@@ -56,23 +56,19 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<LinearForm> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
-    all_velocity_constraints(&mut field, &linkage, model)
+    all_velocity_constraints(&mut field, &linkage)
 }
 
 /// The velocity constraints of couplings and of planar loops.
-pub(super) fn all_velocity_constraints(
-    field: &mut Field,
-    linkage: &Linkage,
-    model: &Model,
-) -> Vec<LinearForm> {
-    let mut velocity_constraints = couplings(model);
+pub(super) fn all_velocity_constraints(field: &mut Field, linkage: &Linkage) -> Vec<LinearForm> {
+    let mut velocity_constraints = linkage.couplings.clone();
     velocity_constraints.extend(planar_loops(field, linkage));
     velocity_constraints.iter().map(to_form).collect()
 }
 
 /// The velocity constraints of couplings alone.
-pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<LinearForm> {
-    couplings(model).iter().map(to_form).collect()
+pub(super) fn coupling_velocity_constraints(linkage: &Linkage) -> Vec<LinearForm> {
+    linkage.couplings.iter().map(to_form).collect()
 }
 
 fn to_form(constraint: &Vector) -> LinearForm {
@@ -130,41 +126,49 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
 
 /// The direction in which only the offset o of a joint grows: Fo, or else Fc+ less Fc-; without
 /// these, that of the motor which drives it alone.
-pub(super) fn offset(field: &Field, model: &Model, c: usize) -> Option<Vector> {
+pub(super) fn offset(
+    field: &Field,
+    model: &Model,
+    couplings: &[Vector],
+    c: usize,
+) -> Option<Vector> {
     own_offset(model, c).or_else(|| {
-        let (drive, ratio) = own_drive(model, c)?;
+        let (drive, ratio) = own_drive(model, couplings, c)?;
         let own = own_offset(model, drive)?;
-        Some(scaled(field, &own, Number::one().div(&ratio)?))
+        Some(scaled(field, &own, &field.div(&Element::one(), &ratio)?))
     })
 }
 
 /// The direction in which only the rotor's inertia at a joint grows: J, or that of the motor which
 /// drives it alone.
-pub(super) fn rotor(field: &Field, model: &Model, c: usize) -> Option<Vector> {
+pub(super) fn rotor(
+    field: &Field,
+    model: &Model,
+    couplings: &[Vector],
+    c: usize,
+) -> Option<Vector> {
     own_rotor(model, c).or_else(|| {
-        let (drive, ratio) = own_drive(model, c)?;
-        let square = ratio.mul(&ratio);
+        let (drive, ratio) = own_drive(model, couplings, c)?;
+        let square = field.mul(&ratio, &ratio);
         let own = own_rotor(model, drive)?;
-        Some(scaled(field, &own, Number::one().div(&square)?))
+        Some(scaled(field, &own, &field.div(&Element::one(), &square)?))
     })
 }
 
 /// The first drive that moves with this joint alone, and its ratio.
-fn own_drive(model: &Model, c: usize) -> Option<(usize, Number)> {
+fn own_drive(model: &Model, couplings: &[Vector], c: usize) -> Option<(usize, Element)> {
     model.drives.iter().find_map(|drive| {
-        let form = model.form_of_drive(*drive)?;
-        match form.terms.as_slice() {
-            [(joint, ratio)] if *joint == c => Some((*drive, ratio.clone())),
-            _ => None,
-        }
+        let mut own = model.couplings.iter().zip(couplings);
+        let (_, constraint) = own.find(|(coupling, _)| coupling.key == *drive)?;
+        let joint = constraint.get(&c).filter(|_| constraint.len() == 2);
+        joint.map(|factor| (*drive, factor.neg()))
     })
 }
 
-fn scaled(field: &Field, direction: &Vector, factor: Number) -> Vector {
-    let factor = Element::exact(factor);
+fn scaled(field: &Field, direction: &Vector, factor: &Element) -> Vector {
     let entries = direction.iter();
     entries
-        .map(|(column, entry)| (*column, field.mul(&factor, entry)))
+        .map(|(column, entry)| (*column, field.mul(factor, entry)))
         .collect()
 }
 
@@ -265,17 +269,6 @@ fn constraints_among(
         span.insert(field, row);
     }
     span.vectors().cloned().collect()
-}
-
-fn couplings(model: &Model) -> Vec<Vector> {
-    let constraint = |coupling: &crate::model::Coupling| -> Vector {
-        let mut constraint = Vector::from([(coupling.key, Element::one())]);
-        for (coordinate, factor) in &coupling.terms {
-            constraint.insert(*coordinate, Element::exact(factor.neg()));
-        }
-        constraint
-    };
-    model.couplings.iter().map(constraint).collect()
 }
 
 /// The velocity constraints of loops in which all rotations are about one direction.

@@ -82,7 +82,8 @@ impl Reading<'_, '_, '_> {
             let value = attribute.and_then(|a| self.fields.number(&a));
             value.unwrap_or(0.0)
         };
-        let [damping, friction, armature] = ["damping", "frictionloss", "armature"].map(&mut number);
+        let [damping, friction, armature] =
+            ["damping", "frictionloss", "armature"].map(&mut number);
         if number("stiffness") != 0.0 {
             let text = format!("the spring of the tendon '{name}' is left out");
             self.fields.log.note(tendon.place, text);
