@@ -2,6 +2,8 @@
 //! independent coordinates that do not fit the mobility, cuts that close with a half turn between
 //! their frames.
 
+mod drives;
+
 use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, agreement};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
@@ -56,6 +58,15 @@ pub(crate) fn home_report(
     model: &Model,
     problem: &HomeProblem,
 ) -> Report {
+    if let HomeProblem::Mobility { mismatch, .. } | HomeProblem::NotIndependent { mismatch, .. } =
+        problem
+        && spec.independent.is_none()
+    {
+        let found = drives::mismatch(spec, model, mismatch);
+        if !found.is_empty() {
+            return Report::new(source.clone(), found);
+        }
+    }
     let names = |which: &[usize]| list(which.iter().map(|c| model.coordinates[*c].name.clone()));
     let given = if spec.independent.is_some() {
         "`independent` lists"
@@ -77,7 +88,7 @@ pub(crate) fn home_report(
                  give values close to a closed configuration, and check the cuts' frames"
             ))
         }
-        HomeProblem::Mobility { mobility, choice } => Diagnostic::new(
+        HomeProblem::Mobility { mobility, choice, .. } => Diagnostic::new(
             independent_span(spec),
             format!(
                 "the mechanism has {mobility} degrees of freedom at home, but {given} {} coordinates, {independent}",
@@ -91,7 +102,7 @@ pub(crate) fn home_report(
         } else {
             format!("a valid choice is `independent: {}`", names(choice))
         }),
-        HomeProblem::NotIndependent { choice } => Diagnostic::new(
+        HomeProblem::NotIndependent { choice, .. } => Diagnostic::new(
             independent_span(spec),
             format!("the other coordinates do not follow from {independent} at home: it is singular for this choice"),
         )

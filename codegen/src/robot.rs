@@ -2,12 +2,12 @@
 //! derivation (emission, interpretation) read this type; it holds no expressions.
 
 use crate::base::{Analysis, Base};
-use crate::model::{self, Model, MotionKind};
+use crate::model::{self, Model};
 use crate::optimize::{Operations, Program};
 use crate::signature::Size;
 use crate::spec::{Friction, Interval, Spec};
 
-pub use crate::model::{Parameter, ParameterKind, SpringPart};
+pub use crate::model::{MotionKind, Parameter, ParameterKind, SpringPart};
 pub use crate::signature::FunctionKind;
 
 /// A function of a robot.
@@ -40,6 +40,9 @@ pub struct JointInfo {
     pub limits: [Option<[f64; 2]>; 4],
     /// Nominal values of the friction model's parameters, in the order of [`Friction::symbols`].
     pub nominal: [Option<f64>; 5],
+    /// How far the coordinate moves where the joints behind it turn by 1 rad, and where they slide
+    /// by 1 m: other than 1 and 0 for a drive.
+    pub travel: [f64; 2],
 }
 
 impl JointInfo {
@@ -115,9 +118,9 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
         Some([stated[0].value.to_f64(), stated[1].value.to_f64()])
     };
     let joints = model::joints_of_coordinates(spec);
-    let with_joints = model.coordinates.iter().zip(joints);
+    let with_joints = model.coordinates.iter().zip(joints).enumerate();
     with_joints
-        .map(|(coordinate, joint)| JointInfo {
+        .map(|(index, (coordinate, joint))| JointInfo {
             motion: model.links[coordinate.link]
                 .motion
                 .as_ref()
@@ -133,6 +136,7 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
                 let symbol = joint.friction.symbols().get(k)?;
                 Some(joint.nominal_value(symbol)?.value.to_f64())
             }),
+            travel: [model.reach(index, 1.0, 0.0), model.reach(index, 0.0, 1.0)],
         })
         .collect()
 }

@@ -178,12 +178,14 @@ impl Scene {
     }
 }
 
-/// The tree's joints with their coordinates, in the order of the spec.
+/// The tree's joints with their coordinates, in the order of the spec. Drives are none: they stand
+/// nowhere.
 fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     let mut joints: Vec<Joint> = Vec::new();
     let mut last = None;
     let behind = joints_of_coordinates(spec).into_iter();
-    for ((k, coordinate), joint) in model.coordinates.iter().enumerate().zip(behind) {
+    let all = model.coordinates.iter().enumerate().zip(behind);
+    for ((k, coordinate), joint) in all.filter(|((k, _), _)| !model.drives.contains(k)) {
         let own = joint.span.start;
         if last != Some(own) {
             last = Some(own);

@@ -48,6 +48,10 @@ pub struct Joint {
     /// are not among the dynamic parameters. `None` where the description states no value, and
     /// beyond the last symbol.
     pub nominal: [Option<f64>; 5],
+    /// How far the coordinate moves where the joints behind it turn by 1 rad, and where they slide
+    /// by 1 m: `[1, 0]` for a rotation, `[0, 1]` for a translation. For a drive, whose coordinate is
+    /// linear in those of joints, the sums of the sizes of its factors: a gear's ratio.
+    pub travel: [f64; 2],
 }
 
 /// A swing limit: a bound of the angle between two z axes, those of the frames before and after a
@@ -145,12 +149,39 @@ impl Joint {
         friction: Friction::None,
         limits: Limits::NONE,
         nominal: [None; 5],
+        travel: [1.0, 0.0],
     };
     /// A translation without friction model, limits or nominal values.
     pub const TRANSLATION: Joint = Joint {
         motion: Motion::Translation,
+        travel: [0.0, 1.0],
         ..Joint::ROTATION
     };
+
+    /// How far the coordinate moves, rad or m, where the joints behind it turn by `turn` (rad) and
+    /// slide by `slide` (m).
+    ///
+    /// ```
+    /// use regen_runtime::Joint;
+    ///
+    /// assert_eq!(Joint::ROTATION.reach(0.5, 0.1), 0.5);
+    /// // a motor with a gear of ratio 45
+    /// let motor = Joint { travel: [45.0, 0.0], ..Joint::ROTATION };
+    /// assert_eq!(motor.reach(0.5, 0.1), 22.5);
+    /// ```
+    pub fn reach(&self, turn: f64, slide: f64) -> f64 {
+        let [per_turn, per_slide] = self.travel;
+        per_turn * turn + per_slide * slide
+    }
+
+    /// Whether the coordinate is a drive: a motor, whose coordinate is linear in those of joints.
+    pub fn is_drive(&self) -> bool {
+        let joint = match self.motion {
+            Motion::Rotation => Joint::ROTATION,
+            Motion::Translation => Joint::TRANSLATION,
+        };
+        self.travel != joint.travel
+    }
 }
 
 impl Info<'static> {

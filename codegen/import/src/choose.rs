@@ -35,10 +35,10 @@ pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
     };
     match close_home(&loops, &model) {
         Ok(_) => Ok(Verdict::Valid),
-        Err(HomeProblem::Mobility { mobility, choice }) if mobility > 0 => {
-            Ok(Verdict::Choose(names(choice)))
-        }
-        Err(HomeProblem::NotIndependent { choice }) => Ok(Verdict::Choose(names(choice))),
+        Err(HomeProblem::Mobility {
+            mobility, choice, ..
+        }) if mobility > 0 => Ok(Verdict::Choose(names(choice))),
+        Err(HomeProblem::NotIndependent { choice, .. }) => Ok(Verdict::Choose(names(choice))),
         Err(problem) => {
             let (message, hint) = match problem {
                 HomeProblem::NotClosed { residual } => (

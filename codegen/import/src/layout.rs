@@ -1,13 +1,13 @@
 //! Conversion of a tree of links into limbs of a spec: long serial chains, branches that start from
 //! bodies, frames on the joints' axes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::frames::{joint_frame, motion};
 use crate::log::{Log, Place};
 use crate::names::Names;
 use crate::pose::{Pose, tensor_in};
-use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
+use crate::tree::{Coupling, Drive, Inertia, Joint, Kind, Link, Tree};
 use regen_codegen::spec::{Flaw, flaw};
 
 /// The content of the spec before it is written as text.
@@ -16,6 +16,8 @@ pub(crate) struct Draft {
     pub(crate) limbs: Vec<DraftLimb>,
     pub(crate) cuts: Vec<DraftCut>,
     pub(crate) couplings: Vec<DraftCoupling>,
+    /// The drives, with the spec's names of themselves and of their joints.
+    pub(crate) drives: Vec<Drive>,
     pub(crate) bodies: Vec<DraftBody>,
     /// Coordinates that are not 0 at the zero configuration of the file's robot.
     pub(crate) home: Vec<(String, f64)>,
@@ -127,6 +129,7 @@ pub(crate) fn lay_out(tree: &Tree, log: &mut Log) -> Draft {
     layout.label();
     layout.limbs();
     layout.cuts_and_couplings();
+    layout.drives();
     layout.renamed.write_note(layout.log);
     layout.draft
 }
@@ -213,6 +216,9 @@ impl<'a> LimbLayout<'a> {
         for coupling in &self.tree.couplings {
             coupled_joints.push(&coupling.joint);
             coupled_joints.extend(coupling.terms.iter().map(|t| t.0.as_str()));
+        }
+        for drive in &self.tree.drives {
+            coupled_joints.extend(drive.terms.iter().map(|t| t.0.as_str()));
         }
         let in_loops = self.tree.closures.iter().flat_map(|c| &c.sides);
         let in_loops: Vec<usize> = in_loops
@@ -470,6 +476,35 @@ impl<'a> LimbLayout<'a> {
                     terms,
                 });
             }
+        }
+    }
+
+    /// Converts drives; a drive may not have the name of a joint or a body.
+    fn drives(&mut self) {
+        let mut names = Names::default();
+        let joints = self.draft.limbs.iter().flat_map(|limb| &limb.joints);
+        let taken: BTreeSet<&String> = joints
+            .flat_map(|joint| [&joint.name, &joint.body])
+            .flatten()
+            .collect();
+        for name in taken {
+            names.give(name);
+        }
+        for drive in &self.tree.drives {
+            let found = drive.terms.iter().map(|(joint, factor)| {
+                let joint = self.joints.get(joint)?;
+                Some((joint.clone(), *factor))
+            });
+            let Some(terms) = found.collect::<Option<Vec<_>>>() else {
+                let text = format!("the drive '{}' is left out: it moves no mass", drive.name);
+                self.log.note(drive.place, text);
+                continue;
+            };
+            self.draft.drives.push(Drive {
+                name: names.give(&drive.name),
+                terms,
+                ..drive.clone()
+            });
         }
     }
 }

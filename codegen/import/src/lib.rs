@@ -213,6 +213,7 @@ fn apply_options(tree: &mut Tree, options: &Options, log: &mut Log) {
     }
     if !options.actuated.is_empty() {
         tree.actuated.clone_from(&options.actuated);
+        tree.drives.clear();
     }
     match options.base {
         None => {}
@@ -286,14 +287,15 @@ fn write_valid_spec(
     let follows = |name: &String| draft.couplings.iter().any(|c| c.key == *name);
     let mut free = draft.coordinates();
     free.retain(|name| !follows(name));
-    let names_independent = actuated.is_empty() || actuated.iter().any(follows);
+    let drives = !draft.drives.is_empty();
+    let names_independent = actuated.is_empty() && !drives || actuated.iter().any(follows);
     frame.independent = names_independent.then_some(free.as_slice());
     let mut text = write::write(draft, &frame);
     if let Verdict::Choose(mut choice) = choose::test_independent(&text)? {
         replace_followers(&mut choice, draft);
         // if there are loops, and neither file nor options name actuated joints, the independent
         // coordinates become the actuated ones
-        let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty();
+        let by_choice = tree.actuated.is_empty() && !draft.cuts.is_empty() && !drives;
         let chosen = |name: &String| choice.contains(name);
         if by_choice && choice.iter().all(|name| actuated.contains(name)) {
             let motors: Vec<String> = actuated.iter().filter(|n| chosen(n)).cloned().collect();
@@ -325,8 +327,8 @@ fn replace_followers(choice: &mut [String], draft: &Draft) {
     }
 }
 
-/// The actuated joints: those that the file or the options name, or else every joint with one
-/// degree of freedom that follows no other.
+/// The actuated joints: those that the file or the options name, or else, without drives, every
+/// joint with one degree of freedom that follows no other.
 fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
     let joints = draft.limbs.iter().flat_map(|limb| &limb.joints);
     let follows = |name: &str| draft.couplings.iter().any(|c| c.key == name);
@@ -334,7 +336,7 @@ fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
         let (name, from) = (joint.name.as_ref()?, joint.from.as_ref()?);
         let single = joint.kind != "spherical" && !from.passive;
         let named = match tree.actuated.as_slice() {
-            [] => !follows(name),
+            [] => tree.drives.is_empty() && !follows(name),
             names => names.contains(&from.name),
         };
         (single && named).then(|| name.clone())

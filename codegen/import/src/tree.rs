@@ -19,6 +19,25 @@ pub(crate) struct Tree {
     pub(crate) couplings: Vec<Coupling>,
     /// Actuated joints; empty if the file names none.
     pub(crate) actuated: Vec<String>,
+    pub(crate) drives: Vec<Drive>,
+}
+
+/// A motor whose coordinate is the sum of these multiples of joints' coordinates.
+#[derive(Clone, Debug)]
+pub(crate) struct Drive {
+    pub(crate) name: String,
+    pub(crate) place: Place,
+    pub(crate) terms: Vec<(String, f64)>,
+    /// Whether its coordinate is a length.
+    pub(crate) slides: bool,
+    /// Viscous friction, N m s/rad or N s/m.
+    pub(crate) damping: f64,
+    /// Coulomb friction, N m or N.
+    pub(crate) friction: f64,
+    /// Inertia on the motor's side, kg m^2 or kg.
+    pub(crate) armature: f64,
+    pub(crate) position: Option<[f64; 2]>,
+    pub(crate) effort: Option<[f64; 2]>,
 }
 
 /// A link, and the joints between it and its parent.

@@ -6,6 +6,7 @@ use crate::frames::denavit_hartenberg;
 use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
 use crate::number::{angle, number};
 use crate::pose::{Pose, V3};
+use crate::tree::Drive;
 
 /// Longer entries are written on several lines.
 const MAX_ENTRY_WIDTH: usize = 110;
@@ -57,6 +58,12 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
         for coupling in &draft.couplings {
             let form = linear(coupling.constant, &coupling.terms);
             let _ = writeln!(out, "  {}: {form}", coupling.key);
+        }
+    }
+    if !draft.drives.is_empty() {
+        out.push_str("\n# Motors that move several joints, or one with a ratio.\ndrives:\n");
+        for drive in &draft.drives {
+            let _ = writeln!(out, "  {}: {}", drive.name, flow(&drive_fields(drive)));
         }
     }
     if let Some(independent) = frame.independent {
@@ -200,24 +207,7 @@ fn joint_fields(
     let Some(from) = &joint.from else {
         return fields;
     };
-    let mut nominal = Vec::new();
-    let friction = match (from.damping > 0.0, from.friction > 0.0) {
-        (false, false) => None,
-        (true, false) => Some("viscous"),
-        (false, true) => Some("coulomb"),
-        (true, true) => Some("linear"),
-    };
-    if from.damping > 0.0 {
-        nominal.push(("Fv", number(from.damping)));
-    }
-    if from.friction > 0.0 {
-        nominal.push(("Fc", number(from.friction)));
-    }
-    fields.extend(friction.map(|kind| ("friction", kind.to_owned())));
-    if from.armature > 0.0 {
-        fields.push(("rotor_inertia", "true".to_owned()));
-        nominal.push(("J", number(from.armature)));
-    }
+    let mut nominal = friction_fields(from.damping, from.friction, from.armature, &mut fields);
     if from.stiffness > 0.0 {
         let rest = number(from.spring_rest);
         fields.push(("spring", flow(&[("rest", rest)])));
@@ -238,6 +228,54 @@ fn joint_fields(
     if let Some(effort) = from.effort {
         limits.push(("effort", list(&effort.map(number))));
     }
+    if !limits.is_empty() {
+        fields.push(("limits", flow(&limits)));
+    }
+    if !nominal.is_empty() {
+        fields.push(("nominal", flow(&nominal)));
+    }
+    fields
+}
+
+/// Adds the keys of friction and rotor, and returns their nominal values.
+fn friction_fields(
+    damping: f64,
+    friction: f64,
+    armature: f64,
+    fields: &mut Vec<(&'static str, String)>,
+) -> Vec<(&'static str, String)> {
+    let mut nominal = Vec::new();
+    let law = match (damping > 0.0, friction > 0.0) {
+        (false, false) => None,
+        (true, false) => Some("viscous"),
+        (false, true) => Some("coulomb"),
+        (true, true) => Some("linear"),
+    };
+    if damping > 0.0 {
+        nominal.push(("Fv", number(damping)));
+    }
+    if friction > 0.0 {
+        nominal.push(("Fc", number(friction)));
+    }
+    fields.extend(law.map(|kind| ("friction", kind.to_owned())));
+    if armature > 0.0 {
+        fields.push(("rotor_inertia", "true".to_owned()));
+        nominal.push(("J", number(armature)));
+    }
+    nominal
+}
+
+fn drive_fields(drive: &Drive) -> Vec<(&'static str, String)> {
+    let mut fields = vec![("of", linear(0.0, &drive.terms))];
+    if drive.slides {
+        fields.push(("type", "prismatic".to_owned()));
+    }
+    let nominal = friction_fields(drive.damping, drive.friction, drive.armature, &mut fields);
+    let ranges = [("position", drive.position), ("effort", drive.effort)];
+    let limits: Vec<_> = ranges
+        .into_iter()
+        .filter_map(|(key, range)| Some((key, list(&range?.map(number)))))
+        .collect();
     if !limits.is_empty() {
         fields.push(("limits", flow(&limits)));
     }

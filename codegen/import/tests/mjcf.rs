@@ -312,6 +312,41 @@ fn motors_are_where_actuators_and_tendons_pull() {
         "name: q1, type: revolute, origin: {xyz: [0.1, 0.2, 0.3]}, body: a, actuated: true",
     );
     assert_eq!(pulled.matches("actuated: true").count(), 1);
+    // a tendon over two joints is a motor of its own, beside that of one of them
+    let tendon = |arms: [&str; 2], of_tendon: &str| {
+        with(&format!(
+            "<tendon><fixed name=\"pull\" {of_tendon}><joint joint=\"q1\" coef=\"{}\"/>\
+             <joint joint=\"q2\" coef=\"{}\"/></fixed></tendon>\
+             <actuator><motor tendon=\"pull\" gear=\"2\" ctrlrange=\"0 5\"/>\
+             <motor joint=\"q2\"/></actuator>",
+            arms[0], arms[1]
+        ))
+    };
+    let geared = tendon(["0.5", "-0.5"], "");
+    assert_has(
+        &geared,
+        "pull: {of: 0.5*q1 - 0.5*q2, limits: {effort: [0, 10]}}",
+    );
+    assert_eq!(geared.matches("actuated: true").count(), 1);
+    assert!(!geared.contains("independent:"), "{geared}");
+    let pulled = tendon(
+        ["0.01", "0.008"],
+        "damping=\"3\" frictionloss=\"0.2\" range=\"-0.1 0.1\"",
+    );
+    assert_has(
+        &pulled,
+        "pull: {of: 0.01*q1 + 0.008*q2, type: prismatic, friction: linear, \
+         limits: {position: [-0.1, 0.1], effort: [0, 10]}, nominal: {Fv: 3, Fc: 0.2}}",
+    );
+    // a tendon alone leaves a freedom, which one of its joints keeps
+    let alone = with(
+        "<tendon><fixed name=\"q1\"><joint joint=\"q1\" coef=\"0.5\"/>\
+         <joint joint=\"q2\" coef=\"1\"/></fixed></tendon>\
+         <actuator><position tendon=\"q1\"/></actuator>",
+    );
+    assert_has(&alone, "q1_2: {of: 0.5*q1 + q2}");
+    assert!(!alone.contains("actuated: true"), "{alone}");
+    assert_has(&alone, "independent: [q1, q1_2]");
     let wrong = two.replace(
         "</mujoco>",
         "<actuator><motor joint=\"q3\"/></actuator></mujoco>",

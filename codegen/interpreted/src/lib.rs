@@ -289,5 +289,6 @@ fn runtime_joint(joint: &JointInfo) -> Joint {
             effort,
         },
         nominal: joint.nominal,
+        travel: joint.travel,
     }
 }

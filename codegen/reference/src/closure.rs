@@ -133,8 +133,10 @@ impl Mechanism {
                 None => break,
             }
         }
-        // The rows are lengths in metres and cosines: a few roundings of numbers near 1 remain.
-        if residual < 1e-13 {
+        // The rows are lengths in metres and cosines: a few roundings of numbers near 1 remain. Those
+        // of drives are as large as the drives' coordinates.
+        let largest = self.drives.iter().fold(1.0_f64, |m, k| m.max(q[*k].abs()));
+        if residual < 1e-13 * largest {
             Ok(q)
         } else {
             Err(format!("{}: not closed, residual {residual:e}", self.name))
@@ -161,10 +163,10 @@ impl Mechanism {
     /// singularity.
     pub fn follow(&self, start: &[f64], target: &[f64]) -> Result<Vec<f64>, String> {
         let from: Vec<f64> = self.independent.iter().map(|k| start[*k]).collect();
-        let distance = from
-            .iter()
-            .zip(target)
-            .fold(0.0_f64, |m, (a, b)| m.max((b - a).abs()));
+        let moves = from.iter().zip(target).zip(&self.independent);
+        let distance = moves.fold(0.0_f64, |m, ((a, b), k)| {
+            m.max((b - a).abs() / self.travel(*k, 1.0, 1.0))
+        });
         #[allow(clippy::cast_sign_loss, reason = "at least 1")]
         let steps = (distance / 0.05).ceil().max(1.0) as usize;
         let mut q = start.to_vec();

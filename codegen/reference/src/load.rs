@@ -47,6 +47,10 @@ impl Mechanism {
             &coordinates.into_iter().flatten().collect::<Vec<_>>(),
             &bodies.into_iter().flatten().collect::<Vec<_>>(),
         );
+        let forms = entries(&spec, "drives")?
+            .iter()
+            .map(|(name, drive)| tree.drive(name, drive, &names))
+            .collect::<Result<Vec<Coupling>, _>>()?;
         let cuts: Vec<Cut> = list(&spec, "cuts")?
             .iter()
             .map(|cut| tree.cut(cut, &names).map_err(|e| in_item(cut, &e)))
@@ -54,10 +58,16 @@ impl Mechanism {
         for item in list(&spec, "springs")? {
             tree.spring(item, &names).map_err(|e| in_item(item, &e))?;
         }
-        let couplings = entries(&spec, "couplings")?
+        let mut couplings = entries(&spec, "couplings")?
             .iter()
             .map(|(key, form)| tree.coupling(key, form, &names))
             .collect::<Result<Vec<_>, _>>()?;
+        let drives: Vec<usize> = forms.iter().map(|form| form.key).collect();
+        couplings.extend(forms);
+        for coupling in &mut couplings {
+            // The forms were read where fewer drives were known.
+            coupling.coefficients.resize(tree.coordinates.len(), 0.0);
+        }
         for (label, value) in entries(&spec, "bodies")? {
             tree.nominal_body(&label, value, &names)?;
         }
@@ -71,8 +81,22 @@ impl Mechanism {
         let n = tree.coordinates.len();
         let dependent = (0..n).filter(|k| !independent.contains(k)).collect();
         let mut home_guess = vec![0.0; n];
+        let mut stated = vec![false; n];
         for (name, value) in entries(&spec, "home")? {
-            home_guess[tree.coordinate(&name)?] = scalar(value, &names)?;
+            let at = tree.coordinate(&name)?;
+            home_guess[at] = scalar(value, &names)?;
+            stated[at] = true;
+        }
+        // Drives start where their joints are, and these where their couplings have them.
+        let mut followed = home_guess.clone();
+        for _ in 0..=couplings.len() {
+            for coupling in couplings.iter().filter(|c| !stated[c.key]) {
+                let terms = coupling.coefficients.iter().zip(&followed);
+                followed[coupling.key] = coupling.constant + terms.map(|(a, q)| a * q).sum::<f64>();
+            }
+        }
+        for drive in &drives {
+            home_guess[*drive] = followed[*drive];
         }
         let mut cones = std::mem::take(&mut tree.cones);
         for (cut, item) in cuts.iter().zip(list(&spec, "cuts")?) {
@@ -94,6 +118,7 @@ impl Mechanism {
             cuts,
             cones,
             couplings,
+            drives,
             independent,
             dependent,
             actuated: tree.actuated,
@@ -371,6 +396,35 @@ impl Tree {
         }
         self.coordinates.push(name);
         Ok(index)
+    }
+
+    /// Adds a drive as a motion of its own on the world, and reads its form in the coordinates so
+    /// far.
+    fn drive(&mut self, name: &str, drive: &Value, names: &Names) -> Result<Coupling, String> {
+        let form = text(drive.get("of").ok_or("no form")?)?;
+        let (constant, coefficients) = linear_form(&form, &self.coordinates, names)?;
+        let (turn, slide) = match drive.get("type").map(text).transpose()?.as_deref() {
+            None | Some("revolute") => (1.0, 0.0),
+            Some("prismatic") => (0.0, 1.0),
+            Some(other) => return Err(format!("no drive type {other}")),
+        };
+        let key = self.add_coordinate(name.to_owned(), drive, names)?;
+        self.actuated.push(key);
+        self.nodes.push(Node {
+            parent: None,
+            offset: identity(),
+            motion: Some(JointMotion {
+                axis: Axis::Z,
+                coordinate: key,
+                turn,
+                slide,
+            }),
+        });
+        Ok(Coupling {
+            key,
+            constant,
+            coefficients,
+        })
     }
 
     fn cut(&self, cut: &Value, names: &Names) -> Result<Cut, String> {

@@ -180,6 +180,8 @@ pub struct Mechanism {
     pub cones: Vec<SwingLimit>,
     /// Couplings in the order of the file.
     pub couplings: Vec<Coupling>,
+    /// The indices of the coordinates of drives; the last couplings are theirs, in this order.
+    pub drives: Vec<usize>,
     /// The indices of the independent coordinates.
     pub independent: Vec<usize>,
     /// The indices of the other coordinates, ascending.
@@ -251,6 +253,19 @@ impl Mechanism {
             .iter()
             .filter_map(|n| n.motion)
             .any(|m| m.coordinate == coordinate && m.turn.abs() < 0.5)
+    }
+
+    /// How far a coordinate moves where joints turn by `turn` (rad) or slide by `slide` (m): as far,
+    /// and a drive as far as the sizes of its factors have it.
+    pub(crate) fn travel(&self, coordinate: usize, turn: f64, slide: f64) -> f64 {
+        let of_joint = |k: usize| if self.slides(k) { slide } else { turn };
+        if !self.drives.contains(&coordinate) {
+            return of_joint(coordinate);
+        }
+        let own = self.couplings.iter().filter(|c| c.key == coordinate);
+        own.flat_map(|c| c.coefficients.iter().enumerate())
+            .map(|(k, factor)| factor.abs() * of_joint(k))
+            .sum()
     }
 
     /// The nominal parameter vector, if the spec gives every value.

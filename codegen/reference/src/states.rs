@@ -41,7 +41,7 @@ impl Mechanism {
                 .independent
                 .iter()
                 .map(|k| {
-                    let size = if self.slides(*k) { slide } else { turn };
+                    let size = self.travel(*k, turn, slide);
                     home[*k] + random.uniform(-size, size) * reach
                 })
                 .collect();

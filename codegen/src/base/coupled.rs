@@ -29,11 +29,11 @@ type Matrix = [[Number; 3]; 3];
 
 /// The null directions that follow from exact velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let velocity_constraints = rates::all_velocity_constraints(field, linkage, model);
+    let velocity_constraints = rates::all_velocity_constraints(field, linkage);
     if velocity_constraints.is_empty() {
         return Vec::new();
     }
-    let couplings = rates::coupling_velocity_constraints(model);
+    let couplings = rates::coupling_velocity_constraints(linkage);
     let link_paths = link_paths(model);
     let mut all = Vec::new();
     let free: Vec<Freedom> = model

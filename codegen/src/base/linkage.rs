@@ -1,11 +1,12 @@
 //! The mechanism as a graph of bodies connected by joints, cut joints included, from which spanning
 //! trees are chosen.
 
-use crate::model::{Model, MotionKind, ParameterKind};
+use crate::model::{Model, MotionKind};
 use crate::spec::Spec;
 
 use super::field::{Element, Field};
 use super::geometry::{Names, Placed};
+use super::rates;
 use super::span::Vector;
 
 /// One element of the connection between two bodies.
@@ -23,8 +24,8 @@ pub(super) enum Stage {
         backward: bool,
         /// The coordinate; `None` for cut joints.
         coordinate: Option<usize>,
-        /// Column of the rotor parameter.
-        rotor: Option<usize>,
+        /// The direction in the parameters in which only the rotor's inertia at the joint grows.
+        rotor: Option<Vector>,
         /// The direction in the parameters in which only the joint's constant effort grows.
         offset: Option<Vector>,
     },
@@ -45,6 +46,8 @@ pub(super) struct Linkage {
     pub(super) bodies: usize,
     pub(super) edges: Vec<Edge>,
     pub(super) gravity: [Element; 3],
+    /// The velocity constraint of each coupling: the sum of these factors times rates is 0.
+    pub(super) couplings: Vec<Vector>,
 }
 
 fn fixed(placed: Placed) -> Stage {
@@ -55,6 +58,14 @@ impl Linkage {
     pub(super) fn new(field: &mut Field, spec: &Spec, model: &Model) -> Self {
         let names = Names::new(field, spec);
         let gravity = model.gravity.clone().map(|q| names.element(field, &q));
+        let mut couplings = Vec::new();
+        for (coupling, (_, written)) in model.couplings.iter().zip(&spec.couplings) {
+            let mut constraint = Vector::from([(coupling.key, Element::one())]);
+            for ((coordinate, _), (_, factor)) in coupling.terms.iter().zip(&written.terms) {
+                constraint.insert(*coordinate, names.element(field, factor).neg());
+            }
+            couplings.push(constraint);
+        }
         let node = |link: Option<usize>| -> usize {
             let body = link.and_then(|l| model.bodies.iter().position(|b| b.link == l));
             body.map_or(0, |b| b + 1)
@@ -82,8 +93,8 @@ impl Linkage {
                         lead: motion.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: Some(motion.coordinate),
-                        rotor: rotor_column(model, motion.coordinate),
-                        offset: super::rates::offset(model, motion.coordinate),
+                        rotor: rates::rotor(field, model, &couplings, motion.coordinate),
+                        offset: rates::offset(field, model, &couplings, motion.coordinate),
                     });
                 }
             }
@@ -123,6 +134,7 @@ impl Linkage {
             bodies: model.bodies.len(),
             edges,
             gravity,
+            couplings,
         }
     }
 }
@@ -157,9 +169,4 @@ impl Edge {
             _ => None,
         }
     }
-}
-
-fn rotor_column(model: &Model, coordinate: usize) -> Option<usize> {
-    let wanted = ParameterKind::Rotor { coordinate };
-    model.parameters.iter().position(|p| p.kind == wanted)
 }

@@ -21,11 +21,11 @@ use super::trees::path;
 
 /// The null directions of friction that follow from velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let mut velocity_constraints = couplings(model);
+    let mut velocity_constraints = linkage.couplings.clone();
     velocity_constraints.extend(planar_loops(field, linkage));
     let n = model.coordinates.len();
     let mut directions: Vec<Vector> = (0..n).filter_map(|c| same_offset(model, c)).collect();
-    let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
+    let offsets: Vec<Option<Vector>> = (0..n).map(|c| own_offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
     for constraint in constraints_among(field, &velocity_constraints, &with_offset) {
         let mut direction = Vector::new();
@@ -56,23 +56,19 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<LinearForm> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
-    all_velocity_constraints(&mut field, &linkage, model)
+    all_velocity_constraints(&mut field, &linkage)
 }
 
 /// The velocity constraints of couplings and of planar loops.
-pub(super) fn all_velocity_constraints(
-    field: &mut Field,
-    linkage: &Linkage,
-    model: &Model,
-) -> Vec<LinearForm> {
-    let mut velocity_constraints = couplings(model);
+pub(super) fn all_velocity_constraints(field: &mut Field, linkage: &Linkage) -> Vec<LinearForm> {
+    let mut velocity_constraints = linkage.couplings.clone();
     velocity_constraints.extend(planar_loops(field, linkage));
     velocity_constraints.iter().map(to_form).collect()
 }
 
 /// The velocity constraints of couplings alone.
-pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<LinearForm> {
-    couplings(model).iter().map(to_form).collect()
+pub(super) fn coupling_velocity_constraints(linkage: &Linkage) -> Vec<LinearForm> {
+    linkage.couplings.iter().map(to_form).collect()
 }
 
 fn to_form(constraint: &Vector) -> LinearForm {
@@ -82,14 +78,15 @@ fn to_form(constraint: &Vector) -> LinearForm {
         .collect()
 }
 
-/// Null directions of v, c and e for two coordinates with proportional rates, or for one that
-/// cannot move.
+/// Null directions of v, c, e and of rotors for two coordinates with proportional rates, or for one
+/// that cannot move.
 fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec<Vector> {
     let mut entries = constraint.iter();
     let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
         return Vec::new();
     };
-    let kinds: [fn(&Model, usize) -> Option<Vector>; 3] = [viscous, coulomb, viscous_difference];
+    let kinds: [fn(&Model, usize) -> Option<Vector>; 4] =
+        [viscous, coulomb, viscous_difference, own_rotor];
     let Some((b, rb)) = second else {
         return kinds.iter().filter_map(|kind| kind(model, *a)).collect();
     };
@@ -102,7 +99,8 @@ fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec
     } else {
         k.clone()
     };
-    let factors = [field.mul(&k, &k), size.clone(), field.mul(&k, &size)];
+    let square = field.mul(&k, &k);
+    let factors = [square.clone(), size.clone(), field.mul(&k, &size), square];
     let mut directions = Vec::new();
     for (kind, factor) in kinds.iter().zip(factors) {
         if let (Some(on_a), Some(on_b)) = (kind(model, *a), kind(model, *b)) {
@@ -126,12 +124,65 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
     ]))
 }
 
-/// The direction in which only the offset o grows: Fo, or else Fc+ less Fc-.
-pub(super) fn offset(model: &Model, c: usize) -> Option<Vector> {
+/// The direction in which only the offset o of a joint grows: Fo, or else Fc+ less Fc-; without
+/// these, that of the motor which drives it alone.
+pub(super) fn offset(
+    field: &Field,
+    model: &Model,
+    couplings: &[Vector],
+    c: usize,
+) -> Option<Vector> {
+    own_offset(model, c).or_else(|| {
+        let (drive, ratio) = own_drive(model, couplings, c)?;
+        let own = own_offset(model, drive)?;
+        Some(scaled(field, &own, &field.div(&Element::one(), &ratio)?))
+    })
+}
+
+/// The direction in which only the rotor's inertia at a joint grows: J, or that of the motor which
+/// drives it alone.
+pub(super) fn rotor(
+    field: &Field,
+    model: &Model,
+    couplings: &[Vector],
+    c: usize,
+) -> Option<Vector> {
+    own_rotor(model, c).or_else(|| {
+        let (drive, ratio) = own_drive(model, couplings, c)?;
+        let square = field.mul(&ratio, &ratio);
+        let own = own_rotor(model, drive)?;
+        Some(scaled(field, &own, &field.div(&Element::one(), &square)?))
+    })
+}
+
+/// The first drive that moves with this joint alone, and its ratio.
+fn own_drive(model: &Model, couplings: &[Vector], c: usize) -> Option<(usize, Element)> {
+    model.drives.iter().find_map(|drive| {
+        let mut own = model.couplings.iter().zip(couplings);
+        let (_, constraint) = own.find(|(coupling, _)| coupling.key == *drive)?;
+        let joint = constraint.get(&c).filter(|_| constraint.len() == 2);
+        joint.map(|factor| (*drive, factor.neg()))
+    })
+}
+
+fn scaled(field: &Field, direction: &Vector, factor: &Element) -> Vector {
+    let entries = direction.iter();
+    entries
+        .map(|(column, entry)| (*column, field.mul(factor, entry)))
+        .collect()
+}
+
+fn own_offset(model: &Model, c: usize) -> Option<Vector> {
     match offset_column(model, c) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
         None => coulomb_difference(model, c),
     }
+}
+
+fn own_rotor(model: &Model, coordinate: usize) -> Option<Vector> {
+    let wanted = ParameterKind::Rotor { coordinate };
+    let at = model.parameters.iter().position(|p| p.kind == wanted)?;
+    Some(Vector::from([(at, Element::one())]))
 }
 
 /// Where a joint has both Fo and asymmetric Coulomb friction, the direction without effect: in
@@ -218,17 +269,6 @@ fn constraints_among(
         span.insert(field, row);
     }
     span.vectors().cloned().collect()
-}
-
-fn couplings(model: &Model) -> Vec<Vector> {
-    let constraint = |coupling: &crate::model::Coupling| -> Vector {
-        let mut constraint = Vector::from([(coupling.key, Element::one())]);
-        for (coordinate, factor) in &coupling.terms {
-            constraint.insert(*coordinate, Element::exact(factor.neg()));
-        }
-        constraint
-    };
-    model.couplings.iter().map(constraint).collect()
 }
 
 /// The velocity constraints of loops in which all rotations are about one direction.

@@ -88,20 +88,15 @@ impl JointDirection {
     }
 }
 
-/// The joint's own columns, which follow the ten entries of the body: a rotor, or the direction in
-/// the parameters in which only its constant effort grows (Fo, or Fc+ less Fc-).
-enum JointColumn {
-    Rotor(usize),
-    Offset(Vector),
-}
-
 /// Carries a body's spans over a joint, and finds the null directions at the joint.
 fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointDirection>) {
     let mut reach = start;
     // the functionals to which a direction must be orthogonal, in the current frame: ten entries of
     // the body, then one per joint column
     let mut functionals: Vec<Vector> = Vec::new();
-    let mut own: Vec<JointColumn> = Vec::new();
+    // the joint columns: the directions in the parameters in which only a rotor's inertia at a joint
+    // grows (J), or only its constant effort (Fo, or Fc+ less Fc-)
+    let mut own: Vec<Vector> = Vec::new();
     // the transformation of parameters from the current frame to the parent's, column by column
     let mut back: Vec<Vector> = (0..10)
         .map(|i| Vector::from([(i, Element::one())]))
@@ -152,14 +147,12 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointD
                 offset,
             } => {
                 let joint = Joint::new(field, *kind, *axis, lead.as_ref());
-                let rotor_at = rotor.map(|column| {
-                    own.push(JointColumn::Rotor(column));
+                let mut place = |direction: &Vector| {
+                    own.push(direction.clone());
                     9 + own.len()
-                });
-                let offset_at = offset.as_ref().map(|direction| {
-                    own.push(JointColumn::Offset(direction.clone()));
-                    9 + own.len()
-                });
+                };
+                let rotor_at = rotor.as_ref().map(&mut place);
+                let offset_at = offset.as_ref().map(&mut place);
                 let (next, found) =
                     joint.extend(field, &reach, rotor_at, offset_at.map(|at| (at, *backward)));
                 reach = next;
@@ -185,13 +178,8 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<JointD
             }
             let mut columns = Vec::new();
             for (at, entry) in direction.range(10..) {
-                match &own[at - 10] {
-                    JointColumn::Rotor(column) => columns.push((*column, entry.clone())),
-                    JointColumn::Offset(offset) => {
-                        for (column, factor) in offset {
-                            columns.push((*column, field.mul(entry, factor)));
-                        }
-                    }
+                for (column, factor) in &own[at - 10] {
+                    columns.push((*column, field.mul(entry, factor)));
                 }
             }
             JointDirection {

@@ -6,7 +6,7 @@ use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph, System};
 
 use super::elimination::{Eliminated, Plan, eliminate, plan, structure};
-use super::home::{HomeProblem, NumericLoops, close_home};
+use super::home::{HomeProblem, Mismatch, NumericLoops, close_home};
 use super::loops::{LoopEquations, Viewpoint};
 use super::rows::{Equations, coupling_equations, world_equations};
 use super::samples::closed_states;
@@ -56,6 +56,7 @@ impl Closed {
         g.set_naming(true);
         let closure = closure.ok_or_else(|| HomeProblem::NotIndependent {
             choice: model.independent.clone(),
+            mismatch: Mismatch::default(),
         })?;
         Ok(Closed {
             home,

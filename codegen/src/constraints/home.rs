@@ -37,13 +37,26 @@ pub enum HomeProblem {
         mobility: usize,
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
+        /// Why the given choice is none.
+        mismatch: Mismatch,
     },
     /// The number of independent coordinates is the mobility, but the dependent coordinates do not
     /// follow from them.
     NotIndependent {
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
+        /// Why the given choice is none.
+        mismatch: Mismatch,
     },
+}
+
+/// How independent coordinates fail to determine the rates of the others at home.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Mismatch {
+    /// The dependent coordinates that may move while the independent ones stand still.
+    pub free: Vec<usize>,
+    /// The independent coordinates whose rates cannot be chosen independently of each other.
+    pub tied: Vec<usize>,
 }
 
 impl fmt::Display for HomeProblem {
@@ -253,21 +266,58 @@ fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<
     let mobility = n - rank;
     if mobility != model.independent.len() {
         let choice = valid_choice(&a, model, rank);
-        return Err(HomeProblem::Mobility { mobility, choice });
+        let mismatch = mismatch(&a, model);
+        return Err(HomeProblem::Mobility {
+            mobility,
+            choice,
+            mismatch,
+        });
     }
     let (dependent_rank, _) = rank_and_columns(select(&a, &model.dependent), RANK_TOLERANCE);
     if dependent_rank < model.dependent.len() {
         let choice = valid_choice(&a, model, rank);
-        return Err(HomeProblem::NotIndependent { choice });
+        let mismatch = mismatch(&a, model);
+        return Err(HomeProblem::NotIndependent { choice, mismatch });
     }
     Ok(())
+}
+
+/// Which dependent coordinates the independent ones do not determine, and which independent ones
+/// are not free.
+fn mismatch(a: &[Vec<f64>], model: &Model) -> Mismatch {
+    let a_e = select(a, &model.dependent);
+    let (rank, _) = rank_and_columns(a_e.clone(), RANK_TOLERANCE);
+    // a rate is determined if the row that holds it fast adds nothing to the rows of A_e
+    let is_free = |k: usize| {
+        let mut held = a_e.clone();
+        let mut row = vec![0.0; model.dependent.len()];
+        row[k] = 1.0;
+        held.push(row);
+        rank_and_columns(held, RANK_TOLERANCE).0 > rank
+    };
+    // a rate can be chosen if the rows can follow it alone: if its column is in the span of A_e
+    let is_tied = |c: usize| {
+        let mut with = a_e.clone();
+        for (row, full) in with.iter_mut().zip(a) {
+            row.push(full[c]);
+        }
+        rank_and_columns(with, RANK_TOLERANCE).0 > rank
+    };
+    let places = 0..model.dependent.len();
+    let free = places.filter(|k| is_free(*k)).map(|k| model.dependent[k]);
+    let tied = model.independent.iter().copied().filter(|c| is_tied(*c));
+    Mismatch {
+        free: free.collect(),
+        tied: tied.collect(),
+    }
 }
 
 /// A valid choice of independent coordinates, actuated ones if possible.
 fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
     // prefer coupled coordinates as dependent ones: they are dependent in any case
-    let mut order: Vec<usize> = model.couplings.iter().map(|c| c.key).collect();
+    let keys = model.couplings.iter().map(|c| c.key);
+    let mut order: Vec<usize> = keys.filter(|c| !model.drives.contains(c)).collect();
     // then passive ones, the later first: they are more often the passive end of a chain
     let passive = (0..n).rev().filter(|c| !model.actuated.contains(c));
     order.extend(passive.chain(model.actuated.iter().rev().copied()));

@@ -15,7 +15,7 @@ mod viewpoints;
 
 pub use closed::{Closed, LoopSolver};
 pub use elimination::{Eliminated, Entry, Pivot, Plan, eliminate, plan, structure};
-pub use home::{HomeProblem, NumericLoops, close_home};
+pub use home::{HomeProblem, Mismatch, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
 pub use rows::{Equations, Form, agreement, world_equations, world_views};
 pub use samples::closed_states;

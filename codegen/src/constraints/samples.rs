@@ -84,12 +84,17 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
 }
 
 /// The largest distance of a coordinate from home, rad or m: 0.35 rad, or a fifth of its length, or
-/// the distance to the nearer limit, up to three times that.
+/// the distance to the nearer limit, up to three times that; of a drive, what its joints need for
+/// that.
 fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64 {
-    let usual = if model.slides(c) {
-        0.2 * home[c].abs().max(0.25 * loops.units().length)
-    } else {
-        0.35
+    let usual = match model.form_of_drive(c) {
+        Some(form) => {
+            let joints = form.terms.iter();
+            let each = joints.map(|(j, k)| k.to_f64().abs() * range(loops, model, home, *j));
+            each.sum()
+        }
+        None if model.slides(c) => 0.2 * home[c].abs().max(0.25 * loops.units().length),
+        None => 0.35,
     };
     match model.coordinates[c].position {
         Some([lo, hi]) if hi > lo => {

@@ -21,9 +21,11 @@ const MAX_UNIT_STEPS: usize = 120;
 pub struct Units {
     /// The unit of length.
     pub length: f64,
-    /// By coordinate: `length` for a translation, 1 for a rotation.
+    /// By coordinate: `length` for a translation, 1 for a rotation, and for a drive a unit near the
+    /// distance that it covers where its joints move by theirs.
     pub coordinates: Vec<f64>,
-    /// By row (cuts in the spec's order, then couplings): `length` for a length, else 1.
+    /// By row (cuts in the spec's order, then couplings): `length` for a length, else 1; that of
+    /// its coordinate for a drive.
     pub rows: Vec<f64>,
 }
 
@@ -40,17 +42,21 @@ impl Units {
             Step::Translate(_, quantity) => Some(quantity.value.to_f64()),
             Step::Rotate(..) => None,
         });
-        let homes = model.home.iter().zip(&slides);
-        let homes = homes.filter(|h| *h.1).map(|h| h.0.to_f64());
+        let homes = (0..slides.len()).filter(|c| slides[*c] && !model.drives.contains(c));
+        let homes = homes.map(|c| model.home[c].to_f64());
         let size = offsets.chain(homes).fold(0.0_f64, |m, x| m.max(x.abs()));
         let length = coarse(size);
         let unit = |is_length: bool| if is_length { length } else { 1.0 };
+        let mut coordinates: Vec<f64> = slides.into_iter().map(unit).collect();
+        for &drive in &model.drives {
+            coordinates[drive] = coarse(model.reach(drive, 1.0, length));
+        }
         let cuts = model.cuts.iter().flat_map(|cut| lengths_of(cut.kind));
-        let couplings = model.couplings.iter().map(|c| slides[c.key]);
+        let couplings = model.couplings.iter().map(|c| coordinates[c.key]);
         Units {
             length,
-            rows: cuts.chain(couplings).map(unit).collect(),
-            coordinates: slides.into_iter().map(unit).collect(),
+            rows: cuts.map(unit).chain(couplings).collect(),
+            coordinates,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use crate::robot::{JointInfo, Parameter, ParameterKind, Robot, SpringPart};
+use crate::robot::{JointInfo, MotionKind, Parameter, ParameterKind, Robot, SpringPart};
 
 use super::module::wrapped;
 use super::names::literal;
@@ -119,6 +119,14 @@ fn joint(joint: &JointInfo) -> String {
     if joint.nominal.iter().any(Option::is_some) {
         let values: Vec<String> = joint.nominal.iter().copied().map(optional).collect();
         fields.push(format!("nominal: [{}]", values.join(", ")));
+    }
+    let of_joint = match joint.motion {
+        MotionKind::Rotation => [1.0, 0.0],
+        MotionKind::Translation => [0.0, 1.0],
+    };
+    if joint.travel != of_joint {
+        let [turn, slide] = joint.travel.map(literal);
+        fields.push(format!("travel: [{turn}, {slide}]"));
     }
     if fields.is_empty() {
         bare

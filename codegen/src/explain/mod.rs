@@ -14,7 +14,7 @@ mod relations;
 pub mod table;
 mod unseen;
 
-use core::fmt;
+use core::fmt::{self, Write as _};
 
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
@@ -338,6 +338,9 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
         "independent are {}; that many, and the others follow from them at home",
         names(&model.independent)
     )));
+    for &drive in &model.drives {
+        facts.extend(drive_fact(model, drive));
+    }
     let difference = |a: &[usize], b: &[usize]| -> Vec<usize> {
         a.iter().copied().filter(|c| !b.contains(c)).collect()
     };
@@ -370,6 +373,32 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
         )));
     }
     facts
+}
+
+/// The form of a drive's coordinate: `drive m6 is 32 q5 + 32 q6`.
+fn drive_fact(model: &Model, drive: usize) -> Option<Fact> {
+    let form = model.form_of_drive(drive)?;
+    let mut text = format!("drive {} is", model.coordinates[drive].name);
+    for (k, (coordinate, factor)) in form.terms.iter().enumerate() {
+        let sign = match (factor.is_negative(), k) {
+            (true, 0) => " -",
+            (false, 0) => " ",
+            (true, _) => " - ",
+            (false, _) => " + ",
+        };
+        let name = &model.coordinates[*coordinate].name;
+        text.push_str(sign);
+        if !factor.abs().is_one() {
+            let _ = write!(text, "{} ", factor.abs().to_f64());
+        }
+        text.push_str(name);
+    }
+    let constant = form.constant.to_f64();
+    if !form.constant.is_zero() {
+        let sign = if constant < 0.0 { '-' } else { '+' };
+        let _ = write!(text, " {sign} {}", constant.abs());
+    }
+    Some(Fact::given(text))
 }
 
 /// Statements that hold only at the given values of the geometry.

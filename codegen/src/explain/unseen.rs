@@ -208,10 +208,22 @@ impl Bodies<'_> {
         }
         // in a combination of several bodies, a rotor only replaces the moment of inertia that it
         // absorbed
-        if !rotors.is_empty() && bodies.len() < 2 {
+        if !rotors.is_empty() && bodies.is_empty() {
             return Some(format!(
-                "the rotor of {} turns as fast as what it moves",
+                "{} move in a fixed proportion",
                 coordinates(&rotors)
+            ));
+        }
+        if !rotors.is_empty() && bodies.len() < 2 {
+            let is_geared = rotors.iter().any(|c| self.model.drives.contains(c));
+            return Some(format!(
+                "the rotor of {} turns {} what it moves",
+                coordinates(&rotors),
+                if is_geared {
+                    "in proportion to"
+                } else {
+                    "as fast as"
+                }
             ));
         }
         let parts: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();

@@ -61,6 +61,7 @@ pub fn build(spec: &Spec) -> Model {
         joint_springs: Vec::new(),
         effort_terms: Vec::new(),
         point_springs: Vec::new(),
+        drives: Vec::new(),
         independent: Vec::new(),
         dependent: Vec::new(),
         actuated: Vec::new(),
@@ -100,6 +101,8 @@ pub fn build(spec: &Spec) -> Model {
         })
     });
     model.couplings = couplings.collect();
+    let drives = spec.drives.iter().filter_map(|name| find(&name.value));
+    model.drives = drives.collect();
     let all = model.coordinates.iter().enumerate();
     model.actuated = all.filter(|(_, c)| c.actuated).map(|(i, _)| i).collect();
     model.independent = match &spec.independent {
@@ -121,6 +124,11 @@ pub fn build(spec: &Spec) -> Model {
     model.joint_springs = springs::joint_springs(spec);
     model.effort_terms = springs::effort_terms(spec);
     model.point_springs = springs::point_springs(spec, &model.bodies);
+    for &at in &model.drives {
+        if let Some(value) = spec.home_of_drive(&model.coordinates[at].name) {
+            model.home[at] = value;
+        }
+    }
     model.parameters = parameters::list(spec, &model.bodies, &model.coordinates);
     model.parameters.extend(parameters::of_springs(
         &model.coordinates,

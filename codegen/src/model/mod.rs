@@ -157,6 +157,8 @@ pub struct Model {
     pub effort_terms: Vec<EffortTerm>,
     /// Springs between points, in the spec's order.
     pub point_springs: Vec<PointSpring>,
+    /// The coordinates that are drives: each is the key of a coupling, and moves no body.
+    pub drives: Vec<usize>,
     /// Independent coordinates, in the order of the spec.
     pub independent: Vec<usize>,
     /// The other coordinates, in the order of coordinates.
@@ -193,6 +195,27 @@ impl Model {
     pub fn slides(&self, coordinate: usize) -> bool {
         self.motion(coordinate)
             .is_some_and(|m| m.kind == MotionKind::Translation)
+    }
+
+    /// How far a coordinate may be expected to move where joints turn by `turn` (rad) and slide by
+    /// `slide` (m): these, and for a drive their sum over its joints with the sizes of the factors.
+    pub fn reach(&self, coordinate: usize, turn: f64, slide: f64) -> f64 {
+        let of_joint = |c: usize| if self.slides(c) { slide } else { turn };
+        match self.form_of_drive(coordinate) {
+            Some(form) => form
+                .terms
+                .iter()
+                .map(|(c, factor)| factor.to_f64().abs() * of_joint(*c))
+                .sum(),
+            None => of_joint(coordinate),
+        }
+    }
+
+    /// The form of a drive's coordinate; `None` for the coordinates of joints.
+    pub fn form_of_drive(&self, coordinate: usize) -> Option<&Coupling> {
+        let mut couplings = self.couplings.iter();
+        let form = couplings.find(|coupling| coupling.key == coordinate);
+        form.filter(|_| self.drives.contains(&coordinate))
     }
 
     /// Number of closure rows: those of all cuts, then one per coupling.

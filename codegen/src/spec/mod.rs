@@ -12,6 +12,7 @@
 //! (`crate::base::MAX_PARAMETERS`).
 
 mod check;
+mod drives;
 pub mod edit;
 mod expression;
 mod friction;

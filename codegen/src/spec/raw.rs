@@ -6,7 +6,7 @@ use super::shape::{
     Located, Name, Ordered, ParameterForm, ParameterReference, ParameterSymbol, RobotName, Scalar,
     TermExpression, TermName, Text, choices, record,
 };
-use super::types::{Axis, CutKind, Friction, JointKind};
+use super::types::{Axis, CutKind, DriveKind, Friction, JointKind};
 
 choices! { JointKind, "joint type" {
     "revolute" => Revolute: "one rotation about the axis",
@@ -34,6 +34,11 @@ choices! { Axis, "axis" {
     "z" => Z: "the frame's z axis",
 } }
 
+choices! { DriveKind, "drive type" {
+    "revolute" => Revolute: "a turning motor: angle and torque",
+    "prismatic" => Prismatic: "a sliding motor, or a tendon: length and force",
+} }
+
 record! {
     /// One mechanism: serial limbs from the world or from bodies, and the cuts that close loops. SI units, radians.
     struct RawSpec, "robot" {
@@ -55,6 +60,8 @@ record! {
         optional independent: Located<Vec<CoordinateReference>>,
         /// Coordinates tied linearly to others (parallelograms, belts, gears)
         optional couplings: Ordered<CoordinateReference, CouplingForm>,
+        /// Motors whose coordinates are linear in those of joints (gears, tendons, differentials), by name
+        optional drives: Ordered<Name, RawDrive>,
         /// Start of the loop-closure solve by coordinate, missing ones 0; picks the assembly branch
         optional home: Located<Ordered<CoordinateReference, Scalar>>,
         /// Nominal inertias by body label, for simulation and comparison
@@ -171,6 +178,30 @@ record! {
         required body: BodyReference,
         /// The point in the body's frame, m
         default xyz: [Scalar; 3] = "[0, 0, 0]",
+    }
+}
+
+record! {
+    /// A motor whose coordinate is linear in joint coordinates: it is actuated, and has a row in logs instead of the joints
+    struct RawDrive, "drive" {
+        /// The motor's coordinate: a constant plus constant multiples of joint coordinates, such as 32*(q5 + q6)
+        required of: Located<CouplingForm>,
+        /// Whether the motor's coordinate is an angle or a length
+        default kind: Chosen<DriveKind> = "revolute",
+        /// Friction on the motor's side
+        default friction: Chosen<Friction> = "none",
+        /// Adds the parameter Fo: a constant effort of either sign of the motor, N m or N
+        default offset: Flag = "false",
+        /// Adds the parameter J: the rotor's inertia, not multiplied by the ratio
+        default rotor_inertia: Flag = "false",
+        /// Adds the parameter K: a spring at the motor, with the effort K (q - rest)
+        optional spring: RawJointSpring,
+        /// Adds a parameter for each name: an effort that is an expression in the motor's own q and qd (cogging)
+        optional terms: Ordered<TermName, TermExpression>,
+        /// Limits of the motor
+        optional limits: RawLimits,
+        /// Nominal friction, offset and rotor values by symbol (Fv, Fc, Fo, J, ...), for simulation and comparison
+        optional nominal: Ordered<ParameterSymbol, Scalar>,
     }
 }
 

@@ -1,6 +1,8 @@
 //! Evaluates every expression of a spec whose names have been checked, and checks the values:
 //! intervals, cone angles, pitches, masses, inertias.
 
+mod drives;
+
 use std::collections::BTreeMap;
 
 use super::check::canonical;
@@ -46,6 +48,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
             Some((spanned(&key.0), form))
         },
     );
+    let drives = collect_all(raw.drives(), |(name, drive)| resolver.drive(name, drive));
     let home = collect_all(
         raw.home.iter().flat_map(|home| &home.value.0),
         |(key, value)| Some((spanned(&key.0), resolver.quantity(value)?)),
@@ -58,7 +61,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
         Some(base) => resolver.base(base),
         None => Some(BaseChoices::default()),
     };
-    Some(Spec {
+    let mut spec = Spec {
         name: spanned(&raw.name.0),
         description: raw.description.as_ref().map(|text| text.0.clone()),
         gravity: gravity?,
@@ -71,11 +74,15 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
             span: names.span,
         }),
         couplings: couplings?,
+        drives: Vec::new(),
         home: home?,
         home_span: raw.home.as_ref().map(|home| home.span),
         bodies: bodies?,
         base: base?,
-    })
+    };
+    drives::add(drives?, &mut spec);
+    resolver.check_home_of_drives(&spec);
+    Some(spec)
 }
 
 /// The results of `evaluate_item` for all items; `None` if any call failed. The remaining items are

@@ -94,7 +94,7 @@ pub struct Spec {
     pub gravity: [Quantity; 3],
     /// Named constants in the order written; an expression uses earlier names only.
     pub geometry: Vec<(Spanned<String>, Quantity)>,
-    /// Serial branches in order.
+    /// Serial branches in order, then one for each drive: a massless joint from the world.
     pub limbs: Vec<Limb>,
     /// Joints opened to obtain the tree.
     pub cuts: Vec<Cut>,
@@ -103,8 +103,10 @@ pub struct Spec {
     /// The names of the independent coordinates; `None`: the actuated ones.
     pub independent: Option<Spanned<Vec<Spanned<String>>>>,
     /// Coordinates that are a linear form in others (parallelograms, belts, gears), each with its
-    /// form.
+    /// form: those under `couplings`, then the drives.
     pub couplings: Vec<(Spanned<String>, LinearForm)>,
+    /// The names of the drives, which are their coordinates'.
+    pub drives: Vec<Spanned<String>>,
     /// Values of the coordinates at which the solve of the loop closure starts, rad or m; missing
     /// ones are 0. They select the assembly branch.
     pub home: Vec<(Spanned<String>, Quantity)>,
@@ -203,6 +205,25 @@ pub enum JointKind {
     Spherical,
     /// No coordinate.
     Fixed,
+}
+
+/// The types of `drives`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveKind {
+    /// The motor's coordinate is an angle.
+    Revolute,
+    /// The motor's coordinate is a length.
+    Prismatic,
+}
+
+impl DriveKind {
+    /// The type of the massless joint that stands for the drive.
+    pub fn joint(self) -> JointKind {
+        match self {
+            Self::Revolute => JointKind::Revolute,
+            Self::Prismatic => JointKind::Prismatic,
+        }
+    }
 }
 
 /// The constant placement of a joint's frame in the preceding frame.

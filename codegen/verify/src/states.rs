@@ -2,7 +2,7 @@
 
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{LoopClosure, Motion, Outcome};
+use regen_runtime::{LoopClosure, Outcome};
 
 use crate::error::VerifyError;
 
@@ -54,13 +54,13 @@ pub(crate) fn closed_state(
         .iter()
         .filter_map(|&k| info.home.get(k).copied())
         .collect();
-    // prismatic coordinates are scaled by the mechanism's size
+    // prismatic coordinates are scaled by the mechanism's size, drives by their ratio
     let units: Vec<f64> = info
         .independent
         .iter()
-        .map(|&k| match info.joints.get(k).map(|j| j.motion) {
-            Some(Motion::Translation) => closure.length_unit(),
-            _ => 1.0,
+        .map(|&k| {
+            let joint = info.joints.get(k);
+            joint.map_or(1.0, |j| j.reach(1.0, closure.length_unit()))
         })
         .collect();
     let mut reach = if info.rows == 0 {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use regen_runtime::{ClosureError, Info, LoopClosure, Model, Motion};
+use regen_runtime::{ClosureError, Info, LoopClosure, Model};
 
 /// The number of steps from home to a limit.
 const STEPS_TO_LIMIT: usize = 40;
@@ -26,10 +26,9 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
     let mut ranges = Vec::with_capacity(home.len());
     for (k, coordinate) in info.independent.iter().enumerate() {
         let joint = info.joints.get(*coordinate);
-        let free = match joint.map(|j| j.motion) {
-            Some(Motion::Translation) => FREE_TRANSLATION * size,
-            _ => FREE_ROTATION,
-        };
+        let free = joint.map_or(FREE_ROTATION, |j| {
+            j.reach(FREE_ROTATION, FREE_TRANSLATION * size)
+        });
         let limit = joint.and_then(|j| j.limits.position);
         let [lo, hi] = limit.unwrap_or([home[k] - free, home[k] + free]);
         let mut range = [home[k]; 2];

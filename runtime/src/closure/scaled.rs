@@ -5,7 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::lu::{rows, rows_mut};
-use crate::{Condition, Model, Motion, SizeError};
+use crate::{Condition, Joint, Model, Motion, SizeError};
 
 /// The unit of length is within this factor of the mechanism's size.
 const MAX_SIZE_RATIO: f64 = 16.0;
@@ -17,7 +17,8 @@ const MAX_UNIT_STEPS: usize = 120;
 const ROUNDING_RATIO: f64 = 1e-9;
 
 /// A model whose translations are in units of `length`, and so are its constraint rows that are
-/// lengths.
+/// lengths. Drives are in units of about the distance that they cover where their joints move by
+/// one unit, so that they do not count for more than the joints.
 ///
 /// The unit is a power of 2^8 m, so that scaling is exact; mechanisms between a sixteenth and
 /// sixteen metres are solved in metres.
@@ -25,7 +26,7 @@ const ROUNDING_RATIO: f64 = 1e-9;
 pub(super) struct Scaled<'m, M: ?Sized> {
     pub(super) model: &'m M,
     pub(super) length: f64,
-    /// The unit of each coordinate: 1 rad or `length`.
+    /// The unit of each coordinate: 1 rad, `length`, or that of a drive.
     coordinates: Vec<f64>,
     dependent: Vec<usize>,
     /// The unit of each row of f and A.
@@ -61,23 +62,30 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .0
             .iter()
             .flat_map(|pose| pose.iter().skip(9));
+        let is_drive = |k: usize| info.joints.get(k).is_some_and(Joint::is_drive);
         let slides = (0..n)
-            .filter(|k| shifts(*k))
+            .filter(|k| shifts(*k) && !is_drive(*k))
             .filter_map(|k| info.home.get(k));
         let size = places.chain(slides).fold(0.0_f64, |m, x| m.max(x.abs()));
         scaled.length = length_unit_near(size);
+        let mut drives = false;
         for (k, unit) in scaled.coordinates.iter_mut().enumerate() {
-            if shifts(k) {
-                *unit = scaled.length;
+            match info.joints.get(k) {
+                Some(joint) if joint.is_drive() => {
+                    drives = true;
+                    *unit = length_unit_near(joint.reach(1.0, scaled.length));
+                }
+                _ if shifts(k) => *unit = scaled.length,
+                _ => {}
             }
         }
         // mechanisms of usual size stay in metres
-        if info.rows == 0 || (scaled.length - 1.0).abs() < f64::EPSILON {
+        if info.rows == 0 || !drives && (scaled.length - 1.0).abs() < f64::EPSILON {
             return Ok(scaled);
         }
         let mut a = vec![0.0; info.rows * n];
         model.jacobian(info.home, &mut a)?;
-        scaled.rows = scaled.units_of(&a, &scaled.coordinates);
+        scaled.rows = scaled.units_of(&a, &scaled.coordinates, drives);
         let columns: Vec<f64> = info
             .dependent
             .iter()
@@ -85,12 +93,13 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .collect();
         let mut a_e = vec![0.0; columns.len() * columns.len()];
         model.dependent_jacobian(info.home, &mut a_e)?;
-        scaled.square = scaled.units_of(&a_e, &columns);
+        scaled.square = scaled.units_of(&a_e, &columns, drives);
         Ok(scaled)
     }
 
-    /// The unit of each row: `length` for rows whose terms are nearer to it than to 1, else 1.
-    fn units_of(&self, a: &[f64], columns: &[f64]) -> Vec<f64> {
+    /// The unit of each row: `length` for rows whose terms are nearer to it than to 1, else 1. With
+    /// `drives`, the unit of larger rows is the one near their size: some of them are gears.
+    fn units_of(&self, a: &[f64], columns: &[f64], drives: bool) -> Vec<f64> {
         let sizes: Vec<f64> = rows(a, columns.len())
             .map(|row| {
                 row.iter()
@@ -101,7 +110,9 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
             .collect();
         let largest = sizes.iter().copied().fold(0.0, f64::max);
         let unit = |size: f64| {
-            if size <= ROUNDING_RATIO * largest {
+            if drives && size > MAX_SIZE_RATIO * self.length.max(1.0) {
+                length_unit_near(size)
+            } else if size <= ROUNDING_RATIO * largest {
                 self.length.max(1.0)
             } else if size_ratio(size, self.length) < size_ratio(size, 1.0) {
                 self.length

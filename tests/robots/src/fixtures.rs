@@ -3,6 +3,7 @@
 use regen_runtime::{Model, robot_model};
 
 robot_model!("../../fixtures/mechanisms/delta.yaml");
+robot_model!("../../fixtures/mechanisms/differential_wrist.yaml");
 robot_model!("../../fixtures/mechanisms/fivebar_redundant.yaml");
 robot_model!("../../fixtures/mechanisms/geared_fivebar.yaml");
 robot_model!("../../fixtures/mechanisms/hexapod.yaml");
@@ -14,6 +15,7 @@ robot_model!("../../fixtures/mechanisms/rrr3.yaml");
 robot_model!("../../fixtures/mechanisms/screw_jack.yaml");
 robot_model!("../../fixtures/mechanisms/skew_tree.yaml");
 robot_model!("../../fixtures/mechanisms/springs.yaml");
+robot_model!("../../fixtures/mechanisms/tendons.yaml");
 robot_model!("../../fixtures/pairs/fivebar/base.yaml");
 robot_model!("../../fixtures/pairs/fivebar/tip.yaml");
 robot_model!("../../fixtures/pairs/fourbar/pin.yaml");
@@ -39,6 +41,10 @@ robot_model!("../../fixtures/random/nasty/spinning_rod.yaml");
 pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ("mechanisms/delta.yaml", &delta::Delta),
     (
+        "mechanisms/differential_wrist.yaml",
+        &differential_wrist::DifferentialWrist,
+    ),
+    (
         "mechanisms/fivebar_redundant.yaml",
         &fivebar_redundant::FivebarRedundant,
     ),
@@ -61,6 +67,7 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ("mechanisms/screw_jack.yaml", &screw_jack::ScrewJack),
     ("mechanisms/springs.yaml", &springs::Springs),
     ("mechanisms/skew_tree.yaml", &skew_tree::SkewTree),
+    ("mechanisms/tendons.yaml", &tendons::Tendons),
     ("pairs/fivebar/base.yaml", &fivebar_base::FivebarBase),
     ("pairs/fivebar/tip.yaml", &fivebar_tip::FivebarTip),
     ("pairs/fourbar/pin.yaml", &fourbar_pin::FourbarPin),

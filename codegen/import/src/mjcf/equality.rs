@@ -2,7 +2,6 @@
 
 use super::Reading;
 use super::orientation::Classed;
-use crate::log::Place;
 use crate::pose::{Pose, from_quaternion};
 use crate::tree::{Coupling, Kind, LoopCut, Side};
 use crate::xml::{Attribute, Element};
@@ -204,61 +203,15 @@ impl Reading<'_, '_, '_> {
             let joint = element.text("joint").or(element.text("jointinparent"));
             if let Some(joint) = joint {
                 self.actuated(joint, element.place);
-                self.motor(of, joint);
-            } else if let Some(tendon) = element.text("tendon") {
-                for joint in self.pulled_by(tendon) {
-                    self.actuated(&joint, element.place);
-                }
+                let force = self.force_range(of);
+                self.limit_effort(joint, force);
+            } else if let Some(tendon) = element.attribute("tendon") {
+                self.pull(of, tendon);
             } else {
                 let text = "this actuator acts on no joint: left out";
                 self.fields.log.note(element.place, text);
             }
         }
-    }
-
-    fn actuated(&mut self, joint: &str, place: Place) {
-        let known = self.tree.links.iter().flat_map(|l| &l.joints);
-        if !known.into_iter().any(|j| j.name == joint) {
-            let message = format!("no joint is called '{joint}'");
-            let hint = "an actuator names a joint of the same model";
-            self.fields.log.error(place, message, hint);
-        }
-        if !self.tree.actuated.iter().any(|j| j == joint) {
-            self.tree.actuated.push(joint.to_owned());
-        }
-    }
-
-    /// Takes the motor's force limit as that of its joint, unless the joint has one.
-    fn motor(&mut self, of: Classed<'_>, joint: &str) {
-        let mut range = self.limit(of, "forcerange", "forcelimited");
-        if of.element.tag == "motor" && range.is_none() {
-            // the control of a motor is its force
-            range = self.limit(of, "ctrlrange", "ctrllimited");
-        }
-        let Some([low, high]) = range else {
-            return;
-        };
-        let gear = self.attribute(of, "gear");
-        let gear = gear.and_then(|g| self.fields.numbers(&g)?.first().copied());
-        let gear = gear.unwrap_or(1.0);
-        let ends = [low * gear, high * gear];
-        let range = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-        let mut joints = self.tree.links.iter_mut().flat_map(|l| &mut l.joints);
-        if let Some(joint) = joints.find(|j| j.name == joint && j.effort.is_none())
-            && range[0] < range[1]
-        {
-            joint.effort = Some(range);
-        }
-    }
-
-    /// The joints of a fixed tendon.
-    fn pulled_by(&self, tendon: &str) -> Vec<String> {
-        let fixed = self.root.all("tendon").flat_map(|t| t.all("fixed"));
-        let named = fixed.filter(|f| f.text("name") == Some(tendon));
-        named
-            .flat_map(|f| f.all("joint"))
-            .filter_map(|j| j.text("joint").map(str::to_owned))
-            .collect()
     }
 }
 

@@ -7,6 +7,7 @@ mod defaults;
 mod equality;
 mod geoms;
 mod orientation;
+mod tendons;
 
 use crate::fields::Fields;
 use crate::tree::Tree;

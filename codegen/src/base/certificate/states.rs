@@ -89,6 +89,8 @@ pub(super) struct Walk<'a> {
     random: Random,
     /// The permitted range of each coordinate.
     ranges: Vec<[f64; 2]>,
+    /// The largest step of each independent coordinate.
+    largest_steps: Vec<f64>,
     min_pivot_ratio: f64,
     closure_tolerance: f64,
     home: Vec<f64>,
@@ -115,15 +117,20 @@ impl<'a> Walk<'a> {
             ratio = pivot_ratio(&dependent(model, &a));
             size = a.iter().flatten().fold(size, |m: f64, x| m.max(x.abs()));
         }
+        let ranges: Vec<[f64; 2]> = (0..model.coordinates.len())
+            .map(|c| range(model, home, c, units))
+            .collect();
+        let independent = model.independent.iter();
         let walk = Walk {
+            largest_steps: independent
+                .map(|c| largest_step(model, &ranges, home, *c, units))
+                .collect(),
             model,
             wide: Evaluator::new(g, roots.collect()),
             loops,
             rows: equations.residual.len(),
             random: Random::new(seed),
-            ranges: (0..model.coordinates.len())
-                .map(|c| range(model, home, c, units))
-                .collect(),
+            ranges,
             min_pivot_ratio: MIN_PIVOT_RATIO.min(0.1 * ratio),
             closure_tolerance: CLOSURE_TOLERANCE * size,
             home: home.to_vec(),
@@ -178,17 +185,13 @@ impl<'a> Walk<'a> {
         let steps = least + (self.random.bits() % u64::from(most - least + 1)) as u32;
         let count = f64::from(steps);
         let mut step = vec![0.0; self.model.independent.len()];
-        for (d, &c) in step.iter_mut().zip(&self.model.independent) {
+        let independent = self.model.independent.iter().zip(&self.largest_steps);
+        for (d, (&c, &length)) in step.iter_mut().zip(independent) {
             let [low, high] = self.ranges[c];
             if low.is_infinite() {
-                *d = MAX_TURN_RAD * self.random.next();
+                *d = length * self.random.next();
                 continue;
             }
-            let length = if self.model.slides(c) {
-                MAX_SLIDE_FRACTION * (high - low)
-            } else {
-                MAX_TURN_RAD
-            };
             // the leg covers a fraction of the way to a random target, so that ratios of the rates
             // vary
             let way = self.random.between(low, high) - self.q[c];
@@ -216,21 +219,28 @@ impl<'a> Walk<'a> {
         for (c, d) in model.independent.iter().zip(step) {
             q[*c] += d;
         }
-        let moved = a.iter().map(|row| {
+        let rates = a.iter().map(|row| {
             let terms = model.independent.iter().zip(step);
             vec![-terms.map(|(&c, d)| row[c] * d).sum::<f64>()]
         });
-        let solved = solve_pivoted(a_before.clone(), moved.collect());
-        let mut predicted = 0.0_f64;
+        let solved = solve_pivoted(a_before.clone(), rates.collect());
+        // drives move much farther than joints and say nothing about the branch
+        let is_joint = |c: &usize| !model.drives.contains(c);
+        let mut moved = 0.0_f64;
         for (c, d) in model.dependent.iter().zip(&solved.solution) {
             q[*c] += d[0];
-            predicted = predicted.max(d[0].abs());
+            if is_joint(c) {
+                moved = moved.max(d[0].abs());
+            }
         }
         let start = q.clone();
         let a_after = self.close(&mut q)?;
-        let corrections = model.dependent.iter().map(|&c| (q[c] - start[c]).abs());
+        let joints = model.dependent.iter().filter(|c| is_joint(c));
+        let corrections = joints.map(|&c| (q[c] - start[c]).abs());
         let corrected = corrections.fold(0.0, f64::max);
-        let turned = step.iter().fold(predicted, |m, d| m.max(d.abs()));
+        let given = model.independent.iter().zip(step);
+        let given = given.filter(|(c, _)| is_joint(c));
+        let turned = given.fold(moved, |m, (_, d)| m.max(d.abs()));
         let inside = q
             .iter()
             .zip(&self.ranges)
@@ -312,12 +322,38 @@ fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     {
         return [low, high];
     }
-    let reach = if model.slides(c) && model.independent.contains(&c) {
-        0.75 * home[c].abs().max(0.4 * units.metres())
+    let slides = model.slides(c) && model.independent.contains(&c);
+    let reach = if slides && !model.drives.contains(&c) {
+        slide(home[c], units)
     } else {
         f64::INFINITY
     };
     [home[c] - reach, home[c] + reach]
+}
+
+/// How far a prismatic coordinate without limits may go from home, m.
+fn slide(home: f64, units: Units) -> f64 {
+    0.75 * home.abs().max(0.4 * units.metres())
+}
+
+/// The largest change of a coordinate in a step; for a drive, that which moves its joints as far.
+fn largest_step(model: &Model, ranges: &[[f64; 2]], home: &[f64], c: usize, units: Units) -> f64 {
+    if let Some(form) = model.form_of_drive(c) {
+        let of = |j: usize| largest_step(model, ranges, home, j, units);
+        let terms = form.terms.iter();
+        return terms.map(|(j, k)| k.to_f64().abs() * of(*j)).sum();
+    }
+    if !model.slides(c) {
+        return MAX_TURN_RAD;
+    }
+    let [low, high] = ranges[c];
+    let length = high - low;
+    MAX_SLIDE_FRACTION
+        * if length.is_finite() {
+            length
+        } else {
+            2.0 * slide(home[c], units)
+        }
 }
 
 /// A_e: the dependent columns of all rows.

@@ -31,6 +31,11 @@ impl Checker<'_> {
                 }
             }
         }
+        for drive in raw.drive_joints() {
+            for scalar in drive.constants() {
+                self.constant(scalar, all);
+            }
+        }
         for cut in raw.cuts.iter().flatten() {
             for scalar in cut.constants() {
                 self.constant(scalar, all);

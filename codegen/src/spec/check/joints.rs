@@ -179,11 +179,12 @@ impl Checker<'_> {
             );
         }
         self.effort_terms(joint);
-        self.nominal(joint);
+        self.nominal(joint, "joint");
     }
 
-    /// Checks that `nominal` names parameters that the joint has.
-    fn nominal(&mut self, joint: &RawJoint) {
+    /// Checks that `nominal` names parameters that the joint or the drive has; `noun` is the word
+    /// for it.
+    pub(super) fn nominal(&mut self, joint: &RawJoint, noun: &str) {
         let Some(nominal) = &joint.nominal else {
             return;
         };
@@ -201,7 +202,7 @@ impl Checker<'_> {
         for (symbol, _) in &nominal.0 {
             let symbol = &symbol.0;
             if !allowed.contains(&symbol.text.as_str()) {
-                self.sink.push(misplaced(symbol, joint, &allowed));
+                self.sink.push(misplaced(symbol, joint, &allowed, noun));
             }
             let general = symbol.text.strip_suffix(['+', '-']);
             let both = nominal
@@ -221,12 +222,12 @@ impl Checker<'_> {
     }
 }
 
-fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
+fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str], noun: &str) -> Diagnostic {
     let friction = joint.friction.value.word();
     if symbol.text == "J" {
-        return symbol
-            .error("'J' without a rotor")
-            .hint("write `rotor_inertia: true` at this joint, or remove the value");
+        return symbol.error("'J' without a rotor").hint(format!(
+            "write `rotor_inertia: true` at this {noun}, or remove the value"
+        ));
     }
     if symbol.text == "K" {
         return symbol
@@ -234,9 +235,9 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
             .hint("write `spring: {rest: 0}` at this joint, or remove the value");
     }
     if symbol.text == "Fo" {
-        return symbol
-            .error("'Fo' without an offset")
-            .hint("write `offset: true` at this joint, or remove the value");
+        return symbol.error("'Fo' without an offset").hint(format!(
+            "write `offset: true` at this {noun}, or remove the value"
+        ));
     }
     let near = did_you_mean(&symbol.text, allowed.iter().copied());
     let fault = symbol.error(format!(
@@ -244,12 +245,13 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str]) -> Diagnostic {
         symbol.text
     ));
     if allowed.is_empty() {
-        fault.hint(
-            "the joint has neither friction, offset, rotor, spring nor terms: choose a kind with `friction:`",
-        )
+        fault.hint(format!(
+            "the {noun} has neither friction, offset, rotor, spring nor terms: choose a kind with \
+             `friction:`"
+        ))
     } else {
         fault.hint(format!(
-            "this joint has {}",
+            "this {noun} has {}",
             one_of(allowed.iter().copied()).replace(" or ", " and ")
         ))
     }

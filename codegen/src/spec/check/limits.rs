@@ -50,8 +50,6 @@ impl Checker<'_> {
 fn equations(raw: &RawSpec) -> usize {
     let cuts = raw.cuts.iter().flatten();
     let rows: usize = cuts.map(|cut| cut.joint.value.equations()).sum();
-    rows + raw
-        .couplings
-        .as_ref()
-        .map_or(0, |couplings| couplings.0.len())
+    let couplings = raw.couplings.as_ref().map_or(0, |all| all.0.len());
+    rows + couplings + raw.drives().count()
 }

@@ -2,6 +2,7 @@
 
 mod constants;
 mod cycles;
+mod drives;
 mod joints;
 mod limits;
 mod references;
@@ -29,6 +30,10 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
             .enumerate()
             .map(|(index, (name, _))| (name.0.text.as_str(), index))
             .collect(),
+        drives: raw
+            .drives()
+            .map(|(name, _)| (name.0.text.as_str(), name.0.span))
+            .collect(),
         coordinates: set(&inventory.coordinates),
         bodies: set(&inventory.bodies),
         parameters: inventory
@@ -46,6 +51,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     checker.limbs();
     checker.cuts();
     checker.springs();
+    checker.drives();
     checker.independent();
     checker.couplings();
     checker.home();
@@ -57,6 +63,8 @@ struct Checker<'a> {
     raw: &'a RawSpec,
     /// For each geometry name, its index in the list.
     geometry: BTreeMap<&'a str, usize>,
+    /// The drives with the places of their names.
+    drives: BTreeMap<&'a str, Span>,
     coordinates: BTreeSet<String>,
     bodies: BTreeSet<String>,
     parameters: BTreeSet<String>,
@@ -76,12 +84,13 @@ fn joint_name(joint: &RawJoint) -> &str {
 }
 
 fn inventory(raw: &RawSpec) -> Inventory {
+    let drives = raw.drive_joints();
     let joints = raw.limbs.iter().flat_map(|limb| &limb.joints);
     let springs = raw.springs.iter().flatten().map(|spring| SpringFacts {
         name: &spring.name.0.text,
         symbols: spring.symbols(),
     });
-    let joints = joints.map(|joint| JointFacts {
+    let joints = joints.chain(&drives).map(|joint| JointFacts {
         name: joint_name(joint),
         kind: joint.kind.value,
         body: joint.body.as_ref().map(|body| body.0.text.as_str()),

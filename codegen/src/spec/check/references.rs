@@ -60,18 +60,18 @@ impl Checker<'_> {
     fn coordinate(&mut self, word: &Word) -> bool {
         let known = self.coordinates.contains(&word.text);
         if !known {
-            let fault = self.unknown_coordinate(word);
+            let fault = self.unknown_coordinate(word, &self.inventory.coordinates);
             self.sink.push(fault);
         }
         known
     }
 
-    fn unknown_coordinate(&self, word: &Word) -> Diagnostic {
+    fn unknown_coordinate(&self, word: &Word, known: &[String]) -> Diagnostic {
         let joint = word.text.split('.').next().unwrap_or_default();
         let joints = self.raw.limbs.iter().flat_map(|limb| &limb.joints);
-        let named = joints.clone().find(|known| joint_name(known) == joint);
+        let named = joints.clone().find(|other| joint_name(other) == joint);
         match named {
-            None => unknown("coordinate", word, &self.inventory.coordinates),
+            None => unknown("coordinate", word, known),
             Some(named) => {
                 let kind = named.kind.value;
                 let own = super::super::labels::coordinates_of(joint, kind);
@@ -132,7 +132,8 @@ impl Checker<'_> {
     fn default_independent(&mut self) {
         let raw = self.raw;
         let joints = || raw.limbs.iter().flat_map(|limb| &limb.joints);
-        if !joints().any(|joint| joint.actuated.value) && !self.inventory.coordinates.is_empty() {
+        let driven = joints().any(|joint| joint.actuated.value) || raw.drives().next().is_some();
+        if !driven && !self.inventory.coordinates.is_empty() {
             self.sink.push(
                 Diagnostic::new(raw.name.0.span, "no joint is actuated, so no coordinate is independent")
                     .hint("mark the driven joints `actuated: true`, or list coordinates under `independent:`"),
@@ -168,7 +169,11 @@ impl Checker<'_> {
         let places: BTreeMap<&str, usize> = places.collect();
         let mut sources: Vec<Vec<usize>> = Vec::new();
         for (key, form) in couplings {
-            self.coordinate(&key.0);
+            if let Some(fault) = self.drive_in_coupling(&key.0) {
+                self.sink.push(fault);
+            } else {
+                self.coordinate(&key.0);
+            }
             let mut faults = Vec::new();
             let mut used = Vec::new();
             form.0.ast.names(&mut |ast, name| {
@@ -196,8 +201,14 @@ impl Checker<'_> {
         }
     }
 
-    /// Checks that a name in a coupling is a coordinate or a geometry name, but not both.
-    fn coupling_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
+    /// Checks that a name in the form of a coupling or a drive is a joint's coordinate or a geometry
+    /// name, but not both.
+    pub(super) fn coupling_name(
+        &self,
+        ast: &Ast,
+        name: &str,
+        scalar: &Scalar,
+    ) -> Option<Diagnostic> {
         let is_coordinate = self.coordinates.contains(name);
         let constant = self
             .geometry_index(name)
@@ -207,6 +218,9 @@ impl Checker<'_> {
             span: ast.span,
             path: scalar.path.clone(),
         };
+        if let Some(fault) = self.drive_in_coupling(&word) {
+            return Some(fault);
+        }
         match (is_coordinate, constant) {
             (true, None) | (false, Some(_)) => None,
             (true, Some(index)) => {
@@ -225,15 +239,11 @@ impl Checker<'_> {
             }
             (false, None) => {
                 let geometry = self.geometry_names();
-                let known = self
-                    .inventory
-                    .coordinates
-                    .iter()
-                    .chain(&geometry)
-                    .map(String::as_str);
+                let joints = self.joint_coordinates();
+                let known = joints.iter().chain(&geometry).map(String::as_str);
                 let near = did_you_mean(name, known);
                 Some(if near.is_empty() {
-                    self.unknown_coordinate(&word)
+                    self.unknown_coordinate(&word, &joints)
                 } else {
                     word.error(format!("unknown coordinate '{name}'{near}"))
                 })

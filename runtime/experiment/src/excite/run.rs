@@ -14,7 +14,7 @@ use super::space::{Row, Space};
 use super::{ExciteError, Limit, Settings};
 use crate::trajectory::Trajectory;
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, Info, LoopClosure, SizeError};
+use regen_runtime::{BaseModel, Info, Joint, LoopClosure, SizeError};
 
 /// The distance of a trajectory from a limit.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,6 +177,35 @@ where
     Ok(outcome)
 }
 
+/// Half the range of the independent coordinate `k` (rad or m) where it is a drive without limits of
+/// its own: that of the joint that leaves it the least room, by the rates at home. `None` where no
+/// joint that it moves has limits, and for joints.
+fn reach_of_drive<M: BaseModel<f64>>(
+    model: &M,
+    settings: &Settings,
+    k: usize,
+) -> Result<Option<f64>, ExciteError> {
+    let info = model.info();
+    let own = info.independent.get(k).copied().unwrap_or_default();
+    if !info.joints.get(own).is_some_and(Joint::is_drive) {
+        return Ok(None);
+    }
+    let mut unit = vec![0.0; info.dof()];
+    if let Some(entry) = unit.get_mut(k) {
+        *entry = 1.0;
+    }
+    let mut rates = vec![0.0; info.coordinates.len()];
+    let _ = model.velocities(info.home, &unit, &mut rates)?;
+    let moved = rates.iter().zip(&settings.limits).enumerate();
+    let rooms = moved.filter(|(c, _)| *c != own).filter_map(|(_, moved)| {
+        let (rate, limits) = moved;
+        let [lowest, highest] = limits.position?;
+        let room = 0.5 * (highest - lowest) / rate.abs();
+        room.is_finite().then_some(room)
+    });
+    Ok(rooms.reduce(f64::min))
+}
+
 /// Checks the settings and builds the fixed data of the search.
 pub(super) fn problem<'m, M, D>(
     model: &'m M,
@@ -233,15 +262,19 @@ where
     }
     let mut reach = Vec::with_capacity(dof);
     let mut speed = Vec::with_capacity(dof);
-    for c in info.independent {
+    for (k, c) in info.independent.iter().enumerate() {
         let limits = settings.limits.get(*c).copied().unwrap_or_default();
-        let Some([lowest, highest]) = limits.position else {
+        let half = match limits.position {
+            Some([lowest, highest]) => Some(0.5 * (highest - lowest)),
+            None => reach_of_drive(model, settings, k)?,
+        };
+        let Some(half) = half else {
             let name = info.coordinates.get(*c).copied().unwrap_or("?");
             return Err(ExciteError::Unbounded {
                 coordinate: name.to_owned(),
             });
         };
-        reach.push(0.5 * (highest - lowest));
+        reach.push(half);
         let slower = limits.velocity.map(|[lo, hi]| hi.abs().min(lo.abs()));
         speed.push(slower.filter(|v| *v > 0.0));
     }

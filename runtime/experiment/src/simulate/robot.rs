@@ -6,7 +6,7 @@ use super::forward::{Forward, ForwardOutcome};
 use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
-use regen_runtime::{LoopClosure, Model, Outcome, SizeError, Status};
+use regen_runtime::{Joint, LoopClosure, Model, Outcome, SizeError, Status};
 
 /// The continuous-time robot that is integrated between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
@@ -23,6 +23,8 @@ pub(super) struct Robot<'m, M: ?Sized> {
     pub(super) dof: usize,
     independent: Vec<usize>,
     actuated: Vec<usize>,
+    /// The velocity over which the smoothed friction of each coordinate changes its direction.
+    friction_widths: Vec<f64>,
     pub(super) command: Vec<f64>,
     // results of the last call of `rates`
     q: Vec<f64>,
@@ -84,6 +86,9 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             dof,
             independent: info.independent.to_vec(),
             actuated: info.actuated.to_vec(),
+            friction_widths: (0..n)
+                .map(|k| friction_width(info.joints.get(k), settings.friction_width))
+                .collect(),
             command: if settings.offset.is_empty() {
                 vec![0.0; a]
             } else {
@@ -143,9 +148,11 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             .generalized_forces(&self.q, &self.effort, &mut self.reduced)?;
         let mut loss = 0.0;
         if !self.settings.friction.is_empty() {
-            let width = self.settings.friction_width;
-            let laws = self.settings.friction.iter().zip(&self.qd);
-            let friction: Vec<f64> = laws.map(|(law, v)| law.smooth_effort(*v, width)).collect();
+            let laws = self.settings.friction.iter().zip(&self.friction_widths);
+            let friction: Vec<f64> = laws
+                .zip(&self.qd)
+                .map(|((law, width), v)| law.smooth_effort(*v, *width))
+                .collect();
             loss = friction.iter().zip(&self.qd).map(|(f, v)| f * v).sum();
             // column k of dq/dq_i: all velocities at unit velocity of q_i[k]
             for k in 0..self.dof {
@@ -253,4 +260,10 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         });
         Ok(Ok(()))
     }
+}
+
+/// The width of the smoothed friction: of a drive, the velocity at which its joints have theirs.
+fn friction_width(joint: Option<&Joint>, of_joints: f64) -> f64 {
+    let drive = joint.filter(|joint| joint.is_drive());
+    drive.map_or(of_joints, |drive| drive.reach(of_joints, of_joints))
 }

@@ -65,7 +65,8 @@ pub struct Settings {
     pub offset: Vec<f64>,
     /// One friction law per coordinate, or empty.
     pub friction: Vec<JointFriction>,
-    /// The velocity, rad/s or m/s, over which the smoothed friction changes its direction.
+    /// The velocity, rad/s or m/s, over which the smoothed friction of a joint changes its direction;
+    /// that of a drive does where its joints have this velocity.
     pub friction_width: f64,
     /// The sensors of positions and efforts.
     pub sensors: Sensors,

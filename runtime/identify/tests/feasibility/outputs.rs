@@ -1,15 +1,17 @@
 //! Output of parameters as text: units, inertias, and keys that YAML must read as text.
 
 use regen_identify::feasibility::{ParameterLayout, SYMBOLS, bodies_yaml, unit};
-use regen_runtime::{Friction, Info, Joint, Limits, Motion};
+use regen_runtime::{Friction, Info, Joint, Motion};
 
 /// A joint with the given kind of motion.
 fn joint(motion: Motion) -> Joint {
+    let bare = match motion {
+        Motion::Rotation => Joint::ROTATION,
+        Motion::Translation => Joint::TRANSLATION,
+    };
     Joint {
-        motion,
         friction: Friction::Linear,
-        limits: Limits::default(),
-        nominal: [None; 5],
+        ..bare
     }
 }
 
