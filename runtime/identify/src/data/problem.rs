@@ -219,6 +219,87 @@ impl Policy {
     }
 }
 
+/// What is done with rows that are doubtful, where it differs from what is done with others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Checks {
+    /// Rows in which a position is an outlier.
+    pub outliers: Option<Policy>,
+    /// Rows in which an effort is saturated.
+    pub saturated: Option<Policy>,
+    /// Rows in which an encoder looks stuck.
+    pub stuck: Option<Policy>,
+}
+
+/// What is done with each kind of fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Policies {
+    /// What is done with all faults that `checks` leaves open.
+    pub all: Policy,
+    /// What is done with doubtful rows.
+    pub checks: Checks,
+}
+
+impl From<Policy> for Policies {
+    fn from(all: Policy) -> Self {
+        Self {
+            all,
+            checks: Checks::default(),
+        }
+    }
+}
+
+impl Policies {
+    /// What is done with faults of a kind, see [`Fault::kind`].
+    ///
+    /// ```
+    /// use regen_identify::data::{Checks, Policies, Policy};
+    ///
+    /// let checks = Checks { outliers: Some(Policy::Tell), ..Checks::default() };
+    /// let policies = Policies { all: Policy::Drop, checks };
+    /// assert_eq!(policies.of("outlier"), Policy::Tell);
+    /// assert_eq!(policies.of("gap"), Policy::Drop);
+    /// ```
+    pub fn of(&self, kind: &str) -> Policy {
+        let [outlier, saturation, stuck] = USABLE_KINDS;
+        let own = match kind {
+            _ if kind == outlier => self.checks.outliers,
+            _ if kind == saturation => self.checks.saturated,
+            _ if kind == stuck => self.checks.stuck,
+            _ => None,
+        };
+        own.unwrap_or(self.all)
+    }
+
+    pub(super) fn keeps(&self) -> Keeps {
+        let [outliers, saturated, stuck] = USABLE_KINDS.map(|kind| self.of(kind).keeps());
+        Keeps {
+            outliers,
+            saturated,
+            stuck,
+        }
+    }
+}
+
+/// Which doubtful rows are used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Keeps {
+    pub(super) outliers: bool,
+    pub(super) saturated: bool,
+    pub(super) stuck: bool,
+}
+
+impl Keeps {
+    /// Whether a row with this fault is used.
+    pub(super) fn uses(self, fault: &Fault) -> bool {
+        match fault {
+            Fault::Outlier { .. } => self.outliers,
+            Fault::Saturated { .. } => self.saturated,
+            Fault::Stuck { .. } => self.stuck,
+            _ => false,
+        }
+    }
+}
+
 /// Problems of a log: the first 20, and the number of rows of each kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Problems {
@@ -257,7 +338,19 @@ impl Problems {
         self.counts.iter().map(|(_, count)| count).sum()
     }
 
-    /// The kinds of faults whose rows a policy leaves out, with their numbers of rows, in order of
+    /// The problems whose kinds are treated in this way.
+    #[must_use]
+    pub fn treated(&self, policies: &Policies, policy: Policy) -> Self {
+        let own = |kind: &str| policies.of(kind) == policy;
+        let first = self.first.iter().filter(|p| own(p.what.kind()));
+        let counts = self.counts.iter().filter(|(kind, _)| own(kind));
+        Self {
+            first: first.cloned().collect(),
+            counts: counts.cloned().collect(),
+        }
+    }
+
+    /// The kinds of faults whose rows are left out, with their numbers of rows, in order of
     /// appearance.
     ///
     /// ```
@@ -267,14 +360,17 @@ impl Problems {
     ///     counts: vec![("outlier".to_owned(), 3), ("not a number".to_owned(), 1)],
     ///     ..Problems::default()
     /// };
-    /// assert_eq!(problems.left_out(Policy::Drop).len(), 2);
-    /// assert_eq!(problems.left_out(Policy::Keep), [("not a number", 1)]);
+    /// assert_eq!(problems.left_out(&Policy::Drop.into()).len(), 2);
+    /// assert_eq!(problems.left_out(&Policy::Keep.into()), [("not a number", 1)]);
     /// ```
-    pub fn left_out(&self, policy: Policy) -> Vec<(&str, usize)> {
+    pub fn left_out(&self, policies: &Policies) -> Vec<(&str, usize)> {
         let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
         counts
             // a gap leaves out no row
-            .filter(|(kind, _)| *kind != "gap" && !(policy.keeps() && USABLE_KINDS.contains(kind)))
+            .filter(|(kind, _)| {
+                let used = policies.of(kind).keeps() && USABLE_KINDS.contains(kind);
+                *kind != "gap" && !used
+            })
             .collect()
     }
 }
