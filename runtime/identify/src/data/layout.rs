@@ -124,6 +124,16 @@ fn check(assignments: &[Assignment], info: &Info<'_>) -> Result<(), Unfit> {
     Ok(())
 }
 
+/// The index of a column's number among `count` columns.
+fn place_of(number: usize, count: usize) -> Option<usize> {
+    number.checked_sub(1).filter(|index| *index < count)
+}
+
+/// The index of a column whose name is no title but a number.
+fn by_number(given: &Assignment, count: usize) -> Option<usize> {
+    place_of(given.column.parse().ok()?, count)
+}
+
 /// The columns of all files of a run, and what they are found by.
 struct Finder<'a> {
     tables: &'a [Table],
@@ -152,9 +162,10 @@ impl Finder<'_> {
     fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
         if let Some(given) = self.given(quantity) {
             let index = match given.number {
-                Some(number) if (1..=self.header.len()).contains(&number) => Some(number - 1),
-                Some(_) => None,
-                None => self.place(&given.column)?,
+                Some(number) => place_of(number, self.header.len()),
+                None => self
+                    .place(&given.column)?
+                    .or_else(|| by_number(given, self.header.len())),
             };
             if index.is_some() || !given.optional {
                 let index = index.ok_or_else(|| self.lacks(given))?;
@@ -184,9 +195,8 @@ impl Finder<'_> {
         match self.given(&Quantity::Time) {
             Some(given) => {
                 let index = match given.number {
-                    Some(number) if (1..=table.titles.len()).contains(&number) => Some(number - 1),
-                    Some(_) => None,
-                    None => place(&given.column),
+                    Some(number) => place_of(number, table.titles.len()),
+                    None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
                 };
                 index.map(|index| Channel {
                     index: Some(index),

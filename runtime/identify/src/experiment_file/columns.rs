@@ -41,18 +41,19 @@ impl Kind {
         }
     }
 
-    /// The keys that mean this quantity of a coordinate, the usual one last.
-    fn spellings(self, coordinate: &str) -> Vec<String> {
+    /// The keys that mean this quantity of a coordinate: `qd1` where that is `q1`, and `qd_q1`.
+    fn spellings(self, coordinate: &str) -> [Option<String>; 2] {
         let prefix = match self {
-            Self::Position => return vec![coordinate.to_owned()],
+            Self::Position => return [None, Some(coordinate.to_owned())],
             Self::Velocity => "qd",
             Self::Acceleration => "qdd",
             Self::Effort => "tau",
         };
         let short = coordinate.strip_prefix('q').filter(|rest| !rest.is_empty());
-        let short = short.map(|rest| format!("{prefix}{rest}"));
-        let long = format!("{prefix}_{coordinate}");
-        short.into_iter().chain([long]).collect()
+        [
+            short.map(|rest| format!("{prefix}{rest}")),
+            Some(format!("{prefix}_{coordinate}")),
+        ]
     }
 
     /// The units of this quantity.
@@ -77,13 +78,15 @@ fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
 
 /// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
 fn meant(key: &str, info: &Info<'_>) -> Option<(Kind, Vec<(String, String)>)> {
-    KINDS.into_iter().find_map(|kind| {
+    // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
+    let ways = KINDS.into_iter().flat_map(|kind| [(kind, 0), (kind, 1)]);
+    ways.into_iter().find_map(|(kind, way)| {
         let names = info.coordinates.iter().enumerate();
         let names = names.filter(|(k, _)| kind != Kind::Effort || info.actuated.contains(k));
         let found: Vec<(String, String)> = names
             .filter_map(|(_, name)| {
-                let spellings = kind.spellings(name);
-                let star = spellings.iter().find_map(|own| matched(key, own))?;
+                let spelling = kind.spellings(name)[way].take()?;
+                let star = matched(key, &spelling)?;
                 Some(((*name).to_owned(), star.to_owned()))
             })
             .collect();
@@ -343,7 +346,10 @@ fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
         .filter_map(|k| info.coordinates.get(*k).copied())
         .collect();
     if let Some(name) =
-        passive.find(|name| Kind::Effort.spellings(name).iter().any(|own| matched(text, own).is_some()))
+        passive.find(|name| {
+            let mut spellings = Kind::Effort.spellings(name).into_iter().flatten();
+            spellings.any(|own| matched(text, &own).is_some())
+        })
     {
         let message = format!("{name} is not actuated: it has no effort");
         let remedy = format!("actuated are {}", actuated.join(" "));
@@ -353,6 +359,7 @@ fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
     let known: Vec<String> = KINDS
         .into_iter()
         .flat_map(|kind| info.coordinates.iter().flat_map(move |name| kind.spellings(name)))
+        .flatten()
         .collect();
     let near = did_you_mean(text, known.iter().map(String::as_str));
     let message = format!("'{text}' means no quantity of {}{near}", info.name);
