@@ -160,7 +160,8 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
 /// Refuses combinations of reading options that contradict each other.
 pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
-        let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
+        let text = "delays that are found (auto) are for `identify`: give the values that it \
+                    printed, --delay NAME=S";
         return Err(Failure::Input(text.to_owned()));
     }
     let settings = settings(reading);
@@ -174,9 +175,9 @@ pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
 }
 
 /// Opens logs as the options say, with progress bars for the passes over them.
-pub(crate) fn open<'m>(
+pub(crate) fn open<'m, R: Clone + Into<Run>>(
     model: &'m Interpreted<'m>,
-    runs: &[Run],
+    runs: &[R],
     reading: &ReadingArgs,
 ) -> Result<MonitoredLogs<'m, Interpreted<'m>>, Failure> {
     require_consistent(reading)?;
@@ -332,11 +333,16 @@ impl From<DataError> for Failure {
                 file,
                 why,
                 assignment,
-            } => Self::Input(if assignment.contains('*') {
-                format!("{file}: {why} --column '{assignment}'")
-            } else {
-                format!("{file}: {why} --column {assignment}")
-            }),
+            } => {
+                let quote = if assignment.contains('*') { "'" } else { "" };
+                let rate = if assignment.starts_with("t=") {
+                    ", or give the rate of the rows with --rate HZ"
+                } else {
+                    ""
+                };
+                let text = format!("{file}: {why} --column {quote}{assignment}{quote}{rate}");
+                Self::Input(text)
+            }
             DataError::NonlinearFrictionInEnergyBalance => {
                 Self::Input(format!("{error}: leave out --energy"))
             }

@@ -12,6 +12,8 @@ mod energy;
 mod instruments;
 #[path = "identification/motion.rs"]
 mod motion;
+#[path = "identification/reading.rs"]
+mod reading;
 #[path = "identification/robust.rs"]
 mod robust;
 

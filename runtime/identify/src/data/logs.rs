@@ -3,7 +3,8 @@
 
 use super::average::Average;
 use super::columns::Assignment;
-use super::problem::{Checks, DataError, Keeps, Policies, Policy, Problems};
+use super::policy::{Checks, Keeps, Policies, Policy};
+use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
 use super::run::Run;
 use super::shift;

@@ -11,6 +11,7 @@ mod logs;
 mod motion;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod policy;
 mod problem;
 mod rates;
 mod reader;
@@ -26,6 +27,7 @@ mod window;
 pub(crate) use columns::UNITS;
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};
-pub use problem::{Checks, DataError, Fault, Policies, Policy, Problem, Problems};
+pub use policy::{Checks, Policies, Policy};
+pub use problem::{DataError, Fault, Problem, Problems};
 pub use run::{Join, Run};
 pub use table::{Decimal, Format, Header, Separator};

@@ -6,11 +6,13 @@ use super::file_rows::Table;
 use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search};
 use super::logs::Settings;
-use super::problem::{DataError, Fault, Keeps, Problem, median};
+use super::policy::Keeps;
+use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
 use super::resample::Resampler;
 use super::run::Run;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
+use crate::text;
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
@@ -55,6 +57,8 @@ const RESAMPLED_GAP_STEPS: f64 = 3.0;
 /// The lowest rate of an even grid over that of the log: below it, what the log has of higher
 /// frequencies would appear at lower ones.
 const MIN_RESAMPLED_RATE: f64 = 0.5;
+/// The highest rate of an even grid over that of the log: above it, one of the two is wrong.
+const MAX_RESAMPLED_RATE: f64 = 20.0;
 /// Rows on either side of a value that decide whether it is an outlier.
 const OUTLIER_NEIGHBOURS: usize = 3;
 /// How far a position may be from the median of those around it, in median changes between these
@@ -197,11 +201,20 @@ impl LogFile {
         if let Some(rate) = self.resample
             && rate * raw_step < MIN_RESAMPLED_RATE
         {
-            let own = 1.0 / raw_step;
+            let own = text::figure_of(3, 1.0 / raw_step);
             return Err(self.unfit(format!(
-                "a grid of {rate} Hz is too coarse for rows at {own:.1} Hz: what they have of \
-                 higher frequencies would appear at lower ones; resample at about {own:.1} Hz, \
-                 and decimate behind a filter"
+                "a grid of {rate} Hz is too coarse for rows at {own} Hz: what they have of higher \
+                 frequencies would appear at lower ones; resample at about {own} Hz, and decimate \
+                 behind a filter"
+            )));
+        }
+        if let Some(rate) = self.resample
+            && rate * raw_step > MAX_RESAMPLED_RATE
+        {
+            return Err(self.unfit(format!(
+                "a grid of {rate} Hz has far more rows than the log, at {} Hz: is its time in \
+                 another unit?",
+                text::figure(1.0 / raw_step)
             )));
         }
         Ok(Survey {

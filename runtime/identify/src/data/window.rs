@@ -2,7 +2,8 @@
 
 use super::logs::{Log, Settings, signal};
 use super::motion;
-use super::problem::{DataError, Fault, Policy, Problem, Problems};
+use super::policy::Policy;
+use super::problem::{DataError, Fault, Problem, Problems};
 use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};

@@ -194,95 +194,33 @@ fn one(
     };
     let place = node.get("column").unwrap_or(node);
     let Some(column) = column(place) else { return };
-    let unit = node.get("unit");
-    let word = unit.and_then(Node::text);
-    if let (Some(node), Some(word)) = (unit, word)
-        && !kind.units().contains(&word)
-        && UNITS.iter().any(|(name, _)| *name == word)
-    {
-        let what = kind.of(found.first().map_or("", |(name, _)| name));
-        let message = format!("{what} is not measured in {word}");
-        let remedy = format!("its units are {}", kind.units().join(" "));
-        sink.push(node.at, &below(path, "unit"), message, &remedy);
+    let unit_fits = fits(kind, &found, node, path, sink);
+    let gain_fits = needs_gain(kind, node, place, path, sink);
+    if !(unit_fits && gain_fits && suffices(&column, &found, place.at, path, sink)) {
         return;
     }
-    let unit = word.and_then(self::unit);
-    let is_current = kind == Kind::Effort && matches!(word, Some("A" | "mA"));
-    let gain = node.get("gain");
-    match (gain, is_current) {
-        (None, true) => {
-            let message = "a current is no effort".to_owned();
-            let remedy = "give `gain`, the joint's torque constant with its gear in N m/A or N/A \
-                          such as 0.12, or `gain: unknown`";
-            sink.push(place.at, path, message, remedy);
-            return;
-        }
-        (Some(gain), false) => {
-            let message = "a gain belongs to an effort in A or mA".to_owned();
-            sink.push(gain.at, &below(path, "gain"), message, "a factor does not: give `factor`");
-            return;
-        }
-        _ => {}
-    }
-    let mut each = |name: &str, node: Option<&Node>| {
-        per_coordinate(node, found.len(), &below(path, name), sink)
+    let mut each = |name: &str| {
+        per_coordinate(node.get(name), found.len(), &below(path, name), sink)
     };
-    let (Some(factors), Some(offsets), Some(gains)) = (
-        each("factor", node.get("factor")),
-        each("offset", node.get("offset")),
-        each("gain", gain),
-    ) else {
+    let (factors, offsets, gains) = (each("factor"), each("offset"), each("gain"));
+    let (Some(factors), Some(offsets), Some(gains)) = (factors, offsets, gains) else {
         return;
     };
-    if let Column::Range(first, last) = column
-        && last - first + 1 != found.len()
-    {
-        let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
-        let message = format!(
-            "{} columns for {} coordinates: {}",
-            last - first + 1,
-            found.len(),
-            names.join(" ")
-        );
-        sink.push(place.at, path, message, "");
-        return;
-    }
-    if let Column::Name(name) = &column
-        && found.len() > 1
-        && name.matches('*').count() != 1
-    {
-        let message = format!("one column for {} coordinates", found.len());
-        let remedy = "write one `*` where the coordinates' part of the name stands, or numbers \
-                      such as 2..7";
-        sink.push(place.at, path, message, remedy);
-        return;
-    }
-    if let (Column::Number(_), true) = (&column, found.len() > 1) {
-        let message = format!("one column for {} coordinates", found.len());
-        sink.push(place.at, path, message, "write the numbers of all, such as 2..7");
-        return;
-    }
+    let unit = node.get("unit").and_then(Node::text).and_then(unit);
     for (k, (name, star)) in found.into_iter().enumerate() {
-        let quantity = kind.of(&name);
-        let base = match &column {
-            Column::Name(pattern) => Assignment {
-                optional: key.text.contains('*'),
-                ..Assignment::new(quantity, &pattern.replacen('*', &star, 1))
-            },
-            Column::Number(first) | Column::Range(first, _) => {
-                let number = match column {
-                    Column::Range(..) => first + k,
-                    _ => *first,
-                };
-                Assignment {
-                    number: Some(number),
-                    ..Assignment::new(quantity, &number.to_string())
-                }
-            }
-        };
         let number = |list: &[Entry]| match list.get(k) {
             Some(Entry::Value(value)) => Some(*value),
             _ => None,
+        };
+        let base = match &column {
+            Column::Name(pattern) => Assignment {
+                optional: key.text.contains('*'),
+                ..Assignment::new(kind.of(&name), &pattern.replacen('*', &star, 1))
+            },
+            Column::Number(first) | Column::Range(first, _) => Assignment {
+                number: Some(first + k),
+                ..Assignment::new(kind.of(&name), &(first + k).to_string())
+            },
         };
         if let Some(Entry::Unknown(at)) = gains.get(k) {
             out.unknown_gains.push((name, *at));
@@ -297,6 +235,79 @@ fn one(
             ..base
         });
     }
+}
+
+/// Whether the unit of a column is one of its quantity.
+fn fits(
+    kind: Kind,
+    found: &[(String, String)],
+    node: &Node,
+    path: &str,
+    sink: &mut Sink,
+) -> bool {
+    let unit = node.get("unit");
+    let Some((node, word)) = unit.and_then(|unit| Some((unit, unit.text()?))) else {
+        return true;
+    };
+    // other words are told with the shape
+    if kind.units().contains(&word) || self::unit(word).is_none() {
+        return true;
+    }
+    let what = kind.of(found.first().map_or("", |(name, _)| name));
+    let message = format!("{what} is not measured in {word}");
+    let remedy = format!("its units are {}", kind.units().join(" "));
+    sink.push(node.at, &below(path, "unit"), message, &remedy);
+    false
+}
+
+/// Whether a column has a gain if it is a current, and none otherwise.
+fn needs_gain(kind: Kind, node: &Node, place: &Node, path: &str, sink: &mut Sink) -> bool {
+    let unit = node.get("unit").and_then(Node::text);
+    let is_current = kind == Kind::Effort && matches!(unit, Some("A" | "mA"));
+    match (node.get("gain"), is_current) {
+        (None, true) => {
+            let message = "a current is no effort".to_owned();
+            let remedy = "give `gain`, the joint's torque constant with its gear in N m/A or N/A \
+                          such as 0.12, or `gain: unknown`";
+            sink.push(place.at, path, message, remedy);
+            false
+        }
+        (Some(gain), false) => {
+            let message = "a gain belongs to an effort in A or mA".to_owned();
+            let remedy = "give `factor` where there is no current, or `unit: A`";
+            sink.push(gain.at, &below(path, "gain"), message, remedy);
+            false
+        }
+        _ => true,
+    }
+}
+
+/// Whether a key says a column for each coordinate that it means.
+fn suffices(
+    column: &Column,
+    found: &[(String, String)],
+    at: usize,
+    path: &str,
+    sink: &mut Sink,
+) -> bool {
+    let count = found.len();
+    let (columns, remedy) = match column {
+        Column::Range(first, last) => (last - first + 1, String::new()),
+        Column::Name(name) if count == 1 || name.matches('*').count() == 1 => return true,
+        Column::Name(_) => {
+            let star = "write one `*` where the coordinates' part of the name stands";
+            (1, format!("{star}, or numbers such as 2..7"))
+        }
+        Column::Number(_) => (1, "write the numbers of all, such as 2..7".to_owned()),
+    };
+    if columns == count {
+        return true;
+    }
+    let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+    let plural = if columns == 1 { "column" } else { "columns" };
+    let message = format!("{columns} {plural} for {count} coordinates: {}", names.join(" "));
+    sink.push(at, path, message, &remedy);
+    false
 }
 
 /// A value of one coordinate.

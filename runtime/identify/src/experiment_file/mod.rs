@@ -24,6 +24,8 @@ mod keys;
 mod process;
 mod runs;
 mod shape;
+#[cfg(test)]
+mod tests;
 mod tree;
 
 use std::path::Path;
