@@ -54,8 +54,16 @@ pub(crate) fn resolve(
         }
     };
     let file = read(&path, spec)?;
-    if let Some(run) = file.runs.iter().find(|planned| planned.run.files.is_empty()) {
-        return Err(Failure::Input(format!("{}: {} has no file", path.display(), run.run)));
+    if let Some(run) = file
+        .runs
+        .iter()
+        .find(|planned| planned.run.files.is_empty())
+    {
+        return Err(Failure::Input(format!(
+            "{}: {} has no file",
+            path.display(),
+            run.run
+        )));
     }
     let own = path.parent().unwrap_or(Path::new(""));
     let folder = reading.folder.as_deref().unwrap_or(own);

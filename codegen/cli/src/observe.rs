@@ -202,11 +202,18 @@ pub(crate) fn session<'m>(
 /// The settings for reading logs: those of the experiment file, if there is one, and over them the
 /// options.
 pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
-    let stated = reading.experiment.as_ref().map(|found| found.settings.clone());
+    let stated = reading
+        .experiment
+        .as_ref()
+        .map(|found| found.settings.clone());
     let mut settings = stated.unwrap_or_default();
     settings.columns.splice(..0, reading.column.iter().cloned());
     // a time counted by the rate of the file has no column
-    if reading.column.iter().any(|column| column.quantity == Quantity::Time) {
+    if reading
+        .column
+        .iter()
+        .any(|column| column.quantity == Quantity::Time)
+    {
         settings.rate = None;
     }
     settings.rate = reading.rate.or(settings.rate);
@@ -237,7 +244,9 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         settings.decimation = decimation.max(1);
     }
     settings.period = reading.period.or(settings.period);
-    settings.deviations.splice(..0, reading.deviation.iter().cloned());
+    settings
+        .deviations
+        .splice(..0, reading.deviation.iter().cloned());
     if let Some(standstill) = reading.standstill {
         settings.standstill = match standstill {
             StandstillArg::Drop => Standstill::Drop,
@@ -251,7 +260,9 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         DelayArg::Auto => None,
     });
     let given: Vec<(String, f64)> = given.collect();
-    settings.delays.retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
+    settings
+        .delays
+        .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
     settings.delays.extend(given);
     settings
 }
@@ -276,7 +287,11 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
             ));
         }
         for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
-            note_treated(&report.file, &report.problems.treated(&report.policies, policy), policy);
+            note_treated(
+                &report.file,
+                &report.problems.treated(&report.policies, policy),
+                policy,
+            );
         }
     }
 }
@@ -307,6 +322,9 @@ fn note_treated(file: &str, problems: &Problems, policy: Policy) {
     }
 }
 
+/// A gap of at most this many usual steps is one of an uneven clock.
+const SHORT_GAP_STEPS: f64 = 3.0;
+
 impl From<DataError> for Failure {
     fn from(error: DataError) -> Self {
         match error {
@@ -314,9 +332,12 @@ impl From<DataError> for Failure {
             DataError::Estimate(error) => error.into(),
             DataError::Feasibility(error) => error.into(),
             DataError::Problems { ref problems, .. } => {
-                let gaps = |p: &regen_identify::data::Problem| matches!(p.what, Fault::Gap { .. });
-                let resample = if problems.first.iter().all(gaps) {
-                    "; or interpolate short ones with --resample HZ"
+                let is_short = |fault: &Fault| match fault {
+                    Fault::Gap { step, usual } => *step <= SHORT_GAP_STEPS * usual,
+                    _ => false,
+                };
+                let resample = if problems.first.iter().all(|p| is_short(&p.what)) {
+                    "; or interpolate uneven steps with --resample HZ"
                 } else {
                     ""
                 };

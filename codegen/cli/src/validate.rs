@@ -75,8 +75,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             terminal::note(&format!(
                 "{}: all {} samples rest, and equations at rest are left out: nothing is \
                  predicted. --standstill keep predicts them",
-                run,
-                left_out.samples
+                run, left_out.samples
             ));
         }
         for (identified, predicted) in &mut models {

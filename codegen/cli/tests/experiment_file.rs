@@ -11,7 +11,10 @@ use serde_json::Value;
 
 /// The spec of the guide's five-bar.
 fn spec() -> String {
-    root().join("runtime/guide/fivebar/fivebar.yaml").display().to_string()
+    root()
+        .join("runtime/guide/fivebar/fivebar.yaml")
+        .display()
+        .to_string()
 }
 
 /// The entries of a log of the guide.
@@ -32,7 +35,11 @@ fn raw(dir: &Path, name: &str) {
             texts.join(";").replace('.', ",") + "\n"
         };
         let turn = |q: f64, gear: f64| q.to_degrees() * gear;
-        positions += &line(&[1e3 * numbers[0], turn(numbers[1], 45.0), turn(numbers[2], -48.0)]);
+        positions += &line(&[
+            1e3 * numbers[0],
+            turn(numbers[1], 45.0),
+            turn(numbers[2], -48.0),
+        ]);
         currents += &line(&[numbers[3] / 0.12, numbers[4] / -0.1]);
     }
     fs::write(dir.join(format!("{name}_pos.csv")), positions).unwrap();
@@ -72,7 +79,10 @@ fn values(json: &Value) -> Vec<f64> {
 fn assert_close(found: &[f64], expected: &[f64]) {
     assert_eq!(found.len(), expected.len());
     for (a, b) in found.iter().zip(expected) {
-        assert!((a - b).abs() <= 1e-6 * b.abs().max(1e-3), "{found:?} {expected:?}");
+        assert!(
+            (a - b).abs() <= 1e-6 * b.abs().max(1e-3),
+            "{found:?} {expected:?}"
+        );
     }
 }
 
@@ -95,26 +105,67 @@ fn raw_files_are_identified_as_the_prepared_log_and_options_win() {
     assert_close(&values(&by_file), &values(&by_hand));
     // runs to validate are predicted, with their names
     let predicted = &by_file["models"][0]["logs"];
-    assert_eq!(predicted[0]["log"], "logs/run1_pos.csv + run1_cur.csv, rows 101 to 1900");
+    assert_eq!(
+        predicted[0]["log"],
+        "logs/run1_pos.csv + run1_cur.csv, rows 101 to 1900"
+    );
     assert_eq!(predicted[1]["log"], "logs/run2_pos.csv + run2_cur.csv");
-    assert!(predicted[1]["relative_absolute"].as_f64().unwrap() < 3.0, "{predicted}");
-    let validated = run(&[&["validate", &spec(), "p.json", "runs.yaml", "--logs", "logs"], &json[..]].concat());
-    assert_eq!(validated.json()["models"][0]["logs"][0]["relative_absolute"], predicted[1]["relative_absolute"]);
+    assert!(
+        predicted[1]["relative_absolute"].as_f64().unwrap() < 3.0,
+        "{predicted}"
+    );
+    let validated = run(&[
+        &["validate", &spec(), "p.json", "runs.yaml", "--logs", "logs"],
+        &json[..],
+    ]
+    .concat());
+    assert_eq!(
+        validated.json()["models"][0]["logs"][0]["relative_absolute"],
+        predicted[1]["relative_absolute"]
+    );
 
     // options win over the file, logs beside it are read in place of its runs
     let filtered = identify(&["runs.yaml", "--logs", "logs", "--butterworth", "4,10"]);
-    assert_close(&values(&filtered), &values(&identify(&["cut.csv", "--butterworth", "4,10"])));
-    let observed = run(&[&["observe", &spec(), "runs.yaml", "--logs", "logs", "--out", "f.json"], &json[..]].concat());
+    assert_close(
+        &values(&filtered),
+        &values(&identify(&["cut.csv", "--butterworth", "4,10"])),
+    );
+    let observed = run(&[
+        &[
+            "observe",
+            &spec(),
+            "runs.yaml",
+            "--logs",
+            "logs",
+            "--out",
+            "f.json",
+        ],
+        &json[..],
+    ]
+    .concat());
     assert_eq!(observed.json()["files"][0]["rows"], 1800);
-    assert_eq!(values(&identify(&["--from", "f.json"])).len(), values(&by_file).len());
+    assert_eq!(
+        values(&identify(&["--from", "f.json"])).len(),
+        values(&by_file).len()
+    );
     let prepared = dir.join("prepared.yaml");
-    fs::write(&prepared, "process: {filter: {butterworth: {order: 4, cutoff: 20}}}\n").unwrap();
-    assert_close(&values(&identify(&["prepared.yaml", "cut.csv"])), &values(&by_hand));
+    fs::write(
+        &prepared,
+        "process: {filter: {butterworth: {order: 4, cutoff: 20}}}\n",
+    )
+    .unwrap();
+    assert_close(
+        &values(&identify(&["prepared.yaml", "cut.csv"])),
+        &values(&by_hand),
+    );
 }
 
 #[test]
 fn mistakes_are_shown_in_the_file_before_the_robot_is_derived() {
-    let text = RUNS.replace("tau_q3", "tau_q2").replace("cutoff", "cut_off").replace("1/45", "1/o45");
+    let text = RUNS
+        .replace("tau_q3", "tau_q2")
+        .replace("cutoff", "cut_off")
+        .replace("1/45", "1/o45");
     let dir = experiment("experiment_mistakes", &text);
     fs::write(dir.join("p.json"), "{}").unwrap();
     for command in ["identify", "observe", "validate", "report"] {
@@ -135,7 +186,11 @@ fn mistakes_are_shown_in_the_file_before_the_robot_is_derived() {
             "unknown key 'cut_off'; did you mean 'cutoff'?",
             "a Butterworth filter lacks the key 'cutoff'",
         ] {
-            assert!(found.err.contains(words), "{command}: {words}\n{}", found.err);
+            assert!(
+                found.err.contains(words),
+                "{command}: {words}\n{}",
+                found.err
+            );
         }
         assert!(!dir.join("out").exists());
     }
@@ -143,9 +198,10 @@ fn mistakes_are_shown_in_the_file_before_the_robot_is_derived() {
 
 #[test]
 fn what_no_estimate_uses_yet_is_refused_with_its_place_and_a_remedy() {
-    let text = RUNS
-        .replace("gain: 0.12", "gain: unknown")
-        .replace("use: validate}", "use: validate, payload: {m: 2.8, com: unknown}}");
+    let text = RUNS.replace("gain: 0.12", "gain: unknown").replace(
+        "use: validate}",
+        "use: validate, payload: {m: 2.8, com: unknown}}",
+    );
     let dir = experiment("experiment_unused", &text);
     let found = regen(&dir, &["identify", &spec(), "runs.yaml", "--logs", "logs"]).ended(3);
     for words in [
@@ -157,8 +213,16 @@ fn what_no_estimate_uses_yet_is_refused_with_its_place_and_a_remedy() {
         assert!(found.err.contains(words), "{words}\n{}", found.err);
     }
     let none = regen(&dir, &["identify", &spec(), "runs.yaml", "runs.yaml"]).ended(2);
-    assert!(none.err.contains("one experiment file at a time"), "{}", none.err);
-    let folder = regen(&dir, &["identify", &spec(), "logs/run1_pos.csv", "--logs", "logs"]).ended(2);
+    assert!(
+        none.err.contains("one experiment file at a time"),
+        "{}",
+        none.err
+    );
+    let folder = regen(
+        &dir,
+        &["identify", &spec(), "logs/run1_pos.csv", "--logs", "logs"],
+    )
+    .ended(2);
     assert!(folder.err.contains("none is given"), "{}", folder.err);
 }
 

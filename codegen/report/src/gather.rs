@@ -1,6 +1,5 @@
 //! Reads the data of a report from logs: motion, measured and predicted forces, singular values.
 
-
 use nalgebra::DMatrix;
 use regen_identify::data::{DataError, FileReport, Run};
 use regen_identify::estimate::EffortError;

@@ -1,6 +1,5 @@
 //! The report of an identified model: its inputs and the page that is made of them.
 
-
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Run, Settings};
 use regen_identify::files::ParameterFile;

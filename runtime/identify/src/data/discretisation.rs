@@ -130,8 +130,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let (mut usual, mut other) = (Vec::new(), Vec::new());
         for place in 0..log.file.layout.measured.len() {
             // a stretch that is too short gives no equations
-            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &rows)
-            else {
+            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &rows) else {
                 return Ok(());
             };
             for found in [&a, &b] {
@@ -215,7 +214,10 @@ fn derivatives_by_both_methods(
     let usual = motion::derivatives(log, method.of_states(step), place, times, rows)?;
     let layout = &log.file.layout;
     let measured = |of: &[Option<usize>]| of.get(place).copied().flatten();
-    let (velocity, acceleration) = (measured(&layout.velocities), measured(&layout.accelerations));
+    let (velocity, acceleration) = (
+        measured(&layout.velocities),
+        measured(&layout.accelerations),
+    );
     if velocity.is_some() && acceleration.is_some() {
         return Ok((usual.clone(), usual));
     }

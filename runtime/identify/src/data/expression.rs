@@ -121,14 +121,14 @@ mod tests {
 
     #[test]
     fn fractions_decimals_and_pi_are_read() {
-        let value = |text| evaluate(text).unwrap();
-        assert_eq!(value("1/45"), 1.0 / 45.0);
-        assert_eq!(value(" -1/48 "), -1.0 / 48.0);
-        assert_eq!(value("1/-48"), -1.0 / 48.0);
-        assert_eq!(value("pi/180"), PI / 180.0);
-        assert_eq!(value("-(2 + 3)*1.5e-2 - 1E+1"), -10.075);
-        assert_eq!(value("2-3-4/2/2"), -2.0);
-        assert_eq!(value(".5"), 0.5);
+        let value = |text| evaluate(text);
+        assert_eq!(value("1/45"), Ok(1.0 / 45.0));
+        assert_eq!(value(" -1/48 "), Ok(-1.0 / 48.0));
+        assert_eq!(value("1/-48"), Ok(-1.0 / 48.0));
+        assert_eq!(value("pi/180"), Ok(PI / 180.0));
+        assert_eq!(value("-(2 + 3)*1.5e-2 - 1E+1"), Ok(-10.075));
+        assert_eq!(value("2-3-4/2/2"), Ok(-2.0));
+        assert_eq!(value(".5"), Ok(0.5));
     }
 
     #[test]

@@ -128,7 +128,9 @@ impl Table {
             Some(written) => Ok(FileRows::Csv(CsvRows {
                 table: self,
                 written,
-                reader: written.reader(&self.path).map_err(|e| failed(&self.path, &e))?,
+                reader: written
+                    .reader(&self.path)
+                    .map_err(|e| failed(&self.path, &e))?,
                 record: ByteRecord::new(),
                 last_column: LastColumn::default(),
                 wanted,
@@ -167,7 +169,10 @@ impl CsvRows<'_> {
         }
         let line = self.record.position().map_or(0, csv::Position::line);
         let end = self.reader.position().byte();
-        let is_unended_line = self.table.unended_length.is_some_and(|length| end >= length);
+        let is_unended_line = self
+            .table
+            .unended_length
+            .is_some_and(|length| end >= length);
         let is_cut = is_unended_line && self.last_column.is_cut(&self.record);
         self.last_column.push(&self.record);
         let values = match self.parse() {

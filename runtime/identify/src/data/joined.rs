@@ -97,21 +97,32 @@ impl<'a> JoinedRows<'a> {
             file,
             sources,
             count: 0,
-            inside: true,
+            // nothing is known of faulty rows before the first good one
+            inside: file.run.times.is_none(),
         })
     }
 
     /// The next row, or why it cannot be used; `None` behind the last one.
     pub(super) fn next_row(&mut self) -> Result<Option<Result<LogRow, Problem>>, DataError> {
         loop {
-            if self.file.run.rows.is_some_and(|(_, last)| self.count >= last) {
+            if self
+                .file
+                .run
+                .rows
+                .is_some_and(|(_, last)| self.count >= last)
+            {
                 return Ok(None);
             }
             let Some(row) = self.row()? else {
                 return Ok(None);
             };
             self.count += 1;
-            if self.file.run.rows.is_some_and(|(first, _)| self.count < first) {
+            if self
+                .file
+                .run
+                .rows
+                .is_some_and(|(first, _)| self.count < first)
+            {
                 continue;
             }
             let row = match row {
@@ -155,7 +166,11 @@ impl<'a> JoinedRows<'a> {
                 }
                 None => source.rows.next_row()?,
             };
-            let Some(FileRow { line: own, values: found }) = found else {
+            let Some(FileRow {
+                line: own,
+                values: found,
+            }) = found
+            else {
                 ended.push(source.place);
                 continue;
             };

@@ -69,7 +69,11 @@ fn listed(tables: &[Table]) -> String {
             };
             parts.push(format!("{}{tail}", titles.join(", ")));
         } else {
-            parts.push(format!("{} to {} without names", before + 1, before + count));
+            parts.push(format!(
+                "{} to {} without names",
+                before + 1,
+                before + count
+            ));
         }
         before += count;
     }
@@ -214,7 +218,9 @@ impl Finder<'_> {
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
         // a number may be that of any column in the other files
-        let named = self.given(&Quantity::Time).is_none_or(|given| given.number.is_none());
+        let named = self
+            .given(&Quantity::Time)
+            .is_none_or(|given| given.number.is_none());
         let by_time = match self.search.join {
             Join::Auto => several && named && each.is_some() && !self.search.by_rate,
             Join::Rows => false,
@@ -222,7 +228,8 @@ impl Finder<'_> {
         };
         if by_time {
             if self.search.by_rate {
-                let why = "its files are to be joined by time, and with a stated rate there is none";
+                let why =
+                    "its files are to be joined by time, and with a stated rate there is none";
                 return Err(why.to_owned().into());
             }
             let each = each.ok_or_else(missing)?;
@@ -244,7 +251,9 @@ impl Finder<'_> {
         }
         let first = self.tables.first().and_then(|table| self.time_in(table));
         let first = first.ok_or_else(missing)?;
-        if self.given(&Quantity::Time).is_none_or(|given| given.number.is_none())
+        if self
+            .given(&Quantity::Time)
+            .is_none_or(|given| given.number.is_none())
             && let (false, Some(title)) = (several, first.index.and_then(|i| self.header.get(i)))
         {
             self.place(title)?;
@@ -293,6 +302,13 @@ impl ColumnLayout {
             let why = "it is empty; its first row must name the columns";
             return Err(why.to_owned().into());
         }
+        if let [whole] = tables.iter().flat_map(|t| &t.titles).collect::<Vec<_>>()[..]
+            && whole.contains(' ')
+        {
+            let why = "its columns are separated by blanks: separate them by commas, semicolons \
+                       or tabs";
+            return Err(why.to_owned().into());
+        }
         let finder = Finder {
             tables,
             header: tables.iter().flat_map(|t| t.titles.clone()).collect(),
@@ -338,17 +354,14 @@ impl ColumnLayout {
         }
         let mut channels = Vec::from([time]);
         channels.extend(positions);
-        let mut entries = |of: &dyn Fn(&(Option<Channel>, Option<Channel>)) -> Option<Channel>| {
-            let entry = |rate| {
-                of(rate).map(|channel| {
-                    channels.push(channel);
-                    channels.len() - 1
-                })
-            };
-            rates.iter().map(entry).collect::<Vec<Option<usize>>>()
+        let mut entry = |channel: Option<Channel>| {
+            channel.map(|channel| {
+                channels.push(channel);
+                channels.len() - 1
+            })
         };
-        let velocities = entries(&|rate| rate.0);
-        let accelerations = entries(&|rate| rate.1);
+        let velocities: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.0)).collect();
+        let accelerations: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.1)).collect();
         for &k in info.actuated {
             let name = info.coordinates.get(k).copied().unwrap_or_default();
             let effort = Quantity::Effort(name.to_owned());

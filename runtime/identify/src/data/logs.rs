@@ -205,7 +205,11 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
             };
             let mut differences = vec![Differences::default(); file.layout.measured.len()];
             // velocities beside accelerations are used as they are
-            let both = file.layout.velocities.iter().zip(&file.layout.accelerations);
+            let both = file
+                .layout
+                .velocities
+                .iter()
+                .zip(&file.layout.accelerations);
             let velocities: Vec<Option<usize>> =
                 both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
             let mut of_velocities = differences.clone();
@@ -417,11 +421,15 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
     };
     let measured = log.file.layout.velocities.iter();
     let encoders = log.encoders.iter().zip(&log.velocity_noise);
-    let noise = encoders.zip(measured).map(|((position, velocity), measured)| match measured {
-        Some(_) if log.series.is_none() => velocity.noise,
-        _ => gain * more(position) * position.noise,
-    });
-    Ok(noise.map(|noise| settings.rest_speed.max(2.0 * noise)).collect())
+    let noise = encoders
+        .zip(measured)
+        .map(|((position, velocity), measured)| match measured {
+            Some(_) if log.series.is_none() => velocity.noise,
+            _ => gain * more(position) * position.noise,
+        });
+    Ok(noise
+        .map(|noise| settings.rest_speed.max(2.0 * noise))
+        .collect())
 }
 
 /// The number of rows on either side that a state depends on.

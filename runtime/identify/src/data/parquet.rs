@@ -162,7 +162,10 @@ fn rows(
             let values = pages::values(&mut file, size, chunk)
                 .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
             if values < rows {
-                return Err(unfit(path, format!("column `{title}` ends before the others")));
+                return Err(unfit(
+                    path,
+                    format!("column `{title}` ends before the others"),
+                ));
             }
         }
         out.push(usize::try_from(rows).unwrap_or_default());
@@ -253,7 +256,8 @@ impl ParquetRows {
         self.columns.clear();
         for Wanted { column, .. } in &self.wanted {
             let own = solve_guarded(|| group.get_column_reader(*column)).map_err(wrong)?;
-            self.columns.push((own, schema.column(*column).max_def_level()));
+            self.columns
+                .push((own, schema.column(*column).max_def_level()));
         }
         Ok(())
     }

@@ -86,7 +86,7 @@ impl Policies {
         own.unwrap_or(self.all)
     }
 
-    pub(super) fn keeps(&self) -> Keeps {
+    pub(super) fn keeps(self) -> Keeps {
         let [outliers, saturated, stuck] = USABLE_KINDS.map(|kind| self.of(kind).keeps());
         Keeps {
             outliers,

@@ -98,12 +98,18 @@ impl LogFile {
         if run.files.is_empty() {
             return Err(unfit("a run has no file"));
         }
-        for (what, rate) in [("rate", settings.rate), ("resampling rate", settings.resample)] {
+        for (what, rate) in [
+            ("rate", settings.rate),
+            ("resampling rate", settings.resample),
+        ] {
             if rate.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
                 return Err(unfit(&format!("the {what} must be above 0 Hz")));
             }
         }
-        let tables = run.files.iter().map(|path| Table::open(path, settings.format));
+        let tables = run
+            .files
+            .iter()
+            .map(|path| Table::open(path, settings.format));
         let tables = tables.collect::<Result<Vec<Table>, DataError>>()?;
         let search = Search {
             assignments: &settings.columns,
@@ -141,8 +147,9 @@ impl LogFile {
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut rates = Rates::default();
         let velocities = positions.clone().zip(&self.layout.velocities);
-        let with_rates: Vec<(usize, usize)> =
-            velocities.filter_map(|(entry, v)| Some((entry, (*v)?))).collect();
+        let with_rates: Vec<(usize, usize)> = velocities
+            .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .collect();
         let mut rate_row = Vec::new();
         let mut last_time = None;
         self.records(&mut |row| {
@@ -180,7 +187,10 @@ impl LogFile {
         })?;
         let title = |entry: usize| {
             let (place, m) = (entry.saturating_sub(1), with_rates.len());
-            let pair = with_rates.get(place % m.max(1)).copied().unwrap_or_default();
+            let pair = with_rates
+                .get(place % m.max(1))
+                .copied()
+                .unwrap_or_default();
             self.layout.title(if place < m { pair.0 } else { pair.1 })
         };
         if let Some(why) = rates.judge(&title) {

@@ -208,19 +208,37 @@ mod tests {
         let titles = |texts: &[&str]| texts.iter().map(|t| (*t).to_owned()).collect::<Vec<_>>();
         let cases = [
             ("t,q1\n0,1.5\n", (',', false, true, titles(&["t", "q1"]))),
-            ("# made by hand\n0,1.5\n1,-2e-3\n", (',', false, false, titles(&["1", "2"]))),
+            (
+                "# made by hand\n0,1.5\n1,-2e-3\n",
+                (',', false, false, titles(&["1", "2"])),
+            ),
             ("t;q1\n0,1;1,5\n", (';', true, true, titles(&["t", "q1"]))),
-            ("0,1;1,5\n0,2;2,5\n", (';', true, false, titles(&["1", "2"]))),
+            (
+                "0,1;1,5\n0,2;2,5\n",
+                (';', true, false, titles(&["1", "2"])),
+            ),
             ("t; q1\n0.1;1\n", (';', false, true, titles(&["t", "q1"]))),
-            ("t\tq1\n0,1\t1,5\n", ('\t', true, true, titles(&["t", "q1"]))),
+            (
+                "t\tq1\n0,1\t1,5\n",
+                ('\t', true, true, titles(&["t", "q1"])),
+            ),
             // titles with another separator in them
-            ("t,q;1\n0,1\n0,2\n", (',', false, true, titles(&["t", "q;1"]))),
-            ("\"t;s\",\"q;1\"\n0,1\n", (',', false, true, titles(&["t;s", "q;1"]))),
+            (
+                "t,q;1\n0,1\n0,2\n",
+                (',', false, true, titles(&["t", "q;1"])),
+            ),
+            (
+                "\"t;s\",\"q;1\"\n0,1\n",
+                (',', false, true, titles(&["t;s", "q;1"])),
+            ),
         ];
         for (text, expected) in cases {
             assert_eq!(found(text, auto), expected, "{text}");
         }
-        let none = Format { header: Header::None, ..auto };
+        let none = Format {
+            header: Header::None,
+            ..auto
+        };
         assert_eq!(found("t,q1\n0,1\n", none).3, ["1", "2"]);
         let stated = Format {
             separator: Some(Separator::Comma),

@@ -104,7 +104,12 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
         let path = below("`columns`", &key.text);
         if key.text == "t" || key.text == "time" {
             let message = "the column of time has a key of its own".to_owned();
-            sink.push(key.at, "`columns`", message, "write `time: {column: ...}` at the top level");
+            sink.push(
+                key.at,
+                "`columns`",
+                message,
+                "write `time: {column: ...}` at the top level",
+            );
             continue;
         }
         let before = out.assignments.len();
@@ -127,7 +132,8 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
                     out.assignments.remove(k);
                 }
                 Some(other) => {
-                    let message = format!("{quantity} has a column by '{}' already", origins[other].1);
+                    let message =
+                        format!("{quantity} has a column by '{}' already", origins[other].1);
                     sink.push(key.at, "`columns`", message, "keep one of the two keys");
                     out.assignments.remove(k);
                 }
@@ -140,7 +146,12 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
     }
     if let (Some(rate), Some(_)) = (root.get("rate"), root.get("time")) {
         let message = "a rate and a column of time exclude each other".to_owned();
-        sink.push(rate.at, "`rate`", message, "a rate is for logs without a column of time");
+        sink.push(
+            rate.at,
+            "`rate`",
+            message,
+            "a rate is for logs without a column of time",
+        );
     }
     if let Some(node) = root.get("time") {
         out.assignments.extend(time(node, sink));
@@ -176,14 +187,7 @@ fn unit(text: &str) -> Option<(&'static str, f64)> {
 }
 
 /// Adds the assignments of one key.
-fn one(
-    key: &Key,
-    node: &Node,
-    info: &Info<'_>,
-    path: &str,
-    sink: &mut Sink,
-    out: &mut Columns,
-) {
+fn one(key: &Key, node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink, out: &mut Columns) {
     if key.text.matches('*').count() > 1 {
         sink.push(key.at, "`columns`", "a pattern has one `*`".to_owned(), "");
         return;
@@ -199,9 +203,8 @@ fn one(
     if !(unit_fits && gain_fits && suffices(&column, &found, place.at, path, sink)) {
         return;
     }
-    let mut each = |name: &str| {
-        per_coordinate(node.get(name), found.len(), &below(path, name), sink)
-    };
+    let mut each =
+        |name: &str| per_coordinate(node.get(name), found.len(), &below(path, name), sink);
     let (factors, offsets, gains) = (each("factor"), each("offset"), each("gain"));
     let (Some(factors), Some(offsets), Some(gains)) = (factors, offsets, gains) else {
         return;
@@ -238,13 +241,7 @@ fn one(
 }
 
 /// Whether the unit of a column is one of its quantity.
-fn fits(
-    kind: Kind,
-    found: &[(String, String)],
-    node: &Node,
-    path: &str,
-    sink: &mut Sink,
-) -> bool {
+fn fits(kind: Kind, found: &[(String, String)], node: &Node, path: &str, sink: &mut Sink) -> bool {
     let unit = node.get("unit");
     let Some((node, word)) = unit.and_then(|unit| Some((unit, unit.text()?))) else {
         return true;
@@ -305,7 +302,10 @@ fn suffices(
     }
     let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
     let plural = if columns == 1 { "column" } else { "columns" };
-    let message = format!("{columns} {plural} for {count} coordinates: {}", names.join(" "));
+    let message = format!(
+        "{columns} {plural} for {count} coordinates: {}",
+        names.join(" ")
+    );
     sink.push(at, path, message, &remedy);
     false
 }
@@ -350,18 +350,18 @@ fn per_coordinate(
 fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
     let text = &key.text;
     let names = info.coordinates.iter().enumerate();
-    let mut passive = names.filter(|(k, _)| !info.actuated.contains(k)).map(|(_, name)| name);
+    let mut passive = names
+        .filter(|(k, _)| !info.actuated.contains(k))
+        .map(|(_, name)| name);
     let actuated: Vec<&str> = info
         .actuated
         .iter()
         .filter_map(|k| info.coordinates.get(*k).copied())
         .collect();
-    if let Some(name) =
-        passive.find(|name| {
-            let mut spellings = Kind::Effort.spellings(name).into_iter().flatten();
-            spellings.any(|own| matched(text, &own).is_some())
-        })
-    {
+    if let Some(name) = passive.find(|name| {
+        let mut spellings = Kind::Effort.spellings(name).into_iter().flatten();
+        spellings.any(|own| matched(text, &own).is_some())
+    }) {
         let message = format!("{name} is not actuated: it has no effort");
         let remedy = format!("actuated are {}", actuated.join(" "));
         sink.push(key.at, "`columns`", message, &remedy);
@@ -369,7 +369,11 @@ fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
     }
     let known: Vec<String> = KINDS
         .into_iter()
-        .flat_map(|kind| info.coordinates.iter().flat_map(move |name| kind.spellings(name)))
+        .flat_map(|kind| {
+            info.coordinates
+                .iter()
+                .flat_map(move |name| kind.spellings(name))
+        })
         .flatten()
         .collect();
     let near = did_you_mean(text, known.iter().map(String::as_str));

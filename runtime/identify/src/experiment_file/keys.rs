@@ -54,7 +54,10 @@ pub(super) static FILE: Record = record(
         optional(
             "header",
             Shape::Words(&[
-                ("auto", "the first row names the columns unless it has numbers only"),
+                (
+                    "auto",
+                    "the first row names the columns unless it has numbers only",
+                ),
                 ("none", "columns are called by their numbers, from 1"),
             ]),
             "Whether the first row names the columns; auto if missing",
@@ -159,7 +162,11 @@ const UNIT_WORDS: [(&str, &str); 23] = [
 static TIME: Record = record(
     "the time",
     &[
-        required("column", Shape::Column, "Its name, or its number in each file"),
+        required(
+            "column",
+            Shape::Column,
+            "Its name, or its number in each file",
+        ),
         optional(
             "unit",
             Shape::Words(&[
@@ -197,7 +204,11 @@ static PROCESS: Record = record(
             ]),
             "Which velocities and accelerations are used; measured if missing",
         ),
-        optional("decimate", Shape::Count, "One of this many equations is used, after filtering"),
+        optional(
+            "decimate",
+            Shape::Count,
+            "One of this many equations is used, after filtering",
+        ),
         optional(
             "period",
             Shape::Number(Range::Positive),
@@ -233,7 +244,11 @@ static PROCESS: Record = record(
 static FILTER: Record = Record {
     noun: "a filter",
     keys: &[
-        optional("butterworth", Shape::Record(&BUTTERWORTH), "Zero-phase low-pass; needs an even grid"),
+        optional(
+            "butterworth",
+            Shape::Record(&BUTTERWORTH),
+            "Zero-phase low-pass; needs an even grid",
+        ),
         optional("local", Shape::Record(&LOCAL), "Local cubic regression"),
         optional(
             "fourier",
@@ -268,7 +283,11 @@ static LOCAL: Record = record(
 static FOURIER: Record = record(
     "a Fourier series",
     &[
-        required("frequency", Shape::Number(Range::Positive), "Its fundamental, Hz"),
+        required(
+            "frequency",
+            Shape::Number(Range::Positive),
+            "Its fundamental, Hz",
+        ),
         required("harmonics", Shape::Count, "Their number"),
     ],
 );
@@ -286,7 +305,10 @@ static STANDSTILL: Record = record(
             Shape::Words(&[
                 ("leave-out", "equations of joints at rest are left out"),
                 ("keep", "they are used like all others"),
-                ("down-weight", "by the part of the filter's memory in which the joint moved"),
+                (
+                    "down-weight",
+                    "by the part of the filter's memory in which the joint moved",
+                ),
             ]),
             "What is done with equations of joints at rest; leave-out if missing",
         ),
@@ -303,9 +325,21 @@ const POLICY: Shape = Shape::Words(&[
 static CHECKS: Record = record(
     "checks",
     &[
-        optional("rows", POLICY, "All rows that cannot be used, and what the other keys leave open"),
-        optional("outliers", POLICY, "Rows in which a position is far from its neighbours"),
-        optional("saturated", POLICY, "Rows in which an effort stands at its extreme"),
+        optional(
+            "rows",
+            POLICY,
+            "All rows that cannot be used, and what the other keys leave open",
+        ),
+        optional(
+            "outliers",
+            POLICY,
+            "Rows in which a position is far from its neighbours",
+        ),
+        optional(
+            "saturated",
+            POLICY,
+            "Rows in which an effort stands at its extreme",
+        ),
         optional("stuck", POLICY, "Rows in which an encoder looks stuck"),
     ],
 );
@@ -321,9 +355,15 @@ static RUN: Record = record(
         optional(
             "join",
             Shape::Words(&[
-                ("auto", "by time if every file names a column of time, else by rows"),
+                (
+                    "auto",
+                    "by time if every file names a column of time, else by rows",
+                ),
                 ("rows", "row by row"),
-                ("time", "the others are interpolated at the times of the first"),
+                (
+                    "time",
+                    "the others are interpolated at the times of the first",
+                ),
             ]),
             "How the rows of several files belong together; auto if missing",
         ),

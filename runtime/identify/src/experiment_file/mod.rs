@@ -157,13 +157,16 @@ impl ExperimentFile {
     ///
     /// let wrong = ExperimentFile::read("colums: {}\nrate: -1\n", &info).unwrap_err();
     /// assert_eq!(wrong.0[0].message, "unknown key 'colums'; did you mean 'columns'?");
-    /// assert_eq!((wrong.0[1].at, &*wrong.0[1].path), (18, "`rate`"));
+    /// assert_eq!((wrong.0[1].at, &*wrong.0[1].path), (17, "`rate`"));
     /// # Ok::<(), regen_identify::files::Mistakes>(())
     /// ```
     pub fn read(text: &str, info: &Info<'_>) -> Result<Self, Mistakes> {
         let mut sink = Sink::default();
         if text.len() > MAX_BYTES {
-            let message = format!("the file has {} bytes; the limit is {MAX_BYTES}", text.len());
+            let message = format!(
+                "the file has {} bytes; the limit is {MAX_BYTES}",
+                text.len()
+            );
             sink.push(0, "", message, "");
             return Err(Mistakes(sink.mistakes));
         }
@@ -201,7 +204,11 @@ impl ExperimentFile {
             kind: process.kind,
             delay: process.delay,
             runs: runs.into_iter().map(|(run, _)| run).collect(),
-            unknown_gains: columns.unknown_gains.into_iter().map(|gain| gain.0).collect(),
+            unknown_gains: columns
+                .unknown_gains
+                .into_iter()
+                .map(|gain| gain.0)
+                .collect(),
             unused: unused.mistakes,
         })
     }
@@ -233,7 +240,12 @@ impl ExperimentFile {
     pub fn runs_in(&self, folder: &Path, purpose: Purpose) -> Vec<Run> {
         let runs = self.runs.iter().filter(|run| run.purpose == purpose);
         let placed = runs.map(|planned| Run {
-            files: planned.run.files.iter().map(|file| folder.join(file)).collect(),
+            files: planned
+                .run
+                .files
+                .iter()
+                .map(|file| folder.join(file))
+                .collect(),
             ..planned.run.clone()
         });
         placed.collect()

@@ -71,7 +71,10 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
         Some(node) if node.text() == Some("auto") => Delay::Auto,
         Some(node) => {
             if let Some(seconds) = node.number() {
-                let names = info.actuated.iter().filter_map(|k| info.coordinates.get(*k));
+                let names = info
+                    .actuated
+                    .iter()
+                    .filter_map(|k| info.coordinates.get(*k));
                 settings.delays = names.map(|name| ((*name).to_owned(), seconds)).collect();
             }
             Delay::Stated

@@ -47,7 +47,11 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
     #[allow(clippy::cast_sign_loss, reason = "the shape says that they are whole")]
     let rows = rows.map(|(first, last)| (first as u64, last as u64));
     Run {
-        files: texts.unwrap_or_default().into_iter().map(Into::into).collect(),
+        files: texts
+            .unwrap_or_default()
+            .into_iter()
+            .map(Into::into)
+            .collect(),
         join: match node.get("join").and_then(Node::text) {
             Some("rows") => Join::Rows,
             Some("time") => Join::Time,

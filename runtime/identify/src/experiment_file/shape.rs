@@ -14,7 +14,9 @@ pub(super) enum Shape {
     /// A whole number, 1 or more.
     Count,
     /// A number, or an expression of decimals, fractions and pi; other than 0 if it is a factor.
-    Expression { factor: bool },
+    Expression {
+        factor: bool,
+    },
     /// A name or a path.
     Text,
     /// The name of a column, its number, or a range of numbers.
@@ -102,13 +104,20 @@ pub(super) fn did_you_mean<'w>(word: &str, known: impl IntoIterator<Item = &'w s
         } else {
             strsim::osa_distance(word, candidate)
         };
-        (distance <= allowed && distance < candidate.chars().count()).then_some(distance)
+        let trivial = distance >= candidate.chars().count() || differ_in_digits(word, candidate);
+        (distance <= allowed && !trivial).then_some(distance)
     };
     let found = known.into_iter().take(1000);
     let found = found.filter_map(|candidate| Some((near(&candidate)?, candidate)));
     found
         .min_by_key(|(distance, _)| *distance)
         .map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
+}
+
+/// Whether two words differ in their digits only: `q7` is not a misspelt `q1`.
+fn differ_in_digits(a: &str, b: &str) -> bool {
+    let same = |(x, y): (char, char)| x == y || (x.is_ascii_digit() && y.is_ascii_digit());
+    a != b && a.chars().count() == b.chars().count() && a.chars().zip(b.chars()).all(same)
 }
 
 /// Words as a list: `'a', 'b' or 'c'`.
@@ -170,7 +179,11 @@ impl Shape {
     /// Adds all mistakes of a node and of what it contains.
     pub(super) fn check(&self, node: &Node, path: &str, sink: &mut Sink) {
         let mut mismatch = |why: &str| {
-            let message = format!("expected {}, found {}{why}", self.expected(), node.describe());
+            let message = format!(
+                "expected {}, found {}{why}",
+                self.expected(),
+                node.describe()
+            );
             sink.push(node.at, path, message, "");
         };
         match self {
@@ -301,15 +314,15 @@ impl Record {
     fn check(&self, node: &Node, path: &str, sink: &mut Sink) {
         let names = || self.keys.iter().map(|key| key.name);
         for (key, item) in node.entries() {
-            match self.keys.iter().find(|known| known.name == key.text) {
-                Some(known) => known.shape.check(item, &below(path, &key.text), sink),
-                None => {
-                    let near = did_you_mean(&key.text, names());
-                    let message = format!("unknown key '{}'{near}", shorten(&key.text));
-                    let remedy = format!("{} has the keys {}", self.noun, one_of(names()));
-                    sink.push(key.at, path, message, &remedy.replace(" or '", " and '"));
-                }
+            if let Some(known) = self.keys.iter().find(|known| known.name == key.text) {
+                known.shape.check(item, &below(path, &key.text), sink);
+                continue;
             }
+            let near = did_you_mean(&key.text, names());
+            let message = format!("unknown key '{}'{near}", shorten(&key.text));
+            let keys: Vec<&str> = names().collect();
+            let remedy = format!("{} has the keys {}", self.noun, keys.join(", "));
+            sink.push(key.at, path, message, &remedy);
         }
         for key in self.keys.iter().filter(|key| key.required) {
             if node.get(key.name).is_none() {
@@ -362,7 +375,8 @@ pub(super) fn value(node: &Node, factor: bool) -> Result<f64, Option<String>> {
         expression::evaluate
     };
     match (node.number(), node.text()) {
-        (Some(number), _) if number.is_finite() && !(factor && number == 0.0) => Ok(number),
+        (Some(number), _) if factor && number == 0.0 => read("0").map_err(Some),
+        (Some(number), _) if number.is_finite() => Ok(number),
         (_, Some(text)) => read(text).map_err(Some),
         _ => Err(None),
     }

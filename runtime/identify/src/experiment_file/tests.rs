@@ -39,7 +39,10 @@ fn columns(text: &str) -> Vec<String> {
     let file = read(text);
     let line = |a: &crate::data::Assignment| {
         let number = a.number.map_or(String::new(), |_| "#".to_owned());
-        format!("{}={number}{} *{} +{}", a.quantity, a.column, a.factor, a.offset)
+        format!(
+            "{}={number}{} *{} +{}",
+            a.quantity, a.column, a.factor, a.offset
+        )
     };
     file.settings.columns.iter().map(line).collect()
 }
@@ -57,7 +60,12 @@ fn patterns_stand_for_parts_of_names_and_single_keys_go_before_them() {
     // qd1 is short for qd_q1; a pattern of the short names means no others
     assert_eq!(
         columns("columns: {qd*: 'v*', qdd_passive: {column: a}, tau1: {column: 9}}"),
-        ["qd_q1=v1 *1 +0", "qd_q2=v2 *1 +0", "qdd_passive=a *1 +0", "tau_q1=#9 *1 +0"]
+        [
+            "qd_q1=v1 *1 +0",
+            "qd_q2=v2 *1 +0",
+            "qdd_passive=a *1 +0",
+            "tau_q1=#9 *1 +0"
+        ]
     );
     assert_eq!(
         columns("columns: {tau_*: {column: 4..5, unit: A, gain: [2, -1/2], factor: 3}}"),
@@ -117,25 +125,49 @@ runs:
         columns: Vec::new(),
     };
     assert_eq!(file.settings, expected);
-    assert_eq!((file.kind, file.delay), (EquationKind::Forces, Delay::Stated));
-    let [first, second] = &file.runs[..] else { panic!() };
+    assert_eq!(
+        (file.kind, file.delay),
+        (EquationKind::Forces, Delay::Stated)
+    );
+    let [first, second] = &file.runs[..] else {
+        panic!()
+    };
     assert_eq!(first.run.files, [Path::new("a.csv"), Path::new("b.csv")]);
-    assert_eq!((first.run.join, first.run.rows, first.run.times), (Join::Time, Some((2, 7)), Some((-1.0, 2.5))));
-    assert_eq!((first.purpose, first.payload), (Purpose::Identify, Payload::UNKNOWN));
+    assert_eq!(
+        (first.run.join, first.run.rows, first.run.times),
+        (Join::Time, Some((2, 7)), Some((-1.0, 2.5)))
+    );
+    assert_eq!(
+        (first.purpose, first.payload),
+        (Purpose::Identify, Payload::UNKNOWN)
+    );
     let carried = Payload::Carried {
         mass: Some(2.8),
         com: Some([0.0, 0.0, 0.05]),
         inertia: None,
     };
-    assert_eq!((second.purpose, second.payload), (Purpose::Validate, carried));
+    assert_eq!(
+        (second.purpose, second.payload),
+        (Purpose::Validate, carried)
+    );
     assert_eq!(file.require_plain().unwrap_err().0.len(), 2);
 
-    let other = read("process: {filter: {butterworth: {order: 4, cutoff: 20}}, delay: 0.01, energy: 0.5}");
-    assert_eq!(other.settings.method, Method::Butterworth { order: 4, cutoff: 20.0 });
+    let other =
+        read("process: {filter: {butterworth: {order: 4, cutoff: 20}}, delay: 0.01, energy: 0.5}");
+    assert_eq!(
+        other.settings.method,
+        Method::Butterworth {
+            order: 4,
+            cutoff: 20.0
+        }
+    );
     let both = [("q1".to_owned(), 0.01), ("q2".to_owned(), 0.01)];
     assert_eq!(other.settings.delays, both);
     assert_eq!(other.kind, EquationKind::Energy { window: 0.5 });
-    assert_eq!(read("process: {delay: auto, filter: none}").delay, Delay::Auto);
+    assert_eq!(
+        read("process: {delay: auto, filter: none}").delay,
+        Delay::Auto
+    );
     assert_eq!(read("{}").settings, Settings::default());
 }
 
@@ -192,22 +224,49 @@ fn columns_that_contradict_each_other_are_refused() {
     for (text, why) in [
         ("columns: {q1: a, 'q1*': 'b*'}", ""),
         ("columns: {q*: 'a*', 'q?': b}", "'q?' means no quantity"),
-        ("columns: {q*: 'a*', '*1': 'b*'}", "q1 has a column by 'q*' already"),
+        (
+            "columns: {q*: 'a*', '*1': 'b*'}",
+            "q1 has a column by 'q*' already",
+        ),
         ("columns: {q*: pos}", "1 column for 2 coordinates: q1 q2"),
         ("columns: {q*: 3}", "1 column for 2 coordinates: q1 q2"),
         ("columns: {q*: 3..5}", "3 columns for 2 coordinates: q1 q2"),
         ("columns: {q**: 'a*'}", "a pattern has one `*`"),
-        ("columns: {q1: {column: a, factor: [1, 2]}}", "2 values for 1 coordinates"),
-        ("columns: {tau1: {column: a, gain: 3}}", "a gain belongs to an effort in A or mA"),
+        (
+            "columns: {q1: {column: a, factor: [1, 2]}}",
+            "2 values for 1 coordinates",
+        ),
+        (
+            "columns: {tau1: {column: a, gain: 3}}",
+            "a gain belongs to an effort in A or mA",
+        ),
         ("columns: {tau1: {column: a, unit: A, gain: 0}}", "it is 0"),
-        ("columns: {t: {column: a}}", "the column of time has a key of its own"),
+        (
+            "columns: {t: {column: a}}",
+            "the column of time has a key of its own",
+        ),
         ("separator: ','\ndecimal: ','", "a comma cannot stand"),
-        ("process: {standstill: {effort: down-weight}}", "memory of a filter"),
-        ("process: {filter: {local: {half_width: 1}, fourier: {frequency: 1, harmonics: 2}}}", "exactly one of"),
-        ("process: {delay: {passive: 0.1}}", "'passive' is none of q1 q2"),
+        (
+            "process: {standstill: {effort: down-weight}}",
+            "memory of a filter",
+        ),
+        (
+            "process: {filter: {local: {half_width: 1}, fourier: {frequency: 1, harmonics: 2}}}",
+            "exactly one of",
+        ),
+        (
+            "process: {delay: {passive: 0.1}}",
+            "'passive' is none of q1 q2",
+        ),
         ("process: {delay: auto, energy: 1}", "not from energy"),
-        ("runs: [{files: [a], payload: {mass: 3}}]", "unknown key 'mass'"),
-        ("runs: [{files: [a], payload: {com: [1, 2]}}]", "expected 3 entries, found 2"),
+        (
+            "runs: [{files: [a], payload: {mass: 3}}]",
+            "unknown key 'mass'",
+        ),
+        (
+            "runs: [{files: [a], payload: {com: [1, 2]}}]",
+            "expected 3 entries, found 2",
+        ),
         ("- a", "expected a mapping with columns"),
         ("a: 1\na: 2", "not YAML"),
         ("rate: [1", "not YAML"),
@@ -229,12 +288,31 @@ fn columns_that_contradict_each_other_are_refused() {
 #[test]
 fn the_files_of_measured_machines_name_every_column() {
     let arm = ["pan", "lift", "elbow", "w1", "w2", "w3"];
-    let [q, a] = [["q1", "q2", "q3", "q4", "q5", "q6", "q7"], ["A1", "A2", "A3", "A4", "A5", "A6", "A7"]];
+    let [q, a] = [
+        ["q1", "q2", "q3", "q4", "q5", "q6", "q7"],
+        ["A1", "A2", "A3", "A4", "A5", "A6", "A7"],
+    ];
     let machines: [(&str, &[&str], usize); 4] = [
-        (include_str!("../../../../robots/measured/ur10e.yaml"), &arm, 19),
-        (include_str!("../../../../robots/measured/dvrk_psm.yaml"), &q, 21),
-        (include_str!("../../../../robots/measured/dvrk_mtm.yaml"), &q, 21),
-        (include_str!("../../../../robots/measured/med7.yaml"), &a, 14),
+        (
+            include_str!("../../../../robots/measured/ur10e.yaml"),
+            &arm,
+            19,
+        ),
+        (
+            include_str!("../../../../robots/measured/dvrk_psm.yaml"),
+            &q,
+            21,
+        ),
+        (
+            include_str!("../../../../robots/measured/dvrk_mtm.yaml"),
+            &q,
+            21,
+        ),
+        (
+            include_str!("../../../../robots/measured/med7.yaml"),
+            &a,
+            14,
+        ),
     ];
     for (text, coordinates, columns) in machines {
         let actuated: Vec<usize> = (0..coordinates.len()).collect();
@@ -270,5 +348,8 @@ fn the_schema_closes_every_record_and_describes_every_key() {
     }
     let mut keys = 0;
     visit(&serde_json::from_str(&schema()).unwrap(), &mut keys);
-    assert_eq!(keys, 47, "keys were added or lost: adjust this number knowingly");
+    assert_eq!(
+        keys, 48,
+        "keys were added or lost: adjust this number knowingly"
+    );
 }

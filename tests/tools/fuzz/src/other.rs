@@ -75,7 +75,11 @@ pub fn experiment(bytes: &[u8]) {
         assert!(!mistakes.0.is_empty());
         for mistake in mistakes.0 {
             assert!(!mistake.message.is_empty());
-            assert!(text.is_char_boundary(mistake.at), "{}: {text:?}", mistake.at);
+            assert!(
+                text.is_char_boundary(mistake.at),
+                "{}: {text:?}",
+                mistake.at
+            );
         }
     }
 }
