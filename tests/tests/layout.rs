@@ -64,7 +64,13 @@ fn the_top_level_holds_what_was_agreed() {
 #[test]
 fn the_folder_of_robots_holds_robots() {
     for name in names(&files::robots()) {
-        let known = ["README.md", "spec.schema.json", "measured"].contains(&name.as_str());
+        let known = [
+            "README.md",
+            "measured",
+            "runs.schema.json",
+            "spec.schema.json",
+        ]
+        .contains(&name.as_str());
         let extension = Path::new(&name).extension().and_then(|e| e.to_str());
         assert!(
             known || matches!(extension, Some("yaml" | "base")),

@@ -1,8 +1,6 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use std::path::PathBuf;
-
-use regen_identify::data::DataError;
+use regen_identify::data::{DataError, Run};
 use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_constants};
 use regen_identify::identify::{Options, digest};
@@ -18,8 +16,8 @@ use crate::exit::Failure;
 use crate::identify_json::{IdentifyJson, ModelJson, Summary};
 use crate::identify_table::to_text;
 use crate::{
-    delay, identify_iv, load, observe, outputs, parameters, physical, predicted, reduce, report,
-    suspect, table, terminal, write,
+    delay, experiment, identify_iv, load, observe, outputs, parameters, physical, predicted,
+    reduce, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.
@@ -49,6 +47,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         return Err(Failure::Input(text));
     }
     let source = load::source(&args.file)?;
+    let mut args = args.clone();
+    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    if args.from.is_empty() {
+        experiment::require_runs(&args.logs)?;
+    }
+    args.physical.against.extend(planned);
+    let args = &args;
     let robot = load::with_base(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -101,10 +106,10 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         }
     };
     let (mut identified, more) = models(args, &session, &start, &mut summary)?;
-    let logs = args.logs.iter().chain(&args.from);
-    let mut logs: Vec<String> = logs
-        .map(|path| predicted::stem(&path.display().to_string()))
-        .collect();
+    let logs = args.logs.iter().map(ToString::to_string);
+    let factors = args.from.iter().map(|path| path.display().to_string());
+    let logs = logs.chain(factors).map(|name| predicted::stem(&name));
+    let mut logs: Vec<String> = logs.collect();
     // sorted, so that the order of the logs on the command line does not change the file
     logs.sort();
     identified.provenance = Provenance {
@@ -184,7 +189,7 @@ fn models(
     }
     let more = found.len() > 1;
     if more || !args.physical.against.is_empty() {
-        let logs: Vec<PathBuf> = args
+        let logs: Vec<Run> = args
             .logs
             .iter()
             .chain(&args.physical.against)
@@ -277,7 +282,7 @@ fn logs(
     }
     note_unexplained(&start.errors);
     let mut summary = Summary::of(&start);
-    summary.corrected_delays = observe::delays(&args.reading);
+    summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(
         args,
         model,

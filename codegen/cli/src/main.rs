@@ -9,6 +9,7 @@ mod delay;
 mod eval;
 mod excite;
 mod exit;
+mod experiment;
 mod export;
 mod generate;
 mod identify;
@@ -51,7 +52,7 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 
-use args::{Cli, Command};
+use args::{Cli, Command, SchemaArg};
 use exit::Failure;
 
 fn main() -> ExitCode {
@@ -83,7 +84,10 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Report(args)) => report::run(&args),
-        Some(Command::Schema) => terminal::print(&regen_codegen::spec::schema()),
+        Some(Command::Schema { of }) => terminal::print(&match of {
+            SchemaArg::Spec => regen_codegen::spec::schema(),
+            SchemaArg::Experiment => regen_identify::experiment_file::schema(),
+        }),
         Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

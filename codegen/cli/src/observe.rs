@@ -1,18 +1,20 @@
 //! `regen observe`: reduces logs to a factor file; also how all commands read logs.
 
-use std::path::PathBuf;
-
-use regen_identify::data::{DataError, FileReport, Policy, Settings};
+use regen_identify::data::{
+    Checks, DataError, Fault, FileReport, Policies, Policy, Problems, Quantity, Run, Settings,
+};
 use regen_identify::estimate::{EstimateError, FactorSet};
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError};
-use regen_identify::signals::Method;
+use regen_identify::signals::{Method, SignalError};
 use serde::Serialize;
 
-use crate::args::{DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg};
+use crate::args::{
+    DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
+};
 use crate::exit::Failure;
 use crate::watch::TERMINAL;
-use crate::{load, table, terminal, write};
+use crate::{experiment, load, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen observe`.
@@ -61,7 +63,7 @@ impl FileJson {
                 .collect(),
             dropped: report
                 .problems
-                .left_out(report.policy)
+                .left_out(&report.policies)
                 .iter()
                 .map(|(_, count)| count)
                 .sum(),
@@ -71,7 +73,11 @@ impl FileJson {
 
 /// Runs the command.
 pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let source = load::source(&args.file)?;
+    let mut args = args.clone();
+    experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    experiment::require_runs(&args.logs)?;
+    let robot = load::derived(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;
@@ -154,11 +160,12 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
 /// Refuses combinations of reading options that contradict each other.
 pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
-        let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
+        let text = "delays that are found (auto) are for `identify`: give the values that it \
+                    printed, --delay NAME=S";
         return Err(Failure::Input(text.to_owned()));
     }
-    if reading.standstill == StandstillArg::Weigh && settings(reading).method.smoothing().is_none()
-    {
+    let settings = settings(reading);
+    if settings.standstill == Standstill::Weigh && settings.method.smoothing().is_none() {
         let text = "--standstill weigh weighs equations by how long their joints moved within the \
                     memory of a filter, and there is none: give --butterworth or --local, or choose \
                     drop or keep";
@@ -168,13 +175,13 @@ pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
 }
 
 /// Opens logs as the options say, with progress bars for the passes over them.
-pub(crate) fn open<'m>(
+pub(crate) fn open<'m, R: Clone + Into<Run>>(
     model: &'m Interpreted<'m>,
-    paths: &[PathBuf],
+    runs: &[R],
     reading: &ReadingArgs,
 ) -> Result<MonitoredLogs<'m, Interpreted<'m>>, Failure> {
     require_consistent(reading)?;
-    Ok(session(model, reading).open(paths)?)
+    Ok(session(model, reading).open(runs)?)
 }
 
 /// An identification session with the options' reading and default settings of the solution.
@@ -192,56 +199,80 @@ pub(crate) fn session<'m>(
     }
 }
 
-/// The settings for reading logs.
+/// The settings for reading logs: those of the experiment file, if there is one, and over them the
+/// options.
 pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
-    let method = if let Some((frequency, harmonics)) = reading.fourier {
-        Method::Fourier {
+    let stated = reading
+        .experiment
+        .as_ref()
+        .map(|found| found.settings.clone());
+    let mut settings = stated.unwrap_or_default();
+    settings.columns.splice(..0, reading.column.iter().cloned());
+    // a time counted by the rate of the file has no column
+    if reading
+        .column
+        .iter()
+        .any(|column| column.quantity == Quantity::Time)
+    {
+        settings.rate = None;
+    }
+    settings.rate = reading.rate.or(settings.rate);
+    settings.resample = reading.resample.or(settings.resample);
+    if let Some(velocities) = reading.velocities {
+        settings.measured_rates = velocities == VelocitiesArg::Measured;
+    }
+    if let Some((frequency, harmonics)) = reading.fourier {
+        settings.method = Method::Fourier {
             frequency,
             harmonics,
-        }
+        };
     } else if let Some((cutoff, order)) = reading.butterworth {
-        Method::Butterworth { order, cutoff }
+        settings.method = Method::Butterworth { order, cutoff };
     } else if let Some(half_width) = reading.local {
-        Method::Local { half_width }
-    } else {
-        Method::Central
-    };
-    Settings {
-        columns: reading.column.clone(),
-        method,
-        policy: match reading.problems {
+        settings.method = Method::Local { half_width };
+    }
+    if let Some(problems) = reading.problems {
+        settings.checks = Checks::default();
+        settings.policy = match problems {
             ProblemsArg::Fail => Policy::Fail,
             ProblemsArg::Drop => Policy::Drop,
             ProblemsArg::Keep => Policy::Keep,
             ProblemsArg::Tell => Policy::Tell,
-        },
-        decimation: reading.decimate.max(1),
-        period: reading.period,
-        deviations: reading.deviation.clone(),
-        standstill: match reading.standstill {
+        };
+    }
+    if let Some(decimation) = reading.decimate {
+        settings.decimation = decimation.max(1);
+    }
+    settings.period = reading.period.or(settings.period);
+    settings
+        .deviations
+        .splice(..0, reading.deviation.iter().cloned());
+    if let Some(standstill) = reading.standstill {
+        settings.standstill = match standstill {
             StandstillArg::Drop => Standstill::Drop,
             StandstillArg::Keep => Standstill::Keep,
             StandstillArg::Weigh => Standstill::Weigh,
-        },
-        rest_speed: reading.rest_speed,
-        delays: delays(reading),
+        };
     }
-}
-
-/// The delays of efforts given as numbers in the options, s.
-pub(crate) fn delays(reading: &ReadingArgs) -> Vec<(String, f64)> {
-    let stated = reading.delay.iter().filter_map(|delay| match delay {
+    settings.rest_speed = reading.rest_speed.unwrap_or(settings.rest_speed);
+    let given = reading.delay.iter().filter_map(|delay| match delay {
         DelayArg::Of(name, seconds) => Some((name.clone(), *seconds)),
         DelayArg::Auto => None,
     });
-    stated.collect()
+    let given: Vec<(String, f64)> = given.collect();
+    settings
+        .delays
+        .retain(|(name, _)| !given.iter().any(|(own, _)| own == name));
+    settings.delays.extend(given);
+    settings
 }
 
-/// The equations that the options ask for: forces or energy balance.
+/// The equations that the options or the experiment file ask for: forces or energy balance.
 pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
-    match reading.energy {
-        Some(window) => EquationKind::Energy { window },
-        None => EquationKind::Forces,
+    match (reading.energy, &reading.experiment) {
+        (Some(window), _) => EquationKind::Energy { window },
+        (None, Some(found)) => found.kind,
+        (None, None) => EquationKind::Forces,
     }
 }
 
@@ -255,34 +286,44 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
                 report.still.join(", ")
             ));
         }
-        let count = report.problems.total();
-        let what = match report.policy {
-            Policy::Keep => {
-                // rows that even `keep` cannot use are reported
-                let lost = report.problems.left_out(report.policy);
-                let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
-                let kinds: Vec<String> = kinds.collect();
-                if !kinds.is_empty() {
-                    terminal::note(&format!(
-                        "warning: {}: rows that cannot be kept were left out: {}",
-                        report.file,
-                        kinds.join(", ")
-                    ));
-                }
-                continue;
-            }
-            Policy::Tell => "are doubtful; those that are numbers are used",
-            Policy::Fail | Policy::Drop => "were left out",
-        };
-        if count > 0 {
-            let text = format!(
-                "warning: {}: {count} rows or gaps {what}\n{}",
-                report.file, report.problems
+        for policy in [Policy::Fail, Policy::Drop, Policy::Tell, Policy::Keep] {
+            note_treated(
+                &report.file,
+                &report.problems.treated(&report.policies, policy),
+                policy,
             );
-            terminal::note(text.trim_end());
         }
     }
 }
+
+/// Prints the rows of a log that were treated in one way.
+fn note_treated(file: &str, problems: &Problems, policy: Policy) {
+    let what = match policy {
+        Policy::Keep => {
+            // rows that even `keep` cannot use are reported
+            let lost = problems.left_out(&Policies::from(policy));
+            let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
+            let kinds: Vec<String> = kinds.collect();
+            if !kinds.is_empty() {
+                terminal::note(&format!(
+                    "warning: {file}: rows that cannot be kept were left out: {}",
+                    kinds.join(", ")
+                ));
+            }
+            return;
+        }
+        Policy::Tell => "are doubtful; those that are numbers are used",
+        Policy::Fail | Policy::Drop => "were left out",
+    };
+    let count = problems.total();
+    if count > 0 {
+        let text = format!("warning: {file}: {count} rows or gaps {what}\n{problems}");
+        terminal::note(text.trim_end());
+    }
+}
+
+/// A gap of at most this many usual steps is one of an uneven clock.
+const SHORT_GAP_STEPS: f64 = 3.0;
 
 impl From<DataError> for Failure {
     fn from(error: DataError) -> Self {
@@ -290,19 +331,39 @@ impl From<DataError> for Failure {
             DataError::Io { .. } => Self::Io(error.to_string()),
             DataError::Estimate(error) => error.into(),
             DataError::Feasibility(error) => error.into(),
-            DataError::Problems { .. } => Self::Input(format!(
-                "{error}  leave them out with --problems drop, or use those that are numbers with \
-                 --problems keep"
-            )),
+            DataError::Problems { ref problems, .. } => {
+                let is_short = |fault: &Fault| match fault {
+                    Fault::Gap { step, usual } => *step <= SHORT_GAP_STEPS * usual,
+                    _ => false,
+                };
+                let resample = if problems.first.iter().all(|p| is_short(&p.what)) {
+                    "; or interpolate uneven steps with --resample HZ"
+                } else {
+                    ""
+                };
+                Self::Input(format!(
+                    "{error}  leave them out with --problems drop, or use those that are numbers \
+                     with --problems keep{resample}"
+                ))
+            }
+            DataError::Signal {
+                why: SignalError::NotUniform { .. },
+                ..
+            } => Self::Input(format!("{error}: --resample HZ")),
             DataError::Columns {
                 file,
                 why,
                 assignment,
-            } => Self::Input(if assignment.contains('*') {
-                format!("{file}: {why} --column '{assignment}'")
-            } else {
-                format!("{file}: {why} --column {assignment}")
-            }),
+            } => {
+                let quote = if assignment.contains('*') { "'" } else { "" };
+                let rate = if assignment.starts_with("t=") {
+                    ", or give the rate of the rows with --rate HZ"
+                } else {
+                    ""
+                };
+                let text = format!("{file}: {why} --column {quote}{assignment}{quote}{rate}");
+                Self::Input(text)
+            }
             DataError::NonlinearFrictionInEnergyBalance => {
                 Self::Input(format!("{error}: leave out --energy"))
             }
@@ -332,6 +393,9 @@ impl From<EstimateError> for Failure {
             EstimateError::TooShort { .. }
             | EstimateError::Undetermined { .. }
             | EstimateError::NoConvergence => Self::Numeric(error.to_string()),
+            EstimateError::Signal(SignalError::NotUniform { .. }) => {
+                Self::Input(format!("{error}: --resample HZ"))
+            }
             other => Self::Input(other.to_string()),
         }
     }

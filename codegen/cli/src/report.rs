@@ -6,7 +6,7 @@ use regen_codegen::robot::Robot;
 
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
-use crate::{load, observe, parameters, terminal, write};
+use crate::{experiment, load, observe, parameters, terminal, write};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -47,7 +47,12 @@ struct Outputs<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let source = load::source(&args.file)?;
+    let mut args = args.clone();
+    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    experiment::require_runs(&args.logs)?;
+    args.against.extend(planned);
+    let robot = load::derived(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

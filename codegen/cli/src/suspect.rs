@@ -11,7 +11,7 @@ use regen_interpreted::Interpreted;
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;
-use crate::{progress, terminal};
+use crate::{observe, progress, terminal};
 
 /// A suspected mistake in a log.
 #[derive(Serialize)]
@@ -87,12 +87,13 @@ pub(crate) fn warn(
         return Vec::new();
     }
     let working = progress::later("looking at the columns");
+    let given = observe::settings(&args.reading).columns;
     let mut out = Vec::new();
     for (k, report) in logs.reports().iter().enumerate() {
         let Ok(sample) = logs.sample(k) else { continue };
         let columns = LogColumns {
             file: &report.file,
-            given: &args.reading.column,
+            given: &given,
             model,
         };
         out.extend(one(&columns, &sample, found, &mut |k, n| working.at(k, n)));

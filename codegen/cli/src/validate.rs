@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{load, observe, parameters, predicted, table, terminal};
+use crate::{experiment, load, observe, parameters, predicted, table, terminal};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
@@ -39,7 +39,18 @@ struct LogError {
 
 /// Runs the command.
 pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let source = load::source(&args.file)?;
+    let mut args = args.clone();
+    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    if !planned.is_empty() {
+        args.logs = planned;
+    } else if args.reading.experiment.is_some() {
+        terminal::note(
+            "note: no run of the experiment file is `use: validate`: the logs are predicted that \
+             are named, or else all runs",
+        );
+    }
+    let robot = load::derived(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
@@ -55,8 +66,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             },
         ));
     }
-    for path in &args.logs {
-        let mut log = observe::open(&model, std::slice::from_ref(path), &args.reading)?;
+    for run in &args.logs {
+        let mut log = observe::open(&model, std::slice::from_ref(run), &args.reading)?;
         let (set, left_out) = identify::observe(&model, kind, &mut log)?;
         let means = set.means();
         observe::note_problems(log.logs().reports());
@@ -64,8 +75,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             terminal::note(&format!(
                 "{}: all {} samples rest, and equations at rest are left out: nothing is \
                  predicted. --standstill keep predicts them",
-                path.display(),
-                left_out.samples
+                run, left_out.samples
             ));
         }
         for (identified, predicted) in &mut models {
@@ -81,7 +91,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let json = ValidateJson {
         robot: robot.name.clone(),
         kind: kind.name(),
-        logs: args.logs.iter().map(|p| p.display().to_string()).collect(),
+        logs: args.logs.iter().map(ToString::to_string).collect(),
         models: models.into_iter().map(|(_, predicted)| predicted).collect(),
     };
     terminal::print(&match args.format {

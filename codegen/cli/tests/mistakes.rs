@@ -110,8 +110,8 @@ const LOGS: [Mistake; 23] = [
     ("an encoder jumps a turn", |l| cell(l, 200, 1, "8.4"), &[]),
     ("no header", |l| drop(l.remove(0)), &[]),
     (
-        "semicolons",
-        |l| l.iter_mut().for_each(|row| *row = row.replace(',', ";")),
+        "blanks",
+        |l| l.iter_mut().for_each(|row| *row = row.replace(',', " ")),
         &[],
     ),
     ("an empty cell", |l| cell(l, 7, 1, ""), &[]),

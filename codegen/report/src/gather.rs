@@ -1,9 +1,7 @@
 //! Reads the data of a report from logs: motion, measured and predicted forces, singular values.
 
-use std::path::{Path, PathBuf};
-
 use nalgebra::DMatrix;
-use regen_identify::data::DataError;
+use regen_identify::data::{DataError, FileReport, Run};
 use regen_identify::estimate::EffortError;
 use regen_identify::identify::{self, EquationKind, Source};
 use regen_runtime::{BaseModel, Model};
@@ -22,6 +20,8 @@ pub(super) struct LogRows {
     pub(super) file: String,
     /// Whether velocities and accelerations were measured.
     pub(super) derivatives: bool,
+    /// Whether velocities alone were read.
+    pub(super) velocities: bool,
     pub(super) t: Vec<f64>,
     /// Positions of all coordinates, n per row, rad or m; `qd` and `qdd` are their derivatives.
     pub(super) q: Vec<f64>,
@@ -65,18 +65,16 @@ pub(super) struct Spectra {
 /// Reads the rows of one log and predicts their efforts.
 pub(super) fn read_log(
     session: &Session<'_, Interpreted<'_>>,
-    path: &Path,
+    run: &Run,
     identified: &IdentifiedModel,
 ) -> Result<LogRows, ReportError> {
     let model = session.model;
-    let mut logs = session.open(&[path.to_owned()])?;
+    let mut logs = session.open(std::slice::from_ref(run))?;
+    let every = |has: fn(&FileReport) -> bool| logs.logs().reports().iter().all(has);
     let mut seen = LogRows {
-        file: name(path),
-        derivatives: logs
-            .logs()
-            .reports()
-            .iter()
-            .all(|report| report.derivatives),
+        file: name(run),
+        derivatives: every(|report| report.derivatives),
+        velocities: every(|report| report.velocities),
         t: Vec::new(),
         q: Vec::new(),
         qd: Vec::new(),
@@ -110,16 +108,16 @@ pub(super) fn read_log(
 /// The prediction errors of the model on a log.
 pub(super) fn errors(
     session: &Session<'_, Interpreted<'_>>,
-    path: &PathBuf,
+    run: &Run,
     identified: &IdentifiedModel,
     used: bool,
 ) -> Result<Errors, ReportError> {
     let (model, kind) = (session.model, session.kind);
-    let mut log = session.open(std::slice::from_ref(path))?;
+    let mut log = session.open(std::slice::from_ref(run))?;
     let means = identify::observe(model, kind, &mut log)?.0.means();
     let found = identified.residuals(model, kind, &mut log, &means, 1)?;
     Ok(Errors {
-        file: name(path),
+        file: name(run),
         used,
         all: found.relative_absolute(),
         efforts: found.efforts(),
@@ -158,7 +156,8 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Spectra
 }
 
 /// A file's name without its folders, since these differ between machines.
-pub(super) fn name(path: &Path) -> String {
-    let name = path.file_name().unwrap_or(path.as_os_str());
-    name.to_string_lossy().into_owned()
+pub(super) fn name(run: &Run) -> String {
+    let name = run.to_string();
+    let file = name.rsplit(['/', std::path::MAIN_SEPARATOR]).next();
+    file.map_or_else(|| name.clone(), str::to_owned)
 }

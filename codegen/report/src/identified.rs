@@ -1,9 +1,7 @@
 //! The report of an identified model: its inputs and the page that is made of them.
 
-use std::path::PathBuf;
-
 use regen_codegen::robot::Robot;
-use regen_identify::data::Settings;
+use regen_identify::data::{Run, Settings};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::Session;
@@ -29,9 +27,9 @@ pub struct Inputs<'a> {
     pub identified: &'a IdentifiedModel,
     /// The logs that it was identified from, at least one; motion and forces are shown for the
     /// first.
-    pub logs: &'a [PathBuf],
+    pub logs: &'a [Run],
     /// Logs that were not used for identification.
-    pub validation: &'a [PathBuf],
+    pub validation: &'a [Run],
 }
 
 /// A report.
@@ -72,7 +70,7 @@ pub(crate) struct Content<'a> {
 ///
 /// ```
 /// use regen_codegen::{diag::Source, pipeline};
-/// use regen_identify::data::Settings;
+/// use regen_identify::data::{Run, Settings};
 /// use regen_identify::files::ParameterFile;
 /// use regen_identify::identify::{EquationKind, Options};
 /// use regen_identify::session::{Session, Silent, from_logs};
@@ -109,7 +107,7 @@ pub(crate) struct Content<'a> {
 ///     confidence: 0.95,
 ///     watch: &Silent,
 /// };
-/// let logs = [path.clone()];
+/// let logs = [Run::from(path.clone())];
 /// let start = from_logs(&session, &mut session.open(&logs)?)?;
 /// let (identified, shares) = (start.model(), EffortContributions::of(&start.factor));
 /// let file = ParameterFile::new(&model, &identified, &shares, Vec::new(), 0.95)?;
@@ -147,7 +145,7 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
         file: inputs.file,
         nominal: nominal.collect(),
         errors,
-        method: method(&session.reading, seen.derivatives),
+        method: method(&session.reading, seen.derivatives, seen.velocities),
         motion: figures::motion(model, &seen)?,
         forces: figures::forces(model, &seen)?,
         friction: figures::friction(model, &seen, identified)?,
@@ -174,11 +172,20 @@ impl Content<'_> {
 }
 
 /// The method by which logs were differentiated; `measured` where velocities and accelerations are
-/// columns of the log.
-fn method(reading: &Settings, measured: bool) -> String {
+/// columns of the log, `velocities` where velocities alone are.
+fn method(reading: &Settings, measured: bool, velocities: bool) -> String {
     if measured {
         return "velocities and accelerations as they were measured".to_owned();
     }
+    let own = of_positions(reading);
+    if velocities {
+        format!("{own} of velocities as they were measured")
+    } else {
+        own
+    }
+}
+
+fn of_positions(reading: &Settings) -> String {
     match reading.method {
         Method::Fourier {
             frequency,

@@ -2,9 +2,8 @@
 //! after smoothing, or at that of a robot simulated under control along a reference.
 
 use core::fmt;
-use std::path::PathBuf;
 
-use regen_identify::data::{DataError, Logs, Settings as Reading};
+use regen_identify::data::{DataError, Logs, Run, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{self, InstrumentOptions, Instrumental, Motion};
 use regen_identify::model::{IdentifiedModel, Intervals};
@@ -48,7 +47,7 @@ pub struct Found {
 pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &LeastSquaresStart,
-    logs: &[PathBuf],
+    logs: &[Run],
     reference: Option<(&FourierReference, &[Gains])>,
 ) -> Result<Found, InstrumentError> {
     let model = session.model;

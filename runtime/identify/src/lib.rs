@@ -1,6 +1,6 @@
 //! Dynamic parameters of a robot from logs of its motion.
 //!
-//! The steps: [`data`] reads samples from a log, [`signals`] differentiates them to states of
+//! The steps: [`data`] reads samples from a log, as an [`experiment_file`] may say, [`signals`] differentiates them to states of
 //! motion, [`identify`] sets up the equations in the base parameters, [`estimate`] reduces them to
 //! a QR factor and solves for the parameters and their standard deviations. [`feasibility`] finds
 //! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
@@ -26,6 +26,7 @@
 
 pub mod data;
 pub mod estimate;
+pub mod experiment_file;
 pub mod feasibility;
 pub mod files;
 pub mod friction;

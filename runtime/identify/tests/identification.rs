@@ -14,6 +14,8 @@ mod instruments;
 mod motion;
 #[path = "identification/observation.rs"]
 mod observation;
+#[path = "identification/reading.rs"]
+mod reading;
 #[path = "identification/robust.rs"]
 mod robust;
 

@@ -6,12 +6,13 @@ use clap::{Args, ValueEnum};
 
 use super::format::Format;
 use super::physical::PhysicalArgs;
-use super::reading::{ReadingArgs, at_least_one};
+use super::reading::{ReadingArgs, at_least_one, run};
 use super::report::ReportOptions;
 use super::simulate::gains;
 use regen_experiment::simulate::Gains;
+use regen_identify::data::Run;
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Writes one triangular factor per effort: all that least squares needs of the
 logs, of the same size whatever their length. Factors of any number of runs are
@@ -24,9 +25,9 @@ Example:
 pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs, CSV or Parquet files
-    #[arg(required = true, value_name = "LOG")]
-    pub(crate) logs: Vec<PathBuf>,
+    /// Logs, CSV or Parquet files; or an experiment file, YAML
+    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    pub(crate) logs: Vec<Run>,
     /// Where the factors are written
     #[arg(long, value_name = "FACTORS")]
     pub(crate) out: PathBuf,
@@ -44,7 +45,14 @@ efforts, qd_NAME and qdd_NAME where velocities and accelerations are measured.
 Positions of as many coordinates as the robot has degrees of freedom suffice,
 with the efforts of all actuated ones; the rest comes from the loop closure.
 
+An experiment file, YAML, says instead of options how logs are read: columns by
+name, number or pattern with units, factors and gains, files side by side, rows
+and times, filter and checks, and which logs validate (printed as --against).
+Options win over it, and logs beside it are read in place of its runs; `regen
+schema experiment` describes its keys.
+
 Examples:
+  regen identify arm.yaml runs.yaml --out p.json
   regen identify robots/3rps.yaml run1.csv run2.csv --fourier 0.1333,11
   regen identify robots/3rps.yaml run.csv --butterworth 4,20 --decimate 10
   regen identify robots/fivebar.yaml run.csv --local 0.05 --huber 1.345
@@ -73,9 +81,9 @@ has eps_RA (Eq. 33) of each model on each log, as the chapter's Table 4.")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs, CSV or Parquet files
-    #[arg(required_unless_present = "from", value_name = "LOG")]
-    pub(crate) logs: Vec<PathBuf>,
+    /// Logs, CSV or Parquet files; or an experiment file, YAML
+    #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run())]
+    pub(crate) logs: Vec<Run>,
     /// Factor files instead of logs, merged
     #[arg(long, num_args = 1.., value_name = "FACTORS", conflicts_with_all = ["logs", "huber", "cross"])]
     pub(crate) from: Vec<PathBuf>,
@@ -127,7 +135,7 @@ pub(crate) struct IdentifyArgs {
     pub(crate) report: ReportOptions,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 PARAMS is a file that `regen identify --out` wrote, or an object (JSON, or YAML
 if its name ends so) with the labels of all parameters or of all base parameters
@@ -143,9 +151,9 @@ pub(crate) struct ValidateArgs {
     pub(crate) file: PathBuf,
     /// Identified parameters
     pub(crate) params: PathBuf,
-    /// Logs that were not used for identification
-    #[arg(required = true, value_name = "LOG")]
-    pub(crate) logs: Vec<PathBuf>,
+    /// Logs that were not used for identification; or an experiment file, YAML
+    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    pub(crate) logs: Vec<Run>,
     /// Further parameters to compare with
     #[arg(long, value_name = "PARAMS", num_args = 1..)]
     pub(crate) beside: Vec<PathBuf>,

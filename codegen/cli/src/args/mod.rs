@@ -19,7 +19,7 @@ pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;
 pub(crate) use identify::{IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use physical::{PhysicalArgs, PriorArg};
-pub(crate) use reading::{DelayArg, ProblemsArg, ReadingArgs, StandstillArg};
+pub(crate) use reading::{DelayArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg};
 pub(crate) use report::ReportArgs;
 pub(crate) use simulate::SimulateArgs;
 pub(crate) use view::ViewArgs;
@@ -171,8 +171,12 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Show the mechanism in 3D, on one page for a browser
     View(ViewArgs),
-    /// Print the JSON Schema of the spec format, for editors
-    Schema,
+    /// Print the JSON Schema of specs or experiment files, for editors
+    Schema {
+        /// The kind of file
+        #[arg(value_enum, default_value_t)]
+        of: SchemaArg,
+    },
     /// Print a manual page, of regen or of one of its commands
     #[command(
         after_help = "Examples:\n  regen man | man -l -\n  regen man identify > regen-identify.1"
@@ -486,6 +490,16 @@ pub(crate) struct ImportArgs {
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+}
+
+/// The kind of file that a schema describes
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SchemaArg {
+    /// The description of a robot
+    #[default]
+    Spec,
+    /// How logs are read
+    Experiment,
 }
 
 /// What an imported robot's root stands on

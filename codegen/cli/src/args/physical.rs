@@ -4,7 +4,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{ArgGroup, Args};
+use regen_identify::data::Run;
 use regen_identify::intervals::DEFAULT_DRAWS;
+
+use super::reading::run;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Physical parameters")]
@@ -24,8 +27,8 @@ pub(crate) struct PhysicalArgs {
     pub(crate) reduce: bool,
     /// Logs to predict with every model that was found, and by which --reduce is
     /// cross-validated
-    #[arg(long, value_name = "LOG", num_args = 1..)]
-    pub(crate) against: Vec<PathBuf>,
+    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run())]
+    pub(crate) against: Vec<Run>,
     /// Believe in the spec's nominal values: `weighted` or `weighted:PERCENT` by
     /// standard deviations in percent of them [default 30], `entropic` or
     /// `entropic:WEIGHT` by the divergence of pseudo-inertias [default 1]

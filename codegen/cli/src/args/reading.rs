@@ -1,15 +1,35 @@
 //! The options for reading logs, shared by all commands that read them.
 
+use std::path::PathBuf;
+
+use clap::builder::{OsStringValueParser, TypedValueParser, ValueParser};
 use clap::{Args, ValueEnum};
+use regen_identify::data::Run;
+
+use crate::experiment::Experiment;
 
 /// How logs are read and differentiated.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Reading logs")]
 pub(crate) struct ReadingArgs {
+    /// Where the files of an experiment file are [default: its own folder]
+    #[arg(long = "logs", id = "folder", value_name = "DIR")]
+    pub(crate) folder: Option<PathBuf>,
     /// A column whose header does not say what it is: Q=COLUMN, and
-    /// behind it :UNIT and *FACTOR where they are needed
+    /// behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_identify::data::Assignment>,
+    /// The rate of the rows in Hz, where no column has their time
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    pub(crate) rate: Option<f64>,
+    /// Interpolate the rows onto an even grid of this rate in Hz, where the steps of
+    /// their clock are uneven
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    pub(crate) resample: Option<f64>,
+    /// Which velocities are used. Measured ones pass the filter of the positions, and
+    /// accelerations are their derivative; --fourier uses positions only
+    #[arg(long, value_enum)]
+    pub(crate) velocities: Option<VelocitiesArg>,
     /// Differentiate the finite Fourier series of this frequency in Hz and
     /// number of harmonics
     #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method")]
@@ -23,8 +43,8 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "S", group = "method")]
     pub(crate) local: Option<f64>,
     /// Take only each N-th state, after filtering
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = at_least_one)]
-    pub(crate) decimate: usize,
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    pub(crate) decimate: Option<usize>,
     /// Average the runs of a trajectory of this period in s
     #[arg(long, value_name = "S")]
     pub(crate) period: Option<f64>,
@@ -32,17 +52,17 @@ pub(crate) struct ReadingArgs {
     /// than needed: NAME=VALUE
     #[arg(long, value_name = "NAME=VALUE", value_parser = named)]
     pub(crate) deviation: Vec<(String, f64)>,
-    /// What is done with rows that cannot be used
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) problems: ProblemsArg,
+    /// What is done with rows that cannot be used [default: fail]
+    #[arg(long, value_enum)]
+    pub(crate) problems: Option<ProblemsArg>,
     /// What is done with equations of joints at rest, which static friction holds:
     /// those whose encoders stay within a step or their noise for 0.2 s, or whose
-    /// velocity is not sure to differ from zero
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) standstill: StandstillArg,
+    /// velocity is not sure to differ from zero [default: drop]
+    #[arg(long, value_enum)]
+    pub(crate) standstill: Option<StandstillArg>,
     /// Velocities below this, rad/s or m/s, count as rest too
-    #[arg(long, value_name = "V", default_value_t = 0.0, value_parser = not_negative)]
-    pub(crate) rest_speed: f64,
+    #[arg(long, value_name = "V", value_parser = not_negative)]
+    pub(crate) rest_speed: Option<f64>,
     /// By how many seconds an effort is logged after the motion that it belongs to:
     /// NAME=S. Every `identify` estimates it; `auto` corrects what it finds
     #[arg(long, value_name = "NAME=S|auto")]
@@ -51,13 +71,29 @@ pub(crate) struct ReadingArgs {
     /// the equations of motion: no accelerations are needed
     #[arg(long, value_name = "S")]
     pub(crate) energy: Option<f64>,
+    /// What the experiment file says, over which the options win.
+    #[arg(skip)]
+    pub(crate) experiment: Option<Box<Experiment>>,
+}
+
+/// Parses the path of a log or an experiment file.
+pub(crate) fn run() -> ValueParser {
+    ValueParser::new(OsStringValueParser::new().map(|path| Run::from(PathBuf::from(path))))
+}
+
+/// Which velocities are used
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum VelocitiesArg {
+    /// Those of the log's columns, where it has any [default]
+    Measured,
+    /// Those computed from the positions
+    Computed,
 }
 
 /// What is done with rows that cannot be used
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProblemsArg {
     /// List them and stop
-    #[default]
     Fail,
     /// Go on without them; the log is cut there
     Drop,
@@ -93,10 +129,9 @@ impl std::str::FromStr for DelayArg {
 }
 
 /// What is done with equations of joints at rest
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StandstillArg {
     /// Leave them out
-    #[default]
     Drop,
     /// Use them as all others
     Keep,
@@ -120,6 +155,13 @@ pub(super) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(value) if value > 0 => Ok(value),
         _ => Err(format!("`{text}` is not a whole number of at least 1")),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("`{text}` is not a finite number above 0")),
     }
 }
 

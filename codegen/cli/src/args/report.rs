@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::reading::ReadingArgs;
+use super::reading::{ReadingArgs, run};
+use regen_identify::data::Run;
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 The page has the model and its base parameters, the motion beside its limits,
 forces measured and predicted, the parameters with their deviations, friction,
@@ -21,15 +22,16 @@ pub(crate) struct ReportArgs {
     pub(crate) file: PathBuf,
     /// What `regen identify --out` wrote
     pub(crate) params: PathBuf,
-    /// The logs that it was identified from; forces are shown for the first
-    #[arg(required = true, value_name = "LOG")]
-    pub(crate) logs: Vec<PathBuf>,
+    /// The logs that it was identified from, or an experiment file; forces are
+    /// shown for the first
+    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    pub(crate) logs: Vec<Run>,
     /// Where the page is written
     #[arg(long, value_name = "HTML")]
     pub(crate) out: PathBuf,
     /// Logs that were not used for identification
-    #[arg(long, value_name = "LOG", num_args = 1..)]
-    pub(crate) against: Vec<PathBuf>,
+    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run())]
+    pub(crate) against: Vec<Run>,
     /// Write each figure as an SVG file into this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) figures: Option<PathBuf>,

@@ -1,6 +1,6 @@
 //! The mean over several runs of a periodic trajectory.
 
-use super::columns::ColumnLayout;
+use super::layout::ColumnLayout;
 
 /// Degrees of freedom that the variance of an effort is estimated with: one sample over few runs
 /// would give absurd weights, so the samples on both sides are pooled with it.

@@ -3,6 +3,7 @@
 //! residual reveals it.
 
 use super::logs::{Log, Logs};
+use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
 use crate::estimate::QrFactor;
@@ -127,11 +128,9 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let method = self.settings.method;
         let mut valid = 0..rows.len();
         let (mut usual, mut other) = (Vec::new(), Vec::new());
-        for (place, entry) in log.file.layout.positions().enumerate() {
-            let positions: Vec<f64> = rows.iter().map(|r| r.values[entry]).collect();
+        for place in 0..log.file.layout.measured.len() {
             // a stretch that is too short gives no equations
-            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &positions)
-            else {
+            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &rows) else {
                 return Ok(());
             };
             for found in [&a, &b] {
@@ -203,46 +202,50 @@ fn comparison_method(method: Method, step: f64) -> Method {
     }
 }
 
-/// The derivatives of a position by the log's method, and by the method it is compared with.
+/// The motion of a coordinate by the log's method, and by the method it is compared with.
 fn derivatives_by_both_methods(
     log: &Log,
     method: Method,
     place: usize,
     times: &[f64],
-    positions: &[f64],
+    rows: &[LogRow],
 ) -> Result<(Derivatives, Derivatives), SignalError> {
     let step = log.survey.time_step();
-    let usual = match (method, &log.series) {
-        (Method::Fourier { .. }, Some(series)) => {
-            let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];
-            for [q, qd, qdd] in times.iter().map(|t| series.at(place, *t)) {
-                value.push(q);
-                rate.push(qd);
-                acceleration.push(qdd);
-            }
-            Derivatives {
-                value,
-                rate,
-                acceleration,
-                valid: 0..times.len(),
-            }
-        }
-        (Method::Central, _) => {
-            let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
-            differences(times, positions, neighbours)?
-        }
-        _ => method.of_states(step).differentiate(times, positions)?,
+    let usual = motion::derivatives(log, method.of_states(step), place, times, rows)?;
+    let layout = &log.file.layout;
+    let measured = |of: &[Option<usize>]| of.get(place).copied().flatten();
+    let (velocity, acceleration) = (
+        measured(&layout.velocities),
+        measured(&layout.accelerations),
+    );
+    if velocity.is_some() && acceleration.is_some() {
+        return Ok((usual.clone(), usual));
+    }
+    let other = |entry: usize| {
+        let values: Vec<f64> = rows.iter().map(|row| row.values[entry]).collect();
+        let other = comparison_method(method, step).differentiate(times, &values)?;
+        Ok(match method {
+            // a stronger filter would differ also by the noise that it removes
+            Method::Butterworth { .. } => Derivatives {
+                valid: other.valid,
+                ..differences(times, &other.value, 1)?
+            },
+            _ => other,
+        })
     };
-    let other = comparison_method(method, step).differentiate(times, positions)?;
-    let other = match method {
-        // a stronger filter would differ also by the noise that it removes
-        Method::Butterworth { .. } => differences(times, &other.value, 1).map(|d| Derivatives {
-            valid: other.valid,
-            ..d
-        })?,
-        _ => other,
-    };
-    Ok((usual, other))
+    let mut found = other(layout.positions().start + place)?;
+    if log.series.is_none() {
+        if let Some(velocity) = velocity {
+            let own: Derivatives = other(velocity)?;
+            let valid = [&found.valid, &own.valid];
+            found.valid = valid[0].start.max(valid[1].start)..valid[0].end.min(valid[1].end);
+            (found.rate, found.acceleration) = (own.value, own.rate);
+        }
+        if acceleration.is_some() {
+            found.acceleration.clone_from(&usual.acceleration);
+        }
+    }
+    Ok((usual, found))
 }
 
 /// Closures of the states with either method's derivatives; each starts from its last state.

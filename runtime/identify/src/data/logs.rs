@@ -1,14 +1,15 @@
 //! Reads logs window by window, differentiates the positions and closes the loops, as a
 //! [`Source`] of states.
 
-use std::path::PathBuf;
-
 use super::average::Average;
 use super::columns::Assignment;
-use super::problem::{DataError, Policy, Problems};
+use super::policy::{Checks, Keeps, Policies, Policy};
+use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
+use super::run::Run;
 use super::shift;
 use super::standstill::{self, Differences, Encoder};
+use super::table::Format;
 use super::window::Window;
 use crate::estimate::EstimateError;
 use crate::identify::{Completion, Filtering, Source, Standstill, StateSample};
@@ -18,12 +19,26 @@ use regen_runtime::{Info, Model};
 /// Settings for reading logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Assignments of columns whose headers do not name their quantities.
+    /// Assignments of columns whose headers do not name their quantities; of several for the same
+    /// quantity the first one counts.
     pub columns: Vec<Assignment>,
-    /// How positions are differentiated, unless velocities and accelerations are measured.
+    /// How CSV files are written.
+    pub format: Format,
+    /// The rate of the rows, Hz, where no column has their time: the first row of a file is at 0.
+    pub rate: Option<f64>,
+    /// The rate of an even grid of times, Hz, onto which the rows are interpolated.
+    pub resample: Option<f64>,
+    /// Whether columns of measured velocities and accelerations are used.
+    pub measured_rates: bool,
+    /// How positions are differentiated, and what filter efforts and regressor pass. Measured
+    /// velocities pass the filter of the positions, and accelerations are their derivative; with a
+    /// Fourier series all is that of the positions. Where accelerations are measured too, velocities
+    /// and accelerations are used as they are.
     pub method: Method,
     /// What is done with faulty rows.
     pub policy: Policy,
+    /// What is done with doubtful rows, where it differs from that.
+    pub checks: Checks,
     /// Decimation ratio: one of this many states gives equations; at least 1.
     pub decimation: usize,
     /// The period in s of a trajectory that is run several times: the runs are averaged, and their
@@ -47,8 +62,13 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             columns: Vec::new(),
+            format: Format::default(),
+            rate: None,
+            resample: None,
+            measured_rates: true,
             method: Method::Central,
             policy: Policy::Fail,
+            checks: Checks::default(),
             decimation: 1,
             period: None,
             deviations: Vec::new(),
@@ -59,26 +79,42 @@ impl Default for Settings {
     }
 }
 
-/// Summary of reading one file.
+impl Settings {
+    /// What is done with each kind of fault.
+    pub fn policies(&self) -> Policies {
+        Policies {
+            all: self.policy,
+            checks: self.checks,
+        }
+    }
+
+    pub(super) fn keeps(&self) -> Keeps {
+        self.policies().keeps()
+    }
+}
+
+/// Summary of reading one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileReport {
-    /// The file.
+    /// The name of the run: its file, or files.
     pub file: String,
-    /// The number of rows that can be used.
+    /// The number of rows that can be used, on the even grid if there is one.
     pub rows: usize,
-    /// The median time step, s.
+    /// The time step between them, s: that of the even grid, or the median one.
     pub step: f64,
     /// The number of states in the last pass; 0 before.
     pub states: usize,
     /// Whether velocities and accelerations were read from the file, not computed from the
     /// positions.
     pub derivatives: bool,
+    /// Whether velocities were read from the file, and accelerations computed from them.
+    pub velocities: bool,
     /// The names of the measured coordinates that never move.
     pub still: Vec<String>,
     /// The faulty rows.
     pub problems: Problems,
     /// What was done with the faulty rows.
-    pub policy: Policy,
+    pub policies: Policies,
 }
 
 /// One opened log file, with the results of its first passes.
@@ -89,6 +125,8 @@ pub(super) struct Log {
     pub(super) series: Option<Fourier>,
     /// The resolution and noise of each measured position's encoder.
     pub(super) encoders: Vec<Encoder>,
+    /// The same of each measured velocity; nothing where it is not measured or not used alone.
+    pub(super) velocity_noise: Vec<Encoder>,
 }
 
 /// Most rows on either side that a filter may need, as a window with them is held in memory.
@@ -135,19 +173,23 @@ pub struct Logs<'m, M: ?Sized> {
 }
 
 impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
-    /// Opens files and reads each twice: first for the statistics of the whole file, then for its
-    /// faulty rows, its encoders' resolution and its Fourier series.
+    /// Opens runs, or the paths of whole files, and reads each twice: first for the statistics of
+    /// all its rows, then for its faulty rows, its encoders' resolution and its Fourier series.
     ///
     /// # Errors
     /// When a file cannot be read, lacks columns, has fewer than two usable rows, or has faulty
     /// rows under [`Policy::Fail`].
-    pub fn open(model: &'m M, paths: &[PathBuf], settings: &Settings) -> Result<Self, DataError> {
+    pub fn open<R: Clone + Into<Run>>(
+        model: &'m M,
+        runs: &[R],
+        settings: &Settings,
+    ) -> Result<Self, DataError> {
         let info = model.info();
-        let mut files = Vec::with_capacity(paths.len());
-        let mut reports = Vec::with_capacity(paths.len());
-        for path in paths {
-            let mut file = LogFile::open(path, &info, &settings.columns)?;
-            file.keep = settings.policy.keeps();
+        let policies = settings.policies();
+        let mut files = Vec::with_capacity(runs.len());
+        let mut reports = Vec::with_capacity(runs.len());
+        for run in runs {
+            let file = LogFile::open(&run.clone().into(), &info, settings)?;
             let survey = file.survey()?;
             let mut problems = Problems::default();
             let mut rows = 0;
@@ -162,6 +204,15 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 _ => None,
             };
             let mut differences = vec![Differences::default(); file.layout.measured.len()];
+            // velocities beside accelerations are used as they are
+            let both = file
+                .layout
+                .velocities
+                .iter()
+                .zip(&file.layout.accelerations);
+            let velocities: Vec<Option<usize>> =
+                both.map(|(v, a)| v.filter(|_| a.is_none())).collect();
+            let mut of_velocities = differences.clone();
             file.rows(
                 &survey,
                 &mut |problem| problems.add(problem),
@@ -171,6 +222,11 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                     for (all, value) in differences.iter_mut().zip(positions) {
                         all.push(*value, follows);
                     }
+                    for (all, entry) in of_velocities.iter_mut().zip(&velocities) {
+                        if let Some(value) = entry.and_then(|entry| row.values.get(entry)) {
+                            all.push(*value, follows);
+                        }
+                    }
                     if let Some(fit) = &mut fit {
                         fit.push(row.values[0], &row.values[file.layout.positions()])
                             .map_err(|why| signal(&file, why))?;
@@ -178,11 +234,12 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                     Ok(())
                 },
             )?;
-            let name = path.display().to_string();
-            if settings.policy == Policy::Fail && problems.total() > 0 {
+            let name = file.name.clone();
+            let refused = problems.treated(&policies, Policy::Fail);
+            if refused.total() > 0 {
                 return Err(DataError::Problems {
                     file: name,
-                    problems,
+                    problems: refused,
                 });
             }
             if rows < 2 {
@@ -198,7 +255,10 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 Some(fit) => Some(fit.finish().map_err(|why| signal(&file, why))?),
                 None => None,
             };
-            let encoders: Vec<Encoder> = differences.into_iter().map(Differences::finish).collect();
+            let finish = |all: Vec<Differences>| -> Vec<Encoder> {
+                all.into_iter().map(Differences::finish).collect()
+            };
+            let (encoders, velocity_noise) = (finish(differences), finish(of_velocities));
             let constant = file.layout.measured.iter().zip(&encoders);
             let constant = constant.filter(|(_, encoder)| encoder.constant);
             let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
@@ -209,14 +269,16 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 step: survey.time_step(),
                 states: 0,
                 derivatives: file.layout.derivatives,
+                velocities: velocities.iter().all(Option::is_some) && series.is_none(),
                 problems,
-                policy: settings.policy,
+                policies,
             });
             files.push(Log {
                 file,
                 survey,
                 series,
                 encoders,
+                velocity_noise,
             });
         }
         Ok(Self {
@@ -236,7 +298,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
 
 pub(super) fn signal(file: &LogFile, why: SignalError) -> DataError {
     DataError::Signal {
-        file: file.path.display().to_string(),
+        file: file.name.clone(),
         why,
     }
 }
@@ -357,9 +419,16 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
         (Method::Central, 3) => 4214_f64.sqrt() / 1800_f64.sqrt(),
         _ => 1.0,
     };
-    let encoders = log.encoders.iter();
-    Ok(encoders
-        .map(|e| settings.rest_speed.max(2.0 * gain * more(e) * e.noise))
+    let measured = log.file.layout.velocities.iter();
+    let encoders = log.encoders.iter().zip(&log.velocity_noise);
+    let noise = encoders
+        .zip(measured)
+        .map(|((position, velocity), measured)| match measured {
+            Some(_) if log.series.is_none() => velocity.noise,
+            _ => gain * more(position) * position.noise,
+        });
+    Ok(noise
+        .map(|noise| settings.rest_speed.max(2.0 * noise))
         .collect())
 }
 

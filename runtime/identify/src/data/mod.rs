@@ -3,18 +3,31 @@
 mod average;
 mod columns;
 mod discretisation;
+pub(crate) mod expression;
+mod file_rows;
+mod joined;
+mod layout;
 mod logs;
+mod motion;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod policy;
 mod problem;
 mod rates;
 mod reader;
+mod resample;
+mod run;
 mod sample;
 mod shift;
 mod standstill;
 mod stuck;
+mod table;
 mod window;
 
+pub(crate) use columns::UNITS;
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};
-pub use problem::{DataError, Fault, Policy, Problem, Problems};
+pub use policy::{Checks, Policies, Policy};
+pub use problem::{DataError, Fault, Problem, Problems};
+pub use run::{Join, Run};
+pub use table::{Decimal, Format, Header, Separator};

@@ -5,7 +5,7 @@ mod guard;
 mod pages;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
@@ -13,9 +13,8 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use self::guard::solve_guarded;
-use super::columns::ColumnLayout;
-use super::problem::{DataError, Fault, Problem};
-use super::reader::LogRow;
+use super::file_rows::{FileRow, Wanted};
+use super::problem::{DataError, Fault};
 
 /// Rows decoded at a time.
 const BATCH: usize = 4096;
@@ -26,9 +25,6 @@ const MAX_NESTING: usize = 32;
 /// Most rows per byte of a file: equal numbers and equal steps are encoded in a few bytes, but
 /// time and forces differ from row to row.
 const MAX_ROWS_PER_BYTE: u64 = 1000;
-
-/// Callback that receives each row, or why it cannot be used.
-pub(super) type RowSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
     let io = |error: std::io::Error| DataError::Io {
@@ -137,7 +133,7 @@ fn batch(
 fn rows(
     path: &Path,
     reader: &SerializedFileReader<File>,
-    layout: &ColumnLayout,
+    wanted: &[Wanted],
 ) -> Result<Vec<usize>, DataError> {
     let io = |error: std::io::Error| DataError::Io {
         file: path.display().to_string(),
@@ -159,18 +155,17 @@ fn rows(
                 ),
             ));
         }
-        for (entry, channel) in layout.channels.iter().enumerate() {
-            let title = layout.title(entry);
-            let chunk = group.columns().get(channel.index);
+        for Wanted { column, title } in wanted {
+            let chunk = group.columns().get(*column);
             let chunk = chunk
                 .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
             let values = pages::values(&mut file, size, chunk)
                 .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
             if values < rows {
-                return Err(DataError::ColumnLayout {
-                    file: path.display().to_string(),
-                    why: format!("column `{title}` ends before the others"),
-                });
+                return Err(unfit(
+                    path,
+                    format!("column `{title}` ends before the others"),
+                ));
             }
         }
         out.push(usize::try_from(rows).unwrap_or_default());
@@ -178,79 +173,129 @@ fn rows(
     Ok(out)
 }
 
-/// Passes all rows to `each` in order, numbered from 1.
-pub(super) fn records(
-    path: &Path,
-    layout: &ColumnLayout,
-    each: &mut RowSink<'_>,
-) -> Result<(), DataError> {
-    let wrong = |error: ParquetError| failed(path, &error);
-    let unfit = |why: String| DataError::ColumnLayout {
+fn unfit(path: &Path, why: String) -> DataError {
+    DataError::ColumnLayout {
         file: path.display().to_string(),
         why,
-    };
-    let reader = open(path)?;
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let rows = rows(path, &reader, layout)?;
-    let mut line = 0;
-    for (group, rows) in rows.into_iter().enumerate() {
-        let group = solve_guarded(|| reader.get_row_group(group)).map_err(wrong)?;
-        let mut columns = Vec::with_capacity(layout.channels.len());
-        for (entry, channel) in layout.channels.iter().enumerate() {
-            let column = schema.column(channel.index);
-            if column.max_rep_level() > 0 {
-                let title = layout.title(entry);
-                return Err(unfit(format!("column `{title}` holds lists, not numbers")));
-            }
-            let own = solve_guarded(|| group.get_column_reader(channel.index)).map_err(wrong)?;
-            columns.push((own, column.max_def_level()));
-        }
-        let mut left = rows;
-        while left > 0 {
-            let count = left.min(BATCH);
-            left -= count;
-            let mut entries: Vec<Entries> = vec![];
-            for (entry, (column, deepest)) in columns.iter_mut().enumerate() {
-                let found = batch(column, count, *deepest).map_err(wrong)?;
-                let found = found.ok_or_else(|| {
-                    let title = layout.title(entry);
-                    unfit(format!("column `{title}` holds no numbers"))
-                })?;
-                if found.len() != count {
-                    let title = layout.title(entry);
-                    return Err(unfit(format!("column `{title}` ends before the others")));
-                }
-                entries.push(found);
-            }
-            for row in 0..count {
-                line += 1;
-                each(to_row(layout, line, entries.iter().map(|e| e[row])))?;
-            }
-        }
     }
-    Ok(())
 }
 
-fn to_row(
-    layout: &ColumnLayout,
+/// The rows of a Parquet file, numbered from 1.
+pub(super) struct ParquetRows {
+    path: PathBuf,
+    wanted: Vec<Wanted>,
+    reader: SerializedFileReader<File>,
+    /// The number of rows of each row group.
+    groups: Vec<usize>,
+    /// The next row group.
+    group: usize,
+    /// The columns of the present row group, each with its deepest level.
+    columns: Vec<(ColumnReader, i16)>,
+    /// Rows of the present row group that are not decoded yet.
+    left: usize,
+    /// Decoded rows, column by column.
+    entries: Vec<Entries>,
+    /// The next decoded row, and the number of decoded rows.
+    place: (usize, usize),
     line: u64,
-    entries: impl Iterator<Item = Option<f64>>,
-) -> Result<LogRow, Problem> {
-    let mut values = Vec::with_capacity(layout.channels.len());
-    for (entry, (channel, value)) in layout.channels.iter().zip(entries).enumerate() {
-        match value {
-            Some(value) if value.is_finite() => values.push(value * channel.factor),
-            other => {
-                let text = other.map_or_else(|| "null".to_owned(), |x| format!("{x}"));
-                return Err(Problem {
-                    row: line,
-                    what: Fault::NotANumber {
-                        column: layout.title(entry),
-                        text,
-                    },
-                });
+}
+
+impl ParquetRows {
+    /// Opens a file before its first row.
+    pub(super) fn open(path: &Path, wanted: Vec<Wanted>) -> Result<Self, DataError> {
+        let reader = open(path)?;
+        let schema = reader.metadata().file_metadata().schema_descr_ptr();
+        for Wanted { column, title } in &wanted {
+            if schema.column(*column).max_rep_level() > 0 {
+                let why = format!("column `{title}` holds lists, not numbers");
+                return Err(unfit(path, why));
             }
         }
+        Ok(Self {
+            path: path.to_path_buf(),
+            groups: rows(path, &reader, &wanted)?,
+            wanted,
+            reader,
+            group: 0,
+            columns: Vec::new(),
+            left: 0,
+            entries: Vec::new(),
+            place: (0, 0),
+            line: 0,
+        })
     }
-    Ok(LogRow { line, values })
+
+    /// The next row; `None` behind the last one.
+    pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        while self.place.0 == self.place.1 {
+            if self.left == 0 {
+                let Some(rows) = self.groups.get(self.group) else {
+                    return Ok(None);
+                };
+                self.left = *rows;
+                self.open_group()?;
+                self.group += 1;
+            } else {
+                self.decode()?;
+            }
+        }
+        let row = self.place.0;
+        self.place.0 += 1;
+        self.line += 1;
+        Ok(Some(FileRow {
+            line: self.line,
+            values: self.values(row),
+        }))
+    }
+
+    /// Opens the columns of the next row group.
+    fn open_group(&mut self) -> Result<(), DataError> {
+        let wrong = |error: ParquetError| failed(&self.path, &error);
+        let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
+        let group = solve_guarded(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
+        self.columns.clear();
+        for Wanted { column, .. } in &self.wanted {
+            let own = solve_guarded(|| group.get_column_reader(*column)).map_err(wrong)?;
+            self.columns
+                .push((own, schema.column(*column).max_def_level()));
+        }
+        Ok(())
+    }
+
+    /// Decodes the next rows of the present row group.
+    fn decode(&mut self) -> Result<(), DataError> {
+        let count = self.left.min(BATCH);
+        self.left -= count;
+        self.entries.clear();
+        for ((column, deepest), Wanted { title, .. }) in self.columns.iter_mut().zip(&self.wanted) {
+            let found = batch(column, count, *deepest).map_err(|e| failed(&self.path, &e))?;
+            let found = found
+                .ok_or_else(|| unfit(&self.path, format!("column `{title}` holds no numbers")))?;
+            if found.len() != count {
+                let why = format!("column `{title}` ends before the others");
+                return Err(unfit(&self.path, why));
+            }
+            self.entries.push(found);
+        }
+        self.place = (0, count);
+        Ok(())
+    }
+
+    /// The numbers of a decoded row.
+    fn values(&self, row: usize) -> Result<Vec<f64>, Fault> {
+        let mut values = Vec::with_capacity(self.wanted.len() + 1);
+        for (wanted, entries) in self.wanted.iter().zip(&self.entries) {
+            match entries.get(row).copied().flatten() {
+                Some(value) if value.is_finite() => values.push(value),
+                other => {
+                    let text = other.map_or_else(|| "null".to_owned(), |x| format!("{x}"));
+                    return Err(Fault::NotANumber {
+                        column: wanted.title.clone(),
+                        text,
+                    });
+                }
+            }
+        }
+        Ok(values)
+    }
 }

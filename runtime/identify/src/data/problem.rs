@@ -1,9 +1,10 @@
-//! Faults of a log's rows, what to do with them, and the errors of reading logs.
+//! Faults of a log's rows, and the errors of reading logs.
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::policy::{Policies, Policy, USABLE_KINDS};
 use crate::estimate::EstimateError;
 use crate::signals::SignalError;
 use regen_runtime::{ClosureError, SizeError};
@@ -167,10 +168,6 @@ impl Problem {
     }
 }
 
-/// The kinds of faults whose rows have only numbers and are in order of time, so that they can be
-/// used all the same.
-const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
-
 impl Fault {
     /// The name of the kind of fault, for counting.
     pub fn kind(&self) -> &'static str {
@@ -187,35 +184,6 @@ impl Fault {
             Self::Cut { .. } => "cut short",
             Self::Open { .. } => "not closed",
         }
-    }
-}
-
-/// What to do with faulty rows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Policy {
-    /// Report all faults as an error, and compute nothing.
-    #[default]
-    Fail,
-    /// Leave out the faulty rows; the log is divided into segments there.
-    Drop,
-    /// Use outliers, saturated efforts and positions of encoders that look stuck like any row;
-    /// leave out rows that have no numbers or are not in order of time.
-    Keep,
-    /// As `Keep`, and report all faults.
-    Tell,
-}
-
-impl Policy {
-    /// Whether outliers, saturated efforts and positions of stuck encoders are used.
-    ///
-    /// ```
-    /// use regen_identify::data::Policy;
-    ///
-    /// assert!(Policy::Keep.keeps() && Policy::Tell.keeps());
-    /// assert!(!Policy::Fail.keeps() && !Policy::Drop.keeps());
-    /// ```
-    pub fn keeps(self) -> bool {
-        matches!(self, Self::Keep | Self::Tell)
     }
 }
 
@@ -257,7 +225,19 @@ impl Problems {
         self.counts.iter().map(|(_, count)| count).sum()
     }
 
-    /// The kinds of faults whose rows a policy leaves out, with their numbers of rows, in order of
+    /// The problems whose kinds are treated in this way.
+    #[must_use]
+    pub fn treated(&self, policies: &Policies, policy: Policy) -> Self {
+        let own = |kind: &str| policies.of(kind) == policy;
+        let first = self.first.iter().filter(|p| own(p.what.kind()));
+        let counts = self.counts.iter().filter(|(kind, _)| own(kind));
+        Self {
+            first: first.cloned().collect(),
+            counts: counts.cloned().collect(),
+        }
+    }
+
+    /// The kinds of faults whose rows are left out, with their numbers of rows, in order of
     /// appearance.
     ///
     /// ```
@@ -267,14 +247,17 @@ impl Problems {
     ///     counts: vec![("outlier".to_owned(), 3), ("not a number".to_owned(), 1)],
     ///     ..Problems::default()
     /// };
-    /// assert_eq!(problems.left_out(Policy::Drop).len(), 2);
-    /// assert_eq!(problems.left_out(Policy::Keep), [("not a number", 1)]);
+    /// assert_eq!(problems.left_out(&Policy::Drop.into()).len(), 2);
+    /// assert_eq!(problems.left_out(&Policy::Keep.into()), [("not a number", 1)]);
     /// ```
-    pub fn left_out(&self, policy: Policy) -> Vec<(&str, usize)> {
+    pub fn left_out(&self, policies: &Policies) -> Vec<(&str, usize)> {
         let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
         counts
             // a gap leaves out no row
-            .filter(|(kind, _)| *kind != "gap" && !(policy.keeps() && USABLE_KINDS.contains(kind)))
+            .filter(|(kind, _)| {
+                let used = policies.of(kind).keeps() && USABLE_KINDS.contains(kind);
+                *kind != "gap" && !used
+            })
             .collect()
     }
 }
@@ -323,7 +306,7 @@ pub enum DataError {
         /// The [`Assignment`](super::Assignment) that would help, in its text form.
         assignment: String,
     },
-    /// The file has faulty rows, under [`Policy::Fail`].
+    /// The file has faulty rows, under [`Policy::Fail`](super::Policy::Fail).
     Problems {
         /// The file.
         file: String,

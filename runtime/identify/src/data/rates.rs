@@ -11,6 +11,10 @@ const MIN_CORRELATION: f64 = 0.7;
 /// MAX_RATIO`, the column is in another unit.
 const MAX_RATIO: f64 = 2.0;
 
+/// The least change over a stretch of a position that moves, in changes between rows: those of
+/// noise are about as large, those of a steady motion as many times larger as a stretch has rows.
+const MIN_MOTION: f64 = 8.0;
+
 /// Sums of products of the positions' changes and the velocities' integrals over stretches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rates {
@@ -22,6 +26,8 @@ pub(super) struct Rates {
     /// Sums of squared changes, of squared integrals, and of products of the change of position k
     /// with the integral of velocity j, at k * m + j.
     change_squares: Vec<f64>,
+    /// Sums of squared changes between rows.
+    step_squares: Vec<f64>,
     integral_squares: Vec<f64>,
     products: Vec<f64>,
 }
@@ -31,6 +37,7 @@ impl Rates {
     pub(super) fn push(&mut self, m: usize, row: &[f64]) {
         if self.change_squares.len() != m {
             self.change_squares = vec![0.0; m];
+            self.step_squares = vec![0.0; m];
             self.integral_squares = vec![0.0; m];
             self.products = vec![0.0; m * m];
         }
@@ -41,6 +48,7 @@ impl Rates {
             let step = row[0] - self.last[0];
             for (k, sum) in self.integral.iter_mut().enumerate() {
                 *sum += 0.5 * step * (row[1 + m + k] + self.last[1 + m + k]);
+                self.step_squares[k] += (row[1 + k] - self.last[1 + k]).powi(2);
             }
         }
         self.last = row.to_vec();
@@ -77,11 +85,18 @@ impl Rates {
         };
         for k in 0..m {
             let own = correlation(k, k);
+            let (position, velocity) = (titles(1 + k), titles(1 + m + k));
             // a position that never changes, or a velocity that is always 0, has no correlation
             if !own.is_finite() {
+                let moves = self.change_squares[k] * STRETCH_ROWS as f64
+                    > MIN_MOTION * MIN_MOTION * self.step_squares[k];
+                if self.integral_squares[k] == 0.0 && moves && self.change_squares[k] > 0.0 {
+                    return Some(format!(
+                        "column `{velocity}` is 0 while column `{position}` moves: leave it out"
+                    ));
+                }
                 continue;
             }
-            let (position, velocity) = (titles(1 + k), titles(1 + m + k));
             let head = format!(
                 "column `{velocity}` is not the velocity of column `{position}`: over \
                  {STRETCH_ROWS} rows its integral has the correlation {own:.2} with what that moved"
@@ -155,6 +170,8 @@ mod tests {
         );
         let other = verdict(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
         assert!(other.contains("at least 0.7"), "{other}");
+        let unread = verdict(|[a, b, c, _]| [a, b, c, 0.0]).unwrap_or_default();
+        assert!(unread.contains("`qd_q2` is 0"), "{unread}");
         // a joint that does not move
         assert_eq!(verdict(|[a, _, c, _]| [a, 0.3, c, 0.0]), None);
     }

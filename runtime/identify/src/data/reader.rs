@@ -1,16 +1,18 @@
-//! Reads the rows of one file and checks them for faults.
+//! Reads the rows of one run and checks them for faults.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, Reader};
-
-use super::columns::{Assignment, ColumnLayout, shortened};
+use super::file_rows::Table;
+use super::joined::JoinedRows;
+use super::layout::{ColumnLayout, Search};
+use super::logs::Settings;
+use super::policy::Keeps;
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
+use super::resample::Resampler;
+use super::run::Run;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
+use crate::text;
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
@@ -25,7 +27,9 @@ pub(super) struct LogRow {
 /// Statistics of a whole log file, gathered in a first pass before its rows are used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Survey {
-    /// The median time step between rows, s.
+    /// The median time step between rows of the log, s.
+    raw_step: f64,
+    /// The time step between rows that are handed out, s.
     time_step: f64,
     /// The smallest and largest value of each effort, N or N m.
     extremes: Vec<(f64, f64)>,
@@ -36,7 +40,8 @@ pub(super) struct Survey {
 }
 
 impl Survey {
-    /// The median time step between rows, s.
+    /// The time step between rows that are handed out, s: that of the even grid, or the median one
+    /// of the log.
     pub(super) fn time_step(&self) -> f64 {
         self.time_step
     }
@@ -47,6 +52,13 @@ const STEP_ROWS: usize = 1001;
 /// A time step longer than this many median ones is a gap; a clock that goes back by more was set
 /// back.
 const GAP_STEPS: f64 = 1.5;
+/// The same where rows are interpolated onto an even grid, which bridges uneven steps.
+const RESAMPLED_GAP_STEPS: f64 = 3.0;
+/// The lowest rate of an even grid over that of the log: below it, what the log has of higher
+/// frequencies would appear at lower ones.
+const MIN_RESAMPLED_RATE: f64 = 0.5;
+/// The highest rate of an even grid over that of the log: above it, one of the two is wrong.
+const MAX_RESAMPLED_RATE: f64 = 20.0;
 /// Rows on either side of a value that decide whether it is an outlier.
 const OUTLIER_NEIGHBOURS: usize = 3;
 /// How far a position may be from the median of those around it, in median changes between these
@@ -59,73 +71,54 @@ const OUTLIER_ENCODER_STEPS: f64 = 2.0;
 /// saturated.
 const SATURATED_ROWS: usize = 4;
 
-/// One log file with its columns.
+/// The files of one run with their columns.
 #[derive(Clone, Debug)]
 pub(super) struct LogFile {
-    pub(super) path: PathBuf,
-    /// The channels of the model and their columns in the file.
+    /// The name of the run in messages.
+    pub(super) name: String,
+    /// The channels of the model and their columns in the files.
     pub(super) layout: ColumnLayout,
-    /// Whether the file is Parquet; else CSV.
-    parquet: bool,
-    /// Whether outliers, saturated efforts and rows of stuck encoders are used.
-    pub(super) keep: bool,
-    /// The length in bytes of a CSV file whose last line has no end of line.
-    unended_length: Option<u64>,
-}
-
-/// First bytes of a Parquet file.
-const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
-
-/// Whether a file is Parquet, by its first bytes; false if it cannot be read, which a later read
-/// reports.
-fn is_parquet(path: &Path) -> bool {
-    let mut start = [0; 4];
-    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
-        && start == PARQUET_MAGIC
-}
-
-/// The length in bytes of a file whose last line has no end of line; `None` for other files and
-/// where it cannot be read, which a later read reports.
-fn unended_length(path: &Path) -> Option<u64> {
-    let mut file = File::open(path).ok()?;
-    let length = file.seek(SeekFrom::End(0)).ok()?;
-    let mut last = [0];
-    file.seek(SeekFrom::End(-1)).ok()?;
-    file.read_exact(&mut last).ok()?;
-    (!b"\r\n".contains(&last[0])).then_some(length)
-}
-
-#[cfg(not(feature = "parquet"))]
-fn unsupported(path: &Path) -> DataError {
-    DataError::ColumnLayout {
-        file: path.display().to_string(),
-        why: "this is a Parquet file: build with the feature `parquet`".to_owned(),
-    }
+    pub(super) run: Run,
+    pub(super) tables: Vec<Table>,
+    /// The rate of the rows, Hz, where there is no column of time.
+    pub(super) rate: Option<f64>,
+    /// The rate of the even grid that rows are interpolated onto, Hz.
+    resample: Option<f64>,
+    /// Which doubtful rows are used.
+    keeps: Keeps,
 }
 
 impl LogFile {
-    pub(super) fn open(
-        path: &Path,
-        info: &Info<'_>,
-        assignments: &[Assignment],
-    ) -> Result<Self, DataError> {
-        let parquet = is_parquet(path);
-        let header = if parquet {
-            #[cfg(feature = "parquet")]
-            {
-                super::parquet::header(path)?
-            }
-            #[cfg(not(feature = "parquet"))]
-            {
-                return Err(unsupported(path));
-            }
-        } else {
-            let mut reader = reader(path)?;
-            let titles = reader.headers().map_err(|error| failed(path, &error))?;
-            titles.iter().map(|title| title.trim().to_owned()).collect()
+    pub(super) fn open(run: &Run, info: &Info<'_>, settings: &Settings) -> Result<Self, DataError> {
+        let name = run.to_string();
+        let unfit = |why: &str| DataError::ColumnLayout {
+            file: name.clone(),
+            why: why.to_owned(),
         };
-        let layout = ColumnLayout::new(header, info, assignments).map_err(|unfit| {
-            let (file, why) = (path.display().to_string(), unfit.why);
+        if run.files.is_empty() {
+            return Err(unfit("a run has no file"));
+        }
+        for (what, rate) in [
+            ("rate", settings.rate),
+            ("resampling rate", settings.resample),
+        ] {
+            if rate.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
+                return Err(unfit(&format!("the {what} must be above 0 Hz")));
+            }
+        }
+        let tables = run
+            .files
+            .iter()
+            .map(|path| Table::open(path, settings.format));
+        let tables = tables.collect::<Result<Vec<Table>, DataError>>()?;
+        let search = Search {
+            assignments: &settings.columns,
+            by_rate: settings.rate.is_some(),
+            rates: settings.measured_rates,
+            join: run.join,
+        };
+        let layout = ColumnLayout::new(&tables, info, search).map_err(|unfit| {
+            let (file, why) = (name.clone(), unfit.why);
             match unfit.assignment {
                 Some(assignment) => DataError::Columns {
                     file,
@@ -136,11 +129,13 @@ impl LogFile {
             }
         })?;
         Ok(Self {
-            path: path.to_path_buf(),
+            name,
             layout,
-            parquet,
-            keep: false,
-            unended_length: if parquet { None } else { unended_length(path) },
+            run: run.clone(),
+            tables,
+            rate: settings.rate,
+            resample: settings.resample,
+            keeps: settings.keeps(),
         })
     }
 
@@ -151,6 +146,11 @@ impl LogFile {
         let positions = self.layout.positions();
         let mut histories = vec![PositionHistory::default(); positions.len()];
         let mut rates = Rates::default();
+        let velocities = positions.clone().zip(&self.layout.velocities);
+        let with_rates: Vec<(usize, usize)> = velocities
+            .filter_map(|(entry, v)| Some((entry, (*v)?)))
+            .collect();
+        let mut rate_row = Vec::new();
         let mut last_time = None;
         self.records(&mut |row| {
             let Ok(row) = row else {
@@ -175,17 +175,26 @@ impl LogFile {
                 for (history, value) in histories.iter_mut().zip(row_positions) {
                     history.push(row.line, *value);
                 }
-                if self.layout.derivatives {
-                    rates.push(positions.len(), &row.values);
+                if !with_rates.is_empty() {
+                    rate_row.clear();
+                    rate_row.push(time);
+                    rate_row.extend(with_rates.iter().map(|pair| row.values[pair.0]));
+                    rate_row.extend(with_rates.iter().map(|pair| row.values[pair.1]));
+                    rates.push(with_rates.len(), &rate_row);
                 }
             }
             Ok(())
         })?;
-        if let Some(why) = rates.judge(&|entry| self.layout.title(entry)) {
-            return Err(DataError::ColumnLayout {
-                file: self.path.display().to_string(),
-                why,
-            });
+        let title = |entry: usize| {
+            let (place, m) = (entry.saturating_sub(1), with_rates.len());
+            let pair = with_rates
+                .get(place % m.max(1))
+                .copied()
+                .unwrap_or_default();
+            self.layout.title(if place < m { pair.0 } else { pair.1 })
+        };
+        if let Some(why) = rates.judge(&title) {
+            return Err(self.unfit(why));
         }
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());
@@ -198,12 +207,40 @@ impl LogFile {
         }
         let time_steps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let time_steps: Vec<f64> = time_steps.filter(|step| *step > 0.0).collect();
+        let raw_step = median(&time_steps);
+        if let Some(rate) = self.resample
+            && rate * raw_step < MIN_RESAMPLED_RATE
+        {
+            let own = text::figure_of(3, 1.0 / raw_step);
+            return Err(self.unfit(format!(
+                "a grid of {rate} Hz is too coarse for rows at {own} Hz: what they have of higher \
+                 frequencies would appear at lower ones; resample at about {own} Hz, and decimate \
+                 behind a filter"
+            )));
+        }
+        if let Some(rate) = self.resample
+            && rate * raw_step > MAX_RESAMPLED_RATE
+        {
+            return Err(self.unfit(format!(
+                "a grid of {rate} Hz has far more rows than the log, at {} Hz: is its time in \
+                 another unit?",
+                text::figure(1.0 / raw_step)
+            )));
+        }
         Ok(Survey {
-            time_step: median(&time_steps),
+            raw_step,
+            time_step: self.resample.map_or(raw_step, |rate| 1.0 / rate),
             extremes,
             stuck,
             position_changes,
         })
+    }
+
+    fn unfit(&self, why: String) -> DataError {
+        DataError::ColumnLayout {
+            file: self.name.clone(),
+            why,
+        }
     }
 
     /// Passes each row, or why it cannot be used, to `each`.
@@ -211,90 +248,45 @@ impl LogFile {
         &self,
         each: &mut dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
-        if self.parquet {
-            #[cfg(feature = "parquet")]
-            return super::parquet::records(&self.path, &self.layout, each);
-            #[cfg(not(feature = "parquet"))]
-            return Err(unsupported(&self.path));
-        }
-        let mut reader = reader(&self.path)?;
-        let mut record = ByteRecord::new();
-        let mut last_column = LastColumn::default();
-        while reader
-            .read_byte_record(&mut record)
-            .map_err(|error| failed(&self.path, &error))?
-        {
-            let line = record.position().map_or(0, csv::Position::line);
-            let is_unended_line = self
-                .unended_length
-                .is_some_and(|length| reader.position().byte() >= length);
-            let is_cut = is_unended_line && last_column.is_cut(&record);
-            last_column.push(&record);
-            each(match self.parse(line, &record) {
-                Ok(_) if is_cut => Err(self.cut_problem(line, &record)),
-                row => row,
-            })?;
+        let mut rows = JoinedRows::open(self)?;
+        while let Some(row) = rows.next_row()? {
+            each(row)?;
         }
         Ok(())
     }
 
-    /// The problem of a last row that was cut short.
-    fn cut_problem(&self, line: u64, record: &ByteRecord) -> Problem {
-        let text = record
-            .get(record.len().saturating_sub(1))
-            .unwrap_or_default();
-        Problem {
-            row: line,
-            what: Fault::Cut {
-                column: self.layout.header.last().cloned().unwrap_or_default(),
-                text: shortened(&String::from_utf8_lossy(text)),
-            },
-        }
-    }
-
-    /// Converts the entries of a row to SI.
-    fn parse(&self, line: u64, record: &ByteRecord) -> Result<LogRow, Problem> {
-        let expected = self.layout.header.len();
-        if record.len() != expected {
-            return Err(Problem {
-                row: line,
-                what: Fault::Entries {
-                    found: record.len(),
-                    expected,
-                },
-            });
-        }
-        let mut values = Vec::with_capacity(self.layout.channels.len());
-        for (entry, channel) in self.layout.channels.iter().enumerate() {
-            let text = core::str::from_utf8(record.get(channel.index).unwrap_or_default());
-            let text = text.unwrap_or("?").trim();
-            match text.parse::<f64>() {
-                Ok(value) if value.is_finite() => values.push(value * channel.factor),
-                _ => {
-                    return Err(Problem {
-                        row: line,
-                        what: Fault::NotANumber {
-                            column: self.layout.title(entry),
-                            text: shortened(text),
-                        },
-                    });
-                }
-            }
-        }
-        Ok(LogRow { line, values })
-    }
-
-    /// Passes the good rows to `each`, each with whether it follows the one before without a gap,
-    /// and the faulty ones to `problem`.
+    /// Passes the good rows to `each`, on the even grid if there is one, each with whether it
+    /// follows the one before without a gap, and the faulty ones to `problem`.
     pub(super) fn rows(
         &self,
         survey: &Survey,
         problem: &mut dyn FnMut(Problem),
-        each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
+        each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
+        let Some(rate) = self.resample else {
+            return self.checked_rows(survey, problem, each);
+        };
+        let mut resampler = Resampler::new(rate);
+        self.checked_rows(survey, problem, &mut |row, follows| {
+            resampler.push(row, follows, each)
+        })?;
+        resampler.finish(each)
+    }
+
+    fn checked_rows(
+        &self,
+        survey: &Survey,
+        problem: &mut dyn FnMut(Problem),
+        each: &mut RowSink<'_>,
+    ) -> Result<(), DataError> {
+        let gap_steps = match self.resample {
+            Some(_) => RESAMPLED_GAP_STEPS,
+            None => GAP_STEPS,
+        };
         let mut checker = RowChecker {
             layout: &self.layout,
             survey,
+            longest_step: gap_steps * survey.raw_step,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
             last_time: None,
             segment_ended: true,
@@ -304,7 +296,7 @@ impl LogFile {
             stuck_until: 0,
             rows_skipped: false,
             rows_at_extreme: vec![0; self.layout.efforts],
-            keep: self.keep,
+            keeps: self.keeps,
         };
         self.records(&mut |row| {
             match row {
@@ -326,6 +318,9 @@ impl LogFile {
     }
 }
 
+/// Receives each row with whether it follows the one before without a gap.
+pub(super) type RowSink<'a> = dyn FnMut(LogRow, bool) -> Result<(), DataError> + 'a;
+
 /// Number of rows that an outlier is searched in: a value and its neighbours.
 const OUTLIER_ROWS: usize = 2 * OUTLIER_NEIGHBOURS + 1;
 
@@ -345,6 +340,8 @@ struct PendingRow {
 struct RowChecker<'a> {
     layout: &'a ColumnLayout,
     survey: &'a Survey,
+    /// The longest time step that is no gap, s.
+    longest_step: f64,
     /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
     /// The time, s, of the last row that was in order of time, whether it is used or not.
@@ -363,8 +360,8 @@ struct RowChecker<'a> {
     clock_set_back: bool,
     /// For each effort, the number of consecutive rows so far at its smallest or largest value.
     rows_at_extreme: Vec<usize>,
-    /// Whether outliers, saturated efforts and rows of stuck encoders are used.
-    keep: bool,
+    /// Which doubtful rows are used.
+    keeps: Keeps,
 }
 
 impl RowChecker<'_> {
@@ -381,7 +378,7 @@ impl RowChecker<'_> {
         let previous_time = self.previous_time.replace(time).unwrap_or(time);
         if let Some(last_time) = self.last_time {
             let step = time - last_time;
-            let longest_step = GAP_STEPS * self.survey.time_step;
+            let longest_step = self.longest_step;
             if step <= 0.0 {
                 // A row that is not after the last one in order is not used. If its time is behind
                 // by more than `longest_step`, the clock was set back; by less, the rows are
@@ -405,13 +402,13 @@ impl RowChecker<'_> {
             if step > longest_step {
                 follows = false;
                 if !self.gap_reported {
-                    let usual = self.survey.time_step;
+                    let usual = self.survey.raw_step;
                     report(Fault::Gap { step, usual });
                 }
             }
         }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
-            if !self.keep {
+            if !self.keeps.stuck {
                 self.stuck_until = self.stuck_until.max(stuck.last);
             }
             report(Fault::Stuck {
@@ -516,17 +513,18 @@ impl RowChecker<'_> {
     fn release(
         &mut self,
         problem: &mut dyn FnMut(Problem),
-        each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
+        each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
         let Some(pending) = self.queue.pop_front() else {
             return Ok(());
         };
         if let Some(what) = pending.fault {
+            let keep = self.keeps.uses(&what);
             problem(Problem {
                 row: pending.row.line,
                 what,
             });
-            if !self.keep {
+            if !keep {
                 self.segment_ended = true;
                 return Ok(());
             }
@@ -534,59 +532,5 @@ impl RowChecker<'_> {
         let follows = pending.follows && !self.segment_ended;
         self.segment_ended = false;
         each(pending.row, follows)
-    }
-}
-
-/// Least number of rows before a last line without an end of line that show the usual length of
-/// its last entry.
-const MIN_ROWS_BEFORE_CUT: usize = 20;
-
-/// The lengths of the last entries of the rows so far.
-#[derive(Default)]
-struct LastColumn {
-    /// The number of rows.
-    rows: usize,
-    /// The length of the shortest last entry, bytes.
-    shortest: usize,
-}
-
-impl LastColumn {
-    /// The length of the last entry of a row, bytes.
-    fn length(record: &ByteRecord) -> usize {
-        record
-            .get(record.len().saturating_sub(1))
-            .map_or(0, <[u8]>::len)
-    }
-
-    fn push(&mut self, record: &ByteRecord) {
-        let length = Self::length(record);
-        self.shortest = if self.rows == 0 {
-            length
-        } else {
-            self.shortest.min(length)
-        };
-        self.rows += 1;
-    }
-
-    /// Whether the last entry of a row without an end of line is shorter than all before it.
-    fn is_cut(&self, record: &ByteRecord) -> bool {
-        self.rows >= MIN_ROWS_BEFORE_CUT && Self::length(record) < self.shortest
-    }
-}
-
-/// A CSV reader that ignores lines starting with `#` and accepts rows of any length.
-fn reader(path: &Path) -> Result<Reader<File>, DataError> {
-    csv::ReaderBuilder::new()
-        .flexible(true)
-        .comment(Some(b'#'))
-        .from_path(path)
-        .map_err(|error| failed(path, &error))
-}
-
-/// The error of a file that cannot be read.
-fn failed(path: &Path, error: &csv::Error) -> DataError {
-    DataError::Io {
-        file: path.display().to_string(),
-        why: format!("{error}"),
     }
 }

@@ -2,6 +2,7 @@
 //! whole log that need few states.
 
 use super::logs::{Log, Logs};
+use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
 use crate::identify::suspect::{Measured, STATES, Sample};
@@ -78,30 +79,20 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let m = layout.measured.len();
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
         let mut valid = 0..rows.len();
-        if layout.derivatives {
-            let parts = |entry| [column(entry), column(entry + m), column(entry + 2 * m)];
-            motion.extend(layout.positions().map(parts));
-        } else if let Some(series) = &log.series {
-            for k in 0..m {
-                let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(k, *t)).collect();
-                motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
-            }
-        } else {
-            let method = self.settings.method;
-            for entry in layout.positions() {
-                let Ok(found) = method.differentiate(&times, &column(entry)) else {
+        let method = self.settings.method;
+        for place in 0..m {
+            let Ok(found) = motion::derivatives(log, method, place, &times, &rows) else {
+                return;
+            };
+            valid = valid.start.max(found.valid.start)..valid.end.min(found.valid.end);
+            motion.push([found.value, found.rate, found.acceleration]);
+        }
+        if matches!(method, Method::Butterworth { .. }) && !layout.derivatives {
+            for effort in &mut efforts {
+                let Ok(found) = method.differentiate(&times, effort) else {
                     return;
                 };
-                valid = valid.start.max(found.valid.start)..valid.end.min(found.valid.end);
-                motion.push([found.value, found.rate, found.acceleration]);
-            }
-            if matches!(method, Method::Butterworth { .. }) {
-                for effort in &mut efforts {
-                    let Ok(found) = method.differentiate(&times, effort) else {
-                        return;
-                    };
-                    *effort = found.value;
-                }
+                *effort = found.value;
             }
         }
         for k in valid.step_by(every) {

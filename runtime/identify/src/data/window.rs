@@ -1,13 +1,15 @@
 //! Computes states of motion from the rows of a log, one window of rows after another.
 
 use super::logs::{Log, Settings, signal};
-use super::problem::{DataError, Fault, Policy, Problem, Problems};
+use super::motion;
+use super::policy::Policy;
+use super::problem::{DataError, Fault, Problem, Problems};
 use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use crate::estimate::EstimateError;
 use crate::identify::{Completed, Completion, StateSample};
-use crate::signals::{Method, SignalError, Smoothing, differences};
+use crate::signals::{Method, SignalError, Smoothing};
 use regen_runtime::{Model, Outcome};
 
 /// Rows that are differentiated at a time, without those that filters need on both sides.
@@ -107,23 +109,10 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
         let mut efforts: Vec<Vec<f64>> = layout.efforts().map(&column).collect();
         let file = &self.log.file;
-        if n > 0 && layout.derivatives {
-            for entry in layout.positions() {
-                motion.push([column(entry), column(entry + m), column(entry + 2 * m)]);
-            }
-        } else if let (Some(series), true) = (&self.log.series, n > 0) {
-            for k in 0..m {
-                let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(k, *t)).collect();
-                motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
-            }
-        } else if n > 0 {
+        if n > 0 {
             let method = self.settings.method.of_states(self.log.survey.time_step());
-            for (entry, encoder) in layout.positions().zip(&self.log.encoders) {
-                let found = match method {
-                    Method::Central => differences(&times, &column(entry), encoder.neighbours),
-                    _ => method.differentiate(&times, &column(entry)),
-                };
-                match found {
+            for place in 0..m {
+                match motion::derivatives(self.log, method, place, &times, &self.rows) {
                     Ok(found) => {
                         // within a segment the support already bounds the valid rows
                         let start = if self.before > 0 {
@@ -217,7 +206,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             Completed::Unmeasured => {
                 return Err(DataError::ColumnLayout {
-                    file: self.log.file.path.display().to_string(),
+                    file: self.log.file.name.clone(),
                     why: "the measured coordinates do not determine the robot's state: log the \
                           actuated ones"
                         .to_owned(),

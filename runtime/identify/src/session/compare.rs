@@ -1,11 +1,10 @@
 //! Compares models on logs, as in the chapter's Table 4.
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::{Session, SessionError};
+use crate::data::Run;
 use crate::estimate::Residuals;
 use crate::identify;
 use crate::model::IdentifiedModel;
@@ -25,19 +24,19 @@ pub struct LogError {
 /// When a log cannot be read or predicted.
 pub fn compare<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[PathBuf],
+    logs: &[Run],
     models: &[IdentifiedModel],
 ) -> Result<Vec<Vec<LogError>>, SessionError> {
     let mut out = vec![Vec::with_capacity(logs.len()); models.len()];
-    for path in logs {
-        let mut log = session.open(std::slice::from_ref(path))?;
+    for run in logs {
+        let mut log = session.open(std::slice::from_ref(run))?;
         let means = identify::observe(session.model, session.kind, &mut log)?
             .0
             .means();
         for (one, row) in models.iter().zip(&mut out) {
             let found = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
             row.push(LogError {
-                log: path.display().to_string(),
+                log: run.to_string(),
                 relative_absolute: found.relative_absolute(),
             });
         }
@@ -52,7 +51,7 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
 /// When a log cannot be read or predicted.
 pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[PathBuf],
+    logs: &[Run],
     model: &IdentifiedModel,
     lags: usize,
 ) -> Result<Residuals, SessionError> {

@@ -1,11 +1,10 @@
 //! Cross-validation: predicts each log with the parameters identified from all others.
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use super::{Session, SessionError};
+use crate::data::Run;
 use crate::estimate::{EffortError, Estimate, FactorSet};
 use crate::identify;
 
@@ -26,23 +25,23 @@ pub struct CrossValidation {
 /// [`SessionError::TooFewLogs`] for fewer than two logs; when a log cannot be read.
 pub fn cross<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[PathBuf],
+    logs: &[Run],
 ) -> Result<Vec<CrossValidation>, SessionError> {
     if logs.len() < 2 {
         return Err(SessionError::TooFewLogs);
     }
     let (model, kind) = (session.model, session.kind);
-    let one = |path: &PathBuf| session.open(std::slice::from_ref(path));
+    let one = |run: &Run| session.open(std::slice::from_ref(run));
     // without Huber's weights, the QR factors of the logs suffice
     let mut sets = Vec::with_capacity(logs.len());
-    for path in logs {
-        sets.push(identify::observe(model, kind, &mut one(path)?)?.0);
+    for run in logs {
+        sets.push(identify::observe(model, kind, &mut one(run)?)?.0);
     }
     let mut out = Vec::with_capacity(sets.len());
-    for (k, path) in logs.iter().enumerate() {
+    for (k, run) in logs.iter().enumerate() {
         let values = if session.options.huber.is_some() {
             let others = logs.iter().enumerate().filter(|(j, _)| *j != k);
-            let others: Vec<PathBuf> = others.map(|(_, path)| path.clone()).collect();
+            let others: Vec<Run> = others.map(|(_, run)| run.clone()).collect();
             let mut others = session.open(&others)?;
             identify::identify(model, kind, &session.options, &mut others)?
                 .estimate
@@ -53,9 +52,9 @@ pub fn cross<M: BaseModel<f64> + ?Sized>(
             Estimate::new(&merged, session.options.weighting)?.values
         };
         let means = sets.get(k).map(FactorSet::means).unwrap_or_default();
-        let residuals = identify::residuals(model, kind, &mut one(path)?, &values, &means, 1)?;
+        let residuals = identify::residuals(model, kind, &mut one(run)?, &values, &means, 1)?;
         out.push(CrossValidation {
-            file: path.display().to_string(),
+            file: run.to_string(),
             relative_absolute: residuals.relative_absolute(),
             efforts: residuals.efforts(),
         });

@@ -1,10 +1,9 @@
 //! Estimates and corrects the delays of efforts behind the motion, until none is significant.
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 
 use super::{Session, SessionError};
+use crate::data::Run;
 use crate::identify::{self, EquationKind, Options};
 
 /// Most rounds of correcting delays; usually two or three suffice.
@@ -19,7 +18,7 @@ const MAX_ROUNDS: usize = 6;
 /// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.
 pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[PathBuf],
+    logs: &[Run],
 ) -> Result<Vec<(String, f64)>, SessionError> {
     if session.kind != EquationKind::Forces {
         return Err(SessionError::DelaysFromEnergyBalance);

@@ -15,11 +15,9 @@ mod reduction;
 mod start;
 mod watch;
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 
-use crate::data::{DataError, Logs, Settings};
+use crate::data::{DataError, Logs, Run, Settings};
 use crate::identify::{EquationKind, Options};
 
 pub use compare::{LogError, compare, residuals_of};
@@ -49,15 +47,19 @@ pub struct Session<'a, M: ?Sized> {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
-    /// Opens log files and checks their rows. Whenever a later step reads the returned logs, it
-    /// reports its progress to `watch`.
+    /// Opens runs, or the paths of whole logs, and checks their rows. Whenever a later step reads the
+    /// returned logs, it reports its progress to `watch`.
     ///
     /// # Errors
     /// When a log cannot be read or has faulty rows, see [`Logs::open`].
-    pub fn open(&self, paths: &[PathBuf]) -> Result<MonitoredLogs<'a, M>, DataError> {
-        let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
+    pub fn open<R: Clone + Into<Run>>(
+        &self,
+        runs: &[R],
+    ) -> Result<MonitoredLogs<'a, M>, DataError> {
+        let names = runs.iter().map(|run| run.clone().into().to_string());
+        let names: Vec<String> = names.collect();
         self.watch.work(&format!("checking {}", names.join(", ")));
-        let logs = Logs::open(self.model, paths, &self.reading);
+        let logs = Logs::open(self.model, runs, &self.reading);
         self.watch.rest();
         Ok(MonitoredLogs::new(
             logs?,

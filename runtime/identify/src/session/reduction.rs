@@ -1,11 +1,9 @@
 //! Reduces the base parameters of a start to those that the data determine well.
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 
 use super::{LeastSquaresStart, Session, SessionError};
-use crate::data::DataError;
+use crate::data::{DataError, Run};
 use crate::estimate::{EffortFit, FactorSet, QrFactor};
 use crate::identifiability::{Checks, Reduction, reduce};
 use crate::identify::{self, EquationKind, NoColumns, Source};
@@ -46,7 +44,7 @@ impl Equations {
 pub fn reduction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &LeastSquaresStart,
-    against: &[PathBuf],
+    against: &[Run],
 ) -> Result<Reduction, SessionError> {
     let (model, kind) = (session.model, session.kind);
     let (factor, efforts) = (&start.factor, &start.estimate.efforts);

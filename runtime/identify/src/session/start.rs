@@ -1,12 +1,10 @@
 //! The least-squares estimate with which every identification starts: from logs, from QR factors,
 //! or with linear friction in place of nonlinear friction.
 
-use std::path::PathBuf;
-
 use regen_runtime::BaseModel;
 
 use super::{MonitoredLogs, Session, SessionError, physical};
-use crate::data::FileReport;
+use crate::data::{FileReport, Run};
 use crate::estimate::{
     Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Weighting,
 };
@@ -225,7 +223,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
 /// read.
 pub fn with_friction<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[PathBuf],
+    logs: &[Run],
 ) -> Result<LeastSquaresStart, SessionError> {
     let model = session.model;
     let info = model.info();

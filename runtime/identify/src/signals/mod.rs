@@ -128,8 +128,8 @@ impl fmt::Display for SignalError {
             Self::NotUniform { sample, step, mean } => write!(
                 f,
                 "the step of {step} s before sample {sample} is not the usual {mean} s: the \
-                 Butterworth filter needs uniform sampling; local regression and Fourier series \
-                 do not"
+                 Butterworth filter needs uniform sampling, onto which rows can be resampled; local \
+                 regression and Fourier series do not"
             ),
             Self::TooFew { samples, needed } => write!(
                 f,

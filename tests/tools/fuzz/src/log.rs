@@ -69,9 +69,11 @@ fn read(path: &Path, way: u64) {
     } else {
         Policy::Drop
     };
+    let resample = (way / 8).is_multiple_of(3).then_some(2.0);
     let settings = Settings {
         method,
         policy,
+        resample,
         ..Settings::default()
     };
     let told = |error: DataError| assert!(!error.to_string().is_empty(), "no word");

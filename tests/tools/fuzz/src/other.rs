@@ -1,9 +1,11 @@
-//! Targets for URDF and MJCF files, and for files of factors.
+//! Targets for URDF and MJCF files, for files of factors, and for experiment files.
 
 use regen_codegen::diag::Source;
 use regen_codegen::spec::parse;
 use regen_identify::estimate::{Estimate, FactorSet, Weighting};
+use regen_identify::experiment_file::ExperimentFile;
 use regen_import::{Options, import as of};
+use regen_runtime::Info;
 
 use crate::description::shown;
 
@@ -53,5 +55,31 @@ pub fn factors(bytes: &[u8]) {
             assert_eq!(again.map(|s| s.to_text()), Ok(set.to_text()));
         }
         Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+/// Checks that an experiment file is read, or refused with mistakes that are in the text.
+///
+/// # Panics
+/// When it is neither.
+pub fn experiment(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    let info = Info {
+        coordinates: &["q1", "q2", "slide"],
+        actuated: &[0, 2],
+        ..Info::EMPTY
+    };
+    if let Err(mistakes) = ExperimentFile::read(text, &info) {
+        assert!(!mistakes.0.is_empty());
+        for mistake in mistakes.0 {
+            assert!(!mistake.message.is_empty());
+            assert!(
+                text.is_char_boundary(mistake.at),
+                "{}: {text:?}",
+                mistake.at
+            );
+        }
     }
 }

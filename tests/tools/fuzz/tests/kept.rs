@@ -169,6 +169,11 @@ fn every_factor_file_is_read_or_refused() {
 }
 
 #[test]
+fn every_experiment_file_is_read_or_refused() {
+    answers("experiment", &[("robots/measured", &["yaml"])], 1500);
+}
+
+#[test]
 fn each_target_of_cargo_fuzz_calls_its_reader() {
     for (name, _) in regen_fuzz::TARGETS {
         let text =

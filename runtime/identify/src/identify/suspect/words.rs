@@ -59,13 +59,8 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     /// The present assignment of a quantity.
     pub(super) fn source(&self, quantity: &Quantity) -> Assignment {
         let found = self.given.iter().find(|a| a.quantity == *quantity);
-        found.cloned().unwrap_or_else(|| Assignment {
-            quantity: quantity.clone(),
-            column: quantity.to_string(),
-            factor: 1.0,
-            unit: None,
-            gain: None,
-        })
+        let own = || Assignment::new(quantity.clone(), &quantity.to_string());
+        found.cloned().unwrap_or_else(own)
     }
 
     /// The present assignment of an effort.

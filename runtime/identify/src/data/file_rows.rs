@@ -1,0 +1,264 @@
+//! Reads the rows of one file one after another, as the numbers that stand there.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use csv::{ByteRecord, Reader};
+
+use super::problem::{DataError, Fault};
+use super::table::{Format, Written};
+
+/// Most characters of a title or an entry in a message.
+const MAX_SHOWN: usize = 40;
+
+/// Cuts a text to a length that fits into a message.
+pub(super) fn shortened(text: &str) -> String {
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// A column of a file that is read.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Wanted {
+    /// Its index in the file.
+    pub(super) column: usize,
+    /// Its title, for messages.
+    pub(super) title: String,
+}
+
+/// One file of a run, and how its text is divided into columns.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    pub(super) path: PathBuf,
+    /// How a CSV file is written; `None` for Parquet.
+    written: Option<Written>,
+    /// The names of the columns.
+    pub(super) titles: Vec<String>,
+    /// Whether the file names its columns; else they are called by their numbers.
+    pub(super) named: bool,
+    /// The length in bytes of a CSV file whose last line has no end of line.
+    unended_length: Option<u64>,
+}
+
+/// A row of a file.
+pub(super) struct FileRow {
+    /// The line of a CSV file, or the row of a Parquet file, from 1.
+    pub(super) line: u64,
+    /// The numbers of the wanted columns as they stand in the file, or why they cannot be used.
+    pub(super) values: Result<Vec<f64>, Fault>,
+}
+
+/// The rows of one file, from the first one on.
+pub(super) enum FileRows<'a> {
+    Csv(CsvRows<'a>),
+    #[cfg(feature = "parquet")]
+    Parquet(super::parquet::ParquetRows),
+}
+
+/// First bytes of a Parquet file.
+const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
+
+/// Whether a file is Parquet, by its first bytes; false if it cannot be read, which a later read
+/// reports.
+fn is_parquet(path: &Path) -> bool {
+    let mut start = [0; 4];
+    File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok())
+        && start == PARQUET_MAGIC
+}
+
+/// The length in bytes of a file whose last line has no end of line; `None` for other files and
+/// where it cannot be read, which a later read reports.
+fn unended_length(path: &Path) -> Option<u64> {
+    let mut file = File::open(path).ok()?;
+    let length = file.seek(SeekFrom::End(0)).ok()?;
+    let mut last = [0];
+    file.seek(SeekFrom::End(-1)).ok()?;
+    file.read_exact(&mut last).ok()?;
+    (!b"\r\n".contains(&last[0])).then_some(length)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn unsupported(path: &Path) -> DataError {
+    DataError::ColumnLayout {
+        file: path.display().to_string(),
+        why: "this is a Parquet file: build with the feature `parquet`".to_owned(),
+    }
+}
+
+impl Table {
+    /// Finds out how a file is written.
+    pub(super) fn open(path: &Path, format: Format) -> Result<Self, DataError> {
+        if is_parquet(path) {
+            #[cfg(feature = "parquet")]
+            return Ok(Self {
+                path: path.to_path_buf(),
+                written: None,
+                titles: super::parquet::header(path)?,
+                named: true,
+                unended_length: None,
+            });
+            #[cfg(not(feature = "parquet"))]
+            return Err(unsupported(path));
+        }
+        let written = Written::find(path, format).map_err(|error| DataError::Io {
+            file: path.display().to_string(),
+            why: error.to_string(),
+        })?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            titles: written.titles.clone(),
+            named: written.has_header(),
+            unended_length: unended_length(path),
+            written: Some(written),
+        })
+    }
+
+    /// The rows of some columns, from the first row on.
+    pub(super) fn rows(&self, wanted: Vec<Wanted>) -> Result<FileRows<'_>, DataError> {
+        match &self.written {
+            #[cfg(feature = "parquet")]
+            None => Ok(FileRows::Parquet(super::parquet::ParquetRows::open(
+                &self.path, wanted,
+            )?)),
+            #[cfg(not(feature = "parquet"))]
+            None => Err(unsupported(&self.path)),
+            Some(written) => Ok(FileRows::Csv(CsvRows {
+                table: self,
+                written,
+                reader: written
+                    .reader(&self.path)
+                    .map_err(|e| failed(&self.path, &e))?,
+                record: ByteRecord::new(),
+                last_column: LastColumn::default(),
+                wanted,
+            })),
+        }
+    }
+}
+
+impl FileRows<'_> {
+    /// The next row; `None` behind the last one.
+    pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        match self {
+            Self::Csv(rows) => rows.next_row(),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(rows) => rows.next_row(),
+        }
+    }
+}
+
+/// The rows of a CSV file.
+pub(super) struct CsvRows<'a> {
+    table: &'a Table,
+    written: &'a Written,
+    reader: Reader<File>,
+    record: ByteRecord,
+    last_column: LastColumn,
+    wanted: Vec<Wanted>,
+}
+
+impl CsvRows<'_> {
+    fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        let path = &self.table.path;
+        let more = self.reader.read_byte_record(&mut self.record);
+        if !more.map_err(|error| failed(path, &error))? {
+            return Ok(None);
+        }
+        let line = self.record.position().map_or(0, csv::Position::line);
+        let end = self.reader.position().byte();
+        let is_unended_line = self
+            .table
+            .unended_length
+            .is_some_and(|length| end >= length);
+        let is_cut = is_unended_line && self.last_column.is_cut(&self.record);
+        self.last_column.push(&self.record);
+        let values = match self.parse() {
+            Ok(_) if is_cut => Err(self.cut_problem()),
+            values => values,
+        };
+        Ok(Some(FileRow { line, values }))
+    }
+
+    /// The fault of a last row that was cut short.
+    fn cut_problem(&self) -> Fault {
+        let text = self.record.iter().next_back().unwrap_or_default();
+        Fault::Cut {
+            column: self.table.titles.last().cloned().unwrap_or_default(),
+            text: shortened(&String::from_utf8_lossy(text)),
+        }
+    }
+
+    /// The numbers of the wanted columns of the present record.
+    fn parse(&self) -> Result<Vec<f64>, Fault> {
+        let (record, expected) = (&self.record, self.table.titles.len());
+        if record.len() != expected {
+            return Err(Fault::Entries {
+                found: record.len(),
+                expected,
+            });
+        }
+        let mut values = Vec::with_capacity(self.wanted.len() + 1);
+        for wanted in &self.wanted {
+            let text = core::str::from_utf8(record.get(wanted.column).unwrap_or_default());
+            let text = text.unwrap_or("?").trim();
+            match self.written.number(text) {
+                Some(value) if value.is_finite() => values.push(value),
+                _ => {
+                    return Err(Fault::NotANumber {
+                        column: wanted.title.clone(),
+                        text: shortened(text),
+                    });
+                }
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// Least number of rows before a last line without an end of line that show the usual length of
+/// its last entry.
+const MIN_ROWS_BEFORE_CUT: usize = 20;
+
+/// The lengths of the last entries of the rows so far.
+#[derive(Default)]
+struct LastColumn {
+    /// The number of rows.
+    rows: usize,
+    /// The length of the shortest last entry, bytes.
+    shortest: usize,
+}
+
+impl LastColumn {
+    /// The length of the last entry of a row, bytes.
+    fn length(record: &ByteRecord) -> usize {
+        record
+            .get(record.len().saturating_sub(1))
+            .map_or(0, <[u8]>::len)
+    }
+
+    fn push(&mut self, record: &ByteRecord) {
+        let length = Self::length(record);
+        self.shortest = if self.rows == 0 {
+            length
+        } else {
+            self.shortest.min(length)
+        };
+        self.rows += 1;
+    }
+
+    /// Whether the last entry of a row without an end of line is shorter than all before it.
+    fn is_cut(&self, record: &ByteRecord) -> bool {
+        self.rows >= MIN_ROWS_BEFORE_CUT && Self::length(record) < self.shortest
+    }
+}
+
+/// The error of a file that cannot be read.
+fn failed(path: &Path, error: &csv::Error) -> DataError {
+    DataError::Io {
+        file: path.display().to_string(),
+        why: format!("{error}"),
+    }
+}

@@ -1,0 +1,307 @@
+//! The rows of a run: those of its files side by side, converted to SI, within the part that is
+//! read.
+
+use std::collections::VecDeque;
+
+use super::file_rows::{FileRow, FileRows, Wanted};
+use super::layout::Channel;
+use super::problem::{DataError, Problem, median};
+use super::reader::{LogFile, LogRow};
+use super::resample::between;
+
+/// Rows of a file from whose times its usual step is computed.
+const STEP_ROWS: usize = 1001;
+/// A step longer than this many usual ones is a gap, over which nothing is interpolated.
+const GAP_STEPS: f64 = 3.0;
+/// How far two times may differ that are the same, in usual steps: rounding.
+const SAME_TIME: f64 = 1e-6;
+
+/// The rows of a run, from the first one on.
+pub(super) struct JoinedRows<'a> {
+    file: &'a LogFile,
+    sources: Vec<Source<'a>>,
+    /// The number of rows read so far.
+    count: u64,
+    /// Whether the last good row was within the times that are read.
+    inside: bool,
+}
+
+/// The columns of one file.
+struct Source<'a> {
+    /// The index of the file in the run.
+    place: usize,
+    rows: FileRows<'a>,
+    /// For each column that is read its entry in a row of the run.
+    entries: Vec<usize>,
+    /// The rows around the present time, for a file that is joined by time and is not the first.
+    track: Option<Track>,
+}
+
+/// The rows of a file around the present time.
+struct Track {
+    time: Channel,
+    /// Times and the other numbers.
+    recent: VecDeque<(f64, Vec<f64>)>,
+    ended: bool,
+    usual_step: f64,
+}
+
+impl<'a> JoinedRows<'a> {
+    /// Opens all files of a run before their first rows.
+    pub(super) fn open(file: &'a LogFile) -> Result<Self, DataError> {
+        let mut sources = Vec::with_capacity(file.tables.len());
+        let mut before = 0;
+        for (place, table) in file.tables.iter().enumerate() {
+            let own = before..before + table.titles.len();
+            let (mut wanted, mut entries) = (Vec::new(), Vec::new());
+            for (entry, channel) in file.layout.channels.iter().enumerate() {
+                let Some(index) = channel.index.filter(|index| own.contains(index)) else {
+                    continue;
+                };
+                wanted.push(Wanted {
+                    column: index - before,
+                    title: file.layout.title(entry),
+                });
+                entries.push(entry);
+            }
+            before = own.end;
+            let times = file.layout.times.as_ref().filter(|_| place > 0);
+            let time = times.and_then(|times| times.get(place)).copied();
+            let mut track = None;
+            if let Some((time, index)) = time.and_then(|time| Some((time, time.index?))) {
+                let title = table.titles.get(index).cloned().unwrap_or_default();
+                let first = Wanted {
+                    column: index,
+                    title,
+                };
+                let mut clock = table.rows(vec![first.clone()])?;
+                wanted.insert(0, first);
+                track = Some(Track {
+                    time,
+                    recent: VecDeque::new(),
+                    ended: false,
+                    usual_step: usual_step(&mut clock, time)?,
+                });
+            }
+            // a file of which nothing is wanted is not read
+            if !entries.is_empty() {
+                sources.push(Source {
+                    place,
+                    rows: table.rows(wanted)?,
+                    entries,
+                    track,
+                });
+            }
+        }
+        Ok(Self {
+            file,
+            sources,
+            count: 0,
+            // nothing is known of faulty rows before the first good one
+            inside: file.run.times.is_none(),
+        })
+    }
+
+    /// The next row, or why it cannot be used; `None` behind the last one.
+    pub(super) fn next_row(&mut self) -> Result<Option<Result<LogRow, Problem>>, DataError> {
+        loop {
+            if self
+                .file
+                .run
+                .rows
+                .is_some_and(|(_, last)| self.count >= last)
+            {
+                return Ok(None);
+            }
+            let Some(row) = self.row()? else {
+                return Ok(None);
+            };
+            self.count += 1;
+            if self
+                .file
+                .run
+                .rows
+                .is_some_and(|(first, _)| self.count < first)
+            {
+                continue;
+            }
+            let row = match row {
+                // the other files have nothing at this time
+                Ok(None) => continue,
+                Ok(Some(row)) => Ok(row),
+                Err(problem) => Err(problem),
+            };
+            if let Some((start, end)) = self.file.run.times {
+                if let Ok(row) = &row {
+                    let time = row.values.first().copied().unwrap_or(f64::NAN);
+                    self.inside = (start..=end).contains(&time);
+                }
+                if !self.inside {
+                    continue;
+                }
+            }
+            return Ok(Some(row));
+        }
+    }
+
+    /// The next row of all files, `Ok(None)` in it where a file that is joined by time has nothing.
+    fn row(&mut self) -> Result<Option<Result<Option<LogRow>, Problem>>, DataError> {
+        let channels = &self.file.layout.channels;
+        let mut values = vec![0.0; channels.len()];
+        let mut line = 0;
+        let mut fault = None;
+        let mut lacking = false;
+        let mut ended = Vec::new();
+        for (order, source) in self.sources.iter_mut().enumerate() {
+            let found = match &mut source.track {
+                Some(track) => {
+                    if fault.is_none() && !lacking {
+                        let time = values.first().copied().unwrap_or(f64::NAN);
+                        match track.at(&mut source.rows, time)? {
+                            Some(found) => fill(&mut values, channels, &source.entries, &found),
+                            None => lacking = true,
+                        }
+                    }
+                    continue;
+                }
+                None => source.rows.next_row()?,
+            };
+            let Some(FileRow {
+                line: own,
+                values: found,
+            }) = found
+            else {
+                ended.push(source.place);
+                continue;
+            };
+            if order == 0 {
+                line = own;
+            }
+            match found {
+                Ok(found) => fill(&mut values, channels, &source.entries, &found),
+                Err(what) => {
+                    fault.get_or_insert(Problem { row: own, what });
+                }
+            }
+        }
+        let by_row = self.sources.iter().filter(|s| s.track.is_none()).count();
+        if !ended.is_empty() {
+            return if ended.len() == by_row {
+                Ok(None)
+            } else {
+                Err(self.unequal(&ended))
+            };
+        }
+        if by_row == 0 {
+            return Ok(None);
+        }
+        if let Some(rate) = self.file.rate {
+            values[0] = self.count as f64 / rate;
+        }
+        Ok(Some(match fault {
+            Some(problem) => Err(problem),
+            None if lacking => Ok(None),
+            None => Ok(Some(LogRow { line, values })),
+        }))
+    }
+
+    /// The error of files side by side of which some end before the others.
+    fn unequal(&self, ended: &[usize]) -> DataError {
+        let name = |place: &usize| {
+            let path = self.file.run.files.get(*place);
+            path.map_or_else(String::new, |path| path.display().to_string())
+        };
+        let names: Vec<String> = ended.iter().map(name).collect();
+        DataError::ColumnLayout {
+            file: self.file.name.clone(),
+            why: format!(
+                "files side by side are joined row by row, and {} ends after {} rows, before the \
+                 others: join them by time, or cut them to the same rows",
+                names.join(" and "),
+                self.count
+            ),
+        }
+    }
+}
+
+/// Converts numbers of a file to SI and puts them into a row.
+fn fill(values: &mut [f64], channels: &[Channel], entries: &[usize], found: &[f64]) {
+    for (entry, number) in entries.iter().zip(found) {
+        if let (Some(value), Some(channel)) = (values.get_mut(*entry), channels.get(*entry)) {
+            *value = channel.convert(*number);
+        }
+    }
+}
+
+/// The median time step of a file's first rows, s.
+fn usual_step(rows: &mut FileRows<'_>, time: Channel) -> Result<f64, DataError> {
+    let mut times = Vec::new();
+    while times.len() < STEP_ROWS
+        && let Some(row) = rows.next_row()?
+    {
+        if let Ok(values) = row.values {
+            times.extend(values.first().map(|t| time.convert(*t)));
+        }
+    }
+    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+    Ok(median(&steps))
+}
+
+impl Track {
+    /// The numbers of the file at a time, s, which does not go back; `None` where it has none or
+    /// has a gap.
+    fn at(&mut self, rows: &mut FileRows<'_>, time: f64) -> Result<Option<Vec<f64>>, DataError> {
+        // two rows behind the present time are needed, and the last two that are not
+        let mut passed;
+        loop {
+            passed = self.recent.iter().take_while(|row| row.0 <= time).count();
+            while passed > 2 {
+                self.recent.pop_front();
+                passed -= 1;
+            }
+            if self.ended || self.recent.len() >= passed + 2 {
+                break;
+            }
+            self.read(rows)?;
+        }
+        let Some(left) = passed.checked_sub(1) else {
+            return Ok(None);
+        };
+        let Some((before, values)) = self.recent.get(left) else {
+            return Ok(None);
+        };
+        if (time - before).abs() <= SAME_TIME * self.usual_step {
+            return Ok(Some(values.clone()));
+        }
+        let Some((after, next)) = self.recent.get(left + 1) else {
+            return Ok(None);
+        };
+        if (after - time).abs() <= SAME_TIME * self.usual_step {
+            return Ok(Some(next.clone()));
+        }
+        if after - before > GAP_STEPS * self.usual_step {
+            return Ok(None);
+        }
+        Ok(Some(between(&self.recent, left, time)))
+    }
+
+    /// Reads the next row that can be used; rows out of the order of time cannot.
+    fn read(&mut self, rows: &mut FileRows<'_>) -> Result<(), DataError> {
+        loop {
+            let Some(row) = rows.next_row()? else {
+                self.ended = true;
+                return Ok(());
+            };
+            let Ok(mut values) = row.values else { continue };
+            if values.is_empty() {
+                continue;
+            }
+            let time = self.time.convert(values.remove(0));
+            if self.recent.back().is_none_or(|last| time > last.0) {
+                self.recent.push_back((time, values));
+                return Ok(());
+            }
+        }
+    }
+}

@@ -1,0 +1,400 @@
+//! Finds the columns of a run's files that hold times, positions, velocities, accelerations and
+//! efforts.
+
+use super::columns::{Assignment, Quantity};
+use super::file_rows::{Table, shortened};
+use super::run::Join;
+use regen_runtime::Info;
+
+/// The index of a column among those of all files of a run, and its conversion to SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Channel {
+    /// `None` for a time that is counted and not read.
+    pub(super) index: Option<usize>,
+    pub(super) factor: f64,
+    pub(super) offset: f64,
+}
+
+/// What the columns are found by.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search<'a> {
+    pub(super) assignments: &'a [Assignment],
+    /// Whether the time is counted and not read.
+    pub(super) by_rate: bool,
+    /// Whether columns of velocities and accelerations are used.
+    pub(super) rates: bool,
+    pub(super) join: Join,
+}
+
+/// The columns of a run's files that are read, and their order in a row.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ColumnLayout {
+    /// The titles of the columns of all files, those of the first file first.
+    pub(super) header: Vec<String>,
+    /// Coordinates that are measured, as indices into `Info::coordinates`.
+    pub(super) measured: Vec<usize>,
+    /// The columns in the order of [`LogRow::values`](super::reader::LogRow::values): time,
+    /// positions, the velocities that are measured, the accelerations that are measured, efforts.
+    pub(super) channels: Vec<Channel>,
+    /// For each measured coordinate the entry of its velocity in a row, where it is measured.
+    pub(super) velocities: Vec<Option<usize>>,
+    /// The same of its acceleration.
+    pub(super) accelerations: Vec<Option<usize>>,
+    /// Whether all velocities and accelerations are measured.
+    pub(super) derivatives: bool,
+    /// The number of efforts.
+    pub(super) efforts: usize,
+    /// Whether files side by side are joined by time, with the column of time of each file.
+    pub(super) times: Option<Vec<Channel>>,
+}
+
+/// Most titles in a message.
+const MAX_LISTED: usize = 40;
+
+/// Lists the titles of columns for a message, at most [`MAX_LISTED`] of each file; of a file that
+/// does not name its columns their numbers.
+fn listed(tables: &[Table]) -> String {
+    let mut before = 0;
+    let mut parts = Vec::new();
+    for table in tables {
+        let count = table.titles.len();
+        if table.named {
+            let titles = table.titles.iter().take(MAX_LISTED);
+            let titles: Vec<String> = titles.map(|t| shortened(t)).collect();
+            let more = count.saturating_sub(MAX_LISTED);
+            let tail = if more > 0 {
+                format!(" and {more} more")
+            } else {
+                String::new()
+            };
+            parts.push(format!("{}{tail}", titles.join(", ")));
+        } else {
+            parts.push(format!(
+                "{} to {} without names",
+                before + 1,
+                before + count
+            ));
+        }
+        before += count;
+    }
+    parts.join(", ")
+}
+
+/// Why a header is not that of a log of this robot: a sentence that ends with the assignment which
+/// would help, where there is one.
+#[derive(Debug)]
+pub(super) struct Unfit {
+    pub(super) why: String,
+    pub(super) assignment: Option<String>,
+}
+
+impl From<String> for Unfit {
+    fn from(why: String) -> Self {
+        Self {
+            why,
+            assignment: None,
+        }
+    }
+}
+
+/// Refuses currents without torque constants and names that are no coordinates.
+fn check(assignments: &[Assignment], info: &Info<'_>) -> Result<(), Unfit> {
+    for assignment in assignments {
+        if assignment.is_current() && assignment.gain.is_none() {
+            let Assignment {
+                quantity, column, ..
+            } = assignment;
+            let unit = assignment.unit.unwrap_or("A");
+            return Err(Unfit {
+                why: format!(
+                    "{quantity} is a current in {unit}, and a current is no effort: give the \
+                     torque constant of the joint, in N m/A or N/A with the gear, such as"
+                ),
+                assignment: Some(format!("{quantity}={column}:{unit}*0.12")),
+            });
+        }
+        let name = match &assignment.quantity {
+            Quantity::Time => continue,
+            Quantity::Position(n)
+            | Quantity::Velocity(n)
+            | Quantity::Acceleration(n)
+            | Quantity::Effort(n) => n,
+        };
+        if info.index_of(name).is_none() {
+            let all = info.coordinates.join(" ");
+            return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
+        }
+    }
+    Ok(())
+}
+
+/// The index of a column's number among `count` columns.
+fn place_of(number: usize, count: usize) -> Option<usize> {
+    number.checked_sub(1).filter(|index| *index < count)
+}
+
+/// The index of a column whose name is no title but a number.
+fn by_number(given: &Assignment, count: usize) -> Option<usize> {
+    place_of(given.column.parse().ok()?, count)
+}
+
+/// The columns of all files of a run, and what they are found by.
+struct Finder<'a> {
+    tables: &'a [Table],
+    header: Vec<String>,
+    search: Search<'a>,
+}
+
+impl Finder<'_> {
+    /// The place of a title; two columns of the same title are ambiguous.
+    fn place(&self, name: &str) -> Result<Option<usize>, String> {
+        let Some(index) = self.header.iter().position(|h| h == name) else {
+            return Ok(None);
+        };
+        if self.header.iter().skip(index + 1).any(|h| h == name) {
+            return Err(format!("the header names two columns `{name}`: rename one"));
+        }
+        Ok(Some(index))
+    }
+
+    fn given(&self, quantity: &Quantity) -> Option<&Assignment> {
+        let assignments = self.search.assignments.iter();
+        assignments.into_iter().find(|a| a.quantity == *quantity)
+    }
+
+    /// The column of a quantity; `None` if it has none.
+    fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
+        if let Some(given) = self.given(quantity) {
+            let index = match given.number {
+                Some(number) => place_of(number, self.header.len()),
+                None => self
+                    .place(&given.column)?
+                    .or_else(|| by_number(given, self.header.len())),
+            };
+            if index.is_some() || !given.optional {
+                let index = index.ok_or_else(|| self.lacks(given))?;
+                return Ok(Some(Channel {
+                    index: Some(index),
+                    factor: given.factor,
+                    offset: given.offset,
+                }));
+            }
+        }
+        let found = self.place(&quantity.to_string())?;
+        Ok(found.map(Channel::plain))
+    }
+
+    fn lacks(&self, given: &Assignment) -> String {
+        let Assignment {
+            quantity, column, ..
+        } = given;
+        let all = listed(self.tables);
+        format!("there is no column `{column}` for {quantity}; there are: {all}")
+    }
+
+    /// The column of time of one file, with its index among the columns of this file; `None` if it
+    /// has none.
+    fn time_in(&self, table: &Table) -> Option<Channel> {
+        let place = |name: &str| table.titles.iter().position(|title| title == name);
+        match self.given(&Quantity::Time) {
+            Some(given) => {
+                let index = match given.number {
+                    Some(number) => place_of(number, table.titles.len()),
+                    None => place(&given.column).or_else(|| by_number(given, table.titles.len())),
+                };
+                index.map(|index| Channel {
+                    index: Some(index),
+                    factor: given.factor,
+                    offset: given.offset,
+                })
+            }
+            None => place("t").or_else(|| place("time")).map(Channel::plain),
+        }
+    }
+
+    /// The column of time of the run, and those of all files if they are joined by time.
+    fn times(&self) -> Result<(Channel, Option<Vec<Channel>>), Unfit> {
+        let missing = || self.missing(&Quantity::Time, "time in s");
+        let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
+        let several = self.tables.len() > 1;
+        // a number may be that of any column in the other files
+        let named = self
+            .given(&Quantity::Time)
+            .is_none_or(|given| given.number.is_none());
+        let by_time = match self.search.join {
+            Join::Auto => several && named && each.is_some() && !self.search.by_rate,
+            Join::Rows => false,
+            Join::Time => several,
+        };
+        if by_time {
+            if self.search.by_rate {
+                let why =
+                    "its files are to be joined by time, and with a stated rate there is none";
+                return Err(why.to_owned().into());
+            }
+            let each = each.ok_or_else(missing)?;
+            let first = each.first().copied().ok_or_else(missing)?;
+            return Ok((first, Some(each)));
+        }
+        if self.search.by_rate {
+            let counted = Channel {
+                index: None,
+                factor: 1.0,
+                offset: 0.0,
+            };
+            return Ok((counted, None));
+        }
+        if let (Some(given), Some(table)) = (self.given(&Quantity::Time), self.tables.first())
+            && self.time_in(table).is_none()
+        {
+            return Err(self.lacks(given).into());
+        }
+        let first = self.tables.first().and_then(|table| self.time_in(table));
+        let first = first.ok_or_else(missing)?;
+        if self
+            .given(&Quantity::Time)
+            .is_none_or(|given| given.number.is_none())
+            && let (false, Some(title)) = (several, first.index.and_then(|i| self.header.get(i)))
+        {
+            self.place(title)?;
+        }
+        Ok((first, None))
+    }
+
+    fn missing(&self, quantity: &Quantity, what: &str) -> Unfit {
+        let all = listed(self.tables);
+        let column = self.given(quantity).map_or_else(
+            || quantity.to_string(),
+            // a pattern named it
+            |given| given.column.clone(),
+        );
+        Unfit {
+            why: format!("there is no column `{column}` ({what}); there are: {all}. Name it with"),
+            assignment: Some(format!("{quantity}=COLUMN")),
+        }
+    }
+}
+
+impl Channel {
+    /// The SI value of a number in the file.
+    pub(super) fn convert(self, number: f64) -> f64 {
+        number * self.factor + self.offset
+    }
+
+    fn plain(index: usize) -> Self {
+        Self {
+            index: Some(index),
+            factor: 1.0,
+            offset: 0.0,
+        }
+    }
+}
+
+impl ColumnLayout {
+    /// Finds the columns of a run's files.
+    pub(super) fn new(
+        tables: &[Table],
+        info: &Info<'_>,
+        search: Search<'_>,
+    ) -> Result<Self, Unfit> {
+        check(search.assignments, info)?;
+        if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
+            let why = "it is empty; its first row must name the columns";
+            return Err(why.to_owned().into());
+        }
+        if let [whole] = tables.iter().flat_map(|t| &t.titles).collect::<Vec<_>>()[..]
+            && whole.contains(' ')
+        {
+            let why = "its columns are separated by blanks: separate them by commas, semicolons \
+                       or tabs";
+            return Err(why.to_owned().into());
+        }
+        let finder = Finder {
+            tables,
+            header: tables.iter().flat_map(|t| t.titles.clone()).collect(),
+            search,
+        };
+        let (time, times) = finder.times()?;
+        let mut measured = Vec::new();
+        let mut positions = Vec::new();
+        let mut rates = Vec::new();
+        for (k, name) in info.coordinates.iter().enumerate() {
+            let Some(position) = finder.find(&Quantity::Position((*name).to_owned()))? else {
+                continue;
+            };
+            measured.push(k);
+            positions.push(position);
+            rates.push(if search.rates {
+                (
+                    finder.find(&Quantity::Velocity((*name).to_owned()))?,
+                    finder.find(&Quantity::Acceleration((*name).to_owned()))?,
+                )
+            } else {
+                (None, None)
+            });
+        }
+        if measured.len() < info.dof() {
+            // name the actuated coordinates, as robots usually measure these
+            let wanted: Vec<&str> = info
+                .actuated
+                .iter()
+                .filter(|k| !measured.contains(k))
+                .filter_map(|&k| info.coordinates.get(k).copied())
+                .collect();
+            return Err(Unfit {
+                why: format!(
+                    "{} of {} positions that are needed; missing: {}; columns: {}. Name them with",
+                    measured.len(),
+                    info.dof(),
+                    wanted.join(" "),
+                    listed(tables)
+                ),
+                assignment: Some("COORDINATE=COLUMN".to_owned()),
+            });
+        }
+        let mut channels = Vec::from([time]);
+        channels.extend(positions);
+        let mut entry = |channel: Option<Channel>| {
+            channel.map(|channel| {
+                channels.push(channel);
+                channels.len() - 1
+            })
+        };
+        let velocities: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.0)).collect();
+        let accelerations: Vec<Option<usize>> = rates.iter().map(|rate| entry(rate.1)).collect();
+        for &k in info.actuated {
+            let name = info.coordinates.get(k).copied().unwrap_or_default();
+            let effort = Quantity::Effort(name.to_owned());
+            let found = finder.find(&effort)?;
+            channels.push(found.ok_or_else(|| finder.missing(&effort, "an effort"))?);
+        }
+        let mut all = velocities.iter().chain(&accelerations);
+        Ok(Self {
+            measured,
+            channels,
+            derivatives: all.all(Option::is_some),
+            velocities,
+            accelerations,
+            efforts: info.actuated.len(),
+            times,
+            header: finder.header,
+        })
+    }
+
+    /// The indices of the positions in a row.
+    pub(super) fn positions(&self) -> core::ops::Range<usize> {
+        1..1 + self.measured.len()
+    }
+
+    /// The indices of the efforts in a row.
+    pub(super) fn efforts(&self) -> core::ops::Range<usize> {
+        self.channels.len() - self.efforts..self.channels.len()
+    }
+
+    /// The header of the column of a row's entry.
+    pub(super) fn title(&self, entry: usize) -> String {
+        let index = self.channels.get(entry).and_then(|c| c.index);
+        let title = index.and_then(|i| self.header.get(i));
+        title.cloned().unwrap_or_default()
+    }
+}

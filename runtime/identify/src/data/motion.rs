@@ -1,0 +1,68 @@
+//! Position, velocity and acceleration of a measured coordinate over consecutive rows: measured,
+//! from a series, or differentiated.
+
+use super::logs::Log;
+use super::reader::LogRow;
+use crate::signals::{Derivatives, Method, SignalError, differences};
+
+/// The motion of the measured coordinate with index `place`.
+///
+/// Measured accelerations and velocities are used as they are. Where velocities alone are
+/// measured, they pass the method's filter as the positions do, and accelerations are their first
+/// derivative: a difference of velocities has less noise than a second difference of positions.
+/// With a Fourier series all of the motion is the series'.
+///
+/// - `method`: how positions are differentiated, unless `log` has a series.
+///
+/// # Errors
+/// When the rows do not suit the method.
+pub(super) fn derivatives(
+    log: &Log,
+    method: Method,
+    place: usize,
+    times: &[f64],
+    rows: &[LogRow],
+) -> Result<Derivatives, SignalError> {
+    let layout = &log.file.layout;
+    let column = |entry: usize| -> Vec<f64> {
+        let value = |row: &LogRow| row.values.get(entry).copied().unwrap_or(f64::NAN);
+        rows.iter().map(value).collect()
+    };
+    let positions = column(layout.positions().start + place);
+    let velocity = layout.velocities.get(place).copied().flatten();
+    let acceleration = layout.accelerations.get(place).copied().flatten();
+    if let (Some(velocity), Some(acceleration)) = (velocity, acceleration) {
+        return Ok(Derivatives {
+            value: positions,
+            rate: column(velocity),
+            acceleration: column(acceleration),
+            valid: 0..rows.len(),
+        });
+    }
+    if let Some(series) = &log.series {
+        let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(place, *t)).collect();
+        let [value, rate, acceleration] = [0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect());
+        return Ok(Derivatives {
+            value,
+            rate,
+            acceleration,
+            valid: 0..rows.len(),
+        });
+    }
+    let differentiate = |values: &[f64], neighbours: usize| match method {
+        Method::Central => differences(times, values, neighbours),
+        _ => method.differentiate(times, values),
+    };
+    let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
+    let mut found = differentiate(&positions, neighbours)?;
+    if let Some(velocity) = velocity {
+        let noise = log.velocity_noise.get(place);
+        let own = differentiate(&column(velocity), noise.map_or(1, |e| e.neighbours))?;
+        found.valid = found.valid.start.max(own.valid.start)..found.valid.end.min(own.valid.end);
+        (found.rate, found.acceleration) = (own.value, own.rate);
+    }
+    if let Some(acceleration) = acceleration {
+        found.acceleration = column(acceleration);
+    }
+    Ok(found)
+}

@@ -1,0 +1,117 @@
+//! What is done with faulty rows, by the kind of their fault.
+
+use super::problem::Fault;
+
+/// The kinds of faults whose rows have only numbers and are in order of time, so that they can be
+/// used all the same.
+pub(super) const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
+
+/// What to do with faulty rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Policy {
+    /// Report all faults as an error, and compute nothing.
+    #[default]
+    Fail,
+    /// Leave out the faulty rows; the log is divided into segments there.
+    Drop,
+    /// Use outliers, saturated efforts and positions of encoders that look stuck like any row;
+    /// leave out rows that have no numbers or are not in order of time.
+    Keep,
+    /// As `Keep`, and report all faults.
+    Tell,
+}
+
+impl Policy {
+    /// Whether outliers, saturated efforts and positions of stuck encoders are used.
+    ///
+    /// ```
+    /// use regen_identify::data::Policy;
+    ///
+    /// assert!(Policy::Keep.keeps() && Policy::Tell.keeps());
+    /// assert!(!Policy::Fail.keeps() && !Policy::Drop.keeps());
+    /// ```
+    pub fn keeps(self) -> bool {
+        matches!(self, Self::Keep | Self::Tell)
+    }
+}
+
+/// What is done with rows that are doubtful, where it differs from what is done with others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Checks {
+    /// Rows in which a position is an outlier.
+    pub outliers: Option<Policy>,
+    /// Rows in which an effort is saturated.
+    pub saturated: Option<Policy>,
+    /// Rows in which an encoder looks stuck.
+    pub stuck: Option<Policy>,
+}
+
+/// What is done with each kind of fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Policies {
+    /// What is done with all faults that `checks` leaves open.
+    pub all: Policy,
+    /// What is done with doubtful rows.
+    pub checks: Checks,
+}
+
+impl From<Policy> for Policies {
+    fn from(all: Policy) -> Self {
+        Self {
+            all,
+            checks: Checks::default(),
+        }
+    }
+}
+
+impl Policies {
+    /// What is done with faults of a kind, see [`Fault::kind`].
+    ///
+    /// ```
+    /// use regen_identify::data::{Checks, Policies, Policy};
+    ///
+    /// let checks = Checks { outliers: Some(Policy::Tell), ..Checks::default() };
+    /// let policies = Policies { all: Policy::Drop, checks };
+    /// assert_eq!(policies.of("outlier"), Policy::Tell);
+    /// assert_eq!(policies.of("gap"), Policy::Drop);
+    /// ```
+    pub fn of(&self, kind: &str) -> Policy {
+        let [outlier, saturation, stuck] = USABLE_KINDS;
+        let own = match kind {
+            _ if kind == outlier => self.checks.outliers,
+            _ if kind == saturation => self.checks.saturated,
+            _ if kind == stuck => self.checks.stuck,
+            _ => None,
+        };
+        own.unwrap_or(self.all)
+    }
+
+    pub(super) fn keeps(self) -> Keeps {
+        let [outliers, saturated, stuck] = USABLE_KINDS.map(|kind| self.of(kind).keeps());
+        Keeps {
+            outliers,
+            saturated,
+            stuck,
+        }
+    }
+}
+
+/// Which doubtful rows are used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Keeps {
+    pub(super) outliers: bool,
+    pub(super) saturated: bool,
+    pub(super) stuck: bool,
+}
+
+impl Keeps {
+    /// Whether a row with this fault is used.
+    pub(super) fn uses(self, fault: &Fault) -> bool {
+        match fault {
+            Fault::Outlier { .. } => self.outliers,
+            Fault::Saturated { .. } => self.saturated,
+            Fault::Stuck { .. } => self.stuck,
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The files of one run of a robot, and the part of it that is read.
+
+use core::fmt;
+use std::path::{Path, PathBuf};
+
+/// How the rows of files side by side belong together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Join {
+    /// By time if every file names a column of time, else row by row.
+    #[default]
+    Auto,
+    /// Row by row; the files must have as many rows as each other.
+    Rows,
+    /// By time: the other files are interpolated at the times of the first one.
+    Time,
+}
+
+/// One run of a robot: a log, or several files side by side, and the part of it that is read.
+///
+/// ```
+/// use std::path::PathBuf;
+///
+/// use regen_identify::data::{Join, Run};
+///
+/// let whole = Run::from(PathBuf::from("logs/run1.csv"));
+/// assert_eq!(whole.to_string(), "logs/run1.csv");
+/// let part = Run {
+///     files: vec!["logs/pos.csv".into(), "logs/currents.csv".into()],
+///     rows: Some((355, 5090)),
+///     join: Join::Rows,
+///     ..Run::default()
+/// };
+/// assert_eq!(part.to_string(), "logs/pos.csv + currents.csv, rows 355 to 5090");
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Run {
+    /// The files, one at least. The columns of several files count as those of one, those of the
+    /// first file first.
+    pub files: Vec<PathBuf>,
+    /// How the rows of several files belong together.
+    pub join: Join,
+    /// The first and the last row that is read, counted from 1, header and comments not counted;
+    /// `None` for all. Of files that are joined by time, the rows of the first one.
+    pub rows: Option<(u64, u64)>,
+    /// The first and the last time that is read, s, in the log's own time; `None` for all.
+    pub times: Option<(f64, f64)>,
+}
+
+impl From<PathBuf> for Run {
+    /// A whole file.
+    fn from(file: PathBuf) -> Self {
+        Self {
+            files: vec![file],
+            ..Self::default()
+        }
+    }
+}
+
+impl From<&Path> for Run {
+    /// A whole file.
+    fn from(file: &Path) -> Self {
+        Self::from(file.to_path_buf())
+    }
+}
+
+impl fmt::Display for Run {
+    /// The name of the run: that of its first file with its folder, the names of the others, and
+    /// the part.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, file) in self.files.iter().enumerate() {
+            match file.file_name() {
+                Some(name) if k > 0 => write!(f, " + {}", name.display())?,
+                _ => write!(f, "{}", file.display())?,
+            }
+        }
+        if let Some((first, last)) = self.rows {
+            write!(f, ", rows {first} to {last}")?;
+        }
+        if let Some((start, end)) = self.times {
+            write!(f, ", {start} s to {end} s")?;
+        }
+        Ok(())
+    }
+}

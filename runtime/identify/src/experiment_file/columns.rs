@@ -1,0 +1,386 @@
+//! The columns of an experiment file: keys and patterns to assignments.
+
+use regen_runtime::Info;
+
+use super::shape::{Column, Sink, below, column, did_you_mean, value};
+use super::tree::{Key, Node};
+use crate::data::{Assignment, Quantity, UNITS};
+
+/// What `columns` and `time` say.
+#[derive(Debug, Default)]
+pub(super) struct Columns {
+    pub(super) assignments: Vec<Assignment>,
+    /// The efforts whose gain is unknown, each with the place of that word.
+    pub(super) unknown_gains: Vec<(String, usize)>,
+}
+
+/// One of the kinds of quantities that a coordinate has.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Position,
+    Velocity,
+    Acceleration,
+    Effort,
+}
+
+const KINDS: [Kind; 4] = [
+    Kind::Position,
+    Kind::Velocity,
+    Kind::Acceleration,
+    Kind::Effort,
+];
+
+impl Kind {
+    fn of(self, coordinate: &str) -> Quantity {
+        let name = coordinate.to_owned();
+        match self {
+            Self::Position => Quantity::Position(name),
+            Self::Velocity => Quantity::Velocity(name),
+            Self::Acceleration => Quantity::Acceleration(name),
+            Self::Effort => Quantity::Effort(name),
+        }
+    }
+
+    /// The keys that mean this quantity of a coordinate: `qd1` where that is `q1`, and `qd_q1`.
+    fn spellings(self, coordinate: &str) -> [Option<String>; 2] {
+        let prefix = match self {
+            Self::Position => return [None, Some(coordinate.to_owned())],
+            Self::Velocity => "qd",
+            Self::Acceleration => "qdd",
+            Self::Effort => "tau",
+        };
+        let short = coordinate.strip_prefix('q').filter(|rest| !rest.is_empty());
+        [
+            short.map(|rest| format!("{prefix}{rest}")),
+            Some(format!("{prefix}_{coordinate}")),
+        ]
+    }
+
+    /// The units of this quantity.
+    fn units(self) -> &'static [&'static str] {
+        match self {
+            Self::Position => &["rad", "deg", "rev", "m", "cm", "mm", "um"],
+            Self::Velocity => &["rad/s", "deg/s", "rpm", "m/s", "mm/s"],
+            Self::Acceleration => &["rad/s^2", "deg/s^2", "m/s^2"],
+            Self::Effort => &["Nm", "mNm", "N", "kN", "A", "mA"],
+        }
+    }
+}
+
+/// The part of a text that the `*` of a pattern stands for; the empty text if a text without `*` is
+/// equal; `None` if they do not match.
+fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+    match pattern.split_once('*') {
+        None => (pattern == text).then_some(""),
+        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
+    }
+}
+
+/// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
+fn meant(key: &str, info: &Info<'_>) -> Option<(Kind, Vec<(String, String)>)> {
+    // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
+    let ways = KINDS.into_iter().flat_map(|kind| [(kind, 0), (kind, 1)]);
+    ways.into_iter().find_map(|(kind, way)| {
+        let names = info.coordinates.iter().enumerate();
+        let names = names.filter(|(k, _)| kind != Kind::Effort || info.actuated.contains(k));
+        let found: Vec<(String, String)> = names
+            .filter_map(|(_, name)| {
+                let spelling = kind.spellings(name)[way].take()?;
+                let star = matched(key, &spelling)?;
+                Some(((*name).to_owned(), star.to_owned()))
+            })
+            .collect();
+        (!found.is_empty()).then_some((kind, found))
+    })
+}
+
+/// Reads `columns`, `time` and `rate` of a file.
+pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
+    let mut out = Columns::default();
+    // each with whether its key was a pattern, and the key
+    let mut origins: Vec<(bool, String)> = Vec::new();
+    let columns = root.get("columns");
+    for (key, node) in columns.map(Node::entries).unwrap_or_default() {
+        let path = below("`columns`", &key.text);
+        if key.text == "t" || key.text == "time" {
+            let message = "the column of time has a key of its own".to_owned();
+            sink.push(
+                key.at,
+                "`columns`",
+                message,
+                "write `time: {column: ...}` at the top level",
+            );
+            continue;
+        }
+        let before = out.assignments.len();
+        one(key, node, info, &path, sink, &mut out);
+        let pattern = key.text.contains('*');
+        let mut k = before;
+        while let Some(assignment) = out.assignments.get(k) {
+            let quantity = &assignment.quantity;
+            let other = out.assignments[..before]
+                .iter()
+                .position(|own| own.quantity == *quantity);
+            match other {
+                // a key for one coordinate goes before a pattern for several
+                Some(other) if origins[other].0 && !pattern => {
+                    out.assignments.swap(other, k);
+                    origins[other] = (pattern, key.text.clone());
+                    out.assignments.remove(k);
+                }
+                Some(other) if pattern && !origins[other].0 => {
+                    out.assignments.remove(k);
+                }
+                Some(other) => {
+                    let message =
+                        format!("{quantity} has a column by '{}' already", origins[other].1);
+                    sink.push(key.at, "`columns`", message, "keep one of the two keys");
+                    out.assignments.remove(k);
+                }
+                None => {
+                    origins.push((pattern, key.text.clone()));
+                    k += 1;
+                }
+            }
+        }
+    }
+    if let (Some(rate), Some(_)) = (root.get("rate"), root.get("time")) {
+        let message = "a rate and a column of time exclude each other".to_owned();
+        sink.push(
+            rate.at,
+            "`rate`",
+            message,
+            "a rate is for logs without a column of time",
+        );
+    }
+    if let Some(node) = root.get("time") {
+        out.assignments.extend(time(node, sink));
+    }
+    out
+}
+
+/// The assignment of the time.
+fn time(node: &Node, sink: &mut Sink) -> Option<Assignment> {
+    let place = node.get("column").unwrap_or(node);
+    let found = match column(place)? {
+        Column::Name(name) => Assignment::new(Quantity::Time, &name),
+        Column::Number(number) => Assignment {
+            number: Some(number),
+            ..Assignment::new(Quantity::Time, &number.to_string())
+        },
+        Column::Range(..) => {
+            let message = "the time is in one column".to_owned();
+            sink.push(place.at, "`time`", message, "");
+            return None;
+        }
+    };
+    let unit = node.get("unit").and_then(Node::text).and_then(unit);
+    Some(Assignment {
+        factor: unit.map_or(1.0, |unit| unit.1),
+        unit: unit.map(|unit| unit.0),
+        ..found
+    })
+}
+
+fn unit(text: &str) -> Option<(&'static str, f64)> {
+    UNITS.iter().find(|(name, _)| *name == text).copied()
+}
+
+/// Adds the assignments of one key.
+fn one(key: &Key, node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink, out: &mut Columns) {
+    if key.text.matches('*').count() > 1 {
+        sink.push(key.at, "`columns`", "a pattern has one `*`".to_owned(), "");
+        return;
+    }
+    let Some((kind, found)) = meant(&key.text, info) else {
+        unknown(key, info, sink);
+        return;
+    };
+    let place = node.get("column").unwrap_or(node);
+    let Some(column) = column(place) else { return };
+    let unit_fits = fits(kind, &found, node, path, sink);
+    let gain_fits = needs_gain(kind, node, place, path, sink);
+    if !(unit_fits && gain_fits && suffices(&column, &found, place.at, path, sink)) {
+        return;
+    }
+    let mut each =
+        |name: &str| per_coordinate(node.get(name), found.len(), &below(path, name), sink);
+    let (factors, offsets, gains) = (each("factor"), each("offset"), each("gain"));
+    let (Some(factors), Some(offsets), Some(gains)) = (factors, offsets, gains) else {
+        return;
+    };
+    let unit = node.get("unit").and_then(Node::text).and_then(unit);
+    for (k, (name, star)) in found.into_iter().enumerate() {
+        let number = |list: &[Entry]| match list.get(k) {
+            Some(Entry::Value(value)) => Some(*value),
+            _ => None,
+        };
+        let base = match &column {
+            Column::Name(pattern) => Assignment {
+                optional: key.text.contains('*'),
+                ..Assignment::new(kind.of(&name), &pattern.replacen('*', &star, 1))
+            },
+            Column::Number(first) | Column::Range(first, _) => Assignment {
+                number: Some(first + k),
+                ..Assignment::new(kind.of(&name), &(first + k).to_string())
+            },
+        };
+        if let Some(Entry::Unknown(at)) = gains.get(k) {
+            out.unknown_gains.push((name, *at));
+        }
+        let gain = number(&gains);
+        let factor = number(&factors).unwrap_or(1.0) * gain.unwrap_or(1.0);
+        out.assignments.push(Assignment {
+            factor: unit.map_or(1.0, |unit| unit.1) * factor,
+            offset: number(&offsets).unwrap_or(0.0),
+            unit: unit.map(|unit| unit.0),
+            gain,
+            ..base
+        });
+    }
+}
+
+/// Whether the unit of a column is one of its quantity.
+fn fits(kind: Kind, found: &[(String, String)], node: &Node, path: &str, sink: &mut Sink) -> bool {
+    let unit = node.get("unit");
+    let Some((node, word)) = unit.and_then(|unit| Some((unit, unit.text()?))) else {
+        return true;
+    };
+    // other words are told with the shape
+    if kind.units().contains(&word) || self::unit(word).is_none() {
+        return true;
+    }
+    let what = kind.of(found.first().map_or("", |(name, _)| name));
+    let message = format!("{what} is not measured in {word}");
+    let remedy = format!("its units are {}", kind.units().join(" "));
+    sink.push(node.at, &below(path, "unit"), message, &remedy);
+    false
+}
+
+/// Whether a column has a gain if it is a current, and none otherwise.
+fn needs_gain(kind: Kind, node: &Node, place: &Node, path: &str, sink: &mut Sink) -> bool {
+    let unit = node.get("unit").and_then(Node::text);
+    let is_current = kind == Kind::Effort && matches!(unit, Some("A" | "mA"));
+    match (node.get("gain"), is_current) {
+        (None, true) => {
+            let message = "a current is no effort".to_owned();
+            let remedy = "give `gain`, the joint's torque constant with its gear in N m/A or N/A \
+                          such as 0.12, or `gain: unknown`";
+            sink.push(place.at, path, message, remedy);
+            false
+        }
+        (Some(gain), false) => {
+            let message = "a gain belongs to an effort in A or mA".to_owned();
+            let remedy = "give `factor` where there is no current, or `unit: A`";
+            sink.push(gain.at, &below(path, "gain"), message, remedy);
+            false
+        }
+        _ => true,
+    }
+}
+
+/// Whether a key says a column for each coordinate that it means.
+fn suffices(
+    column: &Column,
+    found: &[(String, String)],
+    at: usize,
+    path: &str,
+    sink: &mut Sink,
+) -> bool {
+    let count = found.len();
+    let (columns, remedy) = match column {
+        Column::Range(first, last) => (last - first + 1, String::new()),
+        Column::Name(name) if count == 1 || name.matches('*').count() == 1 => return true,
+        Column::Name(_) => {
+            let star = "write one `*` where the coordinates' part of the name stands";
+            (1, format!("{star}, or numbers such as 2..7"))
+        }
+        Column::Number(_) => (1, "write the numbers of all, such as 2..7".to_owned()),
+    };
+    if columns == count {
+        return true;
+    }
+    let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+    let plural = if columns == 1 { "column" } else { "columns" };
+    let message = format!(
+        "{columns} {plural} for {count} coordinates: {}",
+        names.join(" ")
+    );
+    sink.push(at, path, message, &remedy);
+    false
+}
+
+/// A value of one coordinate.
+#[derive(Clone, Copy)]
+enum Entry {
+    Missing,
+    Value(f64),
+    /// The word `unknown`, with its place.
+    Unknown(usize),
+}
+
+/// A value for each coordinate, from one for all or a list; `None` if it is wrong.
+fn per_coordinate(
+    node: Option<&Node>,
+    count: usize,
+    path: &str,
+    sink: &mut Sink,
+) -> Option<Vec<Entry>> {
+    let entry = |node: &Node| match node.text() {
+        Some("unknown") => Some(Entry::Unknown(node.at)),
+        // other mistakes are told with the shape
+        _ => value(node, false).ok().map(Entry::Value),
+    };
+    let Some(node) = node else {
+        return Some(vec![Entry::Missing; count]);
+    };
+    let items = node.items();
+    if items.is_empty() {
+        return entry(node).map(|entry| vec![entry; count]);
+    }
+    if items.len() != count {
+        let message = format!("{} values for {count} coordinates", items.len());
+        sink.push(node.at, path, message, "");
+        return None;
+    }
+    items.iter().map(entry).collect()
+}
+
+/// Refuses a key that means no quantity of the robot.
+fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
+    let text = &key.text;
+    let names = info.coordinates.iter().enumerate();
+    let mut passive = names
+        .filter(|(k, _)| !info.actuated.contains(k))
+        .map(|(_, name)| name);
+    let actuated: Vec<&str> = info
+        .actuated
+        .iter()
+        .filter_map(|k| info.coordinates.get(*k).copied())
+        .collect();
+    if let Some(name) = passive.find(|name| {
+        let mut spellings = Kind::Effort.spellings(name).into_iter().flatten();
+        spellings.any(|own| matched(text, &own).is_some())
+    }) {
+        let message = format!("{name} is not actuated: it has no effort");
+        let remedy = format!("actuated are {}", actuated.join(" "));
+        sink.push(key.at, "`columns`", message, &remedy);
+        return;
+    }
+    let known: Vec<String> = KINDS
+        .into_iter()
+        .flat_map(|kind| {
+            info.coordinates
+                .iter()
+                .flat_map(move |name| kind.spellings(name))
+        })
+        .flatten()
+        .collect();
+    let near = did_you_mean(text, known.iter().map(String::as_str));
+    let message = format!("'{text}' means no quantity of {}{near}", info.name);
+    let remedy = format!(
+        "keys are coordinates ({}), and qd_, qdd_ and tau_ with one",
+        info.coordinates.join(" ")
+    );
+    sink.push(key.at, "`columns`", message, &remedy);
+}

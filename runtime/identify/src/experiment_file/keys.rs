@@ -1,0 +1,423 @@
+//! The keys of an experiment file, in the one table from which its checks, their messages and the
+//! JSON Schema follow.
+
+use super::shape::{Entry, Range, Record, Shape};
+
+const fn optional(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
+    Entry {
+        name,
+        shape,
+        required: false,
+        doc,
+    }
+}
+
+const fn required(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
+    Entry {
+        name,
+        shape,
+        required: true,
+        doc,
+    }
+}
+
+const fn record(noun: &'static str, keys: &'static [Entry]) -> Record {
+    Record {
+        noun,
+        keys,
+        one: false,
+    }
+}
+
+/// The whole file.
+pub(super) static FILE: Record = record(
+    "an experiment",
+    &[
+        optional(
+            "columns",
+            Shape::Map(
+                &Shape::Either(&[Shape::Column, Shape::Record(&COLUMN)]),
+                "coordinates, or qd_, qdd_ and tau_ with one,",
+            ),
+            "The columns of measured quantities, by a coordinate's name, or by qd_, qdd_ and tau_ with it; qd1, qdd1 and tau1 stand for those of q1. One * stands for any part of a coordinate's name, and for the same part in the column's name",
+        ),
+        optional(
+            "time",
+            Shape::Either(&[Shape::Column, Shape::Record(&TIME)]),
+            "The column of time; t or time if missing",
+        ),
+        optional(
+            "rate",
+            Shape::Number(Range::Positive),
+            "The rate of the rows, Hz, where no column has their time",
+        ),
+        optional(
+            "header",
+            Shape::Words(&[
+                (
+                    "auto",
+                    "the first row names the columns unless it has numbers only",
+                ),
+                ("none", "columns are called by their numbers, from 1"),
+            ]),
+            "Whether the first row names the columns; auto if missing",
+        ),
+        optional(
+            "separator",
+            Shape::Words(&[
+                ("auto", "found from the first rows"),
+                (",", "commas"),
+                (";", "semicolons"),
+                ("tab", "tabulators"),
+            ]),
+            "What stands between columns; auto if missing",
+        ),
+        optional(
+            "decimal",
+            Shape::Words(&[
+                ("auto", "found from the first rows"),
+                (".", "a point"),
+                (",", "a comma"),
+            ]),
+            "What stands before decimals; auto if missing",
+        ),
+        optional(
+            "process",
+            Shape::Record(&PROCESS),
+            "How signals become equations",
+        ),
+        optional(
+            "checks",
+            Shape::Record(&CHECKS),
+            "What is done with rows that cannot be used or look wrong; fail if missing",
+        ),
+        optional(
+            "runs",
+            Shape::List(&Shape::Record(&RUN), None),
+            "The runs of the robot",
+        ),
+    ],
+);
+
+static COLUMN: Record = record(
+    "a column",
+    &[
+        required(
+            "column",
+            Shape::Column,
+            "Its name, its number (1 is the first; numbers go on through files side by side), or numbers such as 2..7, one for each coordinate in order",
+        ),
+        optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
+        optional(
+            "factor",
+            Shape::Either(&[FACTOR, Shape::List(&FACTOR, None)]),
+            "Factor behind the unit: value = (raw * unit) * factor + offset; a list has one for each coordinate",
+        ),
+        optional(
+            "offset",
+            Shape::Either(&[OFFSET, Shape::List(&OFFSET, None)]),
+            "What is added to the value in SI",
+        ),
+        optional(
+            "gain",
+            Shape::Either(&[GAIN, Shape::List(&GAIN, None)]),
+            "Of an effort that is a current: its torque constant with the gear, N m/A or N/A",
+        ),
+    ],
+);
+
+const FACTOR: Shape = Shape::Expression { factor: true };
+const OFFSET: Shape = Shape::Expression { factor: false };
+const GAIN: Shape = Shape::Either(&[
+    Shape::Expression { factor: true },
+    Shape::Words(&[("unknown", "to be identified with the parameters")]),
+]);
+
+const UNIT_WORDS: [(&str, &str); 23] = [
+    ("rad", "radians"),
+    ("deg", "degrees"),
+    ("rev", "revolutions"),
+    ("m", "metres"),
+    ("cm", "centimetres"),
+    ("mm", "millimetres"),
+    ("um", "micrometres"),
+    ("rad/s", "radians per second"),
+    ("deg/s", "degrees per second"),
+    ("rpm", "revolutions per minute"),
+    ("m/s", "metres per second"),
+    ("mm/s", "millimetres per second"),
+    ("rad/s^2", "radians per second squared"),
+    ("deg/s^2", "degrees per second squared"),
+    ("m/s^2", "metres per second squared"),
+    ("N", "newtons"),
+    ("kN", "kilonewtons"),
+    ("Nm", "newton metres"),
+    ("mNm", "millinewton metres"),
+    ("A", "amperes: needs a gain"),
+    ("mA", "milliamperes: needs a gain per ampere"),
+    ("s", "seconds"),
+    ("ms", "milliseconds"),
+];
+
+static TIME: Record = record(
+    "the time",
+    &[
+        required(
+            "column",
+            Shape::Column,
+            "Its name, or its number in each file",
+        ),
+        optional(
+            "unit",
+            Shape::Words(&[
+                ("s", "seconds"),
+                ("ms", "milliseconds"),
+                ("us", "microseconds"),
+                ("ns", "nanoseconds"),
+            ]),
+            "Its unit; s if missing",
+        ),
+    ],
+);
+
+static PROCESS: Record = record(
+    "process",
+    &[
+        optional(
+            "resample",
+            Shape::Number(Range::Positive),
+            "Rate of an even grid of times, Hz, onto which rows of uneven steps are interpolated",
+        ),
+        optional(
+            "filter",
+            Shape::Either(&[
+                Shape::Words(&[("none", "central differences of unfiltered positions")]),
+                Shape::Record(&FILTER),
+            ]),
+            "How positions are differentiated, and what efforts and the columns of the regressor pass; none if missing",
+        ),
+        optional(
+            "velocities",
+            Shape::Words(&[
+                ("measured", "where there are columns of them"),
+                ("computed", "from the positions, whatever is measured"),
+            ]),
+            "Which velocities and accelerations are used; measured if missing",
+        ),
+        optional(
+            "decimate",
+            Shape::Count,
+            "One of this many equations is used, after filtering",
+        ),
+        optional(
+            "period",
+            Shape::Number(Range::Positive),
+            "Period of the trajectory, s: its repetitions are averaged",
+        ),
+        optional(
+            "energy",
+            Shape::Number(Range::Positive),
+            "Length of the windows, s, over which energy is balanced instead of forces",
+        ),
+        optional(
+            "standstill",
+            Shape::Record(&STANDSTILL),
+            "What counts as rest, and what is done with equations of joints at rest",
+        ),
+        optional(
+            "delay",
+            Shape::Either(&[
+                Shape::Words(&[("auto", "found and corrected")]),
+                Shape::Number(Range::Any),
+                Shape::Map(&Shape::Number(Range::Any), "coordinates"),
+            ]),
+            "By how many seconds efforts are logged after the motion that they belong to: of all, or by coordinate; 0 if missing",
+        ),
+        optional(
+            "deviations",
+            Shape::Map(&Shape::Number(Range::Positive), "coordinates"),
+            "Standard deviations of measured coordinates, where more are measured than needed",
+        ),
+    ],
+);
+
+static FILTER: Record = Record {
+    noun: "a filter",
+    keys: &[
+        optional(
+            "butterworth",
+            Shape::Record(&BUTTERWORTH),
+            "Zero-phase low-pass; needs an even grid",
+        ),
+        optional("local", Shape::Record(&LOCAL), "Local cubic regression"),
+        optional(
+            "fourier",
+            Shape::Record(&FOURIER),
+            "Finite Fourier series of the positions of a periodic motion",
+        ),
+    ],
+    one: true,
+};
+
+static BUTTERWORTH: Record = record(
+    "a Butterworth filter",
+    &[
+        required("order", Shape::Count, "Its order"),
+        required(
+            "cutoff",
+            Shape::Number(Range::Positive),
+            "Its cutoff frequency, Hz; positions pass one of three times this",
+        ),
+    ],
+);
+
+static LOCAL: Record = record(
+    "a local regression",
+    &[required(
+        "half_width",
+        Shape::Number(Range::Positive),
+        "Time on either side of a sample, s",
+    )],
+);
+
+static FOURIER: Record = record(
+    "a Fourier series",
+    &[
+        required(
+            "frequency",
+            Shape::Number(Range::Positive),
+            "Its fundamental, Hz",
+        ),
+        required("harmonics", Shape::Count, "Their number"),
+    ],
+);
+
+static STANDSTILL: Record = record(
+    "standstill",
+    &[
+        optional(
+            "velocity",
+            Shape::Number(Range::NotNegative),
+            "The speed below which a joint rests, rad/s or m/s, besides what its encoder shows",
+        ),
+        optional(
+            "effort",
+            Shape::Words(&[
+                ("leave-out", "equations of joints at rest are left out"),
+                ("keep", "they are used like all others"),
+                (
+                    "down-weight",
+                    "by the part of the filter's memory in which the joint moved",
+                ),
+            ]),
+            "What is done with equations of joints at rest; leave-out if missing",
+        ),
+    ],
+);
+
+const POLICY: Shape = Shape::Words(&[
+    ("fail", "list them and stop"),
+    ("tell", "use them where they can be, and list them"),
+    ("keep", "use them where they can be"),
+    ("drop", "leave them out"),
+]);
+
+static CHECKS: Record = record(
+    "checks",
+    &[
+        optional(
+            "rows",
+            POLICY,
+            "All rows that cannot be used, and what the other keys leave open",
+        ),
+        optional(
+            "outliers",
+            POLICY,
+            "Rows in which a position is far from its neighbours",
+        ),
+        optional(
+            "saturated",
+            POLICY,
+            "Rows in which an effort stands at its extreme",
+        ),
+        optional("stuck", POLICY, "Rows in which an encoder looks stuck"),
+    ],
+);
+
+static RUN: Record = record(
+    "a run",
+    &[
+        required(
+            "files",
+            Shape::Either(&[Shape::Text, Shape::List(&Shape::Text, None)]),
+            "The log, or several files side by side; relative to this file unless another folder is given",
+        ),
+        optional(
+            "join",
+            Shape::Words(&[
+                (
+                    "auto",
+                    "by time if every file names a column of time, else by rows",
+                ),
+                ("rows", "row by row"),
+                (
+                    "time",
+                    "the others are interpolated at the times of the first",
+                ),
+            ]),
+            "How the rows of several files belong together; auto if missing",
+        ),
+        optional(
+            "rows",
+            Shape::List(&Shape::Count, Some(2)),
+            "First and last row that is read, from 1, without header and comments",
+        ),
+        optional(
+            "times",
+            Shape::List(&Shape::Number(Range::Any), Some(2)),
+            "First and last time that is read, s, in the log's own time",
+        ),
+        optional(
+            "use",
+            Shape::Words(&[
+                ("identify", "parameters are identified from it"),
+                ("validate", "it is predicted only"),
+            ]),
+            "What the run is for; identify if missing",
+        ),
+        optional(
+            "payload",
+            Shape::Either(&[
+                Shape::Words(&[
+                    ("none", "the robot carries nothing"),
+                    ("unknown", "it carries something of which nothing is known"),
+                ]),
+                Shape::Record(&PAYLOAD),
+            ]),
+            "What the robot carries; none if missing",
+        ),
+    ],
+);
+
+const UNKNOWN: Shape = Shape::Words(&[("unknown", "to be identified")]);
+
+static PAYLOAD: Record = record(
+    "a payload",
+    &[
+        optional(
+            "m",
+            Shape::Either(&[Shape::Number(Range::Positive), UNKNOWN]),
+            "Its mass, kg; unknown if missing",
+        ),
+        optional(
+            "com",
+            Shape::Either(&[Shape::List(&Shape::Number(Range::Any), Some(3)), UNKNOWN]),
+            "Its centre of mass in the frame of the body that carries it, m; unknown if missing",
+        ),
+        optional(
+            "inertia",
+            Shape::Either(&[Shape::List(&Shape::Number(Range::Any), Some(6)), UNKNOWN]),
+            "Ixx, Ixy, Ixz, Iyy, Iyz, Izz about its centre of mass, kg m^2; unknown if missing",
+        ),
+    ],
+);

@@ -1,0 +1,273 @@
+//! The experiment file: one YAML that says how the logs of a robot are read, and what they are for.
+//!
+//! ```yaml
+//! columns:
+//!   q*: {column: "pos_*", unit: deg, factor: 1/45, offset: -0.3}  # (raw * unit) * factor + offset
+//!   tau_*: {column: "i*", unit: A, gain: 10.0956}                 # a current needs a gain
+//! rate: 200                                # Hz, where no column has the time
+//! process:
+//!   resample: 100                          # Hz, onto an even grid
+//!   filter: {butterworth: {order: 4, cutoff: 20}}
+//!   standstill: {velocity: 0.02, effort: leave-out}
+//!   delay: auto
+//! checks: {outliers: tell, stuck: tell}
+//! runs:
+//!   - {files: [pos1.csv, curr1.csv], rows: [355, 5090]}
+//!   - {files: [run3.csv], use: validate}
+//! ```
+//!
+//! [`schema`] describes all keys. [`ExperimentFile::read`] reports every mistake of a file at once,
+//! each with its place and a remedy.
+
+mod columns;
+mod keys;
+mod process;
+mod runs;
+mod shape;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use std::path::Path;
+
+use regen_runtime::Info;
+use serde_json::{Value, json};
+
+use crate::data::{Run, Settings};
+use crate::files::{Mistake, Mistakes};
+use crate::identify::EquationKind;
+use shape::{Shape, Sink};
+use tree::Node;
+
+/// Largest size of a file, bytes.
+pub const MAX_BYTES: usize = 1 << 20;
+
+/// What an experiment file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExperimentFile {
+    /// How logs are read and processed. A current whose gain is unknown has the assignment of a
+    /// current without a gain, which no log is read with.
+    pub settings: Settings,
+    /// The equations that are set up.
+    pub kind: EquationKind,
+    /// Whether delays of the efforts are to be found, besides those of the settings.
+    pub delay: Delay,
+    /// The runs, in the order of the file.
+    pub runs: Vec<PlannedRun>,
+    /// The coordinates whose efforts are currents of unknown gains.
+    pub unknown_gains: Vec<String>,
+    /// The places of unknown gains and of payloads, with what they are.
+    unused: Vec<Mistake>,
+}
+
+/// Where the delays of efforts behind the motion come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Delay {
+    /// They are those of the settings.
+    #[default]
+    Stated,
+    /// They are to be found from the logs.
+    Auto,
+}
+
+/// A run and what it is for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedRun {
+    /// The files, as the experiment file names them, and the part that is read.
+    pub run: Run,
+    /// What it is for.
+    pub purpose: Purpose,
+    /// What the robot carries.
+    pub payload: Payload,
+}
+
+/// What a run is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// Parameters are identified from it.
+    #[default]
+    Identify,
+    /// It is predicted only.
+    Validate,
+}
+
+/// What the robot carries in a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Payload {
+    /// Nothing.
+    #[default]
+    None,
+    /// A body; what is not known of it is `None`.
+    Carried {
+        /// Its mass, kg.
+        mass: Option<f64>,
+        /// Its centre of mass in the frame of the body that carries it, m.
+        com: Option<[f64; 3]>,
+        /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about its centre of mass, kg m^2.
+        inertia: Option<[f64; 6]>,
+    },
+}
+
+impl Payload {
+    /// A payload of which nothing is known.
+    pub const UNKNOWN: Self = Self::Carried {
+        mass: None,
+        com: None,
+        inertia: None,
+    };
+}
+
+impl ExperimentFile {
+    /// Reads the text of a file for the robot whose coordinates `info` names.
+    ///
+    /// # Errors
+    /// All mistakes in the text with their places.
+    ///
+    /// ```
+    /// use std::path::{Path, PathBuf};
+    ///
+    /// use regen_identify::data::Quantity;
+    /// use regen_identify::experiment_file::{ExperimentFile, Purpose};
+    /// use regen_runtime::Info;
+    ///
+    /// let info = Info {
+    ///     name: "arm",
+    ///     coordinates: &["q1", "q2"],
+    ///     independent: &[0, 1],
+    ///     actuated: &[0, 1],
+    ///     ..Info::EMPTY
+    /// };
+    /// let text = r#"
+    /// columns:
+    ///   q*: {column: "pos_*", unit: mm, factor: -1/2}
+    ///   tau_*: {column: 3..4, unit: A, gain: [10.1, 8.4]}
+    /// rate: 200
+    /// runs:
+    ///   - {files: [a.csv, b.csv], rows: [10, 400]}
+    ///   - {files: c.csv, use: validate}
+    /// "#;
+    /// let file = ExperimentFile::read(text, &info)?;
+    /// let [q1, _, _, tau2] = &file.settings.columns[..] else { panic!() };
+    /// assert_eq!((q1.column.as_str(), q1.factor), ("pos_1", -0.5e-3));
+    /// assert_eq!(tau2.quantity, Quantity::Effort("q2".to_owned()));
+    /// assert_eq!((tau2.number, tau2.gain), (Some(4), Some(8.4)));
+    /// let runs = file.runs_in(Path::new("logs"), Purpose::Identify);
+    /// assert_eq!(runs[0].files[1], PathBuf::from("logs/b.csv"));
+    /// assert_eq!(runs[0].rows, Some((10, 400)));
+    ///
+    /// let wrong = ExperimentFile::read("colums: {}\nrate: -1\n", &info).unwrap_err();
+    /// assert_eq!(wrong.0[0].message, "unknown key 'colums'; did you mean 'columns'?");
+    /// assert_eq!((wrong.0[1].at, &*wrong.0[1].path), (17, "`rate`"));
+    /// # Ok::<(), regen_identify::files::Mistakes>(())
+    /// ```
+    pub fn read(text: &str, info: &Info<'_>) -> Result<Self, Mistakes> {
+        let mut sink = Sink::default();
+        if text.len() > MAX_BYTES {
+            let message = format!(
+                "the file has {} bytes; the limit is {MAX_BYTES}",
+                text.len()
+            );
+            sink.push(0, "", message, "");
+            return Err(Mistakes(sink.mistakes));
+        }
+        let root = Node::parse(text).map_err(|mistake| Mistakes(vec![mistake]))?;
+        Shape::Record(&keys::FILE).check(&root, "", &mut sink);
+        let columns = columns::read(&root, info, &mut sink);
+        let process = process::read(&root, info, &mut sink);
+        let runs = runs::read(&root, &mut sink);
+        if !sink.mistakes.is_empty() {
+            let mut mistakes = sink.mistakes;
+            mistakes.sort_by_key(|mistake| mistake.at);
+            return Err(Mistakes(mistakes));
+        }
+        let mut unused = Sink::default();
+        for (name, at) in &columns.unknown_gains {
+            let path = format!("`columns`, the effort of {name}");
+            let message = "unknown gains cannot be identified yet".to_owned();
+            let remedy = "give the torque constant with the gear, in N m/A or N/A";
+            unused.push(*at, &path, message, remedy);
+        }
+        for (k, (run, at)) in runs.iter().enumerate() {
+            if run.payload != Payload::None {
+                let path = format!("`runs`, entry {}, `payload`", k + 1);
+                let message = "the spec has no body that is a payload".to_owned();
+                let remedy = "leave the run out, or describe what the robot carries as a body of \
+                              a spec of its own";
+                unused.push(*at, &path, message, remedy);
+            }
+        }
+        Ok(Self {
+            settings: Settings {
+                columns: columns.assignments,
+                ..process.settings
+            },
+            kind: process.kind,
+            delay: process.delay,
+            runs: runs.into_iter().map(|(run, _)| run).collect(),
+            unknown_gains: columns
+                .unknown_gains
+                .into_iter()
+                .map(|gain| gain.0)
+                .collect(),
+            unused: unused.mistakes,
+        })
+    }
+
+    /// Returns an error if the file has unknown gains or payloads, for estimators that use neither.
+    ///
+    /// # Errors
+    /// One mistake for each of them, at its place.
+    ///
+    /// ```
+    /// use regen_identify::experiment_file::ExperimentFile;
+    /// use regen_runtime::Info;
+    ///
+    /// let text = "runs:\n  - {files: a.csv, payload: {m: 2.8}}\n";
+    /// let file = ExperimentFile::read(text, &Info::EMPTY)?;
+    /// let refused = file.require_plain().unwrap_err();
+    /// assert_eq!(refused.0[0].path, "`runs`, entry 1, `payload`");
+    /// # Ok::<(), regen_identify::files::Mistakes>(())
+    /// ```
+    pub fn require_plain(&self) -> Result<(), Mistakes> {
+        if self.unused.is_empty() {
+            Ok(())
+        } else {
+            Err(Mistakes(self.unused.clone()))
+        }
+    }
+
+    /// The runs for a purpose, with their files looked up in a folder.
+    pub fn runs_in(&self, folder: &Path, purpose: Purpose) -> Vec<Run> {
+        let runs = self.runs.iter().filter(|run| run.purpose == purpose);
+        let placed = runs.map(|planned| Run {
+            files: planned
+                .run
+                .files
+                .iter()
+                .map(|file| folder.join(file))
+                .collect(),
+            ..planned.run.clone()
+        });
+        placed.collect()
+    }
+}
+
+/// The JSON Schema of experiment files (draft 2020-12), the same text in every run.
+///
+/// ```
+/// let schema = regen_identify::experiment_file::schema();
+/// let value: serde_json::Value = serde_json::from_str(&schema)?;
+/// assert_eq!(value["properties"]["rate"]["exclusiveMinimum"], 0);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+pub fn schema() -> String {
+    let mut root = keys::FILE.schema();
+    if let Value::Object(root) = &mut root {
+        let draft = "https://json-schema.org/draft/2020-12/schema";
+        root.insert("$schema".to_owned(), json!(draft));
+        root.insert("title".to_owned(), json!("Experiment file"));
+    }
+    let mut text = serde_json::to_string_pretty(&root).unwrap_or_default();
+    text.push('\n');
+    text
+}

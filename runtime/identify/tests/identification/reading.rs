@@ -1,0 +1,334 @@
+//! One motion in logs that are written in different ways: the same parameters come out.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+
+use regen_identify::data::{
+    Checks, DataError, Decimal, Format, Header, Join, Logs, Policy, Run, Separator, Settings,
+};
+use regen_identify::identify::{EquationKind, Options, Source, identify};
+use regen_identify::signals::{Method, SignalError};
+
+use crate::models::pendulum::Pendulum;
+
+/// Inertia and first moment.
+const PHI: [f64; 2] = [0.5, 2.0];
+
+/// Position, velocity and torque at a time.
+fn at(t: f64) -> [f64; 3] {
+    let (slow, fast) = (3.0 * t, 7.0 * t);
+    let q = slow.sin() + 0.4 * fast.cos();
+    let qd = 3.0 * slow.cos() - 2.8 * fast.sin();
+    let qdd = -9.0 * slow.sin() - 19.6 * fast.cos();
+    [q, qd, PHI[0] * qdd + PHI[1] * 9.81 * q.sin()]
+}
+
+/// Writes a file into the folder of a test.
+fn write(test: &str, name: &str, text: &str) -> PathBuf {
+    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test);
+    fs::create_dir_all(&dir).unwrap();
+    let path = dir.join(name);
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn times(count: u32) -> impl Iterator<Item = f64> {
+    (0..count).map(|k| 0.01 * f64::from(k))
+}
+
+fn assigned(columns: &[&str]) -> Settings {
+    Settings {
+        columns: columns.iter().map(|text| text.parse().unwrap()).collect(),
+        ..Settings::default()
+    }
+}
+
+fn values(run: Run, settings: &Settings) -> Vec<f64> {
+    let mut logs = Logs::open(&Pendulum, &[run], settings).unwrap();
+    let found = identify(
+        &Pendulum,
+        EquationKind::Forces,
+        &Options::default(),
+        &mut logs,
+    );
+    found.unwrap().estimate.values
+}
+
+/// The states of a run: time, position, velocity and acceleration.
+fn states(run: Run, settings: &Settings) -> Vec<[f64; 4]> {
+    let mut logs = Logs::open(&Pendulum, &[run], settings).unwrap();
+    let mut out = Vec::new();
+    logs.visit(&mut |row| {
+        out.push([row.time, row.q[0], row.qd[0], row.qdd[0]]);
+        Ok(())
+    })
+    .unwrap();
+    out
+}
+
+#[test]
+fn a_log_written_in_other_ways_is_the_same_log() {
+    let file = |name: &str, row: &dyn Fn(f64) -> String| {
+        let text = times(300).fold(String::new(), |text, t| text + &row(t) + "\n");
+        Run::from(write("ways", name, &text))
+    };
+    let headed = |name: &str, header: &str, row: &dyn Fn(f64) -> String| {
+        let text = times(300).fold(format!("{header}\n"), |text, t| text + &row(t) + "\n");
+        Run::from(write("ways", name, &text))
+    };
+    let plain = headed("plain.csv", "t,q1,tau_q1", &|t| {
+        let [q, _, tau] = at(t);
+        format!("{t},{q},{tau}")
+    });
+    let expected = values(plain, &Settings::default());
+    assert!((expected[0] / PHI[0] - 1.0).abs() < 1e-3, "{expected:?}");
+    let same = |run: Run, settings: &Settings, what: &str| {
+        let found = values(run, settings);
+        for (a, b) in found.iter().zip(&expected) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{what}: {found:?} {expected:?}");
+        }
+    };
+    let commas = |text: String| text.replace('.', ",");
+    let excel = headed("semicolons.csv", "t;q1;tau_q1", &|t| {
+        let [q, _, tau] = at(t);
+        commas(format!("{t};{q};{tau}"))
+    });
+    same(excel.clone(), &Settings::default(), "semicolons, found");
+    let stated = Settings {
+        format: Format {
+            separator: Some(Separator::Semicolon),
+            decimal: Some(Decimal::Comma),
+            ..Format::default()
+        },
+        ..Settings::default()
+    };
+    same(excel, &stated, "semicolons, stated");
+    let bare = file("bare.csv", &|t| {
+        let [q, _, tau] = at(t);
+        format!("{tau}\t{}\t{}", 1e3 * t, (q - 0.25).to_degrees() * 45.0)
+    });
+    let mut settings = assigned(&["t=2:ms", "q1=3:deg*1/45", "tau_q1=1"]);
+    settings.columns[1].offset = 0.25;
+    same(
+        bare.clone(),
+        &settings,
+        "by number, with units, factor and offset",
+    );
+    settings.format.header = Header::None;
+    same(bare, &settings, "by number, header stated");
+    let rateless = headed("rate.csv", "q1,tau_q1", &|t| {
+        let [q, _, tau] = at(t);
+        format!("{q},{tau}")
+    });
+    let rate = Settings {
+        rate: Some(100.0),
+        ..Settings::default()
+    };
+    same(rateless, &rate, "a rate");
+
+    // positions and torques in files of their own
+    let positions = headed("positions.csv", "t,q1", &|t| format!("{t},{}", at(t)[0]));
+    let torques = headed("torques.csv", "tau_q1", &|t| format!("{}", at(t)[2]));
+    let beside = Run {
+        files: [&positions, &torques]
+            .iter()
+            .flat_map(|run| run.files.clone())
+            .collect(),
+        ..Run::default()
+    };
+    same(beside, &Settings::default(), "side by side by rows");
+    let mut text = "t,tau_q1\n".to_owned();
+    for k in 0..700 {
+        let t = 0.0041 * f64::from(k) - 0.03;
+        writeln!(text, "{t},{}", at(t)[2]).unwrap();
+    }
+    let clocked = write("ways", "clocked.csv", &text);
+    let beside = Run {
+        files: positions.files.iter().cloned().chain([clocked]).collect(),
+        ..Run::default()
+    };
+    let found = values(beside, &Settings::default());
+    for (a, b) in found.iter().zip(&expected) {
+        // a cubic over 8 ms of 7 rad/s: 3/128 (w h)^4 = 2e-8 of the signal
+        assert!(
+            (a / b - 1.0).abs() < 1e-5,
+            "by time: {found:?} {expected:?}"
+        );
+    }
+}
+
+#[test]
+fn rows_and_times_leave_out_the_rest_before_anything_is_judged() {
+    let mut text = "t,q1,tau_q1\n".to_owned();
+    for (k, t) in times(200).enumerate() {
+        let [q, _, tau] = at(t);
+        // what is left out has no numbers
+        if (20..150).contains(&k) {
+            writeln!(text, "{t},{q},{tau}").unwrap();
+        } else {
+            writeln!(text, "{t},x,{tau}").unwrap();
+        }
+    }
+    let path = write("parts", "log.csv", &text);
+    let by_rows = Run {
+        rows: Some((21, 150)),
+        ..Run::from(path.clone())
+    };
+    let found = states(by_rows, &Settings::default());
+    let (first, last) = (found[0][0], found[found.len() - 1][0]);
+    // up to three neighbours on either side are needed
+    assert!(
+        (0.2..0.235).contains(&first) && (1.455..1.495).contains(&last),
+        "{first} {last}"
+    );
+    let by_time = Run {
+        times: Some((0.3, 1.0)),
+        ..Run::from(path.clone())
+    };
+    let found = states(by_time, &Settings::default());
+    let (first, last) = (found[0][0], found[found.len() - 1][0]);
+    assert!(
+        (0.3..0.335).contains(&first) && (0.965..1.005).contains(&last),
+        "{first} {last}"
+    );
+    let whole = Logs::open(&Pendulum, &[path], &Settings::default()).err();
+    assert!(
+        matches!(whole, Some(DataError::Problems { .. })),
+        "{whole:?}"
+    );
+}
+
+#[test]
+fn files_side_by_side_with_unequal_rows_are_refused_by_name() {
+    let positions = write("unequal", "pos.csv", "t,q1\n0,0\n0.01,0.1\n0.02,0.2\n");
+    let torques = write("unequal", "cur.csv", "tau_q1\n1\n2\n");
+    let run = Run {
+        files: vec![positions, torques],
+        join: Join::Rows,
+        ..Run::default()
+    };
+    let error = Logs::open(&Pendulum, &[run], &Settings::default())
+        .err()
+        .unwrap();
+    let text = error.to_string();
+    assert!(text.contains("cur.csv ends after 2 rows"), "{text}");
+}
+
+#[test]
+fn an_uneven_clock_is_filtered_on_an_even_grid_and_refused_without_one() {
+    let mut text = "t,q1,tau_q1\n".to_owned();
+    let mut t = 100.0;
+    for k in 0..1500 {
+        t += if k % 3 == 0 { 0.012 } else { 0.01 };
+        let [q, _, tau] = at(t);
+        writeln!(text, "{t},{q},{tau}").unwrap();
+    }
+    let run = Run::from(write("uneven", "log.csv", &text));
+    let mut settings = Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 10.0,
+        },
+        ..Settings::default()
+    };
+    let mut logs = Logs::open(&Pendulum, &[run.clone()], &settings).unwrap();
+    let refused = identify(
+        &Pendulum,
+        EquationKind::Forces,
+        &Options::default(),
+        &mut logs,
+    )
+    .err();
+    let refused = refused.unwrap();
+    assert!(
+        matches!(
+            refused,
+            DataError::Signal {
+                why: SignalError::NotUniform { .. },
+                ..
+            }
+        ),
+        "{refused}"
+    );
+    assert!(refused.to_string().contains("resampled"), "{refused}");
+    settings.resample = Some(100.0);
+    let found = values(run.clone(), &settings);
+    for (a, b) in found.iter().zip(&PHI) {
+        assert!((a / b - 1.0).abs() < 1e-3, "{found:?}");
+    }
+    settings.resample = Some(30.0);
+    let coarse = Logs::open(&Pendulum, &[run.clone()], &settings)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(coarse.contains("too coarse for rows at 100 Hz"), "{coarse}");
+    settings.resample = Some(1e5);
+    let fine = Logs::open(&Pendulum, &[run], &settings)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(fine.contains("is its time in another unit?"), "{fine}");
+}
+
+#[test]
+fn measured_velocities_alone_are_used_and_differentiated_once() {
+    // positions of a coarse encoder, exact velocities
+    let mut text = "t,q1,qd_q1,tau_q1\n".to_owned();
+    for t in times(600) {
+        let [q, qd, tau] = at(t);
+        writeln!(text, "{t},{},{qd},{tau}", (q / 1e-3).round() * 1e-3).unwrap();
+    }
+    let run = Run::from(write("velocities", "log.csv", &text));
+    let mut settings = Settings::default();
+    for [t, _, qd, qdd] in states(run.clone(), &settings) {
+        assert_eq!([qd], [at(t)[1]]);
+        // differences of velocities are of second order or better
+        let exact = -9.0 * (3.0 * t).sin() - 19.6 * (7.0 * t).cos();
+        assert!((qdd - exact).abs() < 0.05, "{t}: {qdd} {exact}");
+    }
+    let error = |settings: &Settings| {
+        let found = values(run.clone(), settings);
+        (found[0] / PHI[0] - 1.0).abs()
+    };
+    settings.standstill = regen_identify::identify::Standstill::Keep;
+    let measured = error(&settings);
+    settings.measured_rates = false;
+    let computed = error(&settings);
+    assert!(measured < 2e-3 && computed > 0.1, "{measured} {computed}");
+    settings.method = Method::Butterworth {
+        order: 4,
+        cutoff: 8.0,
+    };
+    let computed = error(&settings);
+    settings.measured_rates = true;
+    let measured = error(&settings);
+    assert!(
+        measured < 1e-3 && measured < computed,
+        "{measured} {computed}"
+    );
+}
+
+#[test]
+fn doubtful_rows_are_treated_by_their_kind() {
+    let mut text = "t,q1,tau_q1\n".to_owned();
+    for (k, t) in times(300).enumerate() {
+        let [q, _, tau] = at(t);
+        let q = if k == 150 { q + 3.0 } else { q };
+        writeln!(text, "{t},{q},{tau}").unwrap();
+    }
+    let path = write("kinds", "log.csv", &text);
+    let open = |outliers: Option<Policy>| {
+        let settings = Settings {
+            checks: Checks {
+                outliers,
+                ..Checks::default()
+            },
+            ..Settings::default()
+        };
+        Logs::open(&Pendulum, &[path.clone()], &settings)
+    };
+    assert!(matches!(open(None), Err(DataError::Problems { .. })));
+    let rows = |policy| open(Some(policy)).unwrap().reports()[0].rows;
+    assert_eq!((rows(Policy::Tell), rows(Policy::Drop)), (300, 299));
+}
