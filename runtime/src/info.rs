@@ -174,13 +174,14 @@ impl Joint {
         per_turn * turn + per_slide * slide
     }
 
-    /// Whether the coordinate is a drive: a motor, whose coordinate is linear in those of joints.
+    /// Whether the coordinate moves by another amount than its joint: that of a drive with a ratio,
+    /// or of several joints.
     pub fn is_drive(&self) -> bool {
         let joint = match self.motion {
             Motion::Rotation => Joint::ROTATION,
             Motion::Translation => Joint::TRANSLATION,
         };
-        self.travel != joint.travel
+        self.travel.map(f64::to_bits) != joint.travel.map(f64::to_bits)
     }
 }
 

@@ -19,14 +19,13 @@ pub fn effort_column(
     kind: ParameterKind,
 ) -> Vec<(usize, Ex)> {
     match kind {
-        ParameterKind::Inertial { .. } => Vec::new(),
         ParameterKind::Friction { coordinate, column } => {
             let (qd, rd) = (rates.qd[coordinate], rates.rd[coordinate]);
             vec![(coordinate, friction_factor(g, column, qd, rd))]
         }
         ParameterKind::Offset { coordinate } if rates.gravity => vec![(coordinate, Ex::ONE)],
         ParameterKind::Rotor { coordinate } => vec![(coordinate, rates.qdd[coordinate])],
-        ParameterKind::Offset { .. } => Vec::new(),
+        ParameterKind::Inertial { .. } | ParameterKind::Offset { .. } => Vec::new(),
         ParameterKind::JointSpring { .. }
         | ParameterKind::EffortTerm { .. }
         | ParameterKind::PointSpring { .. } => spring_column(g, model, frames, rates, kind),

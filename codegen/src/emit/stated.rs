@@ -124,8 +124,8 @@ fn joint(joint: &JointInfo) -> String {
         MotionKind::Rotation => [1.0, 0.0],
         MotionKind::Translation => [0.0, 1.0],
     };
-    if joint.travel != of_joint {
-        let [turn, slide] = joint.travel.map(literal);
+    let [turn, slide] = joint.travel.map(literal);
+    if [&turn, &slide] != of_joint.map(literal).each_ref() {
         fields.push(format!("travel: [{turn}, {slide}]"));
     }
     if fields.is_empty() {

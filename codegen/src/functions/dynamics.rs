@@ -2,7 +2,7 @@
 
 use crate::dynamics::{self, Reduction, TreeKinematics};
 use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
-use crate::model::Model;
+use crate::model::{Model, Parameter};
 use crate::sym::Ex;
 
 use super::closure::{all_accelerations, all_velocities, rates_without_qdd};
@@ -61,7 +61,8 @@ pub(super) fn regressor_columns(cx: &mut Context<'_>, wanted: &[bool]) -> Vec<Ve
 
 /// The title of the columns behind those of the bodies.
 pub(super) fn remaining_columns(model: &Model) -> &'static str {
-    let springs = model.parameters.iter().any(|p| p.is_spring_or_term());
+    let mut parameters = model.parameters.iter();
+    let springs = parameters.any(Parameter::is_spring_or_term);
     if springs {
         "friction, rotors (Eq. 14-19) and springs"
     } else {

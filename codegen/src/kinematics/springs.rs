@@ -149,7 +149,6 @@ fn point_spring(
     };
     // the force on the first point, less its sign: the gradient of the spring's energy there
     let force = match (part, &spring.force) {
-        (SpringPart::Stiffness, SpringForce::Elastic { length: None }) => span,
         (
             SpringPart::Stiffness,
             SpringForce::Elastic {
@@ -162,7 +161,8 @@ fn point_spring(
             let factor = g.sub(Ex::ONE, ratio);
             scale(g, factor)
         }
-        (SpringPart::Stiffness, SpringForce::Constant) => span,
+        // without a length the stiffness is that of a spring of length 0
+        (SpringPart::Stiffness, _) => span,
         (SpringPart::Preload | SpringPart::Pull, _) => {
             let d = distance(g);
             let inverse = g.div(Ex::ONE, d).unwrap_or(Ex::ZERO);

@@ -91,18 +91,14 @@ impl Units {
                     0
                 }
             }
-            ParameterKind::Offset { coordinate } => {
+            // the factor of an effort term may have any unit; it counts as a number
+            ParameterKind::Offset { coordinate } | ParameterKind::EffortTerm { coordinate, .. } => {
                 let length = if slides(coordinate) { -self.length } else { 0 };
                 length + self.time
             }
             ParameterKind::JointSpring { coordinate, .. } => {
                 let length = if slides(coordinate) { -self.length } else { 0 };
                 2 * length + self.time
-            }
-            // the factor may have any unit; it counts as a number
-            ParameterKind::EffortTerm { coordinate, .. } => {
-                let length = if slides(coordinate) { -self.length } else { 0 };
-                length + self.time
             }
             ParameterKind::PointSpring { part, .. } => match part {
                 SpringPart::Stiffness => -2 * self.length + self.time,
