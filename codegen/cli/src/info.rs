@@ -33,13 +33,9 @@ struct Operations {
     mul: usize,
     div: usize,
     sincos: usize,
-    #[serde(skip_serializing_if = "is_zero")]
-    sqrt: usize,
-}
-
-/// Whether a count is 0: robots without springs between points have no square roots.
-fn is_zero(count: &usize) -> bool {
-    *count == 0
+    /// Square roots, which only springs between points need; `None` without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sqrt: Option<usize>,
 }
 
 /// Runs the command.
@@ -84,7 +80,7 @@ fn operations(function: &regen_codegen::robot::Function) -> Operations {
         mul: count.mul,
         div: count.div,
         sincos: count.sincos,
-        sqrt: count.sqrt,
+        sqrt: (count.sqrt > 0).then_some(count.sqrt),
     }
 }
 
@@ -144,17 +140,17 @@ pub(crate) fn to_text(robot: &Robot) -> String {
     }
     let heads = ["operations", "add", "mul", "div", "sincos", "sqrt"];
     // only springs between points need square roots
-    let has_roots = robot.functions.iter().any(|f| operations(f).sqrt > 0);
+    let has_roots = robot.functions.iter().any(|f| operations(f).sqrt.is_some());
     let columns = heads.len() - usize::from(!has_roots);
     let rows: Vec<Vec<String>> = robot
         .functions
         .iter()
         .map(|function| {
             let count = operations(function);
-            let counts = [count.add, count.mul, count.div, count.sincos, count.sqrt];
+            let counts = [count.add, count.mul, count.div, count.sincos];
+            let roots = has_roots.then_some(count.sqrt.unwrap_or(0));
             std::iter::once(function.kind.name().to_owned())
-                .chain(counts.map(|n| n.to_string()))
-                .take(columns)
+                .chain(counts.into_iter().chain(roots).map(|n| n.to_string()))
                 .collect()
         })
         .collect();
