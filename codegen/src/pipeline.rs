@@ -140,15 +140,11 @@ impl Mechanism {
     pub fn explanation(&self) -> Result<Explanation, Report> {
         let analysis = self.analysis_with_dropped()?;
         let closed = &self.closed()?.closed;
-        let redundant = closed
-            .closure
-            .as_ref()
-            .map_or(&[][..], |c| c.redundant_rows());
         Ok(explain::explain(
             &self.spec,
             &self.model,
             &closed.home,
-            redundant,
+            &closed.redundant_rows(&self.model),
             analysis,
         ))
     }
@@ -370,7 +366,6 @@ fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
         name: cone.name.clone(),
         greatest: cone.greatest.to_f64(),
     });
-    let rows = model.rows();
     Robot {
         name: spec.name.value.clone(),
         description: spec.description.clone(),
@@ -380,7 +375,7 @@ fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
         actuated: model.actuated.clone(),
         parameters: model.parameters.clone(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
-        rows,
+        rows: model.rows(),
         cuts: cuts.collect(),
         joints: crate::robot::joints(spec, model),
         cones: cones.collect(),
@@ -388,10 +383,7 @@ fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
             .into_iter()
             .map(|value| value.map(|v| v.to_f64()))
             .collect(),
-        redundant_rows: closed
-            .closure
-            .as_ref()
-            .map_or_else(|| (0..rows).collect(), |c| c.redundant_rows().to_vec()),
+        redundant_rows: closed.redundant_rows(model),
         gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
         home: closed.home.clone(),
         functions: Vec::new(),

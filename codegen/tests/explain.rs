@@ -303,3 +303,11 @@ fn springs_of_coupled_joints_are_explained_as_linearly_dependent() {
         "{reason}"
     );
 }
+
+#[test]
+fn rows_of_a_cut_that_always_holds_are_counted_as_redundant() {
+    let text = file("tests/fixtures/random/kept/cut_that_holds_by_itself.yaml");
+    let found = explained(&text);
+    let all = format!("{found:?}");
+    assert!(all.contains("4 closure rows, 4 of them redundant"), "{all}");
+}

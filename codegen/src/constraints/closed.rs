@@ -33,6 +33,16 @@ pub struct Closed {
 }
 
 impl Closed {
+    /// The indices of the closure rows that are left out because the others imply them; all rows
+    /// if there are no dependent coordinates, since the rows then always hold.
+    pub fn redundant_rows(&self, model: &Model) -> Vec<usize> {
+        let closure = self.closure.as_ref();
+        closure.map_or_else(
+            || (0..model.rows()).collect(),
+            |closure| closure.redundant_rows().to_vec(),
+        )
+    }
+
     /// Closes a mechanism at home and prepares the solution of its closure equations. The
     /// coordinates must be the graph's first symbols, in order.
     ///

@@ -49,9 +49,12 @@ impl Angle {
         }
     }
 
-    /// `self + factor * other`; the factor must not be zero.
+    /// `self + factor * other`.
     #[must_use]
     pub fn plus(&self, other: &Angle, factor: &Number) -> Angle {
+        if factor.is_zero() {
+            return self.clone();
+        }
         let mut terms = self.terms.clone();
         for (symbol, coefficient) in &other.terms {
             let coefficient = coefficient.mul(factor);
