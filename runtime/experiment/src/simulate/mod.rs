@@ -24,7 +24,7 @@ mod tuning;
 
 pub use audit::Energy;
 pub use control::{Controller, ControllerInput, Drive, Pid};
-pub use forward::{Forward, ForwardOutcome};
+pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{
     MissingNominal, fitted_friction, linear_friction, nominal_friction, perturb_friction,
 };

@@ -20,6 +20,19 @@ pub enum Quantity {
     Effort(String),
 }
 
+impl Quantity {
+    /// The coordinate of the quantity; `None` for the time.
+    fn coordinate(&self) -> Option<&str> {
+        match self {
+            Self::Time => None,
+            Self::Position(name)
+            | Self::Velocity(name)
+            | Self::Acceleration(name)
+            | Self::Effort(name) => Some(name),
+        }
+    }
+}
+
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -368,6 +381,83 @@ impl ColumnLayout {
             derivatives,
             efforts: info.actuated.len(),
         })
+    }
+
+    /// Finds the channels of a track: time, the positions that are there, then the velocities,
+    /// commands and efforts that are there. Returns their coordinates, too.
+    ///
+    /// - `commands`: assignments of commands, as positions of the joints; a command without one is
+    ///   in a column `cmd_NAME`.
+    pub(super) fn of_track(
+        header: Vec<String>,
+        info: &Info<'_>,
+        assignments: &[Assignment],
+        commands: &[Assignment],
+    ) -> Result<(Self, [Vec<usize>; 4]), Unfit> {
+        for assignment in assignments.iter().chain(commands) {
+            if let Some(name) = assignment.quantity.coordinate()
+                && info.index_of(name).is_none()
+            {
+                let all = info.coordinates.join(" ");
+                return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
+            }
+        }
+        let find = |given: Option<&Assignment>, usual: &str, needed: bool| {
+            let column = given.map_or(usual, |a| a.column.as_str());
+            let places: Vec<usize> = (0..header.len()).filter(|k| header[*k] == column).collect();
+            match places[..] {
+                [index] => Ok(Some(Channel {
+                    index,
+                    factor: given.map_or(1.0, |a| a.factor),
+                })),
+                [] if given.is_none() && !needed => Ok(None),
+                [] => Err(Unfit {
+                    why: format!(
+                        "there is no column `{column}`; there are: {}. Name it with",
+                        listed(&header)
+                    ),
+                    assignment: Some(format!("{usual}=COLUMN")),
+                }),
+                _ => Err(format!("the header names two columns `{column}`: rename one").into()),
+            }
+        };
+        let of = |list: &[Assignment], quantity: &Quantity| -> Option<Assignment> {
+            list.iter().find(|a| a.quantity == *quantity).cloned()
+        };
+        let time = of(assignments, &Quantity::Time);
+        let usual = if header.iter().any(|h| h == "t") { "t" } else { "time" };
+        let time = find(time.as_ref(), usual, true)?;
+        let mut channels: Vec<Channel> = time.into_iter().collect();
+        let mut found: [Vec<usize>; 4] = Default::default();
+        for (kind, places) in found.iter_mut().enumerate() {
+            for (k, name) in info.coordinates.iter().enumerate() {
+                let driven = info.actuated.contains(&k);
+                if kind >= 2 && !driven {
+                    continue;
+                }
+                let name = (*name).to_owned();
+                let (quantity, list, prefix) = match kind {
+                    0 => (Quantity::Position(name), assignments, ""),
+                    1 => (Quantity::Velocity(name), assignments, ""),
+                    2 => (Quantity::Position(name), commands, "cmd_"),
+                    _ => (Quantity::Effort(name), assignments, ""),
+                };
+                let given = of(list, &quantity);
+                let channel = find(given.as_ref(), &format!("{prefix}{quantity}"), false)?;
+                if let Some(channel) = channel {
+                    channels.push(channel);
+                    places.push(k);
+                }
+            }
+        }
+        let layout = Self {
+            header,
+            measured: found[0].clone(),
+            channels,
+            derivatives: false,
+            efforts: found[3].len(),
+        };
+        Ok((layout, found))
     }
 
     /// The indices of the positions in a row; velocities and accelerations follow them if measured.

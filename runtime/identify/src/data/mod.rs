@@ -13,8 +13,10 @@ mod sample;
 mod shift;
 mod standstill;
 mod stuck;
+mod tracks;
 mod window;
 
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};
 pub use problem::{DataError, Fault, Policy, Problem, Problems};
+pub use tracks::{Track, tracks};

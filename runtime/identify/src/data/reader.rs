@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, Reader};
 
-use super::columns::{Assignment, ColumnLayout, shortened};
+use super::columns::{Assignment, ColumnLayout, Unfit, shortened};
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
@@ -109,6 +109,14 @@ impl LogFile {
         info: &Info<'_>,
         assignments: &[Assignment],
     ) -> Result<Self, DataError> {
+        Self::with(path, |header| ColumnLayout::new(header, info, assignments))
+    }
+
+    /// Opens a file whose columns `layout` finds by its header.
+    pub(super) fn with(
+        path: &Path,
+        layout: impl FnOnce(Vec<String>) -> Result<ColumnLayout, Unfit>,
+    ) -> Result<Self, DataError> {
         let parquet = is_parquet(path);
         let header = if parquet {
             #[cfg(feature = "parquet")]
@@ -124,7 +132,7 @@ impl LogFile {
             let titles = reader.headers().map_err(|error| failed(path, &error))?;
             titles.iter().map(|title| title.trim().to_owned()).collect()
         };
-        let layout = ColumnLayout::new(header, info, assignments).map_err(|unfit| {
+        let layout = layout(header).map_err(|unfit| {
             let (file, why) = (path.display().to_string(), unfit.why);
             match unfit.assignment {
                 Some(assignment) => DataError::Columns {
