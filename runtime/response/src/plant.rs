@@ -159,18 +159,24 @@ where
         })
     }
 
-    /// The velocity over which friction changes its direction, rad/s or m/s.
-    pub(crate) fn width(&self) -> f64 {
-        self.width
-    }
-
-    /// The greatest slope of friction by velocity, over all joints within the width, at this
-    /// posture and while all velocities change by at most `change`.
-    pub(crate) fn steepest(&self, posture: &Posture, change: f64, beta: &[f64]) -> f64 {
+    /// The greatest slope of friction by velocity, N m s/rad or N s/m, over all joints that reverse
+    /// at this posture or in the next `step` seconds with these accelerations.
+    pub(crate) fn steepest(
+        &self,
+        posture: &Posture,
+        accelerations: &[f64],
+        step: f64,
+        beta: &[f64],
+    ) -> f64 {
         /// Beyond this many widths the smooth sign is the sign to a thousandth.
         const REACH_WIDTHS: f64 = 4.0;
+        /// The part by which accelerations may grow in a step.
+        const GROWTH: f64 = 1.5;
         let near = |d: &&Directed| {
-            posture.qd[d.coordinate].abs() < REACH_WIDTHS * self.width + change
+            let shares = posture.row(d.coordinate).zip(accelerations);
+            let change: f64 = shares.map(|(share, a)| share * a).sum();
+            let reach = REACH_WIDTHS * self.width + GROWTH * step * change.abs();
+            posture.qd[d.coordinate].abs() < reach
         };
         let slopes = self.directed.iter().filter(near).map(|d| {
             let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();

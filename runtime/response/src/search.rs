@@ -4,7 +4,6 @@
 use regen_identify::estimate::{EstimateError, QrFactor};
 use regen_runtime::BaseModel;
 
-use crate::parameters::Unknowns;
 use crate::residuals;
 use crate::setup::SignalKind;
 use crate::window::{Experiment, Refused, Window};

@@ -135,25 +135,21 @@ where
                 controller.sample(command.clone(), last.as_ref(), step, [&position, &velocity]);
                 before[k] = Some(command);
             }
-            let Some(count) = self.steps(&posture, &controllers, beta, step)? else {
+            let Some(slope) = self.slope(&moving, &posture, &controllers, beta, own)? else {
+                return Ok(Err(Refused::Mass));
+            };
+            let Some(count) = self.steps(&posture, &slope, &controllers, beta, step)? else {
                 return Ok(Err(Refused::Mass));
             };
             if count > MAX_STEPS {
                 return Ok(Err(Refused::Diverged));
             }
             near.clone_from(&posture.q);
-            let mut first = Some(posture);
+            let mut first = Some(slope);
             for _ in 0..count {
                 let h = step / count as f64;
-                if let Err(why) = self.advance(
-                    &mut moving,
-                    &mut near,
-                    &controllers,
-                    beta,
-                    h,
-                    first.take(),
-                    own,
-                )? {
+                let loops = (&controllers[..], beta, own);
+                if let Err(why) = self.advance(&mut moving, &mut near, loops, h, first.take())? {
                     return Ok(Err(why));
                 }
             }
@@ -260,6 +256,7 @@ where
     fn steps(
         &self,
         posture: &Posture,
+        slope: &Moving,
         controllers: &[Controller],
         beta: &[f64],
         step: f64,
@@ -273,10 +270,9 @@ where
             stiffness = stiffness.max(k);
             damping = damping.max(d);
         }
-        // velocities change by what the efforts do to them in the step
-        let effort = controllers.iter().map(|c| c.effort.value.abs());
-        let change = mobility * effort.fold(0.0, f64::max) * step;
-        damping += self.plant.steepest(posture, change.min(1e3 * self.plant.width()), beta);
+        // what the velocities change by in the step, if the accelerations stay
+        let accelerations = &slope.state[self.plant.dof..];
+        damping += self.plant.steepest(posture, accelerations, step, beta);
         let rate = (mobility * stiffness).sqrt() * 2.0 + mobility * damping;
         let count = (step * rate / MAX_STEP_RATE).max(step / MAX_STEP).ceil().max(1.0);
         #[allow(clippy::cast_sign_loss, reason = "at least 1")]
@@ -289,16 +285,16 @@ where
     }
 
     /// One step of Runge and Kutta's method of order 4, for the state and its derivatives alike.
-    #[allow(clippy::too_many_arguments, reason = "all that a step depends on")]
+    ///
+    /// - `loops`: the controllers, the base parameters and the number of the window's own unknowns;
+    /// - `known`: the derivative at the start of the step, where it is known.
     fn advance(
         &self,
         moving: &mut Moving,
         near: &mut Vec<f64>,
-        controllers: &[Controller],
-        beta: &[f64],
+        (controllers, beta, own): (&[Controller], &[f64], usize),
         h: f64,
-        mut posture: Option<Posture>,
-        own: usize,
+        mut known: Option<Moving>,
     ) -> Result<Result<(), Refused>, ResponseError> {
         let start = moving.clone();
         let mut sum = Moving {
@@ -306,16 +302,18 @@ where
             rates: vec![0.0; start.rates.len()],
         };
         for (weight, ahead) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
-            let at = match posture.take() {
-                Some(known) => Some(known),
-                None => self.plant.posture(near, &moving.state, true)?,
-            };
-            let Some(at) = at else {
-                return Ok(Err(Refused::Open));
-            };
-            near.clone_from(&at.q);
-            let Some(slope) = self.slope(moving, &at, controllers, beta, own)? else {
-                return Ok(Err(Refused::Mass));
+            let slope = match known.take() {
+                Some(slope) => slope,
+                None => {
+                    let Some(at) = self.plant.posture(near, &moving.state, true)? else {
+                        return Ok(Err(Refused::Open));
+                    };
+                    near.clone_from(&at.q);
+                    let Some(slope) = self.slope(moving, &at, controllers, beta, own)? else {
+                        return Ok(Err(Refused::Mass));
+                    };
+                    slope
+                }
             };
             sum.add(&slope, weight);
             moving.clone_from(&start);
