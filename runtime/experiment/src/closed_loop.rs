@@ -132,6 +132,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
         (&mut log.qdd, n),
         (&mut log.effort, a),
         (&mut log.measured_position, a),
+        (&mut log.command, a),
         (&mut log.measured_effort, a),
     ] {
         let rows = list.len() / width.max(1);

@@ -14,6 +14,8 @@ use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
     EquationKind, Filtering, Identified, Options, Recorded, StateSample, identify,
 };
+use regen_identify::model::IdentifiedModel;
+use regen_identify::session::{LeastSquaresStart, describe};
 use regen_runtime::{BaseModel, SizeError};
 
 /// Velocities below this many widths of the simulated friction count as rest: the sign that the
@@ -73,6 +75,29 @@ pub struct Didim {
     pub rounds: usize,
     /// Whether the last round changed the estimate as little as the tolerance says.
     pub settled: bool,
+}
+
+impl Didim {
+    /// The result as the start of further estimators.
+    ///
+    /// - `confidence`: the level of the intervals, in (0, 1).
+    pub fn start(self, confidence: f64) -> LeastSquaresStart {
+        let method = format!(
+            "least squares at the simulated motion, {}",
+            describe(&self.identified.deviations)
+        );
+        LeastSquaresStart::of_identified(self.identified, confidence, method)
+    }
+
+    /// The result as an identified model.
+    ///
+    /// - `confidence`: the level of the intervals, in (0, 1).
+    pub fn model(&self, confidence: f64) -> IdentifiedModel {
+        IdentifiedModel {
+            name: "DIDIM".to_owned(),
+            ..self.clone().start(confidence).model()
+        }
+    }
 }
 
 /// Identifies base parameters from efforts, by simulating the closed loop.

@@ -19,6 +19,7 @@ mod didim;
 mod error;
 mod files;
 mod fit;
+mod logs;
 mod parameters;
 mod plant;
 mod rank;
@@ -33,6 +34,7 @@ pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
 pub use fit::{Estimated, Responded, respond};
+pub use logs::{Commanded, TrackError, efforts};
 pub use rank::Direction;
 pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};
 

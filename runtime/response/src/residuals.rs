@@ -12,6 +12,8 @@ use crate::window::Trace;
 pub(crate) struct SignalRows {
     /// The rows of the window that gave a residual, from its first row.
     pub(crate) rows: Vec<usize>,
+    /// The measured values.
+    pub(crate) measured: Vec<f64>,
     /// Measured minus simulated.
     pub(crate) values: Vec<f64>,
     /// The derivatives of the simulated values, rows x unknowns, column by column.
@@ -70,6 +72,7 @@ pub(crate) fn of_signal(
             (own.clone(), 0.0)
         };
         out.rows.push(row);
+        out.measured.push(*value);
         out.values.push(value - gain.value * x.value - bias.value);
         let mut line: Vec<f64> = x.rates.iter().map(|r| gain.value * r).collect();
         for (entry, rate) in [(delay, -gain.value * slope), (gain, x.value), (bias, 1.0)] {

@@ -56,7 +56,7 @@ where
             windows.push(self.projected(rows, window.rows.len(), &found.weights, open)?);
         }
         let zeros = vec![0.0; names.len()];
-        let mut errors = Residuals::new(names, &zeros, LAGS);
+        let mut errors = Residuals::new(names, &means(&windows, names.len()), LAGS);
         let mut noise = Residuals::new(names, &zeros, ORDER);
         for window in &windows {
             errors.interrupt();
@@ -146,7 +146,8 @@ where
                 let sample = &mut out[*row];
                 sample.used[s] = true;
                 sample.psi[s] = value * weight;
-                sample.measured[s] = *value;
+                sample.measured[s] = rows.measured[line];
+                sample.fitted[s] = rows.measured[line] - value;
                 for (place, (k, parts)) in open.kept.iter().zip(&explained).enumerate() {
                     let mut x = rows.slopes[(own + k) * height + line];
                     for (j, part) in parts.iter().enumerate() {
@@ -160,6 +161,16 @@ where
     }
 }
 
+/// The mean of each signal.
+fn means(windows: &[Vec<Sample>], signals: usize) -> Vec<f64> {
+    let mean = |s: usize| {
+        let used = windows.iter().flatten().filter(|x| x.used[s]);
+        let (sum, count) = used.fold((0.0, 0.0), |(sum, n), x| (sum + x.measured[s], n + 1.0));
+        sum / f64::max(count, 1.0)
+    };
+    (0..signals).map(mean).collect()
+}
+
 /// The rows of one sample.
 #[derive(Clone)]
 struct Sample {
@@ -167,7 +178,6 @@ struct Sample {
     w: Vec<f64>,
     /// The weighted residuals.
     psi: Vec<f64>,
-    /// The residuals, and zeros.
     measured: Vec<f64>,
     fitted: Vec<f64>,
     used: Vec<bool>,

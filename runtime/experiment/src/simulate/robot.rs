@@ -20,7 +20,7 @@ pub(super) struct Robot<'m, M: ?Sized> {
     gravity: [f64; 3],
     pub(super) dof: usize,
     independent: Vec<usize>,
-    actuated: Vec<usize>,
+    pub(super) actuated: Vec<usize>,
     pub(super) command: Vec<f64>,
     // results of the last call of `rates`
     q: Vec<f64>,
