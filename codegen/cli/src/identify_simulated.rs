@@ -278,7 +278,7 @@ fn of_efforts(
     let measured = measured?;
     let mut runs: Vec<EffortRun<'_>> = Vec::with_capacity(all.len());
     for (k, (track, efforts)) in all.iter().zip(&measured).enumerate() {
-        let (reference, lead): (&dyn Reference, f64) = match (&trajectory, references.get(k)) {
+        let (reference, lead): (&(dyn Reference + Sync), f64) = match (&trajectory, references.get(k)) {
             (Some(series), _) => (series, series.period()),
             (None, Some(commanded)) => (commanded, 0.0),
             (None, None) => continue,

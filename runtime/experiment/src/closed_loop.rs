@@ -5,7 +5,7 @@ use core::fmt;
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::Motion;
-use regen_runtime::{Model, SizeError};
+use regen_runtime::{JointFriction, Model, SizeError};
 
 use crate::simulate::{
     Drive, Gains, Log, Pid, Reference, Settings, SimulationError, Termination, TuningError,
@@ -39,7 +39,7 @@ pub enum Controllers<'a> {
 #[derive(Clone, Copy)]
 pub struct ClosedLoop<'a> {
     /// The motion to follow; its time is that of the log.
-    pub reference: &'a dyn Reference,
+    pub reference: &'a (dyn Reference + Sync),
     /// How long before the first sample the simulation begins, s, so that its transient has
     /// decayed: a period of a periodic motion; 0 where nothing is known of the time before.
     pub lead: f64,
@@ -110,7 +110,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
         pid,
         offset,
         drives: info.actuated.iter().map(drive).collect(),
-        friction: linear_friction(&info, phi),
+        friction: dissipative(linear_friction(&info, phi)),
         tolerance: TOLERANCE,
         ..Settings::default()
     };
@@ -141,6 +141,15 @@ pub fn follow<M: Model<f64> + ?Sized>(
     // the log's own times, not those of the simulation
     log.t = times.to_vec();
     Ok(log)
+}
+
+/// The laws without coefficients below 0: they would add energy, and the motion would diverge where
+/// an estimate of little friction is negative by chance.
+fn dissipative(mut laws: Vec<JointFriction>) -> Vec<JointFriction> {
+    for value in laws.iter_mut().flat_map(|law| &mut law.values) {
+        *value = value.max(0.0);
+    }
+    laws
 }
 
 /// The motion of the independent coordinates in the simulated loop, at the sample times of a

@@ -5,14 +5,20 @@
 //! exact and needs no filter. The loop that is simulated must follow its commands as the robot's
 //! does; where the robot's gains are not known, gains that keep a bandwidth with the present
 //! estimate take their place.
+//!
+//! An estimate is a function G of the parameters that are simulated; the result is where both are
+//! equal. Near it Newton's method, with the slopes of G by differences, takes the place of simply
+//! repeating, which converges slowly where the loop is soft; the same slopes belong into the
+//! deviations.
 
 use core::fmt;
 
+use nalgebra::{DMatrix, DVector};
 use regen_experiment::closed_loop::{ClosedLoop, LoopError, follow};
 use regen_experiment::simulate::Settings;
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, StateSample, identify,
+    EquationKind, Filtering, Identified, Options, Recorded, StateSample, identify, observe,
 };
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
@@ -137,7 +143,7 @@ impl Didim {
 /// assert!(found.settled && found.rounds <= 6);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
-pub fn didim<M: BaseModel<f64> + ?Sized>(
+pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
     model: &M,
     runs: &[EffortRun<'_>],
     options: &DidimOptions,
@@ -160,33 +166,171 @@ pub fn didim<M: BaseModel<f64> + ?Sized>(
             fits(run.times.len(), efforts.len())?;
         }
     }
+    let mut rounds = Rounds {
+        model,
+        runs,
+        options,
+        slopes: None,
+    };
     let mut values = start.to_vec();
+    let mut log = simulated(model, runs, options, &values)?;
     let mut norms: Vec<f64> = Vec::new();
-    let mut rounds = 0;
     loop {
-        rounds += 1;
-        let mut log = simulated(model, runs, options, &values)?;
         let found = identify(
             model,
             EquationKind::Forces,
             &options.least_squares,
             &mut log,
         )?;
-        let left = found.relative_absolute;
         let moved = moved(&found, &values)?;
         let before = norms.last().copied();
-        norms.push(left);
-        values.clone_from(&found.estimate.values);
-        let quiet = before.is_some_and(|b| (left - b).abs() <= options.tolerance * b);
-        let settled = quiet && moved <= options.tolerance.max(1e-12);
-        if settled || rounds >= options.rounds.max(1) {
+        norms.push(found.relative_absolute);
+        let quiet = before.is_some_and(|b| {
+            let now = found.relative_absolute;
+            (now - b).abs() <= options.tolerance * b.max(f64::MIN_POSITIVE)
+        });
+        let settled = quiet && moved <= options.tolerance;
+        let last = settled || norms.len() >= options.rounds.max(1);
+        if rounds.slopes.is_none() && (moved < NEAR_DEVIATIONS || last) {
+            rounds.differentiate(&found, &values)?;
+        }
+        if last {
             return Ok(Didim {
-                identified: found,
+                identified: rounds.propagated(found)?,
+                rounds: norms.len(),
                 norms,
-                rounds,
                 settled,
             });
         }
+        let wanted = rounds.next(&found, &values);
+        (values, log) = rounds.simulable(&values, wanted)?;
+    }
+}
+
+/// Below this change in standard deviations an estimate is so near that its slopes are those of the
+/// result.
+const NEAR_DEVIATIONS: f64 = 3.0;
+/// How often a change of the estimate is halved until the robot can be simulated with it.
+const MAX_HALVINGS: usize = 8;
+
+/// The rounds of one identification.
+struct Rounds<'a, 'r, M: ?Sized> {
+    model: &'a M,
+    runs: &'a [EffortRun<'r>],
+    options: &'a DidimOptions,
+    /// `1 - dG/dbeta`, r x r, where G is the estimate as a function of the parameters that are
+    /// simulated: column-major.
+    slopes: Option<DMatrix<f64>>,
+}
+
+impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
+    /// The parameters to simulate next: the estimate, or once the slopes are known, Newton's step
+    /// to the parameters that are their own estimate.
+    fn next(&self, found: &Identified, values: &[f64]) -> Vec<f64> {
+        let estimate = &found.estimate.values;
+        let change = estimate.iter().zip(values).map(|(a, b)| a - b);
+        let change = DVector::from_iterator(values.len(), change);
+        let step = self.slopes.as_ref().and_then(|s| s.clone().lu().solve(&change));
+        let step = step.unwrap_or(change);
+        values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
+    }
+
+    /// Simulates with these parameters, or with some between them and the last ones if that cannot
+    /// be simulated.
+    fn simulable(
+        &self,
+        values: &[f64],
+        mut wanted: Vec<f64>,
+    ) -> Result<(Vec<f64>, Recorded), DidimError> {
+        for _ in 0..MAX_HALVINGS {
+            match simulated(self.model, self.runs, self.options, &wanted) {
+                Ok(log) => return Ok((wanted, log)),
+                Err(DidimError::Loop(_)) => {
+                    for (x, old) in wanted.iter_mut().zip(values) {
+                        *x = f64::midpoint(*x, *old);
+                    }
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        let log = simulated(self.model, self.runs, self.options, &wanted)?;
+        Ok((wanted, log))
+    }
+
+    /// Computes the slopes by differences over one standard deviation of each parameter.
+    fn differentiate(&mut self, found: &Identified, values: &[f64]) -> Result<(), DidimError> {
+        let n = values.len();
+        let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+        let estimate = |values: &[f64]| -> Result<Vec<f64>, DidimError> {
+            let mut log = simulated(self.model, self.runs, self.options, values)?;
+            let (set, _) = observe(self.model, EquationKind::Forces, &mut log)?;
+            Ok(set.combined(&weights)?.solve()?)
+        };
+        let here = estimate(values)?;
+        let step = |k: usize| {
+            let sigma = found.estimate.sigma(k);
+            let usual = 1e-3 * values[k].abs() + 1e-9;
+            if sigma.is_finite() && sigma > 0.0 { sigma } else { usual }
+        };
+        let column = |k: usize| -> Result<Vec<f64>, DidimError> {
+            let moved = |by: f64| {
+                let mut moved = values.to_vec();
+                moved[k] += by;
+                estimate(&moved)
+            };
+            // the other direction where this one cannot be simulated
+            let (h, there) = match moved(step(k)) {
+                Ok(there) => (step(k), there),
+                Err(_) => (-step(k), moved(-step(k))?),
+            };
+            Ok(there.iter().zip(&here).map(|(a, b)| (a - b) / h).collect())
+        };
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = threads.min(n).max(1);
+        let work = |first: usize| -> Vec<(usize, Result<Vec<f64>, DidimError>)> {
+            (first..n).step_by(threads).map(|k| (k, column(k))).collect()
+        };
+        let work = &work;
+        let mut columns = std::thread::scope(|scope| {
+            let all: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
+            let mut out = Vec::new();
+            for thread in all {
+                match thread.join() {
+                    Ok(part) => out.extend(part),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+            out
+        });
+        columns.sort_by_key(|(k, _)| *k);
+        let mut slopes = DMatrix::identity(n, n);
+        for (k, column) in columns {
+            for (i, slope) in column?.iter().enumerate() {
+                slopes[(i, k)] -= slope;
+            }
+        }
+        self.slopes = Some(slopes);
+        Ok(())
+    }
+
+    /// The estimate whose deviations know that the simulated motion follows from it: an error of the
+    /// efforts moves the parameters, these move the motion, and that moves the parameters again.
+    fn propagated(&self, mut found: Identified) -> Result<Identified, DidimError> {
+        let Some(inverse) = self.slopes.as_ref().and_then(|s| s.clone().try_inverse()) else {
+            return Ok(found);
+        };
+        let n = inverse.nrows();
+        let through = |covariance: &[f64]| -> Vec<f64> {
+            let inner = DMatrix::from_column_slice(n, n, covariance);
+            let whole = &inverse * inner * inverse.transpose();
+            (0.5 * (&whole + whole.transpose())).as_slice().to_vec()
+        };
+        found.estimate.covariance = through(&found.estimate.covariance);
+        let freedom = found.deviations.degrees_of_freedom.clone();
+        let whole = through(&found.deviations.covariance);
+        found.deviations = found.deviations.with_covariance(whole, 0);
+        found.deviations.degrees_of_freedom = freedom;
+        Ok(found)
     }
 }
 

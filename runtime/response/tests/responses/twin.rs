@@ -1,7 +1,8 @@
 //! Simulated robots under position control.
 
 use regen_experiment::simulate::{
-    Log, Pid, Sensors, Settings, Termination, linear_friction, simulate,
+    ControllerInput, Log, Pid, Sensors, Settings, Termination, linear_friction, simulate,
+    simulate_controlled,
 };
 use regen_response::{Law, Run, Setup};
 use regen_runtime::{BaseModel, Info};
@@ -18,6 +19,10 @@ pub(crate) struct Twin<'m, M> {
     /// Standard deviations of positions and efforts.
     pub(crate) noise: [f64; 2],
     pub(crate) seed: u64,
+    /// For how long each command is held, s; `None`: for a sample.
+    pub(crate) hold: Option<f64>,
+    /// Whether kd damps the velocity, not the rate of the error.
+    pub(crate) damp_velocity: bool,
 }
 
 impl<'m, M: BaseModel<f64>> Twin<'m, M> {
@@ -37,6 +42,8 @@ impl<'m, M: BaseModel<f64>> Twin<'m, M> {
             duration: 2.0,
             noise: [0.0; 2],
             seed: 1,
+            hold: None,
+            damp_velocity: false,
         }
     }
 
@@ -44,8 +51,10 @@ impl<'m, M: BaseModel<f64>> Twin<'m, M> {
     pub(crate) fn reference(&self) -> impl Fn(f64, &mut [f64], &mut [f64], &mut [f64]) + use<M> {
         let info = self.model.info();
         let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
-        let size = self.swing;
+        let (size, hold) = (self.swing, self.hold);
         move |t, q, qd, qdd| {
+            // half a microsecond: the time of a sample may be rounded down
+            let t = hold.map_or(t, |h| h * ((t + 5e-7) / h).floor());
             for (k, home) in home.iter().enumerate() {
                 q[k] = *home;
                 (qd[k], qdd[k]) = (0.0, 0.0);
@@ -89,7 +98,22 @@ impl<'m, M: BaseModel<f64>> Twin<'m, M> {
             tolerance: 1e-9,
             ..Settings::default()
         };
-        let log = simulate(self.model, &phi, &self.reference(), &settings).unwrap();
+        let reference = self.reference();
+        let log = if self.damp_velocity {
+            let joints = info.actuated.to_vec();
+            let mut last: Option<Vec<f64>> = None;
+            let mut law = |now: &ControllerInput<'_>, efforts: &mut [f64]| {
+                let before = last.replace(now.measured.to_vec());
+                for (k, pid) in self.pid.iter().enumerate() {
+                    let at = now.measured[k];
+                    let rate = before.as_ref().map_or(0.0, |b| (at - b[k]) / now.period);
+                    efforts[k] = pid.kp * (now.q[joints[k]] - at) - pid.kd * rate;
+                }
+            };
+            simulate_controlled(self.model, &phi, &reference, &mut law, &settings).unwrap()
+        } else {
+            simulate(self.model, &phi, &reference, &settings).unwrap()
+        };
         assert_eq!(log.ended, Termination::Complete);
         log
     }
