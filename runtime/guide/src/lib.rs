@@ -17,6 +17,9 @@ pub mod experiment {}
 #[doc = include_str!("../pages/figures/deviations.svg")]
 pub mod identify {}
 
+#[doc = include_str!("../pages/response.md")]
+pub mod response {}
+
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}
