@@ -11,13 +11,13 @@ use regen_identify::session::{
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
 
-use crate::args::{Format, IdentifyArgs, WeightingArg};
+use crate::args::{EstimatorArg, Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::identify_json::{IdentifyJson, ModelJson, Summary};
 use crate::identify_table::to_text;
 use crate::{
-    delay, experiment, identify_iv, load, observe, outputs, parameters, physical, predicted,
-    reduce, report, suspect, table, terminal, write,
+    delay, experiment, identify_iv, identify_simulated, load, observe, outputs, parameters,
+    physical, predicted, reduce, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.
@@ -46,6 +46,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         );
         return Err(Failure::Input(text));
     }
+    let chosen = identify_simulated::with_estimator(args)?;
+    let args = &chosen;
     let source = load::source(&args.file)?;
     let mut args = args.clone();
     let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
@@ -84,6 +86,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
     }
+    identify_simulated::require_determined(&json.summary)?;
     physical::require_optimum(&identified)
 }
 
@@ -91,6 +94,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
 /// is adopted.
 pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
     let session = session(args, model);
+    if let Some(EstimatorArg::Didim | EstimatorArg::Response) = args.estimator {
+        return identify_simulated::solve(args, &session);
+    }
     let (start, mut summary) = if args.physical.friction {
         observe::require_consistent(&args.reading)?;
         let start = with_friction(&session, &args.logs)?;

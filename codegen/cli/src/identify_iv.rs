@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use regen_experiment::closed_loop::LoopError;
 use regen_experiment::instruments::{InstrumentError, instrumental};
 use regen_identify::identify::Instrumental;
 use serde::Serialize;
@@ -78,9 +79,11 @@ impl From<InstrumentError> for Failure {
         match error {
             InstrumentError::Data(error) => error.into(),
             InstrumentError::Unsmoothed(_) => Self::Input(format!("--iv: {error}")),
-            InstrumentError::Untuned(why) => refused(why.to_string()),
-            InstrumentError::Refused(why) => refused(why.to_string()),
-            InstrumentError::Termination(how) => refused(reason(how).unwrap_or_default()),
+            InstrumentError::Loop(LoopError::Untuned(why)) => refused(why.to_string()),
+            InstrumentError::Loop(LoopError::Refused(why)) => refused(why.to_string()),
+            InstrumentError::Loop(LoopError::Termination(how)) => {
+                refused(reason(how).unwrap_or_default())
+            }
             other => Self::Input(other.to_string()),
         }
     }

@@ -7,6 +7,7 @@ use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
 use serde::Serialize;
 
 use crate::identify_iv::InstrumentsJson;
+use crate::identify_simulated::SimulatedJson;
 use crate::observe::FileJson;
 use crate::reduce::StepJson;
 use crate::suspect::Suspicion;
@@ -51,6 +52,9 @@ pub(crate) struct Summary {
     /// The instruments of `--iv`, and the test of least squares for bias.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) instruments: Option<InstrumentsJson>,
+    /// The rounds of `didim`, or the search of `response`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) simulated: Option<SimulatedJson>,
     /// Columns of the logs that look wrong.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) suspicions: Vec<Suspicion>,
@@ -111,6 +115,7 @@ impl Summary {
             models: Vec::new(),
             files: start.reports.iter().map(FileJson::new).collect(),
             instruments: None,
+            simulated: None,
             suspicions: Vec::new(),
         }
     }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::identify_json::{IdentifyJson, Summary};
+use crate::identify_simulated::SimulatedJson;
 use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;
@@ -43,10 +44,16 @@ pub(crate) fn to_text(json: &IdentifyJson) -> String {
     if let Some(instruments) = &summary.instruments {
         out.push_str(&instruments.to_text());
     }
+    if let Some(simulated) = &summary.simulated {
+        out.push_str(&simulated.to_text());
+    }
     out.push('\n');
     out.push_str(&efforts(summary));
     out.push('\n');
     out.push_str(&parameters(file));
+    if let Some(simulated) = &summary.simulated {
+        out.push_str(&simulated.to_tables());
+    }
     if !file.physical.is_empty() || !file.friction.is_empty() {
         out.push('\n');
         out.push_str(&physical(file));
@@ -111,8 +118,12 @@ fn efforts(json: &Summary) -> String {
             line
         })
         .collect();
+    let signal = match json.simulated {
+        Some(SimulatedJson::Response(_)) => "signal",
+        _ => "effort",
+    };
     let head = [
-        "effort",
+        signal,
         "equations",
         "sigma",
         "eps_RA %",

@@ -15,6 +15,7 @@ mod generate;
 mod identify;
 mod identify_iv;
 mod identify_json;
+mod identify_simulated;
 mod identify_table;
 #[cfg(test)]
 mod identify_tests;

@@ -11,10 +11,8 @@ use regen_identify::session::{LeastSquaresStart, Session};
 use regen_identify::signals::{Method, SignalError};
 use regen_runtime::{BaseModel, SizeError};
 
-use crate::simulate::{
-    Drive, Gains, Reference as _, Settings, SimulationError, Termination, TuningError, control,
-    linear_friction, simulate,
-};
+use crate::closed_loop::{self, ClosedLoop, Controllers, LoopError};
+use crate::simulate::Gains;
 use crate::trajectory::FourierReference;
 
 /// The bandwidth of simulated controllers whose gains are not given, Hz.
@@ -139,9 +137,8 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// Simulates the robot with these base parameters under PID control along a reference, and returns
-/// its motion at the sample times of the measured motion. Each run begins one period earlier, so
-/// that the initial transient has decayed.
+/// The motion of the robot with these base parameters under PID control along a reference. Each run
+/// begins one period earlier, so that the initial transient has decayed.
 fn simulated<M: BaseModel<f64> + ?Sized>(
     model: &M,
     reference: &FourierReference,
@@ -149,61 +146,18 @@ fn simulated<M: BaseModel<f64> + ?Sized>(
     measured: &Motion,
     values: &[f64],
 ) -> Result<Motion, InstrumentError> {
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len(), info.dof());
-    let mut phi = vec![0.0; info.parameters.len()];
+    let mut phi = vec![0.0; model.info().parameters.len()];
     let free = vec![0.0; model.base_info().free.len()];
     model.parameters_from_base(values, &free, &mut phi)?;
-    let mut out = Motion::new(dof);
-    for run in measured.runs() {
-        let times = measured.times().get(run).unwrap_or_default();
-        let (Some(first), Some(last)) = (times.first(), times.last()) else {
-            continue;
-        };
-        if times.len() < 2 {
-            continue;
-        }
-        let step = (last - first) / (times.len() - 1) as f64;
-        let early = (reference.period() / step).ceil();
-        let begin = first - early * step;
-        let start = reference.position(begin);
-        let controllers =
-            control(BANDWIDTH_HZ, gains, model, &phi, &start).map_err(InstrumentError::Untuned)?;
-        let drive = |joint: &usize| Drive {
-            lag: 0.0,
-            limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
-        };
-        let settings = Settings {
-            duration: last - begin,
-            period: step,
-            pid: controllers.pid,
-            offset: controllers.offset,
-            drives: info.actuated.iter().map(drive).collect(),
-            friction: linear_friction(&info, &phi),
-            tolerance: 1e-7,
-            ..Settings::default()
-        };
-        let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
-            reference.at(begin + t, q, qd, qdd);
-        };
-        let log = simulate(model, &phi, &along, &settings).map_err(InstrumentError::Refused)?;
-        if log.ended != Termination::Complete {
-            return Err(InstrumentError::Termination(log.ended));
-        }
-        #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
-        let skip = early as usize;
-        for (k, time) in times.iter().enumerate() {
-            let row = (skip + k) * n;
-            let pick = |all: &[f64]| -> Vec<f64> {
-                let row = all.get(row..row + n).unwrap_or_default();
-                let independent = info.independent.iter();
-                independent.filter_map(|c| row.get(*c).copied()).collect()
-            };
-            let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| pick(all));
-            out.push(*time, [&q, &qd, &qdd], k > 0)?;
-        }
-    }
-    Ok(out)
+    let run = ClosedLoop {
+        reference,
+        lead: reference.period(),
+        controllers: Controllers::Tuned {
+            bandwidth: BANDWIDTH_HZ,
+            given: gains,
+        },
+    };
+    Ok(closed_loop::motion(model, &run, &phi, measured)?)
 }
 
 /// Why instrumental variables cannot be computed.
@@ -214,28 +168,18 @@ pub enum InstrumentError {
     Data(DataError),
     /// The measured motion cannot be smoothed.
     Unsmoothed(SignalError),
-    /// No controllers can be tuned for the robot with the present estimate.
-    Untuned(TuningError),
-    /// The robot with the present estimate cannot be simulated.
-    Refused(SimulationError),
-    /// A simulated run with the present estimate ended before its time.
-    Termination(Termination),
-    /// The simulated motion does not have the samples of the measured one.
-    Samples(EstimateError),
+    /// The robot cannot be simulated with the present estimate.
+    Loop(LoopError),
     /// The estimate and the model differ in size.
     Size(SizeError),
 }
 
 impl fmt::Display for InstrumentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const REFUSED: &str = "the robot cannot be simulated with the present estimate";
         match self {
             Self::Data(why) => why.fmt(f),
             Self::Unsmoothed(why) => write!(f, "the measured motion cannot be smoothed: {why}"),
-            Self::Untuned(why) => write!(f, "{REFUSED}: {why}"),
-            Self::Refused(why) => write!(f, "{REFUSED}: {why}"),
-            Self::Termination(how) => write!(f, "{REFUSED}: {how}"),
-            Self::Samples(why) => why.fmt(f),
+            Self::Loop(why) => why.fmt(f),
             Self::Size(why) => why.fmt(f),
         }
     }
@@ -246,10 +190,7 @@ impl core::error::Error for InstrumentError {
         match self {
             Self::Data(why) => Some(why),
             Self::Unsmoothed(why) => Some(why),
-            Self::Untuned(why) => Some(why),
-            Self::Refused(why) => Some(why),
-            Self::Termination(_) => None,
-            Self::Samples(why) => Some(why),
+            Self::Loop(why) => Some(why),
             Self::Size(why) => Some(why),
         }
     }
@@ -261,9 +202,9 @@ impl From<DataError> for InstrumentError {
     }
 }
 
-impl From<EstimateError> for InstrumentError {
-    fn from(why: EstimateError) -> Self {
-        Self::Samples(why)
+impl From<LoopError> for InstrumentError {
+    fn from(why: LoopError) -> Self {
+        Self::Loop(why)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
 //! its limits, [`reach`] computes the range of each coordinate, and [`simulate`] integrates a
 //! closed-loop mechanism with friction, controllers, drives and sensors, and returns its log.
-//! [`instruments`] identifies a robot by instrumental variables from its simulated motion, and
+//! [`closed_loop`] simulates the loop of a run with an estimate, [`instruments`] identifies a robot by instrumental variables from its simulated motion, and
 //! [`trajectory`] reads and writes trajectory files.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
@@ -12,6 +12,7 @@
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
+pub mod closed_loop;
 pub mod excite;
 pub mod instruments;
 pub mod reach;

@@ -20,6 +20,9 @@ pub mod identify {}
 #[doc = include_str!("../pages/logs.md")]
 pub mod logs {}
 
+#[doc = include_str!("../pages/response.md")]
+pub mod response {}
+
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}

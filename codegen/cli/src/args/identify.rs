@@ -64,6 +64,8 @@ Examples:
   regen identify arm.yaml run.csv --friction --against other.csv slow.csv
   regen identify arm.yaml run.csv --reduce --against other.csv
   regen identify arm.yaml run.csv --iv --reference t.json --pid 50,20,3
+  regen identify arm.yaml run.csv --estimator didim --controller gains.yaml
+  regen identify arm.yaml run.csv --estimator response --controller gains.yaml
 
 With --iv the regressor at another motion takes the place of the regressor's
 transpose: that of the robot simulated under PID control along --reference with
@@ -71,6 +73,16 @@ the present estimate, in up to five rounds; the log's time is the reference's.
 Without --reference it is the measured motion, smoothed as far as it has
 nothing but noise: then the noise below the cutoff that is told still counts.
 The test of Durbin, Wu and Hausman says whether least squares is biased.
+
+Two estimators compare what the robot would do under its controllers with what
+it did. `didim` takes efforts alone: least squares at the simulated motion,
+along --reference or the columns cmd_NAME, in rounds until nothing changes.
+`response` takes positions alone, with commands in the columns cmd_NAME: it fits
+what the robot answered, from --start or nominal values on. Numbers of the
+controllers' file may be estimated too, `kp: {estimate: 40}`, and delay, gain
+and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. What commands
+cannot determine, such as the common scale of inertias and unknown gains, is
+named; the exit code is then 4.
 
 With --feasible the parameters of --out are physical: the semidefinite programme
 finds all ten of each body, friction and rotors that are not negative, offsets
@@ -105,17 +117,23 @@ pub(crate) struct IdentifyArgs {
     /// Do not look for swapped columns, flipped signs, wrong units and the like
     #[arg(long)]
     pub(crate) no_suspicion: bool,
+    /// The estimator [default: ls; --huber and --iv choose theirs]
+    #[arg(long, value_enum)]
+    pub(crate) estimator: Option<EstimatorArg>,
     /// Instrumental variables, which errors of the measured motion do not bias
     #[arg(long, conflicts_with_all = ["from", "huber", "cross", "energy", "physical", "reduce"])]
     pub(crate) iv: bool,
     /// What the controllers followed, as `regen excite` writes it: the
-    /// instruments come from simulating the robot along it
-    #[arg(long, value_name = "TRAJECTORY", requires = "iv")]
+    /// instruments, or the motion of `didim`, come from simulating the robot
+    /// along it
+    #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) reference: Option<PathBuf>,
     /// Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD
     /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
-    #[arg(long, value_name = "GAINS", requires = "reference", value_parser = gains)]
+    #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
+    #[command(flatten)]
+    pub(crate) simulated: SimulatedArgs,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
@@ -133,6 +151,51 @@ pub(crate) struct IdentifyArgs {
     pub(crate) physical: PhysicalArgs,
     #[command(flatten)]
     pub(crate) report: ReportOptions,
+}
+
+/// The options of estimators that simulate the robot under its controllers.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Simulating the controlled robot (didim, response)")]
+pub(crate) struct SimulatedArgs {
+    /// The column of a joint's commanded position: NAME=COLUMN[:UNIT][*FACTOR]
+    /// (may be repeated) [default: cmd_NAME]
+    #[arg(long, value_name = "ASSIGNMENT")]
+    pub(crate) command: Vec<regen_identify::data::Assignment>,
+    /// The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated
+    /// joint; `regen simulate --controller` writes such a file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) controller: Option<PathBuf>,
+    /// The bandwidth of controllers without gains in `didim`, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 3.0)]
+    pub(crate) loop_bandwidth: f64,
+    /// Seconds at the start of each log that `didim` leaves out, where it
+    /// follows columns of commands
+    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    pub(crate) settle: f64,
+    /// Length of the windows of `response`, s, whose first states are estimated
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub(crate) window: f64,
+    /// The speed within which friction turns round in `response`, rad/s or m/s
+    #[arg(long, value_name = "V", default_value_t = 1e-3)]
+    pub(crate) friction_width: f64,
+    /// Parameters to start from [default: the spec's nominal ones]
+    #[arg(long, value_name = "PARAMS")]
+    pub(crate) start: Option<PathBuf>,
+}
+
+/// How parameters are estimated
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EstimatorArg {
+    /// Least squares
+    Ls,
+    /// Least squares with Huber's weights for outliers
+    Huber,
+    /// Instrumental variables
+    Iv,
+    /// Efforts at the motion of the simulated loop; no measured motion is used
+    Didim,
+    /// Responses to commands; no efforts are used
+    Response,
 }
 
 #[derive(Clone, Debug, Args)]

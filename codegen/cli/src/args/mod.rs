@@ -17,7 +17,7 @@ use regen_codegen::spec::nearest;
 
 pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;
-pub(crate) use identify::{IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
+pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use physical::{PhysicalArgs, PriorArg};
 pub(crate) use reading::{DelayArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg};
 pub(crate) use report::ReportArgs;

@@ -84,6 +84,13 @@ pub(crate) struct SimulateArgs {
     /// For all that is by chance: the same seed gives the same logs
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
+    /// Log the commanded positions too, as cmd_NAME
+    #[arg(long, conflicts_with = "exact")]
+    pub(crate) commands: bool,
+    /// Write the controllers' gains here, for `identify --controller`: YAML if
+    /// FILE ends in .yaml, else JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) controller: Option<PathBuf>,
     /// Log all coordinates as they are, with velocities and accelerations
     #[arg(long)]
     pub(crate) exact: bool,

@@ -2,17 +2,19 @@
 
 mod parameters;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
-    Drive, Log, Noise, Sensors, Settings, SimulationError, Termination, TuningError, control,
-    perturb_parameters, simulate_with_progress,
+    Drive, Log, LogColumns, Noise, Sensors, Settings, SimulationError, Termination, TuningError,
+    control, perturb_parameters, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
+use regen_identify::files::Format;
 use regen_runtime::Info;
 use serde::Serialize;
 
-use crate::args::{Format, SimulateArgs};
+use crate::args::{Format as OutputFormat, SimulateArgs};
 use crate::exit::Failure;
 use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
@@ -106,6 +108,12 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         },
         ..Settings::default()
     };
+    if let Some(file) = &args.controller {
+        let text = Format::of(file).text(&gains_of(&info, &settings));
+        let text = text.map_err(|why| Failure::Input(format!("{}: {why}", file.display())))?;
+        // the file of a run that fails later does no harm
+        write::atomically(file, &text)?;
+    }
     let names = info.actuated.iter().zip(&settings.pid);
     let controllers = names
         .zip(&settings.offset)
@@ -146,7 +154,12 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
             file: file.display().to_string(),
             ..summary(&info, &found, &motion)
         });
-        texts.push((file, found.csv(&info, &settings, args.settle, args.exact)));
+        let columns = match (args.exact, args.commands) {
+            (true, _) => LogColumns::Exact,
+            (_, true) => LogColumns::Commanded,
+            _ => LogColumns::Measured,
+        };
+        texts.push((file, found.csv(&info, &settings, args.settle, columns)));
     }
     bar.finish_and_clear();
     for (file, text) in &texts {
@@ -162,13 +175,41 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         runs,
     };
     terminal::print(&match args.format {
-        Format::Json => table::json(&json),
-        Format::Human => to_text(&json),
+        OutputFormat::Json => table::json(&json),
+        OutputFormat::Human => to_text(&json),
     })?;
     for (file, _) in &texts {
         terminal::note(&format!("{}: written", file.display()));
     }
     Ok(())
+}
+
+/// The controllers of a run as a file, by the names of their joints.
+fn gains_of(info: &Info<'_>, settings: &Settings) -> BTreeMap<String, ControllerRow> {
+    let all = info.actuated.iter().zip(&settings.pid).enumerate();
+    let rows = all.map(|(k, (joint, pid))| {
+        let row = ControllerRow {
+            kp: pid.kp,
+            ki: pid.ki,
+            kd: pid.kd,
+            offset: settings.offset.get(k).copied().unwrap_or(0.0),
+            limit: settings.drives.get(k).and_then(|drive| drive.limit),
+        };
+        let name = info.coordinates.get(*joint).copied().unwrap_or("?");
+        (name.to_owned(), row)
+    });
+    rows.collect()
+}
+
+/// One controller in a file for `identify`.
+#[derive(Serialize)]
+struct ControllerRow {
+    kp: f64,
+    ki: f64,
+    kd: f64,
+    offset: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limit: Option<[f64; 2]>,
 }
 
 /// Refuses options that are wrong for every robot.

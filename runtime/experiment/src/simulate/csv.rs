@@ -6,6 +6,19 @@ use regen_runtime::Info;
 
 use super::{Log, Noise, Reference, Settings};
 
+/// Which columns a log is written with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LogColumns {
+    /// Positions and efforts as they were measured.
+    #[default]
+    Measured,
+    /// The same and the commanded positions of the actuated joints as `cmd_NAME`, if there were
+    /// controllers.
+    Commanded,
+    /// Motion and efforts as they are, with velocities and accelerations of all coordinates.
+    Exact,
+}
+
 impl Log {
     /// The log as a CSV file: t, positions and efforts as they were measured, named as
     /// identification expects them. Coordinates that loops do not give are measured too, as the
@@ -13,12 +26,11 @@ impl Log {
     ///
     /// - `settings`: those of the run, whose sensors measure;
     /// - `settle`: what of the run's beginning is left out, s; the file's time begins behind it;
-    /// - `exact`: whether motion and efforts are written as they are, with velocities and
-    ///   accelerations of all coordinates.
+    /// - `columns`: which columns are written.
     ///
     /// ```
     /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
-    /// use regen_experiment::simulate::{Settings, simulate};
+    /// use regen_experiment::simulate::{LogColumns, Settings, simulate};
     /// use regen_runtime::Model;
     ///
     /// let pendulum = models::Pendulum;
@@ -26,13 +38,21 @@ impl Log {
     /// let settings = Settings { duration: 0.5, ..Settings::default() };
     /// let log = simulate(&pendulum, &[0.02, 0.1], &start, &settings)?;
     /// let info = Model::<f64>::info(&pendulum);
-    /// let text = log.csv(&info, &settings, 0.0, true);
+    /// let text = log.csv(&info, &settings, 0.0, LogColumns::Exact);
     /// assert_eq!(text.lines().next(), Some("t,q1,qd_q1,qdd_q1,tau_q1"));
     /// assert_eq!(text.lines().count(), 1 + log.t.len());
     /// assert!(log.tracking(&info, &start) < 0.9);
     /// # Ok::<(), regen_experiment::simulate::SimulationError>(())
     /// ```
-    pub fn csv(&self, info: &Info<'_>, settings: &Settings, settle: f64, exact: bool) -> String {
+    pub fn csv(
+        &self,
+        info: &Info<'_>,
+        settings: &Settings,
+        settle: f64,
+        columns: LogColumns,
+    ) -> String {
+        let exact = columns == LogColumns::Exact;
+        let commanded = columns == LogColumns::Commanded && self.command.len() == self.effort.len();
         let name = |k: usize| info.coordinates.get(k).copied().unwrap_or("?");
         let (n, a) = (info.coordinates.len(), info.actuated.len());
         let passive: Vec<usize> = if exact {
@@ -52,6 +72,11 @@ impl Log {
         } else {
             for k in info.actuated.iter().chain(&passive) {
                 let _ = write!(text, ",{}", name(*k));
+            }
+        }
+        if commanded {
+            for k in info.actuated {
+                let _ = write!(text, ",cmd_{}", name(*k));
             }
         }
         for k in info.actuated {
@@ -74,6 +99,9 @@ impl Log {
                 for k in &passive {
                     let truth = q.get(*k).copied().unwrap_or(f64::NAN);
                     values.push(settings.sensors.position(truth, &mut noise));
+                }
+                if commanded {
+                    values.extend(of(&self.command, a));
                 }
                 values.extend(of(&self.measured_effort, a));
                 values

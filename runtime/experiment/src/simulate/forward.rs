@@ -113,13 +113,37 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
 }
 
 /// Solves M x = b in place by the Cholesky factor; false where M is not positive definite.
+fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
+    let regular = factor_mass(m, b.len());
+    if regular {
+        solve_mass(m, b);
+    }
+    regular
+}
+
+/// Replaces a mass matrix by its Cholesky factor; false where it is not positive definite.
 ///
-/// A pivot below [`PIVOT_ROUNDING`] times n of its diagonal entry may be nothing but rounding
+/// - `m`: n x n, symmetric, row-major; afterwards L with `m = L L^T` in the lower half.
+///
+/// A pivot below eight units of rounding times n of its diagonal entry may be nothing but rounding
 /// errors of M (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds
 /// for M scaled to a unit diagonal): then no digit of x is certain. The test does not depend on
 /// units.
-fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
-    let n = b.len();
+///
+/// ```
+/// use regen_experiment::simulate::{factor_mass, solve_mass};
+///
+/// let mut mass = [4.0, 2.0, 2.0, 3.0];
+/// assert!(factor_mass(&mut mass, 2));
+/// let mut forces = [6.0, 5.0];
+/// solve_mass(&mass, &mut forces);
+/// assert!((forces[0] - 1.0).abs() < 1e-15 && (forces[1] - 1.0).abs() < 1e-15);
+/// assert!(!factor_mass(&mut [1.0, 2.0, 2.0, 1.0], 2));
+/// ```
+pub fn factor_mass(m: &mut [f64], n: usize) -> bool {
+    if m.len() != n * n {
+        return false;
+    }
     let floor = PIVOT_ROUNDING * n as f64;
     for j in 0..n {
         let whole = m[j * n + j].abs();
@@ -137,19 +161,28 @@ fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
             m[i * n + j] /= root;
         }
     }
+    true
+}
+
+/// Solves M x = b in place, given the factor of [`factor_mass`]; b is unchanged if the sizes do not
+/// fit.
+pub fn solve_mass(l: &[f64], b: &mut [f64]) {
+    let n = b.len();
+    if l.len() != n * n {
+        return;
+    }
     for i in 0..n {
         for k in 0..i {
-            b[i] -= m[i * n + k] * b[k];
+            b[i] -= l[i * n + k] * b[k];
         }
-        b[i] /= m[i * n + i];
+        b[i] /= l[i * n + i];
     }
     for i in (0..n).rev() {
         for k in i + 1..n {
-            b[i] -= m[k * n + i] * b[k];
+            b[i] -= l[k * n + i] * b[k];
         }
-        b[i] /= m[i * n + i];
+        b[i] /= l[i * n + i];
     }
-    true
 }
 
 #[cfg(test)]

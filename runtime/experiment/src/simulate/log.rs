@@ -57,6 +57,9 @@ pub struct Log {
     pub effort: Vec<f64>,
     /// The measured positions (one per actuated joint and row), rad or m.
     pub measured_position: Vec<f64>,
+    /// The positions that the controllers followed (one per actuated joint and row), rad or m; empty
+    /// in a run without control.
+    pub command: Vec<f64>,
     /// The measured efforts (one per actuated joint and row), N or N m.
     pub measured_effort: Vec<f64>,
     /// The energies of each row, J.
@@ -79,6 +82,7 @@ impl Log {
             qdd: Vec::new(),
             effort: Vec::new(),
             measured_position: Vec::new(),
+            command: Vec::new(),
             measured_effort: Vec::new(),
             energy: Vec::new(),
             residual: 0.0,

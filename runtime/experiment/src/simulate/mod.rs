@@ -24,7 +24,8 @@ mod tuning;
 
 pub use audit::Energy;
 pub use control::{Controller, ControllerInput, Drive, Pid};
-pub use forward::{Forward, ForwardOutcome};
+pub use csv::LogColumns;
+pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{
     MissingNominal, fitted_friction, linear_friction, nominal_friction, perturb_friction,
 };

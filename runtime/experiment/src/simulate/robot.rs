@@ -22,7 +22,7 @@ pub(super) struct Robot<'m, M: ?Sized> {
     gravity: [f64; 3],
     pub(super) dof: usize,
     independent: Vec<usize>,
-    actuated: Vec<usize>,
+    pub(super) actuated: Vec<usize>,
     /// The velocity over which the smoothed friction of each coordinate changes its direction.
     friction_widths: Vec<f64>,
     pub(super) command: Vec<f64>,

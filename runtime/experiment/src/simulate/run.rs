@@ -174,6 +174,8 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
                 measured: &measured,
             };
             controller.efforts(&now, &mut robot.command);
+            let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));
+            log.command.extend(followed);
             for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
                 if let Some([lo, hi]) = drive.limit
                     && !command.is_nan()

@@ -20,6 +20,19 @@ pub enum Quantity {
     Effort(String),
 }
 
+impl Quantity {
+    /// The coordinate of the quantity; `None` for the time.
+    pub(super) fn coordinate(&self) -> Option<&str> {
+        match self {
+            Self::Time => None,
+            Self::Position(name)
+            | Self::Velocity(name)
+            | Self::Acceleration(name)
+            | Self::Effort(name) => Some(name),
+        }
+    }
+}
+
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -97,8 +97,13 @@ impl From<String> for Unfit {
     }
 }
 
-/// Refuses currents without torque constants and names that are no coordinates.
-fn check(assignments: &[Assignment], info: &Info<'_>) -> Result<(), Unfit> {
+/// Refuses files without columns that can be told apart, currents without torque constants and
+/// names that are no coordinates.
+fn check<'a>(
+    tables: &[Table],
+    assignments: impl IntoIterator<Item = &'a Assignment>,
+    info: &Info<'_>,
+) -> Result<(), Unfit> {
     for assignment in assignments {
         if assignment.is_current() && assignment.gain.is_none() {
             let Assignment {
@@ -113,17 +118,23 @@ fn check(assignments: &[Assignment], info: &Info<'_>) -> Result<(), Unfit> {
                 assignment: Some(format!("{quantity}={column}:{unit}*0.12")),
             });
         }
-        let name = match &assignment.quantity {
-            Quantity::Time => continue,
-            Quantity::Position(n)
-            | Quantity::Velocity(n)
-            | Quantity::Acceleration(n)
-            | Quantity::Effort(n) => n,
-        };
-        if info.index_of(name).is_none() {
+        if let Some(name) = assignment.quantity.coordinate()
+            && info.index_of(name).is_none()
+        {
             let all = info.coordinates.join(" ");
             return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
         }
+    }
+    if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
+        let why = "it is empty; its first row must name the columns";
+        return Err(why.to_owned().into());
+    }
+    if let [whole] = tables.iter().flat_map(|t| &t.titles).collect::<Vec<_>>()[..]
+        && whole.contains(' ')
+    {
+        let why = "its columns are separated by blanks: separate them by commas, semicolons or \
+                   tabs";
+        return Err(why.to_owned().into());
     }
     Ok(())
 }
@@ -139,13 +150,30 @@ fn by_number(given: &Assignment, count: usize) -> Option<usize> {
 }
 
 /// The columns of all files of a run, and what they are found by.
-struct Finder<'a> {
+pub(super) struct Finder<'a> {
     tables: &'a [Table],
-    header: Vec<String>,
+    pub(super) header: Vec<String>,
     search: Search<'a>,
 }
 
-impl Finder<'_> {
+impl<'a> Finder<'a> {
+    /// Refuses files and assignments that nothing can be found by.
+    ///
+    /// - `more`: assignments besides those of the search.
+    pub(super) fn new(
+        tables: &'a [Table],
+        info: &Info<'_>,
+        search: Search<'a>,
+        more: &[Assignment],
+    ) -> Result<Self, Unfit> {
+        check(tables, search.assignments.iter().chain(more), info)?;
+        Ok(Self {
+            tables,
+            header: tables.iter().flat_map(|t| t.titles.clone()).collect(),
+            search,
+        })
+    }
+
     /// The place of a title; two columns of the same title are ambiguous.
     fn place(&self, name: &str) -> Result<Option<usize>, String> {
         let Some(index) = self.header.iter().position(|h| h == name) else {
@@ -163,8 +191,18 @@ impl Finder<'_> {
     }
 
     /// The column of a quantity; `None` if it has none.
-    fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
-        if let Some(given) = self.given(quantity) {
+    pub(super) fn find(&self, quantity: &Quantity) -> Result<Option<Channel>, String> {
+        self.find_as(self.given(quantity), &quantity.to_string())
+    }
+
+    /// The column of an assignment, or the one of a title where there is no assignment or its
+    /// optional column is missing; `None` if there is neither.
+    pub(super) fn find_as(
+        &self,
+        given: Option<&Assignment>,
+        title: &str,
+    ) -> Result<Option<Channel>, String> {
+        if let Some(given) = given {
             let index = match given.number {
                 Some(number) => place_of(number, self.header.len()),
                 None => self
@@ -172,7 +210,7 @@ impl Finder<'_> {
                     .or_else(|| by_number(given, self.header.len())),
             };
             if index.is_some() || !given.optional {
-                let index = index.ok_or_else(|| self.lacks(given))?;
+                let index = index.ok_or_else(|| self.lacks(given, title))?;
                 return Ok(Some(Channel {
                     index: Some(index),
                     factor: given.factor,
@@ -180,16 +218,12 @@ impl Finder<'_> {
                 }));
             }
         }
-        let found = self.place(&quantity.to_string())?;
-        Ok(found.map(Channel::plain))
+        Ok(self.place(title)?.map(Channel::plain))
     }
 
-    fn lacks(&self, given: &Assignment) -> String {
-        let Assignment {
-            quantity, column, ..
-        } = given;
-        let all = listed(self.tables);
-        format!("there is no column `{column}` for {quantity}; there are: {all}")
+    fn lacks(&self, given: &Assignment, title: &str) -> String {
+        let (column, all) = (&given.column, listed(self.tables));
+        format!("there is no column `{column}` for {title}; there are: {all}")
     }
 
     /// The column of time of one file, with its index among the columns of this file; `None` if it
@@ -213,7 +247,7 @@ impl Finder<'_> {
     }
 
     /// The column of time of the run, and those of all files if they are joined by time.
-    fn times(&self) -> Result<(Channel, Option<Vec<Channel>>), Unfit> {
+    pub(super) fn times(&self) -> Result<(Channel, Option<Vec<Channel>>), Unfit> {
         let missing = || self.missing(&Quantity::Time, "time in s");
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
@@ -247,7 +281,7 @@ impl Finder<'_> {
         if let (Some(given), Some(table)) = (self.given(&Quantity::Time), self.tables.first())
             && self.time_in(table).is_none()
         {
-            return Err(self.lacks(given).into());
+            return Err(self.lacks(given, "t").into());
         }
         let first = self.tables.first().and_then(|table| self.time_in(table));
         let first = first.ok_or_else(missing)?;
@@ -297,23 +331,7 @@ impl ColumnLayout {
         info: &Info<'_>,
         search: Search<'_>,
     ) -> Result<Self, Unfit> {
-        check(search.assignments, info)?;
-        if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
-            let why = "it is empty; its first row must name the columns";
-            return Err(why.to_owned().into());
-        }
-        if let [whole] = tables.iter().flat_map(|t| &t.titles).collect::<Vec<_>>()[..]
-            && whole.contains(' ')
-        {
-            let why = "its columns are separated by blanks: separate them by commas, semicolons \
-                       or tabs";
-            return Err(why.to_owned().into());
-        }
-        let finder = Finder {
-            tables,
-            header: tables.iter().flat_map(|t| t.titles.clone()).collect(),
-            search,
-        };
+        let finder = Finder::new(tables, info, search, &[])?;
         let (time, times) = finder.times()?;
         let mut measured = Vec::new();
         let mut positions = Vec::new();

@@ -22,6 +22,7 @@ mod shift;
 mod standstill;
 mod stuck;
 mod table;
+mod tracks;
 mod window;
 
 pub(crate) use columns::UNITS;
@@ -31,3 +32,4 @@ pub use policy::{Checks, Policies, Policy};
 pub use problem::{DataError, Fault, Problem, Problems};
 pub use run::{Join, Run};
 pub use table::{Decimal, Format, Header, Separator};
+pub use tracks::{Track, tracks};

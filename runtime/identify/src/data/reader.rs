@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::file_rows::Table;
 use super::joined::JoinedRows;
-use super::layout::{ColumnLayout, Search};
+use super::layout::{ColumnLayout, Search, Unfit};
 use super::logs::Settings;
 use super::policy::Keeps;
 use super::problem::{DataError, Fault, Problem, median};
@@ -89,7 +89,19 @@ pub(super) struct LogFile {
 }
 
 impl LogFile {
+    /// Opens a run whose columns are those of states of motion.
     pub(super) fn open(run: &Run, info: &Info<'_>, settings: &Settings) -> Result<Self, DataError> {
+        Self::with(run, settings, |tables, search| {
+            ColumnLayout::new(tables, info, search)
+        })
+    }
+
+    /// Opens a run whose columns `layout` finds.
+    pub(super) fn with(
+        run: &Run,
+        settings: &Settings,
+        layout: impl FnOnce(&[Table], Search<'_>) -> Result<ColumnLayout, Unfit>,
+    ) -> Result<Self, DataError> {
         let name = run.to_string();
         let unfit = |why: &str| DataError::ColumnLayout {
             file: name.clone(),
@@ -117,7 +129,7 @@ impl LogFile {
             rates: settings.measured_rates,
             join: run.join,
         };
-        let layout = ColumnLayout::new(&tables, info, search).map_err(|unfit| {
+        let layout = layout(&tables, search).map_err(|unfit| {
             let (file, why) = (name.clone(), unfit.why);
             match unfit.assignment {
                 Some(assignment) => DataError::Columns {

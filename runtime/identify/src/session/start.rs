@@ -49,6 +49,35 @@ pub struct LeastSquaresStart {
 }
 
 impl LeastSquaresStart {
+    /// The start from equations of motion that were solved with their statistics.
+    ///
+    /// - `confidence`: the level of the intervals, in (0, 1); `method`: how they were computed, in
+    ///   words.
+    pub fn of_identified(identified: Identified, confidence: f64, method: String) -> Self {
+        let estimate_for_intervals = identified.correlated();
+        Self {
+            kind: EquationKind::Forces.name(),
+            factor: identified.factor,
+            intervals: Intervals::of(
+                &identified.estimate,
+                &estimate_for_intervals,
+                confidence,
+                method,
+            ),
+            estimate: identified.estimate,
+            deviations: identified.deviations,
+            estimate_for_intervals,
+            score_blocks: Some(identified.blocks),
+            data: None,
+            errors: identified.errors,
+            relative_absolute: Some(identified.relative_absolute),
+            bandwidth: Some(identified.bandwidth),
+            left_out: Some(identified.left_out),
+            delays: identified.delays,
+            reports: Vec::new(),
+        }
+    }
+
     /// The least-squares parameters as an identified model.
     pub fn model(&self) -> IdentifiedModel {
         IdentifiedModel {
@@ -81,7 +110,6 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         EquationKind::Forces => add_sampling_error(&mut identified, logs)?,
         EquationKind::Energy { .. } => "",
     };
-    let estimate_for_intervals = identified.correlated();
     let method = if let Some(n) = session.options.bandwidth {
         format!(
             "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}"
@@ -94,24 +122,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     Ok(LeastSquaresStart {
         kind: kind.name(),
-        factor: identified.factor,
-        intervals: Intervals::of(
-            &identified.estimate,
-            &estimate_for_intervals,
-            session.confidence,
-            method,
-        ),
-        estimate: identified.estimate,
-        deviations: identified.deviations,
-        estimate_for_intervals,
-        score_blocks: Some(identified.blocks),
-        data: None,
-        errors: identified.errors,
-        relative_absolute: Some(identified.relative_absolute),
-        bandwidth: Some(identified.bandwidth),
-        left_out: Some(identified.left_out),
-        delays: identified.delays,
         reports: logs.logs().reports().to_vec(),
+        ..LeastSquaresStart::of_identified(identified, session.confidence, method)
     })
 }
 

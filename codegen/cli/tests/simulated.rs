@@ -1,0 +1,197 @@
+//! `regen identify --estimator`: the estimators that simulate the controlled robot, as a user runs
+//! them, and the aliases of the others.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{Run, regen, scratch};
+use serde_json::Value;
+
+/// An upright pendulum with friction.
+const SPEC: &str = "\
+name: swing
+gravity: [0, 0, -9.81]
+limbs:
+  - name: arm
+    base: {rpy: [pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: linear,
+         nominal: {Fv: 0.3, Fc: 0.2}, limits: {position: [-1.5, 1.5]}}
+home: {q1: -0.4}
+bodies:
+  1: {mass: 2.0, com: [0.2, 0.05, 0], inertia: [0.01, 0, 0, 0.05, 0, 0.05]}
+";
+
+/// A motion that shows inertia, weight and friction.
+const MOTION: &str = r#"{
+  "format": "regen-trajectory", "robot": "swing", "coordinates": ["q1"], "base_frequency": 0.5,
+  "harmonics": 3, "cosine": [[0.5, -0.3, 0.1]], "sine": [[0.8, 0.6, -0.5]], "offset": [-0.4]
+}"#;
+
+/// A folder with the spec, a motion, a log of it and the controllers' gains.
+fn prepared(test: &str) -> PathBuf {
+    let dir = scratch(test);
+    fs::write(dir.join("swing.yaml"), SPEC).unwrap();
+    fs::write(dir.join("m.json"), MOTION).unwrap();
+    let words = "simulate swing.yaml --trajectory m.json --perturb 0.1 --seed 3 --noise 1e-5,0.01 \
+                 --duration 2 --settle 2 --step 0.005 --bandwidth 8";
+    run(
+        &dir,
+        &format!("{words} --commands --controller gains.yaml --out run.csv"),
+    )
+    .ended(0);
+    run(&dir, &format!("{words} --exact --out exact.csv")).ended(0);
+    dir
+}
+
+fn run(dir: &Path, words: &str) -> Run {
+    let args: Vec<&str> = words.split_whitespace().collect();
+    regen(dir, &args)
+}
+
+/// Asserts that every parameter is within four of its standard deviations of the truth, and that
+/// these are below a tenth of the largest value.
+fn assert_true(dir: &Path, found: &Value) {
+    let exact = run(dir, "identify swing.yaml exact.csv --format json")
+        .ended(0)
+        .json();
+    let rows = |value: &Value| value["parameters"].as_array().unwrap().clone();
+    for (row, exact) in rows(found).iter().zip(rows(&exact)) {
+        let of = |row: &Value, key: &str| row[key].as_f64().unwrap();
+        let (value, sigma, truth) = (of(row, "value"), of(row, "sigma"), of(&exact, "value"));
+        assert!((value - truth).abs() < 4.0 * sigma, "{row} {truth}");
+        assert!(sigma < 0.04, "{row}");
+    }
+}
+
+#[test]
+fn responses_and_efforts_give_the_parameters_in_the_common_result() {
+    let dir = prepared("simulated_result");
+    let words = "identify swing.yaml run.csv --controller gains.yaml --format json --estimator";
+    let found = run(&dir, &format!("{words} response --window 0.5 --out p.json"))
+        .ended(0)
+        .json();
+    assert_eq!(found["method"], "response");
+    assert_eq!(found["simulated"]["response"]["windows"], 4);
+    assert_eq!(found["efforts"][0]["name"], "q1");
+    assert_true(&dir, &found);
+    let file = fs::read_to_string(dir.join("p.json")).unwrap();
+    assert!(file.contains("output error of responses"), "{file}");
+    run(&dir, "validate swing.yaml p.json run.csv").ended(0);
+
+    // along the commands of the log, and along the trajectory of which they are samples
+    let commands = run(&dir, &format!("{words} didim")).ended(0).json();
+    assert_eq!(commands["method"], "DIDIM");
+    assert_true(&dir, &commands);
+    let text = run(
+        &dir,
+        "identify swing.yaml run.csv --estimator didim --reference m.json --loop-bandwidth 8",
+    );
+    assert!(text.ended(0).out.contains("  rounds"), "");
+}
+
+#[test]
+fn what_commands_leave_open_is_named_and_ends_with_code_4() {
+    let dir = prepared("simulated_open");
+    let gains = "q1: {kp: {estimate: 100}, ki: {estimate: 400}, kd: {estimate: 2}, \
+                 offset: {estimate: 0}}\n";
+    fs::write(dir.join("unknown.yaml"), gains).unwrap();
+    let found = run(
+        &dir,
+        "identify swing.yaml run.csv --estimator response --controller unknown.yaml --window 5",
+    )
+    .ended(4);
+    assert!(found.out.contains("estimated too"), "{}", found.out);
+    assert!(found.out.contains("undetermined"), "{}", found.out);
+    assert!(found.err.contains("do not determine"), "{}", found.err);
+    assert!(
+        found.err.contains("the common scale of Izz(1)"),
+        "{}",
+        found.err
+    );
+}
+
+#[test]
+fn what_is_missing_or_wrong_is_answered_with_the_remedy() {
+    let dir = prepared("simulated_wrong");
+    let text = fs::read_to_string(dir.join("run.csv")).unwrap();
+    fs::write(dir.join("bare.csv"), text.replace("cmd_q1", "target")).unwrap();
+    fs::write(dir.join("typo.yaml"), "q1: {kp: 40, kt: 2}\n").unwrap();
+    fs::write(dir.join("other.yaml"), "q2: {kp: 40}\n").unwrap();
+    let response = "identify swing.yaml run.csv --estimator response";
+    for (words, code, says) in [
+        (response.to_owned(), 2, "--controller FILE"),
+        (
+            format!("{response} --controller typo.yaml"),
+            3,
+            "typo.yaml: q1.kt: unknown key",
+        ),
+        (
+            format!("{response} --controller other.yaml"),
+            3,
+            "other.yaml: q2: this is no actuated",
+        ),
+        (
+            format!("{response} --controller gains.yaml --window 0"),
+            3,
+            "--window",
+        ),
+        (
+            format!("{response} --controller gains.yaml --feasible"),
+            2,
+            "--feasible",
+        ),
+        (
+            format!("{response} --controller gains.yaml --delay q1=0.1"),
+            2,
+            "--delay",
+        ),
+        (
+            "identify swing.yaml run.csv --reference m.json".to_owned(),
+            2,
+            "--reference",
+        ),
+        (
+            "identify swing.yaml run.csv --iv --estimator ls".to_owned(),
+            2,
+            "--iv",
+        ),
+        (
+            "identify swing.yaml run.csv --estimator didim --start m.json".to_owned(),
+            3,
+            "m.json",
+        ),
+        (
+            "identify swing.yaml bare.csv --estimator response --controller gains.yaml".to_owned(),
+            3,
+            "--command q1=COLUMN",
+        ),
+        (
+            "identify swing.yaml bare.csv --estimator didim".to_owned(),
+            3,
+            "--reference",
+        ),
+    ] {
+        let found = run(&dir, &words).ended(code);
+        assert!(found.err.contains(says), "{words}: {}", found.err);
+    }
+    let named = "identify swing.yaml bare.csv --estimator response --controller gains.yaml \
+                 --command q1=target:rad";
+    run(&dir, named).ended(0);
+}
+
+#[test]
+fn options_and_estimators_of_the_same_name_are_the_same() {
+    let dir = prepared("simulated_alias");
+    for [option, estimator] in [["--iv", "iv"], ["--huber 1.345", "huber"], ["", "ls"]] {
+        let words = "identify swing.yaml run.csv --butterworth 4,20 --format json";
+        let old = run(&dir, &format!("{words} {option}")).ended(0).out;
+        let new = run(&dir, &format!("{words} --estimator {estimator}"))
+            .ended(0)
+            .out;
+        assert_eq!(old, new);
+    }
+}

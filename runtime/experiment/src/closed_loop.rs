@@ -1,0 +1,243 @@
+//! The closed loop of a run simulated with an estimate: the motion at which instrumental variables
+//! and output errors evaluate the regressor.
+
+use core::fmt;
+
+use regen_identify::estimate::EstimateError;
+use regen_identify::identify::Motion;
+use regen_runtime::{JointFriction, Model, SizeError};
+
+use crate::simulate::{
+    Drive, Gains, Log, Pid, Reference, Settings, SimulationError, Termination, TuningError,
+    control, linear_friction, simulate,
+};
+
+/// The tolerance of each step of the integration, relative.
+const TOLERANCE: f64 = 1e-7;
+
+/// The controllers of a simulated loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Controllers<'a> {
+    /// Tuned to the robot with the present estimate, so that the simulated loop keeps its bandwidth
+    /// whatever the estimate.
+    Tuned {
+        /// The bandwidth of controllers without given gains, Hz.
+        bandwidth: f64,
+        /// Gains that replace tuned ones.
+        given: &'a [Gains],
+    },
+    /// Those of the robot itself.
+    Known {
+        /// The controllers, in the order of `Info::actuated`.
+        pid: &'a [Pid],
+        /// The constant efforts that their commands are added to, N m or N; empty for none.
+        offset: &'a [f64],
+    },
+}
+
+/// A loop to simulate: what the robot was to follow, and its controllers.
+#[derive(Clone, Copy)]
+pub struct ClosedLoop<'a> {
+    /// The motion to follow; its time is that of the log.
+    pub reference: &'a (dyn Reference + Sync),
+    /// How long before the first sample the simulation begins, s, so that its transient has
+    /// decayed: a period of a periodic motion; 0 where nothing is known of the time before.
+    pub lead: f64,
+    /// The controllers.
+    pub controllers: Controllers<'a>,
+}
+
+/// Simulates a robot in a closed loop at evenly spaced times; the samples of the lead are not in
+/// the log.
+///
+/// - `phi`: p parameters, SI;
+/// - `times`: of the samples, s; at least two.
+///
+/// # Errors
+/// When no controllers can be tuned, or the simulation cannot begin or ends early: see
+/// [`LoopError`].
+///
+/// ```
+/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
+/// use regen_experiment::closed_loop::{ClosedLoop, Controllers, follow};
+///
+/// let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+///     (q[0], qd[0], qdd[0]) = (0.3 * t.sin(), 0.3 * t.cos(), -0.3 * t.sin());
+/// };
+/// let run = ClosedLoop {
+///     reference: &swing,
+///     lead: 6.28,
+///     controllers: Controllers::Tuned { bandwidth: 5.0, given: &[] },
+/// };
+/// let times: Vec<f64> = (0..100).map(|k| 1.0 + 0.01 * f64::from(k)).collect();
+/// let log = follow(&models::Pendulum, &run, &[0.02, 0.1], &times)?;
+/// assert_eq!(log.t.len(), 100);
+/// assert!((log.q[0] - 0.3 * 1.0_f64.sin()).abs() < 0.02);
+/// # Ok::<(), regen_experiment::closed_loop::LoopError>(())
+/// ```
+pub fn follow<M: Model<f64> + ?Sized>(
+    model: &M,
+    closed_loop: &ClosedLoop<'_>,
+    phi: &[f64],
+    times: &[f64],
+) -> Result<Log, LoopError> {
+    let info = model.info();
+    let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > 1) else {
+        return Err(LoopError::TooFew);
+    };
+    let step = (last - first) / (times.len() - 1) as f64;
+    let early = (closed_loop.lead / step).ceil();
+    let begin = first - early * step;
+    let dof = info.dof();
+    let mut start = vec![0.0; dof];
+    closed_loop
+        .reference
+        .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
+    let (pid, offset) = match closed_loop.controllers {
+        Controllers::Tuned { bandwidth, given } => {
+            let tuned =
+                control(bandwidth, given, model, phi, &start).map_err(LoopError::Untuned)?;
+            (tuned.pid, tuned.offset)
+        }
+        Controllers::Known { pid, offset } => (pid.to_vec(), offset.to_vec()),
+    };
+    let drive = |joint: &usize| Drive {
+        lag: 0.0,
+        limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
+    };
+    let settings = Settings {
+        duration: last - begin,
+        period: step,
+        pid,
+        offset,
+        drives: info.actuated.iter().map(drive).collect(),
+        friction: dissipative(linear_friction(&info, phi)),
+        tolerance: TOLERANCE,
+        ..Settings::default()
+    };
+    let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        closed_loop.reference.at(begin + t, q, qd, qdd);
+    };
+    let mut log = simulate(model, phi, &along, &settings).map_err(LoopError::Refused)?;
+    if log.ended != Termination::Complete {
+        return Err(LoopError::Termination(log.ended));
+    }
+    #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
+    let skip = early as usize;
+    let (n, a) = (info.coordinates.len(), info.actuated.len());
+    log.energy.drain(..skip.min(log.energy.len()));
+    for (list, width) in [
+        (&mut log.t, 1),
+        (&mut log.q, n),
+        (&mut log.qd, n),
+        (&mut log.qdd, n),
+        (&mut log.effort, a),
+        (&mut log.measured_position, a),
+        (&mut log.command, a),
+        (&mut log.measured_effort, a),
+    ] {
+        let rows = list.len() / width.max(1);
+        list.drain(..skip.min(rows) * width);
+    }
+    // the log's own times, not those of the simulation
+    log.t = times.to_vec();
+    Ok(log)
+}
+
+/// The laws without coefficients below 0: they would add energy, and the motion would diverge where
+/// an estimate of little friction is negative by chance.
+fn dissipative(mut laws: Vec<JointFriction>) -> Vec<JointFriction> {
+    for value in laws.iter_mut().flat_map(|law| &mut law.values) {
+        *value = value.max(0.0);
+    }
+    laws
+}
+
+/// The motion of the independent coordinates in the simulated loop, at the sample times of a
+/// measured motion; runs of a single sample are left out.
+///
+/// # Errors
+/// As [`follow`].
+pub fn motion<M: Model<f64> + ?Sized>(
+    model: &M,
+    closed_loop: &ClosedLoop<'_>,
+    phi: &[f64],
+    measured: &Motion,
+) -> Result<Motion, LoopError> {
+    let info = model.info();
+    let n = info.coordinates.len();
+    let mut out = Motion::new(info.dof());
+    for run in measured.runs() {
+        let times = measured.times().get(run).unwrap_or_default();
+        if times.len() < 2 {
+            continue;
+        }
+        let log = follow(model, closed_loop, phi, times)?;
+        for (k, time) in times.iter().enumerate() {
+            let pick = |all: &[f64]| -> Vec<f64> {
+                let row = all.get(k * n..(k + 1) * n).unwrap_or_default();
+                let independent = info.independent.iter();
+                independent.filter_map(|c| row.get(*c).copied()).collect()
+            };
+            let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| pick(all));
+            out.push(*time, [&q, &qd, &qdd], k > 0)?;
+        }
+    }
+    Ok(out)
+}
+
+/// Why a loop cannot be simulated with an estimate.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum LoopError {
+    /// Fewer than two samples.
+    TooFew,
+    /// No controllers can be tuned for the robot with the estimate.
+    Untuned(TuningError),
+    /// The robot with the estimate cannot be simulated.
+    Refused(SimulationError),
+    /// The run ended before its time.
+    Termination(Termination),
+    /// The simulated motion does not fit the model.
+    Samples(EstimateError),
+    /// The estimate and the model differ in size.
+    Size(SizeError),
+}
+
+impl fmt::Display for LoopError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const REFUSED: &str = "the robot cannot be simulated with the present estimate";
+        match self {
+            Self::TooFew => f.write_str("a run to simulate needs two samples"),
+            Self::Untuned(why) => write!(f, "{REFUSED}: {why}"),
+            Self::Refused(why) => write!(f, "{REFUSED}: {why}"),
+            Self::Termination(how) => write!(f, "{REFUSED}: {how}"),
+            Self::Samples(why) => why.fmt(f),
+            Self::Size(why) => why.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for LoopError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Untuned(why) => Some(why),
+            Self::Refused(why) => Some(why),
+            Self::Samples(why) => Some(why),
+            Self::Size(why) => Some(why),
+            Self::TooFew | Self::Termination(_) => None,
+        }
+    }
+}
+
+impl From<EstimateError> for LoopError {
+    fn from(why: EstimateError) -> Self {
+        Self::Samples(why)
+    }
+}
+
+impl From<SizeError> for LoopError {
+    fn from(why: SizeError) -> Self {
+        Self::Size(why)
+    }
+}

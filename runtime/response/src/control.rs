@@ -1,0 +1,197 @@
+//! The controllers of a window, with the derivatives of their efforts.
+
+use crate::parameters::Entry;
+use crate::plant::Posture;
+use crate::setup::{Action, Damping, Law};
+
+/// A number with its derivatives by all unknowns of a window.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Sensitive {
+    pub(crate) value: f64,
+    pub(crate) rates: Vec<f64>,
+}
+
+impl Sensitive {
+    pub(crate) fn constant(value: f64, unknowns: usize) -> Self {
+        Self {
+            value,
+            rates: vec![0.0; unknowns],
+        }
+    }
+
+    /// Adds `factor` times another number.
+    pub(crate) fn add(&mut self, other: &Self, factor: f64) {
+        self.value += factor * other.value;
+        for (sum, x) in self.rates.iter_mut().zip(&other.rates) {
+            *sum += factor * x;
+        }
+    }
+
+    /// Adds the product of a parameter and a number.
+    fn add_product(&mut self, gain: Entry, other: &Self, offset: usize) {
+        self.add(other, gain.value);
+        if let Some(slot) = gain.column.and_then(|c| self.rates.get_mut(offset + c)) {
+            *slot += other.value;
+        }
+    }
+}
+
+/// The controller of one joint in a window.
+#[derive(Clone, Debug)]
+pub(crate) struct Controller {
+    pub(crate) coordinate: usize,
+    law: Law,
+    /// kp, ki, kd, offset.
+    gains: [Entry; 4],
+    /// The number of the window's own unknowns, which come before those that all windows share.
+    offset: usize,
+    /// The error at the last sample; `None` before the first.
+    last: Option<Sensitive>,
+    pub(crate) integral: Sensitive,
+    /// The command at the last sample, its rate, and the effort that is held.
+    command: Sensitive,
+    command_rate: f64,
+    pub(crate) effort: Sensitive,
+}
+
+impl Controller {
+    pub(crate) fn new(
+        coordinate: usize,
+        law: Law,
+        gains: [Entry; 4],
+        offset: usize,
+        unknowns: usize,
+    ) -> Self {
+        let zero = Sensitive::constant(0.0, unknowns);
+        Self {
+            coordinate,
+            law,
+            gains,
+            offset,
+            last: None,
+            integral: zero.clone(),
+            command: zero.clone(),
+            command_rate: 0.0,
+            effort: zero,
+        }
+    }
+
+    /// Takes a sample: computes the effort that is held until the next one.
+    ///
+    /// - `command`: with its derivatives; `before`: the command one sample earlier, if any;
+    /// - `step`: the time between samples, s; `[position, velocity]` of the joint.
+    pub(crate) fn sample(
+        &mut self,
+        command: Sensitive,
+        before: Option<&Sensitive>,
+        step: f64,
+        [position, velocity]: [&Sensitive; 2],
+    ) {
+        let mut error = command.clone();
+        error.add(position, -1.0);
+        self.command_rate = before.map_or(0.0, |b| (command.value - b.value) / step);
+        let mut rate = Sensitive::constant(0.0, error.rates.len());
+        match self.law.damping {
+            Damping::OfVelocity => rate.add(velocity, -1.0),
+            Damping::OfError => {
+                let earlier = self.last.take().or_else(|| {
+                    // at the start of a window the joint came from where its velocity says
+                    let mut earlier = before?.clone();
+                    earlier.add(position, -1.0);
+                    earlier.add(velocity, step);
+                    Some(earlier)
+                });
+                if let Some(earlier) = earlier {
+                    rate.add(&error, 1.0 / step);
+                    rate.add(&earlier, -1.0 / step);
+                }
+            }
+        }
+        let mut grown = self.integral.clone();
+        grown.add(&error, step);
+        let effort = self.combined(&error, &grown, &rate);
+        self.effort = match self.law.limit {
+            Some([lo, hi]) if effort.value > hi || effort.value < lo => {
+                // an integral does not wind up while the drive is saturated in its direction
+                let bound = if effort.value > hi { hi } else { lo };
+                let winds = (effort.value > hi) == (error.value > 0.0);
+                if winds {
+                    let held = self.combined(&error, &self.integral, &rate);
+                    clamped(held, [lo, hi])
+                } else {
+                    self.integral = grown;
+                    Sensitive::constant(bound, effort.rates.len())
+                }
+            }
+            _ => {
+                self.integral = grown;
+                effort
+            }
+        };
+        self.last = Some(error);
+        self.command = command;
+    }
+
+    /// The effort between samples.
+    pub(crate) fn between(
+        &self,
+        action: Action,
+        posture: &Posture,
+        rates: &dyn Fn(usize) -> [Vec<f64>; 2],
+    ) -> Sensitive {
+        if action == Action::Sampled {
+            return self.effort.clone();
+        }
+        let [by_position, by_velocity] = rates(self.coordinate);
+        let position = Sensitive {
+            value: posture.q[self.coordinate],
+            rates: by_position,
+        };
+        let velocity = Sensitive {
+            value: posture.qd[self.coordinate],
+            rates: by_velocity,
+        };
+        let mut error = self.command.clone();
+        error.add(&position, -1.0);
+        let mut rate = Sensitive::constant(0.0, error.rates.len());
+        rate.add(&velocity, -1.0);
+        if self.law.damping == Damping::OfError {
+            rate.value += self.command_rate;
+        }
+        let effort = self.combined(&error, &self.integral, &rate);
+        match self.law.limit {
+            Some(limit) => clamped(effort, limit),
+            None => effort,
+        }
+    }
+
+    fn combined(&self, error: &Sensitive, integral: &Sensitive, rate: &Sensitive) -> Sensitive {
+        let one = Sensitive::constant(1.0, error.rates.len());
+        let mut effort = Sensitive::constant(0.0, error.rates.len());
+        let parts = [error, integral, rate, &one];
+        for (gain, part) in self.gains.iter().zip(parts) {
+            effort.add_product(*gain, part, self.offset);
+        }
+        effort
+    }
+
+    /// The stiffness and the damping that it adds between samples.
+    pub(crate) fn stiffness(&self, action: Action) -> [f64; 2] {
+        if action == Action::Sampled {
+            return [0.0; 2];
+        }
+        [self.gains[0].value.abs(), self.gains[2].value.abs()]
+    }
+}
+
+/// An effort within its limits; beyond them it depends on nothing.
+fn clamped(effort: Sensitive, [lo, hi]: [f64; 2]) -> Sensitive {
+    let bound = if effort.value > hi {
+        hi
+    } else if effort.value < lo {
+        lo
+    } else {
+        return effort;
+    };
+    Sensitive::constant(bound, effort.rates.len())
+}

@@ -1,0 +1,45 @@
+//! Identification by output errors: the robot is simulated under its controllers, and what it would
+//! have shown is compared with what was measured.
+//!
+//! - [`respond`] needs no efforts: it fits base parameters to the positions with which a robot
+//!   answered to commands, given its controllers or estimating their gains, and names what commands
+//!   alone do not determine.
+//! - [`didim`] needs efforts alone: least squares of measured efforts on the regressor at the motion
+//!   of the simulated loop (Gautier, Janot and Vandanjon, A new closed-loop output error method for
+//!   parameter identification of robot dynamics, 2013).
+//!
+//! Both work for robots with and without loops, on the independent coordinates.
+#![allow(
+    clippy::doc_markdown,
+    reason = "q_i and qdd_i are formulas, written as in the equations"
+)]
+
+mod control;
+mod didim;
+mod error;
+mod files;
+mod fit;
+mod logs;
+mod parameters;
+mod plant;
+mod rank;
+mod residuals;
+mod search;
+mod setup;
+mod start;
+mod statistics;
+mod window;
+
+pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
+pub use error::ResponseError;
+pub use files::{ControllerError, controllers};
+pub use fit::{Estimated, Responded, respond};
+pub use logs::{Commanded, TrackError, efforts};
+pub use rank::Direction;
+pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};
+
+/// The number of directions in which a model is differentiated at once.
+pub const DIRECTIONS: usize = regen_experiment::excite::DIRECTIONS;
+
+/// The number type with which a model is differentiated.
+pub type Number = regen_runtime::Tangent<DIRECTIONS>;

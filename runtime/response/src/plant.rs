@@ -1,0 +1,511 @@
+//! The equations of motion over the independent coordinates, solved for the accelerations, with
+//! exact derivatives by state, efforts and base parameters.
+
+use regen_experiment::simulate::{factor_mass, solve_mass};
+use regen_runtime::{BaseModel, Friction, SizeError, Status};
+
+use crate::{DIRECTIONS, Number, ResponseError};
+
+/// Most Newton steps of the closure from one stage of the integration to the next.
+const MAX_NEWTON_STEPS: usize = 12;
+/// A Newton step below this, relative to 1 + the size of the coordinates, ends the iteration: what
+/// remains is of the order of its square.
+const NEWTON_TOLERANCE: f64 = 1e-9;
+/// A correction of a dependent coordinate beyond this, rad or m, may leave the assembly branch.
+const MAX_CORRECTION: f64 = 0.5;
+
+/// A friction coefficient that multiplies the direction of a joint's motion.
+#[derive(Clone, Debug)]
+struct Directed {
+    coordinate: usize,
+    /// Whether the coefficient counts in both directions, only forward or only backward.
+    side: Side,
+    /// The coefficient as a linear combination of base parameters.
+    combination: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Side {
+    Both,
+    Forward,
+    Backward,
+}
+
+impl Side {
+    /// The direction column with the smooth sign minus that with the sign itself, and the slope of
+    /// the smooth one by the velocity.
+    fn softening(self, v: f64, width: f64) -> (f64, f64) {
+        let soft = libm::tanh(v / width);
+        let slope = (1.0 - soft * soft) / width;
+        let hard = if v == 0.0 { 0.0 } else { v.signum() };
+        match self {
+            Self::Forward if v < 0.0 => (0.0, 0.0),
+            Self::Backward if v > 0.0 => (0.0, 0.0),
+            _ => (soft - hard, slope),
+        }
+    }
+}
+
+/// A robot whose motion is integrated: a model with soft friction.
+pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
+    model: &'m M,
+    derivatives: &'m D,
+    pub(crate) n: usize,
+    pub(crate) dof: usize,
+    pub(crate) columns: usize,
+    pub(crate) independent: Vec<usize>,
+    dependent: Vec<usize>,
+    pub(crate) actuated: Vec<usize>,
+    /// Whether the actuated coordinates are the independent ones in the same order.
+    direct: bool,
+    directed: Vec<Directed>,
+    width: f64,
+}
+
+/// All coordinates at a state, with their derivatives by the independent ones.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Posture {
+    pub(crate) q: Vec<f64>,
+    pub(crate) qd: Vec<f64>,
+    /// dq/dq_i, n x dof, column by column.
+    pub(crate) reach: Vec<f64>,
+    /// The derivatives of all velocities by the independent positions, n x dof, column by column;
+    /// empty without derivatives.
+    pub(crate) turning: Vec<f64>,
+    /// Coordinates and velocities as numbers with derivatives, one pair for every [`DIRECTIONS`]
+    /// directions of the state.
+    numbers: Vec<[Vec<Number>; 2]>,
+}
+
+impl Posture {
+    /// The row of dq/dq_i of one coordinate.
+    pub(crate) fn row(&self, coordinate: usize) -> impl Iterator<Item = f64> {
+        let n = self.q.len().max(1);
+        self.reach.iter().skip(coordinate).step_by(n).copied()
+    }
+
+    /// The derivatives of one velocity by the independent positions.
+    pub(crate) fn turning_row(&self, coordinate: usize) -> impl Iterator<Item = f64> {
+        let n = self.q.len().max(1);
+        self.turning.iter().skip(coordinate).step_by(n).copied()
+    }
+}
+
+/// The accelerations of the independent coordinates and their derivatives, row by row.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Accelerations {
+    pub(crate) values: Vec<f64>,
+    /// dof x 2 dof: by q_i, then qd_i; empty without derivatives, as the others.
+    pub(crate) by_state: Vec<f64>,
+    /// dof x one for each actuated joint.
+    pub(crate) by_effort: Vec<f64>,
+    /// dof x r.
+    pub(crate) by_beta: Vec<f64>,
+}
+
+impl<'m, M, D> Plant<'m, M, D>
+where
+    M: BaseModel<f64> + ?Sized,
+    D: BaseModel<Number> + ?Sized,
+{
+    pub(crate) fn new(model: &'m M, derivatives: &'m D, width: f64) -> Result<Self, ResponseError> {
+        let info = model.info();
+        let base = model.base_info();
+        let (columns, p) = (base.base.len(), info.parameters.len());
+        let free = vec![0.0; base.free.len()];
+        let mut of_base = Vec::with_capacity(columns);
+        for k in 0..columns {
+            let mut unit = vec![0.0; columns];
+            unit[k] = 1.0;
+            let mut phi = vec![0.0; p];
+            model.parameters_from_base(&unit, &free, &mut phi)?;
+            of_base.push(phi);
+        }
+        let mut directed = Vec::new();
+        for (coordinate, (joint, name)) in info.joints.iter().zip(info.coordinates).enumerate() {
+            if !joint.friction.is_linear() {
+                return Err(ResponseError::NonlinearFriction((*name).to_owned()));
+            }
+            if joint.friction == Friction::None {
+                continue;
+            }
+            for (symbol, side) in [
+                ("Fc", Side::Both),
+                ("Fc+", Side::Forward),
+                ("Fc-", Side::Backward),
+            ] {
+                let Some(place) = info.parameter_of(&format!("{symbol}({name})")) else {
+                    continue;
+                };
+                directed.push(Directed {
+                    coordinate,
+                    side,
+                    combination: of_base.iter().map(|phi| phi[place]).collect(),
+                });
+            }
+        }
+        Ok(Self {
+            model,
+            derivatives,
+            n: info.coordinates.len(),
+            dof: info.dof(),
+            columns,
+            independent: info.independent.to_vec(),
+            dependent: info.dependent.to_vec(),
+            actuated: info.actuated.to_vec(),
+            direct: info.actuated == info.independent,
+            directed,
+            width,
+        })
+    }
+
+    /// The greatest slope of friction by velocity, N m s/rad or N s/m, over all joints that reverse
+    /// at this posture or in the next `step` seconds with these accelerations.
+    pub(crate) fn steepest(
+        &self,
+        posture: &Posture,
+        accelerations: &[f64],
+        step: f64,
+        beta: &[f64],
+    ) -> f64 {
+        /// Beyond this many widths the smooth sign is the sign to a thousandth.
+        const REACH_WIDTHS: f64 = 4.0;
+        /// The part by which accelerations may grow in a step.
+        const GROWTH: f64 = 1.5;
+        let near = |d: &&Directed| {
+            let shares = posture.row(d.coordinate).zip(accelerations);
+            let change: f64 = shares.map(|(share, a)| share * a).sum();
+            let reach = REACH_WIDTHS * self.width + GROWTH * step * change.abs();
+            posture.qd[d.coordinate].abs() < reach
+        };
+        let slopes = self.directed.iter().filter(near).map(|d| {
+            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            coefficient.abs() / self.width
+        });
+        slopes.fold(0.0, f64::max)
+    }
+
+    /// Closes the loops at `q_i` by Newton's method from the dependent coordinates in `q`; false
+    /// where they do not close nearby.
+    fn close(&self, q: &mut [f64], q_i: &[f64]) -> Result<bool, SizeError> {
+        for (place, x) in self.independent.iter().zip(q_i) {
+            q[*place] = *x;
+        }
+        if self.dependent.is_empty() {
+            return Ok(true);
+        }
+        let mut step = vec![0.0; self.dependent.len()];
+        let mut last = MAX_CORRECTION;
+        for _ in 0..MAX_NEWTON_STEPS {
+            let condition = self.model.newton_step(q, &mut step)?;
+            let size = largest(&step);
+            // also refuses NaN
+            if condition.status() == Status::Singular || !(size <= last) {
+                return Ok(false);
+            }
+            for (place, x) in self.dependent.iter().zip(&step) {
+                q[*place] += x;
+            }
+            if size <= NEWTON_TOLERANCE * (1.0 + largest(q)) {
+                return Ok(true);
+            }
+            last = 0.5 * size;
+        }
+        Ok(false)
+    }
+
+    /// All coordinates and velocities at a state; `None` where the loops do not close.
+    ///
+    /// - `near`: all coordinates at a state nearby, whose branch is kept;
+    /// - `derived`: whether derivatives are computed.
+    pub(crate) fn posture(
+        &self,
+        near: &[f64],
+        state: &[f64],
+        derived: bool,
+    ) -> Result<Option<Posture>, SizeError> {
+        let (q_i, qd_i) = state.split_at(self.dof);
+        let mut q = near.to_vec();
+        if !state.iter().all(|x| x.is_finite()) || !self.close(&mut q, q_i)? {
+            return Ok(None);
+        }
+        let (n, dof) = (self.n, self.dof);
+        let mut reach = vec![0.0; n * dof];
+        let mut unit = vec![0.0; dof];
+        for (k, column) in reach.chunks_exact_mut(n.max(1)).enumerate() {
+            unit.fill(0.0);
+            unit[k] = 1.0;
+            if self.dependent.is_empty() {
+                column[self.independent[k]] = 1.0;
+            } else {
+                let condition = self.model.velocities(&q, &unit, column)?;
+                if condition.status() == Status::Singular {
+                    return Ok(None);
+                }
+            }
+        }
+        let qd = combined(&reach, qd_i, n);
+        let mut out = Posture {
+            q,
+            qd,
+            reach,
+            ..Posture::default()
+        };
+        if derived {
+            self.differentiate(&mut out, qd_i)?;
+        }
+        Ok(Some(out))
+    }
+
+    /// Adds the numbers with derivatives by the state.
+    fn differentiate(&self, posture: &mut Posture, qd_i: &[f64]) -> Result<(), SizeError> {
+        let (n, dof) = (self.n, self.dof);
+        posture.turning = vec![0.0; n * dof];
+        for first in (0..2 * dof).step_by(DIRECTIONS) {
+            let mut q: Vec<Number> = posture.q.iter().map(|x| Number::constant(*x)).collect();
+            for k in first..dof.min(first + DIRECTIONS) {
+                let column = &posture.reach[k * n..(k + 1) * n];
+                for (q, rate) in q.iter_mut().zip(column) {
+                    q.rates[k - first] = *rate;
+                }
+            }
+            let rate = |(k, v): (usize, &f64)| Number::along(*v, (dof + k).wrapping_sub(first));
+            let rates: Vec<Number> = qd_i.iter().enumerate().map(rate).collect();
+            let mut qd = vec![Number::constant(0.0); n];
+            let _condition = self.derivatives.velocities(&q, &rates, &mut qd)?;
+            for k in first..dof.min(first + DIRECTIONS) {
+                for (c, v) in qd.iter().enumerate() {
+                    posture.turning[k * n + c] = v.rates[k - first];
+                }
+            }
+            posture.numbers.push([q, qd]);
+        }
+        Ok(())
+    }
+
+    /// The accelerations under these efforts; `None` where the mass matrix is not positive
+    /// definite. Derivatives are computed if the posture has them.
+    pub(crate) fn accelerations(
+        &self,
+        posture: &Posture,
+        efforts: &[f64],
+        beta: &[f64],
+    ) -> Result<Option<Accelerations>, SizeError> {
+        let (n, dof) = (self.n, self.dof);
+        let (q, qd) = (&posture.q, &posture.qd);
+        let still = vec![0.0; dof];
+        let mut drift = vec![0.0; n];
+        let _condition = self.model.accelerations(q, qd, &still, &mut drift)?;
+        let mut opposed = vec![0.0; dof];
+        let _condition = self
+            .model
+            .base_inverse_dynamics(q, qd, &drift, beta, &mut opposed)?;
+        let mut mass = vec![0.0; dof * dof];
+        let _condition = self.model.base_mass_matrix(q, beta, &mut mass)?;
+        if !factor_mass(&mut mass, dof) {
+            return Ok(None);
+        }
+        let mut values = self.applied(q, efforts)?;
+        for (x, y) in values.iter_mut().zip(&opposed) {
+            *x -= y;
+        }
+        for d in &self.directed {
+            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            let (soft, _) = d.side.softening(qd[d.coordinate], self.width);
+            for (x, share) in values.iter_mut().zip(posture.row(d.coordinate)) {
+                *x -= share * soft * coefficient;
+            }
+        }
+        solve_mass(&mass, &mut values);
+        if !values.iter().all(|x| x.is_finite()) {
+            return Ok(None);
+        }
+        let mut out = Accelerations {
+            values,
+            ..Accelerations::default()
+        };
+        if !posture.numbers.is_empty() {
+            self.slopes(posture, efforts, beta, &mass, &drift, &mut out)?;
+        }
+        Ok(Some(out))
+    }
+
+    /// The efforts of the independent coordinates.
+    fn applied(&self, q: &[f64], efforts: &[f64]) -> Result<Vec<f64>, SizeError> {
+        if self.direct {
+            return Ok(efforts.to_vec());
+        }
+        let mut out = vec![0.0; self.dof];
+        let _condition = self.model.generalized_forces(q, efforts, &mut out)?;
+        Ok(out)
+    }
+
+    /// Derivatives of the accelerations: the equations `G u - W beta - f = 0` are differentiated
+    /// at the accelerations that solve them, and `M` is what the accelerations' own changes meet.
+    fn slopes(
+        &self,
+        posture: &Posture,
+        efforts: &[f64],
+        beta: &[f64],
+        mass: &[f64],
+        drift: &[f64],
+        out: &mut Accelerations,
+    ) -> Result<(), SizeError> {
+        let (n, dof, r, a) = (self.n, self.dof, self.columns, efforts.len());
+        let (q, qd) = (&posture.q, &posture.qd);
+        let mut qdd = combined(&posture.reach, &out.values, n);
+        for (x, y) in qdd.iter_mut().zip(drift) {
+            *x += y;
+        }
+        let mut column = vec![0.0; dof];
+        // by the efforts
+        out.by_effort = vec![0.0; dof * a];
+        for k in 0..a {
+            let mut unit = vec![0.0; a];
+            unit[k] = 1.0;
+            column.copy_from_slice(&self.applied(q, &unit)?);
+            solve_mass(mass, &mut column);
+            for (i, x) in column.iter().enumerate() {
+                out.by_effort[i * a + k] = *x;
+            }
+        }
+        // by the base parameters
+        let mut w = vec![0.0; dof * r];
+        let _condition = self.model.base_regressor(q, qd, &qdd, &mut w)?;
+        for d in &self.directed {
+            let (soft, _) = d.side.softening(qd[d.coordinate], self.width);
+            let shares: Vec<f64> = posture.row(d.coordinate).collect();
+            for (column, factor) in w.chunks_exact_mut(dof.max(1)).zip(&d.combination) {
+                for (x, share) in column.iter_mut().zip(&shares) {
+                    *x += share * soft * factor;
+                }
+            }
+        }
+        out.by_beta = vec![0.0; dof * r];
+        for (j, entries) in w.chunks_exact(dof.max(1)).enumerate() {
+            column.copy_from_slice(entries);
+            solve_mass(mass, &mut column);
+            for (i, x) in column.iter().enumerate() {
+                out.by_beta[i * r + j] = -x;
+            }
+        }
+        // by the state
+        let width = 2 * dof;
+        out.by_state = vec![0.0; dof * width];
+        let constants = |values: &[f64]| -> Vec<Number> {
+            values.iter().map(|x| Number::constant(*x)).collect()
+        };
+        let (beta_n, qdd_i) = (constants(beta), constants(&out.values));
+        for (chunk, [q, qd]) in posture.numbers.iter().enumerate() {
+            let first = chunk * DIRECTIONS;
+            let mut qdd = vec![Number::constant(0.0); n];
+            let _condition = self.derivatives.accelerations(q, qd, &qdd_i, &mut qdd)?;
+            let mut tau = vec![Number::constant(0.0); dof];
+            let _condition = self
+                .derivatives
+                .base_inverse_dynamics(q, qd, &qdd, &beta_n, &mut tau)?;
+            self.add_softening(q, qd, beta, &mut tau)?;
+            let mut applied = vec![Number::constant(0.0); dof];
+            if !self.direct {
+                let efforts = constants(efforts);
+                let _condition = self
+                    .derivatives
+                    .generalized_forces(q, &efforts, &mut applied)?;
+            }
+            for k in first..width.min(first + DIRECTIONS) {
+                for (x, (g, t)) in column.iter_mut().zip(applied.iter().zip(&tau)) {
+                    *x = g.rates[k - first] - t.rates[k - first];
+                }
+                solve_mass(mass, &mut column);
+                for (i, x) in column.iter().enumerate() {
+                    out.by_state[i * width + k] = *x;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds what soft friction differs from friction with the sign itself.
+    fn add_softening(
+        &self,
+        q: &[Number],
+        qd: &[Number],
+        beta: &[f64],
+        tau: &mut [Number],
+    ) -> Result<(), SizeError> {
+        if self.directed.is_empty() {
+            return Ok(());
+        }
+        let zero = Number::constant(0.0);
+        let mut reach: Vec<Vec<Number>> = Vec::new();
+        if self
+            .directed
+            .iter()
+            .any(|d| self.dependent.contains(&d.coordinate))
+        {
+            for k in 0..self.dof {
+                let mut unit = vec![zero; self.dof];
+                unit[k] = Number::constant(1.0);
+                let mut column = vec![zero; self.n];
+                let _condition = self.derivatives.velocities(q, &unit, &mut column)?;
+                reach.push(column);
+            }
+        }
+        for d in &self.directed {
+            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            let v = qd[d.coordinate];
+            let (value, slope) = d.side.softening(v.value, self.width);
+            let friction = Number {
+                value: coefficient * value,
+                rates: v.rates.map(|x| coefficient * slope * x),
+            };
+            if let Some(k) = self.independent.iter().position(|c| *c == d.coordinate) {
+                tau[k] = tau[k] + friction;
+                continue;
+            }
+            for (tau, column) in tau.iter_mut().zip(&reach) {
+                *tau = *tau + column[d.coordinate] * friction;
+            }
+        }
+        Ok(())
+    }
+
+    /// The mean size of the inverse mass of the independent coordinates at a posture: what an
+    /// effort's slope by velocity or position must be multiplied by to give a rate; `None` where
+    /// the mass matrix is not positive definite.
+    pub(crate) fn mobility(&self, q: &[f64], beta: &[f64]) -> Result<Option<f64>, SizeError> {
+        let dof = self.dof;
+        let mut mass = vec![0.0; dof * dof];
+        let _condition = self.model.base_mass_matrix(q, beta, &mut mass)?;
+        if !factor_mass(&mut mass, dof) {
+            return Ok(None);
+        }
+        let mut trace: f64 = 0.0;
+        for k in 0..dof {
+            let mut unit = vec![0.0; dof];
+            unit[k] = 1.0;
+            solve_mass(&mass, &mut unit);
+            trace += unit[k];
+        }
+        Ok(Some(trace))
+    }
+}
+
+/// A combination of the columns of an n-row matrix.
+fn combined(columns: &[f64], factors: &[f64], n: usize) -> Vec<f64> {
+    let mut out = vec![0.0; n];
+    for (column, factor) in columns.chunks_exact(n.max(1)).zip(factors) {
+        for (sum, x) in out.iter_mut().zip(column) {
+            *sum += x * factor;
+        }
+    }
+    out
+}
+
+/// The largest absolute value; NaN if any is NaN.
+fn largest(values: &[f64]) -> f64 {
+    values
+        .iter()
+        .map(|x| x.abs())
+        .fold(0.0, |m, x| if x <= m { m } else { x })
+}

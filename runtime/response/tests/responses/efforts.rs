@@ -1,0 +1,121 @@
+//! DIDIM: parameters from efforts, without any measured motion.
+
+use regen_experiment::closed_loop::{ClosedLoop, Controllers};
+use regen_identify::estimate::Estimate;
+use regen_response::{Didim, DidimError, DidimOptions, EffortRun, didim};
+use regen_runtime::BaseModel;
+
+use crate::exact::{ARM, FIVE};
+use crate::models::arm::Arm;
+use crate::models::picker_asymmetric::PickerAsymmetric;
+use crate::twin::{Twin, off};
+
+fn found<M: BaseModel<f64> + Sync>(
+    twin: &Twin<'_, M>,
+    controllers: Controllers<'_>,
+    start: &[f64],
+) -> Result<Didim, DidimError> {
+    let log = twin.log();
+    let joints = twin.pid.len();
+    let column = |k: usize| {
+        log.measured_effort
+            .iter()
+            .skip(k)
+            .step_by(joints)
+            .copied()
+            .collect()
+    };
+    let efforts: Vec<Vec<f64>> = (0..joints).map(column).collect();
+    let reference = twin.reference();
+    let run = EffortRun {
+        times: &log.t,
+        efforts: &efforts,
+        closed_loop: ClosedLoop {
+            reference: &reference,
+            lead: 0.0,
+            controllers,
+        },
+    };
+    didim(twin.model, &[run], &DidimOptions::default(), start)
+}
+
+fn ratios(estimate: &Estimate, truth: &[f64]) -> Vec<f64> {
+    let of = |(k, x): (usize, &f64)| (estimate.values[k] - x) / estimate.sigma(k);
+    truth.iter().enumerate().map(of).collect()
+}
+
+fn all_within<M: BaseModel<f64> + Sync>(twin: &Twin<'_, M>) {
+    let truth = twin.beta();
+    let known = Controllers::Known {
+        pid: &twin.pid,
+        offset: &[],
+    };
+    let found = found(twin, known, &off(&truth, 0.2)).unwrap();
+    assert!(
+        found.settled && found.rounds <= 6,
+        "{} {:?}",
+        found.rounds,
+        found.norms
+    );
+    let ratios = ratios(&found.identified.correlated(), &truth);
+    assert!(ratios.iter().all(|r| r.abs() < 4.0), "{ratios:?}");
+    let model = found.model(0.95);
+    assert_eq!(
+        (model.name.as_str(), model.beta.len()),
+        ("DIDIM", truth.len())
+    );
+}
+
+#[test]
+fn efforts_alone_give_the_parameters_of_a_five_bar_with_friction_by_direction() {
+    all_within(&Twin {
+        noise: [1e-5, 0.01],
+        ..Twin::new(&PickerAsymmetric, &FIVE)
+    });
+}
+
+#[test]
+fn efforts_alone_give_the_parameters_of_an_arm() {
+    all_within(&Twin {
+        noise: [1e-5, 0.05],
+        ..Twin::new(&Arm, &ARM)
+    });
+}
+
+/// Gains that keep a bandwidth with each estimate simulate a loop that follows its commands nearly
+/// as the robot does, whatever the robot's own gains are.
+#[test]
+fn a_loop_of_unknown_gains_keeps_its_bandwidth_with_every_estimate() {
+    let twin = Twin {
+        noise: [1e-5, 0.05],
+        ..Twin::new(&Arm, &[[3000.0, 60.0], [400.0, 6.0]])
+    };
+    let truth = twin.beta();
+    let tuned = Controllers::Tuned {
+        bandwidth: 12.0,
+        given: &[],
+    };
+    // an estimate twice as heavy: known gains would be too soft for it by the half
+    let heavy: Vec<f64> = truth.iter().map(|x| 2.0 * x).collect();
+    let found = found(&twin, tuned, &heavy).unwrap();
+    assert!(found.settled, "{:?}", found.norms);
+    for (value, truth) in found.identified.estimate.values.iter().zip(&truth) {
+        assert!(
+            (value - truth).abs() < 0.1 * truth.abs().max(0.2),
+            "{value} {truth}"
+        );
+    }
+}
+
+#[test]
+fn an_estimate_that_cannot_be_simulated_is_refused_with_its_reason() {
+    let twin = Twin::new(&Arm, &ARM);
+    let mut start = twin.beta();
+    start[0] = -1.0;
+    let known = Controllers::Known {
+        pid: &twin.pid,
+        offset: &[],
+    };
+    let error = found(&twin, known, &start).unwrap_err();
+    assert!(matches!(error, DidimError::Loop(_)), "{error}");
+}
