@@ -71,7 +71,7 @@ impl FileJson {
 
 /// Runs the command.
 pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let robot = load::loaded_robot(&args.file, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;

@@ -39,7 +39,7 @@ struct LogError {
 
 /// Runs the command.
 pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let robot = load::loaded_robot(&args.file, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

@@ -280,6 +280,8 @@ pub struct Joint {
     pub lead: Option<Quantity>,
     /// Label of the body that the joint carries; `None` if there is no mass.
     pub body: Option<Spanned<String>>,
+    /// Whether the body is a payload: carried in some runs only.
+    pub payload: bool,
     /// Whether each of its coordinates is actuated.
     pub actuated: bool,
     /// Friction at each of its coordinates.

@@ -5,6 +5,7 @@ mod cycles;
 mod drives;
 mod joints;
 mod limits;
+mod payloads;
 mod references;
 
 pub(super) use references::canonical;
@@ -48,6 +49,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     }
     checker.constants();
     checker.limbs();
+    checker.payloads();
     checker.cuts();
     checker.drives();
     checker.independent();
