@@ -180,7 +180,8 @@ impl Joint {
             Motion::Rotation => Joint::ROTATION,
             Motion::Translation => Joint::TRANSLATION,
         };
-        self.travel != joint.travel
+        let mut both = self.travel.iter().zip(joint.travel);
+        both.any(|(own, of_joint)| (own - of_joint).abs() > 0.0)
     }
 }
 

@@ -117,7 +117,8 @@ fn joint(joint: &JointInfo) -> String {
         MotionKind::Rotation => [1.0, 0.0],
         MotionKind::Translation => [0.0, 1.0],
     };
-    if joint.travel != of_joint {
+    let mut both = joint.travel.iter().zip(of_joint);
+    if both.any(|(own, of_joint)| (own - of_joint).abs() > 0.0) {
         let [turn, slide] = joint.travel.map(literal);
         fields.push(format!("travel: [{turn}, {slide}]"));
     }

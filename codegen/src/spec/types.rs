@@ -266,6 +266,7 @@ pub struct Limits {
 }
 
 /// A joint of a limb.
+#[expect(clippy::struct_excessive_bools, reason = "flags of the format")]
 #[derive(Clone, Debug)]
 pub struct Joint {
     /// The joint's name, which names its coordinates; only `fixed` joints may lack it.
