@@ -77,7 +77,7 @@ fn runs_say_whether_they_carry_the_payload() {
 
     run(
         &dir,
-        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 4 --starts 1",
+        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4",
         0,
     );
     let mut found = Vec::new();
