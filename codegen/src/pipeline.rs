@@ -18,7 +18,7 @@ use crate::optimize::lower;
 use crate::robot::{Function, FunctionKind, Robot};
 use crate::scene::Scene;
 use crate::signature::Needs;
-use crate::spec::{self, Spec};
+use crate::spec::{self, Payloads, Spec};
 use crate::sym::Graph;
 
 /// A mechanism that is derived in stages: spec, model, closed loops, base parameters. Each stage
@@ -86,6 +86,53 @@ impl Mechanism {
             closed: OnceCell::new(),
             analysis: OnceCell::new(),
         })
+    }
+
+    /// The mechanism whose payloads are always or never carried, for runs that are all of one kind;
+    /// by default their parameters are apart from the robot's.
+    ///
+    /// ```
+    /// use regen_codegen::Mechanism;
+    /// use regen_codegen::diag::Source;
+    /// use regen_codegen::spec::Payloads;
+    ///
+    /// let text = "\
+    /// name: arm
+    /// limbs:
+    ///   - name: arm
+    ///     joints:
+    ///       - {name: q1, type: revolute, body: link, actuated: true}
+    ///       - {type: fixed, body: load, payload: true}
+    /// ";
+    /// let rank = |payloads: Payloads| -> Result<usize, regen_codegen::diag::Report> {
+    ///     let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+    ///     Ok(mechanism.with_payloads(payloads).analysis()?.base.rank())
+    /// };
+    /// // runs with and without the load tell the two moments of inertia apart
+    /// assert_eq!(rank(Payloads::Apart)?, 2);
+    /// assert_eq!(rank(Payloads::Absent)?, 1);
+    /// assert_eq!(rank(Payloads::Carried)?, 1);
+    /// # Ok::<(), regen_codegen::diag::Report>(())
+    /// ```
+    #[must_use]
+    pub fn with_payloads(self, payloads: Payloads) -> Self {
+        if payloads == Payloads::Apart {
+            return self;
+        }
+        let spec = self.spec.with_payloads(payloads);
+        Self {
+            source: self.source,
+            model: model::build(&spec),
+            spec,
+            closed: OnceCell::new(),
+            analysis: OnceCell::new(),
+        }
+    }
+
+    /// The labels of the bodies that are payloads.
+    pub fn payloads(&self) -> impl Iterator<Item = &str> {
+        let bodies = self.model.payloads.iter();
+        bodies.filter_map(|body| Some(self.model.bodies.get(*body)?.label.as_str()))
     }
 
     /// The mechanism's links, coordinates, cuts and parameters.
@@ -375,6 +422,7 @@ fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
         actuated: model.actuated.clone(),
         parameters: model.parameters.clone(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
+        payloads: model.payloads.clone(),
         rows: model.rows(),
         cuts: cuts.collect(),
         joints: crate::robot::joints(spec, model),

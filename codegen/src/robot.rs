@@ -88,6 +88,8 @@ pub struct Robot {
     pub parameters: Vec<Parameter>,
     /// Labels of the bodies, in order.
     pub bodies: Vec<String>,
+    /// The bodies that are payloads, as indices: their base parameters are apart from the robot's.
+    pub payloads: Vec<usize>,
     /// The cuts, in the order of the spec.
     pub cuts: Vec<CutInfo>,
     /// What the spec states about the joint of each coordinate.
@@ -142,6 +144,16 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
 }
 
 impl Robot {
+    /// The label of the payload that a parameter belongs to, by its column; `None` for the robot's
+    /// own.
+    pub fn payload_of(&self, column: usize) -> Option<&str> {
+        let ParameterKind::Inertial { body, .. } = self.parameters.get(column)?.kind else {
+            return None;
+        };
+        let label = self.bodies.get(body)?;
+        self.payloads.contains(&body).then_some(label.as_str())
+    }
+
     /// The function of this kind, if it was derived and the robot has it.
     pub fn function(&self, kind: FunctionKind) -> Option<&Function> {
         self.functions.iter().find(|f| f.kind == kind)

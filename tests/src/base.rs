@@ -138,8 +138,15 @@ impl Derivation {
         let kept = self.kept();
         let mut all = DMatrix::zeros(0, self.columns);
         let mut error = 0.0_f64;
-        for state in states {
-            let w = mechanism.regressor(&state.q, &state.qd, &state.qdd)?;
+        let groups = model::build(&self.spec).column_groups();
+        for (k, state) in states.iter().enumerate() {
+            let mut w = mechanism.regressor(&state.q, &state.qd, &state.qdd)?;
+            // of payloads, runs without any and with one of them in turn
+            for (payload, columns) in groups.iter().enumerate().skip(1) {
+                for column in columns.iter().filter(|_| k % groups.len() != payload) {
+                    w.column_mut(*column).fill(0.0);
+                }
+            }
             let w = self.known(&w, value)?;
             let again = w.select_columns(&kept) * &combinations;
             for (row, other) in w.row_iter().zip(again.row_iter()) {

@@ -65,6 +65,9 @@ struct BaseJson<'a> {
     base: Vec<Row<'a>>,
     null_directions: NullDirections,
     certificate: Option<CertificateJson>,
+    /// The payloads, whose base parameters are apart from the robot's.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    payloads: Vec<PayloadJson<'a>>,
     complete: bool,
     /// Why the base parameters are incomplete.
     reason: Option<String>,
@@ -88,9 +91,19 @@ struct Reason<'a> {
     why: Option<&'a str>,
 }
 
+/// A payload and the number of its base parameters.
+#[derive(Serialize)]
+struct PayloadJson<'a> {
+    body: &'a str,
+    rank: usize,
+}
+
 #[derive(Serialize)]
 struct Row<'a> {
     label: &'a str,
+    /// The payload that it belongs to; left out for the robot's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    payload: Option<&'a str>,
     terms: Vec<TermJson<'a>>,
     layer: &'static str,
     /// `everywhere` (symbolic), `here` (at the spec's geometric values only) or `digits` (a
@@ -144,6 +157,7 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) ->
             completed: completed(analysis),
         },
         certificate: analysis.certificate.as_ref().ok().map(certificate),
+        payloads: payloads(robot, analysis),
         complete: analysis.complete,
         reason: doubt(analysis),
         trees_opened: base.trees,
@@ -170,9 +184,24 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) ->
     }
 }
 
+fn payloads<'a>(robot: &'a Robot, analysis: &Analysis) -> Vec<PayloadJson<'a>> {
+    let bodies = robot.payloads.iter().filter_map(|b| robot.bodies.get(*b));
+    let count = |body: &String| {
+        let own = |p: &&BaseParameter| robot.payload_of(p.column) == Some(body) && !p.dropped;
+        analysis.base.parameters.iter().filter(own).count()
+    };
+    bodies
+        .map(|body| PayloadJson {
+            body,
+            rank: count(body),
+        })
+        .collect()
+}
+
 fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
     Row {
         label: label(robot, parameter.column),
+        payload: robot.payload_of(parameter.column),
         terms: terms(robot, &parameter.terms),
         layer: layer(parameter.provenance),
         factors: match parameter.exactness {

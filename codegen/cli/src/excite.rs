@@ -37,7 +37,7 @@ struct LimitJson {
 
 /// Runs the command.
 pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
-    let robot = load::robot(&args.file)?;
+    let robot = load::loaded_derived(&load::source(&args.file)?, args.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     }
     args.physical.against.extend(planned);
     let args = &args;
-    let robot = load::with_base(&source)?;
+    let robot = load::loaded_with_base(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
@@ -68,7 +68,10 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         written.push((out, parameters::text(&json.file, out)?));
     }
     if let Some(out) = &args.physical.bodies {
-        written.push((out, outputs::spec(&source, &model, &identified)?));
+        written.push((
+            out,
+            outputs::spec(&source, args.reading.payload, &model, &identified)?,
+        ));
     }
     if let Some(out) = &args.physical.rust {
         let beside = format!("super::{}", robot.name);

@@ -9,8 +9,9 @@ use regen_codegen::base::{self, Analysis};
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline;
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_codegen::spec;
+use regen_codegen::spec::{self, Payloads};
 
+use crate::args::PayloadArg;
 use crate::exit::Failure;
 use crate::progress::spinner;
 
@@ -69,6 +70,40 @@ pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
     Ok(Mechanism::open(source)?)
 }
 
+/// Opens the mechanism of a spec for runs in which its payloads are, or are not, carried; refuses to
+/// guess which.
+pub(crate) fn loaded(source: &Source, payload: Option<PayloadArg>) -> Result<Mechanism, Failure> {
+    let mechanism = mechanism(source)?;
+    let labels: Vec<String> = mechanism
+        .payloads()
+        .map(|label| format!("'{label}'"))
+        .collect();
+    let name = &source.name;
+    match payload {
+        None if labels.is_empty() => Ok(mechanism),
+        None => Err(Failure::Input(format!(
+            "{name} has the payload {}: say whether it is carried, with --payload none or \
+             --payload carried",
+            labels.join(", ")
+        ))),
+        Some(_) if labels.is_empty() => Err(Failure::Input(format!(
+            "{name} has no payload: leave out --payload, or mark a body on a fixed joint \
+             `payload: true`"
+        ))),
+        Some(PayloadArg::None) => Ok(mechanism.with_payloads(Payloads::Absent)),
+        Some(PayloadArg::Carried) => Ok(mechanism.with_payloads(Payloads::Carried)),
+    }
+}
+
+/// Derives one robot for runs in which the payloads are, or are not, carried.
+pub(crate) fn loaded_derived(
+    source: &Source,
+    payload: Option<PayloadArg>,
+) -> Result<Robot, Failure> {
+    let mechanism = loaded(source, payload)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
+}
+
 /// Refuses a mechanism that has more parameters than base parameters are derived for.
 pub(crate) fn check_parameter_count(mechanism: &Mechanism) -> Result<(), Failure> {
     if base::has_few_enough_parameters(mechanism.model()) {
@@ -104,14 +139,25 @@ pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
 
 /// Derives one robot, or refuses it where its base parameters cannot be derived.
 pub(crate) fn with_base(source: &Source) -> Result<Robot, Failure> {
-    let mechanism = mechanism(source)?;
-    check_parameter_count(&mechanism)?;
+    whole(&mechanism(source)?, source)
+}
+
+/// As [`with_base`], for runs in which the payloads are, or are not, carried.
+pub(crate) fn loaded_with_base(
+    source: &Source,
+    payload: Option<PayloadArg>,
+) -> Result<Robot, Failure> {
+    whole(&loaded(source, payload)?, source)
+}
+
+fn whole(mechanism: &Mechanism, source: &Source) -> Result<Robot, Failure> {
+    check_parameter_count(mechanism)?;
     Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
 /// Reads and derives one robot without its base parameters, which is quick for large ones too.
-pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
-    Ok(mechanism(&source(path)?)?.robot(&pipeline::functions_without_base())?)
+pub(crate) fn without_base(path: &Path, payload: Option<PayloadArg>) -> Result<Robot, Failure> {
+    Ok(loaded(&source(path)?, payload)?.robot(&pipeline::functions_without_base())?)
 }
 
 /// Shows a spinner while base parameters are derived: the certificate of a large mechanism takes

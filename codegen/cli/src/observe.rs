@@ -77,7 +77,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let mut args = args.clone();
     experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
     experiment::require_runs(&args.logs)?;
-    let robot = load::derived(&source)?;
+    let robot = load::loaded_derived(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;

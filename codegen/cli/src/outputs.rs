@@ -1,13 +1,13 @@
 //! Writes identified parameters as the bodies of a spec and as Rust constants.
 
-use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_codegen::spec::{self, edit};
+use regen_codegen::spec::{self, BodyInertia, Quantity, edit};
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{ParameterLayout, bodies_yaml};
 
+use crate::args::PayloadArg;
 use crate::exit::Failure;
-use crate::terminal;
+use crate::{load, terminal};
 use regen_interpreted::Interpreted;
 
 /// The largest difference, relative to the largest parameter, between a value and the same value
@@ -21,6 +21,7 @@ const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
 /// that a spec cannot express is noted on standard error.
 pub(crate) fn spec(
     source: &Source,
+    payload: Option<PayloadArg>,
     model: &Interpreted<'_>,
     found: &IdentifiedModel,
 ) -> Result<String, Failure> {
@@ -48,7 +49,14 @@ pub(crate) fn spec(
             ));
         }
     }
-    let text = edit::with_bodies(&text, &bodies_yaml(&layout, phi)?);
+    let mut bodies = bodies_yaml(&layout, phi)?;
+    // the values of payloads that were not carried stay
+    for (label, inertia) in &written.bodies {
+        if !info.bodies.contains(&label.value.as_str()) {
+            bodies.push_str(&body_as_given(&label.value, inertia));
+        }
+    }
+    let text = edit::with_bodies(&text, &bodies);
     let wrong = |why: String| {
         Failure::Input(format!(
             "{}: the spec could not be filled ({why}): write `bodies:` as a block of its own, with \
@@ -61,9 +69,9 @@ pub(crate) fn spec(
         text: text.clone(),
     };
     // names and nominal values suffice: no function is derived
-    let robot = Mechanism::open(&read)
-        .and_then(|mechanism| mechanism.robot(&[]))
-        .map_err(|report| wrong(report.to_string()))?;
+    let robot = load::loaded(&read, payload)
+        .and_then(|mechanism| Ok(mechanism.robot(&[])?))
+        .map_err(|failure| wrong(failure.to_string()))?;
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     // values that one joint cannot state separately for its coordinates were noted above
     let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
@@ -92,4 +100,21 @@ pub(crate) fn spec(
         terminal::note(&format!("note: {note}"));
     }
     Ok(text)
+}
+
+/// An entry of `bodies:` with the values that the spec gives.
+fn body_as_given(label: &str, inertia: &BodyInertia) -> String {
+    let list = |values: &[Quantity]| -> String {
+        let values: Vec<String> = values
+            .iter()
+            .map(|value| format!("{:?}", value.value.to_f64()))
+            .collect();
+        format!("[{}]", values.join(", "))
+    };
+    format!(
+        "  {label}: {{mass: {:?}, com: {}, inertia: {}}}\n",
+        inertia.mass.value.to_f64(),
+        list(&inertia.com),
+        list(&inertia.inertia)
+    )
 }

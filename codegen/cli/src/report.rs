@@ -52,7 +52,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
     experiment::require_runs(&args.logs)?;
     args.against.extend(planned);
-    let robot = load::derived(&source)?;
+    let robot = load::loaded_derived(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

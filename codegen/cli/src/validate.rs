@@ -50,7 +50,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
              are named, or else all runs",
         );
     }
-    let robot = load::derived(&source)?;
+    let robot = load::loaded_derived(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

@@ -38,6 +38,7 @@ fn clone(dir: &Path) {
         "robots",
         "runtime/guide/fivebar",
         "tests/fixtures/import/airo-models",
+        "tests/fixtures/mechanisms",
     ] {
         let into = dir.join(folder);
         fs::create_dir_all(&into).unwrap();

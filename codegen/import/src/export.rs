@@ -231,10 +231,12 @@ impl<'a> Export<'a> {
             let values = [("damping", values.viscous), ("friction", values.coulomb)];
             let Some(element) = element else {
                 if spec.coordinates().contains(name) {
-                    // a coordinate that was added in the spec, of a drive or a massless joint
+                    // a drive or a massless coordinate of the spec has no joint in the file
+                    let is_drive = spec.drives.iter().any(|drive| drive.value == *name);
+                    let what = if is_drive { "drive" } else { "coordinate" };
                     let text = format!(
-                        "the URDF file has no joint for the coordinate '{name}': its friction is \
-                         left out"
+                        "the URDF file has no joint for the {what} '{name}': its friction is left \
+                         out"
                     );
                     self.log.note(root.place, text);
                     continue;

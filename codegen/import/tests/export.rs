@@ -281,6 +281,14 @@ fn friction_that_stays_or_has_no_joint_is_told() {
     let printed_notes = notes(&more, &given("motor", Some(1.0), None));
     assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
     assert_has(&printed_notes[0], "no joint for the coordinate 'motor'");
+    let geared = spec.replacen(
+        "limbs:\n",
+        "drives: {motor: {of: 50*q, friction: viscous, rotor_inertia: true}}\nlimbs:\n",
+        1,
+    );
+    let printed_notes = notes(&geared, &given("motor", Some(1.0), None));
+    assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
+    assert_has(&printed_notes[0], "no joint for the drive 'motor'");
 }
 
 #[test]

@@ -76,6 +76,8 @@ fn nominal(spec: &Spec, labels: &[&str]) -> Vec<f64> {
             Some(joint) if matches!(symbol, "Fv" | "Fc" | "J") => {
                 joint.nominal_value(symbol).unwrap().value.to_f64()
             }
+            // the other program's vectors are those of the bodies, without springs
+            Some(_) if symbol == "K" => 0.0,
             _ => of_body(spec, symbol, of),
         }
     };

@@ -5,7 +5,7 @@ use crate::spec::Spec;
 
 use super::certificate::{Certificate, Samples, certify};
 use super::null_completion::NullCompletion;
-use super::{Base, derive_with_completion};
+use super::{Base, derive_with_completion, payloads};
 
 /// Seed of the random states of every certificate, fixed so that results are reproducible.
 const SEED: u64 = 1;
@@ -48,6 +48,11 @@ pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let completion = samples.as_ref().ok().filter(|_| target.is_some());
     let completion = completion.map(|samples| NullCompletion::new(samples, home, SEED));
     let base = derive_with_completion(spec, model, target, completion.as_ref());
+    // of payloads too: their directions are part of those of all columns
+    let certificate = samples
+        .as_ref()
+        .map(|samples| payloads::certificate(samples, model))
+        .map_err(Clone::clone);
     Analysis {
         complete: target == Some(base.from_trees + base.completed) && base.refuted == 0,
         base,

@@ -28,6 +28,7 @@ pub mod latex;
 mod link_path;
 mod linkage;
 mod null_completion;
+mod payloads;
 mod rates;
 mod span;
 mod store;
@@ -124,7 +125,8 @@ pub struct Substitution {
 /// The base parameters of a mechanism.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// The base parameters, including dropped ones, ordered by their kept columns.
+    /// The base parameters, including dropped ones, in the order of their kept columns: those of the
+    /// robot, then those of each payload.
     pub parameters: Vec<BaseParameter>,
     /// A basis of the null space: one direction per eliminated column, in the order of the columns.
     /// The parameters that `known` replaces are not among the columns.
@@ -221,6 +223,7 @@ fn derive_with_completion(
     }
     let null_dimension = null.len();
     let refuted = completion.map_or(0, |completion| completion.refuted(&null));
+    let null = payloads::apart(&mut field, null, model);
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
     let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
@@ -235,7 +238,8 @@ fn derive_with_completion(
             })
     };
     let substituted: Vec<usize> = known.iter().map(|k| k.column).collect();
-    let parameters = (0..model.parameters.len())
+    let groups = model.column_groups().into_iter().flatten();
+    let parameters = groups
         .filter(|c| !reduced.rows.contains_key(c) && !substituted.contains(c))
         .map(|c| {
             let (mut provenance, mut exactness) = (Provenance::Derived, Exactness::Symbolic);

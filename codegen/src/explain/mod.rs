@@ -341,6 +341,11 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     for &drive in &model.drives {
         facts.extend(drive_fact(model, drive));
     }
+    for &payload in &model.payloads {
+        let label = &model.bodies[payload].label;
+        let text = format!("body {label} is a payload, carried in some runs only");
+        facts.push(Fact::given(text));
+    }
     let difference = |a: &[usize], b: &[usize]| -> Vec<usize> {
         a.iter().copied().filter(|c| !b.contains(c)).collect()
     };

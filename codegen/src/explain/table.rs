@@ -15,7 +15,7 @@ pub use factor::Style;
 pub use words::{certificate, completed, doubt, label, layer};
 
 use factor::{Factor, Signed};
-use words::mark;
+use words::{mark, payloads};
 
 /// The number of inertial parameters of a body; they come first, body by body.
 const PER_BODY: usize = 10;
@@ -36,6 +36,8 @@ struct Part {
 
 #[derive(Clone, Debug)]
 struct Row {
+    /// The payload that the combination belongs to; `None` for the robot's own.
+    payload: Option<String>,
     parts: Vec<Part>,
     layer: Provenance,
     exactness: Exactness,
@@ -105,6 +107,7 @@ impl Table {
         let kept = base.parameters.iter().filter(|p| !p.dropped);
         let rows: Vec<Row> = kept
             .map(|parameter| Row {
+                payload: robot.payload_of(parameter.column).map(str::to_owned),
                 parts: parts(robot, &parameter.terms, style),
                 layer: parameter.provenance,
                 exactness: parameter.exactness,
@@ -114,6 +117,7 @@ impl Table {
         let shortened = rows.iter().any(|row| row.parts.iter().any(instead));
         let mut facts = facts(robot, analysis);
         facts.extend(because(reasons));
+        facts.extend(payloads(robot));
         facts.extend(marks(&rows));
         if shortened {
             let text = "a number for an expression of more than 60 characters, or with a number of \
@@ -137,6 +141,13 @@ impl Table {
             text.push_str(remedy);
         }
         self
+    }
+
+    /// The payload whose base parameters begin with this row.
+    fn payload_from(&self, row: usize) -> Option<&str> {
+        let of = |row: usize| self.rows.get(row)?.payload.as_deref();
+        let before = row.checked_sub(1).and_then(of);
+        of(row).filter(|own| before != Some(*own))
     }
 
     fn title(&self) -> String {
@@ -167,6 +178,9 @@ impl Table {
             "no", "rests on"
         );
         for (k, row) in self.rows.iter().enumerate() {
+            if let Some(payload) = self.payload_from(k) {
+                let _ = writeln!(out, "{GAP}payload {payload}:");
+            }
             let mut lines = row.lines(WIDTH - indent).into_iter();
             let _ = writeln!(
                 out,
@@ -190,6 +204,9 @@ impl Table {
         }
         out.push_str("\n| No | Base parameter | Rests on |\n| --: | :-- | :-- |\n");
         for (k, row) in self.rows.iter().enumerate() {
+            if let Some(payload) = self.payload_from(k) {
+                let _ = writeln!(out, "| | payload {payload}: | |");
+            }
             let _ = writeln!(
                 out,
                 "| {} | `{}` | {} |",
@@ -227,6 +244,10 @@ impl Table {
             out.push_str("\\endhead\n");
         }
         for (k, row) in self.rows.iter().enumerate() {
+            if let Some(payload) = self.payload_from(k) {
+                let payload = latex::escaped(payload);
+                let _ = writeln!(out, "\\midrule\n & payload {payload}: & \\\\");
+            }
             let text: String = row
                 .parts
                 .iter()

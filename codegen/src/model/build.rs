@@ -55,6 +55,7 @@ pub fn build(spec: &Spec) -> Model {
         links: Vec::new(),
         coordinates: Vec::new(),
         bodies: Vec::new(),
+        payloads: Vec::new(),
         cuts: Vec::new(),
         cones: Vec::new(),
         couplings: Vec::new(),
@@ -77,6 +78,12 @@ pub fn build(spec: &Spec) -> Model {
         link: s.body.as_ref().and_then(|b| find_body(&b.value)),
         placement: placement(&s.placement),
     };
+    let payloads = spec.payloads();
+    let of_payloads = model.bodies.iter().enumerate();
+    model.payloads = of_payloads
+        .filter(|(_, body)| payloads.contains(&body.label))
+        .map(|(index, _)| index)
+        .collect();
     model.cuts = spec
         .cuts
         .iter()

@@ -145,6 +145,8 @@ pub struct Model {
     pub coordinates: Vec<Coordinate>,
     /// Bodies in the order of declaration.
     pub bodies: Vec<Body>,
+    /// The bodies that are payloads, as indices: carried in some runs only.
+    pub payloads: Vec<usize>,
     /// Cut joints in the spec's order.
     pub cuts: Vec<Cut>,
     /// Swing limits: those of joints in the order of coordinates, then those of cuts.
@@ -216,6 +218,20 @@ impl Model {
         let mut couplings = self.couplings.iter();
         let form = couplings.find(|coupling| coupling.key == coordinate);
         form.filter(|_| self.drives.contains(&coordinate))
+    }
+
+    /// The columns of the parameters in groups whose efforts are measured apart: those of the robot,
+    /// then those of each payload. One group where there is no payload.
+    pub fn column_groups(&self) -> Vec<Vec<usize>> {
+        let payload = |column: &usize| match self.parameters[*column].kind {
+            ParameterKind::Inertial { body, .. } => self.payloads.iter().position(|p| *p == body),
+            _ => None,
+        };
+        let mut groups = vec![Vec::new(); 1 + self.payloads.len()];
+        for column in 0..self.parameters.len() {
+            groups[payload(&column).map_or(0, |k| k + 1)].push(column);
+        }
+        groups
     }
 
     /// Number of closure rows: those of all cuts, then one per coupling.

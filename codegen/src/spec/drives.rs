@@ -38,6 +38,10 @@ impl RawDrive {
             axis: None,
             pitch: None,
             body: None,
+            payload: Flag {
+                value: false,
+                span: name.0.span,
+            },
             actuated: Flag {
                 value: true,
                 span: name.0.span,

@@ -18,6 +18,7 @@ mod expression;
 mod friction;
 mod joints;
 mod labels;
+mod payloads;
 mod physical;
 mod raw;
 mod resolve;
@@ -29,6 +30,7 @@ mod yaml;
 
 pub(crate) use expression::{Ast, AstKind, Operator};
 pub use joints::{CutRow, MotionKind};
+pub use payloads::Payloads;
 pub use physical::{Flaw, flaw};
 pub use schema::schema;
 pub use suggest::nearest;

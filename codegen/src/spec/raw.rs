@@ -126,6 +126,8 @@ record! {
         optional pitch: Scalar,
         /// Label of the body carried, a whole number or an identifier; none: massless
         optional body: Label,
+        /// Whether the body is a payload, carried in some runs only: its parameters are then base parameters apart from the robot's; at a fixed joint that ends its limb
+        default payload: Flag = "false",
         /// Whether each of its coordinates is actuated
         default actuated: Flag = "false",
         /// Friction at each of its coordinates

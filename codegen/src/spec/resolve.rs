@@ -283,6 +283,7 @@ impl Resolver<'_> {
             axis: raw.axis.map_or(Axis::Z, |axis| axis.value),
             lead: lead.ok()?,
             body: raw.body.as_ref().map(|body| spanned(&body.0)),
+            payload: raw.payload.value,
             actuated: raw.actuated.value,
             friction: raw.friction.value,
             offset: raw.offset.value,

@@ -286,6 +286,7 @@ pub struct Limits {
 }
 
 /// A joint of a limb.
+#[expect(clippy::struct_excessive_bools, reason = "flags of the format")]
 #[derive(Clone, Debug)]
 pub struct Joint {
     /// The joint's name, which names its coordinates; only `fixed` joints may lack it.
@@ -300,6 +301,8 @@ pub struct Joint {
     pub lead: Option<Quantity>,
     /// Label of the body that the joint carries; `None` if it carries no mass.
     pub body: Option<Spanned<String>>,
+    /// Whether the body is a payload: carried in some runs only.
+    pub payload: bool,
     /// Whether each of its coordinates is actuated.
     pub actuated: bool,
     /// Friction at each of its coordinates.

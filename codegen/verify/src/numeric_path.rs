@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::base::{Analysis, Base, NullDirection};
-use regen_codegen::robot::Robot;
+use regen_codegen::robot::{ParameterKind, Robot};
 use regen_interpreted::Interpreted;
 use regen_reference::Random;
 use regen_runtime::LoopClosure;
@@ -91,11 +91,15 @@ fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
             least,
         }),
         Some(states) => Ok(states),
-        None => Ok((ROWS_PER_COLUMN * columns).div_ceil(dof).max(1)),
+        None => {
+            let runs = 1 + robot.payloads.len();
+            Ok(runs * (ROWS_PER_COLUMN * columns).div_ceil(dof).max(1))
+        }
     }
 }
 
-/// The observation matrix over random closed states.
+/// The observation matrix over random closed states. With payloads, the states are in turn those of
+/// runs without any and of runs with one of them.
 fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<f64>, VerifyError> {
     let model = Interpreted::new(robot);
     let mut closure = LoopClosure::new(&model)?;
@@ -109,8 +113,17 @@ fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<
                 robot: robot.name.clone(),
             });
         }
-        w.rows_mut(k * dof, dof)
-            .copy_from(&DMatrix::from_column_slice(dof, columns, &entries));
+        let mut rows = w.rows_mut(k * dof, dof);
+        rows.copy_from(&DMatrix::from_column_slice(dof, columns, &entries));
+        let run = k % (1 + robot.payloads.len());
+        for (column, parameter) in robot.parameters.iter().enumerate() {
+            if let ParameterKind::Inertial { body, .. } = parameter.kind
+                && let Some(payload) = robot.payloads.iter().position(|p| *p == body)
+                && payload + 1 != run
+            {
+                rows.column_mut(column).fill(0.0);
+            }
+        }
     }
     Ok(w)
 }

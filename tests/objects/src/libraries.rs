@@ -16,6 +16,8 @@ pub fn image(features: &str) -> Vec<PathBuf> {
         .args(["build", "--package", "regen-image", "--features", features])
         .args(["--message-format", "json-render-diagnostics", "--profile"])
         .arg(profile)
+        // as in a user's workspace; this one builds its command without
+        .env("CARGO_PROFILE_RELEASE_LTO", "false")
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();

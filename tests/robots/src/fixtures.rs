@@ -10,6 +10,7 @@ robot_model!("../../fixtures/mechanisms/hexapod.yaml");
 robot_model!("../../fixtures/mechanisms/offsets.yaml");
 robot_model!("../../fixtures/mechanisms/parallelogram.yaml");
 robot_model!("../../fixtures/mechanisms/parallelogram_cut.yaml");
+robot_model!("../../fixtures/mechanisms/payload.yaml");
 robot_model!("../../fixtures/mechanisms/prs3.yaml");
 robot_model!("../../fixtures/mechanisms/rrr3.yaml");
 robot_model!("../../fixtures/mechanisms/screw_jack.yaml");
@@ -62,6 +63,7 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
         "mechanisms/parallelogram_cut.yaml",
         &parallelogram_cut::ParallelogramCut,
     ),
+    ("mechanisms/payload.yaml", &payload::Payload),
     ("mechanisms/prs3.yaml", &prs3::Prs3),
     ("mechanisms/rrr3.yaml", &rrr3::Rrr3),
     ("mechanisms/screw_jack.yaml", &screw_jack::ScrewJack),

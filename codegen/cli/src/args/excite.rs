@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
+use super::PayloadArg;
 use super::format::Format;
 
 #[derive(Debug, Args)]
@@ -34,6 +35,10 @@ pub(crate) struct ExciteArgs {
     /// printed; its JSON holds the trajectory too]
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) out: Option<PathBuf>,
+    /// Whether the payloads of the description are carried; with a payload this must
+    /// be said
+    #[arg(long, value_enum)]
+    pub(crate) payload: Option<PayloadArg>,
     /// The number of harmonics
     #[arg(long, value_name = "N", default_value_t = 11)]
     pub(crate) harmonics: usize,

@@ -19,7 +19,9 @@ pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;
 pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use physical::{PhysicalArgs, PriorArg};
-pub(crate) use reading::{DelayArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg};
+pub(crate) use reading::{
+    DelayArg, PayloadArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
+};
 pub(crate) use report::ReportArgs;
 pub(crate) use simulate::SimulateArgs;
 pub(crate) use view::ViewArgs;

@@ -48,6 +48,10 @@ pub(crate) struct ReadingArgs {
     /// Average the runs of a trajectory of this period in s
     #[arg(long, value_name = "S")]
     pub(crate) period: Option<f64>,
+    /// Whether the payloads of the description are carried in all these logs; with a
+    /// payload this must be said
+    #[arg(long, value_enum)]
+    pub(crate) payload: Option<PayloadArg>,
     /// The standard deviation of a measured coordinate, where more are measured
     /// than needed: NAME=VALUE
     #[arg(long, value_name = "NAME=VALUE", value_parser = named)]
@@ -88,6 +92,15 @@ pub(crate) enum VelocitiesArg {
     Measured,
     /// Those computed from the positions
     Computed,
+}
+
+/// Whether the bodies that a description marks as payloads are carried
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PayloadArg {
+    /// The robot without them: they have no parameters
+    None,
+    /// They are bodies like all others
+    Carried,
 }
 
 /// What is done with rows that cannot be used

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use regen_experiment::simulate::Gains;
 
+use super::PayloadArg;
 use super::format::Format;
 
 #[derive(Debug, Args)]
@@ -39,6 +40,10 @@ pub(crate) struct SimulateArgs {
     /// What to follow, as `regen excite` writes it
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) trajectory: Option<PathBuf>,
+    /// Whether the payloads of the description are carried; with a payload this must
+    /// be said
+    #[arg(long, value_enum)]
+    pub(crate) payload: Option<PayloadArg>,
     /// Where the log is written; with --runs, a number is put before .csv
     #[arg(long, value_name = "LOG")]
     pub(crate) out: PathBuf,

@@ -150,7 +150,7 @@ impl RobotWithLog {
             let values: Vec<f64> = rows.iter().map(|r| r["value"].as_f64().unwrap()).collect();
             assert_eq!(&values, phi, "{what}");
             // `spec` itself checks that all values read back
-            outputs::spec(&self.source, &model, &identified)
+            outputs::spec(&self.source, None, &model, &identified)
                 .unwrap_or_else(|error| panic!("{what}: {error}"));
         }
 

@@ -61,7 +61,7 @@ struct Run {
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     check(args)?;
-    let robot = load::without_base(&args.file)?;
+    let robot = load::without_base(&args.file, args.payload)?;
     let model = Interpreted::new(&robot);
     let info = model.info();
     let motion = path::of(args.trajectory.as_deref(), &model)?;

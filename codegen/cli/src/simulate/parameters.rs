@@ -86,7 +86,7 @@ fn identified(
     args: &SimulateArgs,
     path: &std::path::Path,
 ) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
-    let robot = load::robot(&args.file)?;
+    let robot = load::loaded_derived(&load::source(&args.file)?, args.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let found = parameters::read(path, &model)?;

@@ -112,6 +112,14 @@ impl Samples {
         self.certificate
     }
 
+    /// The rank of a subset of the columns, and the evidence for it.
+    pub fn certificate_of(&self, columns: &[usize]) -> Certificate {
+        let rows = self.rows.iter();
+        let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
+        let units = columns.iter().map(|&c| self.units[c]).collect();
+        Samples::new(chosen.collect(), units, self.certificate.states).certificate
+    }
+
     /// The rank of a subset of the columns.
     pub fn rank_of(&self, columns: &[usize]) -> usize {
         let rows = self.basis.rows.iter();

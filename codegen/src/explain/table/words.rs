@@ -40,6 +40,18 @@ pub fn doubt(analysis: &Analysis) -> Option<String> {
     })
 }
 
+/// What is said about payloads in a table; nothing where there is none.
+pub(super) fn payloads(robot: &Robot) -> Option<(&'static str, String)> {
+    let labels = robot.payloads.iter().filter_map(|b| robot.bodies.get(*b));
+    let labels: Vec<&str> = labels.map(String::as_str).collect();
+    let text = format!(
+        "{} carried in some runs only: these tell its parameters from the robot's, and the rank is \
+         that of both groups of columns apart",
+        labels.join(" ")
+    );
+    (!labels.is_empty()).then_some(("payload", text))
+}
+
 /// The number of columns less the derived null directions: an upper bound of the rank.
 fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
     let null = analysis.base.from_trees + completed(analysis);

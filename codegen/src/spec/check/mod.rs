@@ -5,6 +5,7 @@ mod cycles;
 mod drives;
 mod joints;
 mod limits;
+mod payloads;
 mod references;
 mod springs;
 
@@ -49,6 +50,7 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     }
     checker.constants();
     checker.limbs();
+    checker.payloads();
     checker.cuts();
     checker.springs();
     checker.drives();

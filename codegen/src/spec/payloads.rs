@@ -1,0 +1,62 @@
+//! Payloads: bodies that are carried in some runs of an experiment only.
+
+use super::types::Spec;
+
+/// What a description with payloads stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Payloads {
+    /// The robot with and without its payloads: their base parameters are apart from the robot's.
+    #[default]
+    Apart,
+    /// The robot without its payloads: they have no parameters.
+    Absent,
+    /// The robot that always carries its payloads: they are bodies like all others.
+    Carried,
+}
+
+impl Spec {
+    /// The labels of the payloads, in the order of the joints.
+    pub fn payloads(&self) -> Vec<String> {
+        let joints = self.limbs.iter().flat_map(|limb| &limb.joints);
+        let bodies = joints.filter(|joint| joint.payload);
+        bodies
+            .filter_map(|joint| Some(joint.body.as_ref()?.value.clone()))
+            .collect()
+    }
+
+    /// The spec where the payloads are always or never carried.
+    #[must_use]
+    pub fn with_payloads(mut self, payloads: Payloads) -> Self {
+        if payloads == Payloads::Apart {
+            return self;
+        }
+        let labels = self.payloads();
+        for joint in self.limbs.iter_mut().flat_map(|limb| &mut limb.joints) {
+            if joint.payload && payloads == Payloads::Absent {
+                joint.body = None;
+            }
+            joint.payload = false;
+        }
+        if payloads == Payloads::Carried {
+            return self;
+        }
+        let is_payload = |label: &str| labels.iter().any(|payload| payload == label);
+        let of_payload = |parameter: &str| {
+            let owner = parameter.split_once('(').map_or("", |(_, owner)| owner);
+            is_payload(owner.trim_end_matches(')'))
+        };
+        self.bodies.retain(|(label, _)| !is_payload(&label.value));
+        let base = &mut self.base;
+        base.eliminate.retain(|label| !of_payload(&label.value));
+        base.drop.retain(|label| !of_payload(&label.value));
+        for form in &mut base.zero {
+            form.terms.retain(|(label, _)| !of_payload(&label.value));
+        }
+        base.zero.retain(|form| !form.terms.is_empty());
+        for group in &mut base.equal {
+            group.retain(|label| !is_payload(&label.value));
+        }
+        base.equal.retain(|group| group.len() > 1);
+        self
+    }
+}
