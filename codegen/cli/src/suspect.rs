@@ -35,6 +35,12 @@ impl Suspicion {
                     (false, false) => advice.push(format!("Read it with {options}")),
                     (false, true) => {}
                 }
+                if columns.iter().any(|column| column.offset != 0.0) {
+                    advice.push(
+                        "In the experiment file, where the offsets of these columns stay"
+                            .to_owned(),
+                    );
+                }
                 advice.join(". ")
             }
             Remedy::Series => {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, ValueHint};
 
 use super::format::Format;
 use super::physical::PhysicalArgs;
@@ -26,7 +26,7 @@ pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
     /// Logs, CSV or Parquet files; or an experiment file, YAML
-    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Where the factors are written
     #[arg(long, value_name = "FACTORS")]
@@ -94,7 +94,7 @@ pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
     /// Logs, CSV or Parquet files; or an experiment file, YAML
-    #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run())]
+    #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Factor files instead of logs, merged
     #[arg(long, num_args = 1.., value_name = "FACTORS", conflicts_with_all = ["logs", "huber", "cross"])]
@@ -215,7 +215,7 @@ pub(crate) struct ValidateArgs {
     /// Identified parameters
     pub(crate) params: PathBuf,
     /// Logs that were not used for identification; or an experiment file, YAML
-    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Further parameters to compare with
     #[arg(long, value_name = "PARAMS", num_args = 1..)]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{ArgGroup, Args};
+use clap::{ArgGroup, Args, ValueHint};
 use regen_identify::data::Run;
 use regen_identify::intervals::DEFAULT_DRAWS;
 
@@ -27,7 +27,7 @@ pub(crate) struct PhysicalArgs {
     pub(crate) reduce: bool,
     /// Logs to predict with every model that was found, and by which --reduce is
     /// cross-validated
-    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run())]
+    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) against: Vec<Run>,
     /// Believe in the spec's nominal values: `weighted` or `weighted:PERCENT` by
     /// standard deviations in percent of them [default 30], `entropic` or

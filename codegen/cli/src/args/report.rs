@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 
 use super::reading::{ReadingArgs, run};
 use regen_identify::data::Run;
@@ -24,13 +24,13 @@ pub(crate) struct ReportArgs {
     pub(crate) params: PathBuf,
     /// The logs that it was identified from, or an experiment file; forces are
     /// shown for the first
-    #[arg(required = true, value_name = "LOG", value_parser = run())]
+    #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Where the page is written
     #[arg(long, value_name = "HTML")]
     pub(crate) out: PathBuf,
     /// Logs that were not used for identification
-    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run())]
+    #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) against: Vec<Run>,
     /// Write each figure as an SVG file into this folder
     #[arg(long, value_name = "DIR")]

@@ -3,6 +3,7 @@
 
 use super::columns::{Assignment, Quantity};
 use super::file_rows::{Table, shortened};
+use super::problem::DataError;
 use super::run::Join;
 use regen_runtime::Info;
 
@@ -93,6 +94,21 @@ impl From<String> for Unfit {
         Self {
             why,
             assignment: None,
+        }
+    }
+}
+
+impl Unfit {
+    /// The error of a run with this name.
+    pub(super) fn of(self, name: &str) -> DataError {
+        let (file, why) = (name.to_owned(), self.why);
+        match self.assignment {
+            Some(assignment) => DataError::Columns {
+                file,
+                why,
+                assignment,
+            },
+            None => DataError::ColumnLayout { file, why },
         }
     }
 }

@@ -186,11 +186,12 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
     ) -> Result<Self, DataError> {
         let info = model.info();
         let policies = settings.policies();
+        let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let file = LogFile::open(&run.clone().into(), &info, settings)?;
-            let survey = file.survey()?;
+            let survey = file.survey(&names)?;
             let mut problems = Problems::default();
             let mut rows = 0;
             let mut fit = match settings.method {

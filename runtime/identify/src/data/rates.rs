@@ -1,5 +1,7 @@
 //! Checks measured velocities against the changes of the measured positions.
 
+use super::layout::Unfit;
+
 /// Rows of a stretch over which a velocity is integrated: noise of single rows averages out.
 const STRETCH_ROWS: usize = 64;
 /// Number of stretches below which nothing is reported.
@@ -73,9 +75,12 @@ impl Rates {
         self.rows = 0;
     }
 
-    /// A sentence on the first velocity column that does not fit its position, with the column
-    /// titles; `None` if all fit.
-    pub(super) fn judge(&self, titles: &dyn Fn(usize) -> String) -> Option<String> {
+    /// What is wrong with the first velocity column that does not fit its position; `None` if all
+    /// fit. Positions that hardly move are not judged.
+    ///
+    /// - `pairs`: the name of each coordinate with the titles of its position and its velocity;
+    /// - `clock`: the title of the column of time; empty where there is none.
+    pub(super) fn judge(&self, pairs: &[[String; 3]], clock: &str) -> Option<Unfit> {
         let m = self.change_squares.len();
         if self.stretches < MIN_STRETCHES {
             return None;
@@ -83,50 +88,111 @@ impl Rates {
         let correlation = |k: usize, j: usize| {
             self.products[k * m + j] / (self.change_squares[k] * self.integral_squares[j]).sqrt()
         };
-        for k in 0..m {
-            let own = correlation(k, k);
-            let (position, velocity) = (titles(1 + k), titles(1 + m + k));
-            // a position that never changes, or a velocity that is always 0, has no correlation
-            if !own.is_finite() {
-                let moves = self.change_squares[k] * STRETCH_ROWS as f64
-                    > MIN_MOTION * MIN_MOTION * self.step_squares[k];
-                if self.integral_squares[k] == 0.0 && moves && self.change_squares[k] > 0.0 {
-                    return Some(format!(
-                        "column `{velocity}` is 0 while column `{position}` moves: leave it out"
-                    ));
-                }
+        let moves = |k: usize| {
+            self.change_squares[k] * STRETCH_ROWS as f64
+                > MIN_MOTION * MIN_MOTION * self.step_squares[k]
+        };
+        let slopes: Vec<(usize, f64)> = (0..m)
+            .filter(|k| moves(*k) && correlation(*k, *k) > MIN_CORRELATION)
+            .map(|k| (k, self.products[k * m + k] / self.change_squares[k]))
+            .collect();
+        // a wrong unit of time changes all velocities alike
+        let all = |size: f64| slopes.iter().all(|(_, slope)| is_near(*slope, size));
+        let of_time = CLOCKS
+            .iter()
+            .find(|(size, _)| slopes.len() > 1 && all(*size));
+        if let (Some((_, unit)), false) = (of_time, clock.is_empty()) {
+            return Some(Unfit {
+                why: format!(
+                    "column `{clock}` looks like {unit}: what the positions move is not the \
+                     integral of the velocities. Read it with"
+                ),
+                assignment: Some(format!("t={clock}:{unit}")),
+            });
+        }
+        for (k, [name, position, velocity]) in pairs.iter().enumerate().take(m) {
+            if !moves(k) {
                 continue;
+            }
+            let own = correlation(k, k);
+            if !own.is_finite() {
+                return Some(Unfit::from(format!(
+                    "column `{velocity}` is 0 while column `{position}` moves: leave it out"
+                )));
             }
             let head = format!(
                 "column `{velocity}` is not the velocity of column `{position}`: over \
                  {STRETCH_ROWS} rows its integral has the correlation {own:.2} with what that moved"
             );
             if own < -MIN_CORRELATION {
-                return Some(format!(
-                    "{head}; its sign is flipped, give it the factor -1"
-                ));
+                return Some(Unfit {
+                    why: format!("{head}; the sign of one of them is flipped. Read that with"),
+                    assignment: Some(format!("qd_{name}={velocity}*-1")),
+                });
             }
             if own < MIN_CORRELATION {
-                let other = (0..m).find(|j| *j != k && correlation(*j, k) > MIN_CORRELATION);
+                let fits = |j: &usize| *j != k && moves(*j) && correlation(*j, k) > MIN_CORRELATION;
+                let other = (0..m).find(fits).and_then(|j| pairs.get(j));
                 return Some(match other {
-                    Some(j) => {
-                        format!(
-                            "{head}; it fits column `{}`: the two are swapped",
-                            titles(1 + j)
-                        )
-                    }
-                    None => format!("{head}; at least {MIN_CORRELATION} is expected"),
+                    Some([_, other, swapped]) => Unfit {
+                        why: format!(
+                            "{head}; it fits column `{other}`: these velocities are swapped, or \
+                             their positions. Read each of the two as the other, such as"
+                        ),
+                        assignment: Some(format!("qd_{name}={swapped}")),
+                    },
+                    None => format!("{head}; at least {MIN_CORRELATION} is expected").into(),
                 });
             }
             let slope = self.products[k * m + k] / self.change_squares[k];
             if !(1.0 / MAX_RATIO..MAX_RATIO).contains(&slope) {
-                return Some(format!(
-                    "column `{velocity}` is {slope:.3} times the velocity of column \
-                     `{position}`: give their units"
-                ));
+                return Some(scaled(slope, name, position, velocity));
             }
         }
         None
+    }
+}
+
+/// Ratios of a velocity to that of its position that a wrong unit of time causes.
+const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
+const OF_VELOCITIES: [(f64, &str, &str); 3] = [
+    (57.295_779_513_082_32, "degrees per second", "deg/s"),
+    (9.549_296_585_513_72, "revolutions per minute", "rpm"),
+    (1e3, "millimetres per second", "mm/s"),
+];
+/// The same of the position.
+const OF_POSITIONS: [(f64, &str, &str); 2] = [
+    (0.017_453_292_519_943_295, "degrees", "deg"),
+    (1e-3, "millimetres", "mm"),
+];
+
+/// Whether a ratio is this one, as far as noise and filters leave it.
+fn is_near(slope: f64, size: f64) -> bool {
+    (slope / size - 1.0).abs() < 0.1
+}
+
+/// What is wrong with a velocity that is `slope` times that of its position.
+fn scaled(slope: f64, name: &str, position: &str, velocity: &str) -> Unfit {
+    let head =
+        format!("column `{velocity}` is {slope:.3} times the velocity of column `{position}`");
+    let known = |units: &[(f64, &'static str, &'static str)]| {
+        let found = units.iter().find(|(size, ..)| is_near(slope, *size));
+        found.map(|(_, words, unit)| (*words, *unit))
+    };
+    let (column, words, assignment) = if let Some((words, unit)) = known(&OF_VELOCITIES) {
+        (velocity, words, format!("qd_{name}={velocity}:{unit}"))
+    } else if let Some((words, unit)) = known(&OF_POSITIONS) {
+        (position, words, format!("{name}={position}:{unit}"))
+    } else {
+        return Unfit {
+            why: format!("{head}: a unit or a gear is missing. Read one of them with"),
+            assignment: Some(format!("qd_{name}={velocity}*{:.3}", 1.0 / slope)),
+        };
+    };
+    Unfit {
+        why: format!("{head}: column `{column}` looks like {words}. Read it with"),
+        assignment: Some(assignment),
     }
 }
 
@@ -150,7 +216,12 @@ mod tests {
             let changed = change(row);
             rates.push(2, &[&[t][..], &changed].concat());
         }
-        rates.judge(&|entry| ["t", "q1", "q2", "qd_q1", "qd_q2"][entry].to_owned())
+        let pairs = ["q1", "q2"].map(|q| [q.to_owned(), q.to_owned(), format!("v_{q}")]);
+        let unfit = rates.judge(&pairs, "t")?;
+        Some(match unfit.assignment {
+            Some(assignment) => format!("{} {assignment}", unfit.why),
+            None => unfit.why,
+        })
     }
 
     #[test]
@@ -158,20 +229,52 @@ mod tests {
         assert_eq!(verdict(|row| row), None);
         let flipped = verdict(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
         assert!(
-            flipped.contains("`qd_q2`") && flipped.contains("factor -1"),
+            flipped.ends_with("flipped. Read that with qd_q2=v_q2*-1"),
             "{flipped}"
         );
         let swapped = verdict(|[a, b, c, d]| [a, b, d, c]).unwrap_or_default();
-        assert!(swapped.contains("fits column `q2`"), "{swapped}");
-        let degrees = verdict(|[a, b, c, d]| [a, b, c.to_degrees(), d]).unwrap_or_default();
         assert!(
-            degrees.contains("57.") && degrees.contains("units"),
-            "{degrees}"
+            swapped.contains("fits column `q2`") && swapped.ends_with("qd_q1=v_q2"),
+            "{swapped}"
         );
+        for (factor, position, expected) in [
+            (
+                57.3,
+                false,
+                "`v_q1` looks like degrees per second. Read it with qd_q1=v_q1:deg/s",
+            ),
+            (
+                57.3,
+                true,
+                "`q1` looks like degrees. Read it with q1=q1:deg",
+            ),
+            (
+                45.0,
+                false,
+                "a unit or a gear is missing. Read one of them with qd_q1=v_q1*0.022",
+            ),
+        ] {
+            let found = verdict(|[a, b, c, d]| {
+                if position {
+                    [factor * a, b, c, d]
+                } else {
+                    [a, b, factor * c, d]
+                }
+            });
+            let found = found.unwrap_or_default();
+            assert!(found.ends_with(expected), "{found}");
+        }
+        let clock = verdict(|[a, b, c, d]| [a, b, 1e3 * c, 1e3 * d]).unwrap_or_default();
+        assert!(clock.ends_with("Read it with t=t:ms"), "{clock}");
         let other = verdict(|[a, b, _, d]| [a, b, a, d]).unwrap_or_default();
         assert!(other.contains("at least 0.7"), "{other}");
         let unread = verdict(|[a, b, c, _]| [a, b, c, 0.0]).unwrap_or_default();
-        assert!(unread.contains("`qd_q2` is 0"), "{unread}");
+        assert!(unread.contains("`v_q2` is 0"), "{unread}");
+        // noise of a joint at rest, whatever its velocity is
+        assert_eq!(
+            verdict(|[a, b, c, _]| [a, 1e-4 * (1e5 * b).sin(), c, a]),
+            None
+        );
         // a joint that does not move
         assert_eq!(verdict(|[a, _, c, _]| [a, 0.3, c, 0.0]), None);
     }

@@ -129,17 +129,7 @@ impl LogFile {
             rates: settings.measured_rates,
             join: run.join,
         };
-        let layout = layout(&tables, search).map_err(|unfit| {
-            let (file, why) = (name.clone(), unfit.why);
-            match unfit.assignment {
-                Some(assignment) => DataError::Columns {
-                    file,
-                    why,
-                    assignment,
-                },
-                None => DataError::ColumnLayout { file, why },
-            }
-        })?;
+        let layout = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
         Ok(Self {
             name,
             layout,
@@ -152,7 +142,9 @@ impl LogFile {
     }
 
     /// Reads the file once for the statistics of all its rows.
-    pub(super) fn survey(&self) -> Result<Survey, DataError> {
+    ///
+    /// - `names`: the names of all coordinates.
+    pub(super) fn survey(&self, names: &[String]) -> Result<Survey, DataError> {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
@@ -197,16 +189,19 @@ impl LogFile {
             }
             Ok(())
         })?;
-        let title = |entry: usize| {
-            let (place, m) = (entry.saturating_sub(1), with_rates.len());
-            let pair = with_rates
-                .get(place % m.max(1))
-                .copied()
-                .unwrap_or_default();
-            self.layout.title(if place < m { pair.0 } else { pair.1 })
-        };
-        if let Some(why) = rates.judge(&title) {
-            return Err(self.unfit(why));
+        let pairs = with_rates.iter().map(|(position, velocity)| {
+            let place = position - positions.start;
+            let coordinate = self.layout.measured.get(place).and_then(|c| names.get(*c));
+            let name = coordinate.cloned().unwrap_or_default();
+            [
+                name,
+                self.layout.title(*position),
+                self.layout.title(*velocity),
+            ]
+        });
+        let pairs: Vec<[String; 3]> = pairs.collect();
+        if let Some(unfit) = rates.judge(&pairs, &self.layout.title(0)) {
+            return Err(unfit.of(&self.name));
         }
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
         let mut position_changes = Vec::with_capacity(positions.len());

@@ -90,8 +90,28 @@ fn meant(key: &str, info: &Info<'_>) -> Option<(Kind, Vec<(String, String)>)> {
                 Some(((*name).to_owned(), star.to_owned()))
             })
             .collect();
-        (!found.is_empty()).then_some((kind, found))
+        (!found.is_empty()).then(|| (kind, ordered(found)))
     })
+}
+
+/// Sorts coordinates by their numbers where their names differ in these only, such as q1, q2, q10;
+/// else they stay in the robot's order.
+fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
+    let parts = |name: &str| {
+        let text = name
+            .trim_end_matches(|c: char| c.is_ascii_digit())
+            .to_owned();
+        let number = name.get(text.len()..)?.parse::<u64>().ok()?;
+        Some((text, number))
+    };
+    let first = found.first().and_then(|(name, _)| parts(name));
+    let same = |(name, _): &(String, String)| {
+        parts(name).map(|own| own.0) == first.as_ref().map(|first| first.0.clone())
+    };
+    if first.is_some() && found.iter().all(same) {
+        found.sort_by_key(|(name, _)| parts(name).map(|own| own.1));
+    }
+    found
 }
 
 /// Reads `columns`, `time` and `rate` of a file.

@@ -105,7 +105,7 @@ static COLUMN: Record = record(
         required(
             "column",
             Shape::Column,
-            "Its name, its number (1 is the first; numbers go on through files side by side), or numbers such as 2..7, one for each coordinate in order",
+            "Its name, its number (1 is the first; numbers go on through files side by side), or numbers such as 2..7, one for each coordinate in the order of their own numbers, or of the robot where names have none",
         ),
         optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
         optional(

@@ -79,6 +79,26 @@ fn patterns_stand_for_parts_of_names_and_single_keys_go_before_them() {
 }
 
 #[test]
+fn columns_in_order_go_by_the_numbers_of_coordinates() {
+    let info = Info {
+        coordinates: &["q1", "q10", "p4", "q3", "arm", "q2"],
+        ..INFO
+    };
+    let numbers = |text: &str| -> Vec<String> {
+        let file = ExperimentFile::read(text, &info).unwrap();
+        let columns = file.settings.columns.iter();
+        columns
+            .map(|a| format!("{}={}", a.quantity, a.column))
+            .collect()
+    };
+    let by_number = ["q1=4", "q2=5", "q3=6", "q10=7"];
+    assert_eq!(numbers("columns: {q*: 4..7}"), by_number);
+    // without numbers, in the robot's order
+    let all = ["q1=1", "q10=2", "p4=3", "q3=4", "arm=5", "q2=6"];
+    assert_eq!(numbers("columns: {'*': 1..6}"), all);
+}
+
+#[test]
 fn every_key_reaches_its_setting() {
     let file = read(
         "header: none
