@@ -18,8 +18,8 @@ use crate::exit::Failure;
 use crate::identify_json::{IdentifyJson, ModelJson, Summary};
 use crate::identify_table::to_text;
 use crate::{
-    delay, identify_iv, identify_simulated, load, observe, outputs, parameters, physical, predicted, reduce, report,
-    suspect, table, terminal, write,
+    delay, identify_iv, identify_simulated, load, observe, outputs, parameters, physical,
+    predicted, reduce, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.

@@ -12,7 +12,7 @@ use regen_identify::session::Session;
 use regen_identify::status::EffortContributions;
 use regen_interpreted::Interpreted;
 use regen_response::{
-    Commanded, DidimError, DidimOptions, EffortRun, ResponseError, Responded, Run, Setup,
+    Commanded, DidimError, DidimOptions, EffortRun, Responded, ResponseError, Run, Setup,
     TrackError, controllers, didim, efforts, respond,
 };
 use regen_runtime::BaseModel;
@@ -240,7 +240,10 @@ fn of_efforts(
         return Err(Failure::Usage(text.to_owned()));
     }
     let laws = laws.unwrap_or_default();
-    if laws.iter().any(|law| law.gains().iter().any(|g| g.is_estimated())) {
+    if laws
+        .iter()
+        .any(|law| law.gains().iter().any(|g| g.is_estimated()))
+    {
         let text = "didim takes gains as they are: leave `estimate` out, or give no --controller, \
                     then the loop keeps the bandwidth of --loop-bandwidth";
         return Err(Failure::Input(text.to_owned()));
@@ -278,11 +281,12 @@ fn of_efforts(
     let measured = measured?;
     let mut runs: Vec<EffortRun<'_>> = Vec::with_capacity(all.len());
     for (k, (track, efforts)) in all.iter().zip(&measured).enumerate() {
-        let (reference, lead): (&(dyn Reference + Sync), f64) = match (&trajectory, references.get(k)) {
-            (Some(series), _) => (series, series.period()),
-            (None, Some(commanded)) => (commanded, 0.0),
-            (None, None) => continue,
-        };
+        let (reference, lead): (&(dyn Reference + Sync), f64) =
+            match (&trajectory, references.get(k)) {
+                (Some(series), _) => (series, series.period()),
+                (None, Some(commanded)) => (commanded, 0.0),
+                (None, None) => continue,
+            };
         runs.push(EffortRun {
             times: &track.times,
             efforts,
@@ -343,13 +347,18 @@ fn of_responses(
     };
     setup.window = args.simulated.window;
     setup.friction_width = args.simulated.friction_width;
-    let runs: Result<Vec<Run>, TrackError> =
-        all.iter().map(|track| Run::of_track(track, &info)).collect();
+    let runs: Result<Vec<Run>, TrackError> = all
+        .iter()
+        .map(|track| Run::of_track(track, &info))
+        .collect();
     let runs = runs?;
     let watch = session.watch;
     watch.work("simulating the controlled robot");
     let mut progress = |step: usize, squares: f64| {
-        let text = format!("step {step}, squared residuals {}", table::figure_of(3, squares));
+        let text = format!(
+            "step {step}, squared residuals {}",
+            table::figure_of(3, squares)
+        );
         watch.work(&text);
     };
     let level = args.confidence;
@@ -420,7 +429,11 @@ pub(crate) fn require_determined(summary: &Summary) -> Result<(), Failure> {
     if found.undetermined.is_empty() {
         return Ok(());
     }
-    let words: Vec<&str> = found.undetermined.iter().map(|d| d.words.as_str()).collect();
+    let words: Vec<&str> = found
+        .undetermined
+        .iter()
+        .map(|d| d.words.as_str())
+        .collect();
     Err(Failure::Numeric(format!(
         "responses to these commands do not determine {}: the values stay where they started along \
          this; give a gain that is known, or move what is at rest",
@@ -480,12 +493,16 @@ impl SimulatedJson {
                     vec![
                         e.label.clone(),
                         table::figure(e.value),
-                        e.sigma.map_or_else(|| "-".to_owned(), |s| table::figure_of(3, s)),
+                        e.sigma
+                            .map_or_else(|| "-".to_owned(), |s| table::figure_of(3, s)),
                     ]
                 })
                 .collect();
             out.push('\n');
-            out.push_str(&table::columns(&["estimated too", "value", "sigma"], &lines));
+            out.push_str(&table::columns(
+                &["estimated too", "value", "sigma"],
+                &lines,
+            ));
         }
         for direction in &found.undetermined {
             out.push_str(&table::field("undetermined", &direction.words));
@@ -530,9 +547,7 @@ impl From<ResponseError> for Failure {
         match error {
             ResponseError::Estimate(error) => error.into(),
             ResponseError::Start { .. } => Self::Numeric(error.to_string()),
-            ResponseError::Setting("window") => {
-                Self::Input("--window must be above 0".to_owned())
-            }
+            ResponseError::Setting("window") => Self::Input("--window must be above 0".to_owned()),
             ResponseError::Setting("friction width") => {
                 Self::Input("--friction-width must be above 0".to_owned())
             }

@@ -38,7 +38,11 @@ fn prepared(test: &str) -> PathBuf {
     fs::write(dir.join("m.json"), MOTION).unwrap();
     let words = "simulate swing.yaml --trajectory m.json --perturb 0.1 --seed 3 --noise 1e-5,0.01 \
                  --duration 2 --settle 2 --step 0.005 --bandwidth 8";
-    run(&dir, &format!("{words} --commands --controller gains.yaml --out run.csv")).ended(0);
+    run(
+        &dir,
+        &format!("{words} --commands --controller gains.yaml --out run.csv"),
+    )
+    .ended(0);
     run(&dir, &format!("{words} --exact --out exact.csv")).ended(0);
     dir
 }
@@ -51,7 +55,9 @@ fn run(dir: &Path, words: &str) -> Run {
 /// Asserts that every parameter is within four of its standard deviations of the truth, and that
 /// these are below a tenth of the largest value.
 fn assert_true(dir: &Path, found: &Value) {
-    let exact = run(dir, "identify swing.yaml exact.csv --format json").ended(0).json();
+    let exact = run(dir, "identify swing.yaml exact.csv --format json")
+        .ended(0)
+        .json();
     let rows = |value: &Value| value["parameters"].as_array().unwrap().clone();
     for (row, exact) in rows(found).iter().zip(rows(&exact)) {
         let of = |row: &Value, key: &str| row[key].as_f64().unwrap();
@@ -65,7 +71,9 @@ fn assert_true(dir: &Path, found: &Value) {
 fn responses_and_efforts_give_the_parameters_in_the_common_result() {
     let dir = prepared("simulated_result");
     let words = "identify swing.yaml run.csv --controller gains.yaml --format json --estimator";
-    let found = run(&dir, &format!("{words} response --window 0.5 --out p.json")).ended(0).json();
+    let found = run(&dir, &format!("{words} response --window 0.5 --out p.json"))
+        .ended(0)
+        .json();
     assert_eq!(found["method"], "response");
     assert_eq!(found["simulated"]["response"]["windows"], 4);
     assert_eq!(found["efforts"][0]["name"], "q1");
@@ -99,7 +107,11 @@ fn what_commands_leave_open_is_named_and_ends_with_code_4() {
     assert!(found.out.contains("estimated too"), "{}", found.out);
     assert!(found.out.contains("undetermined"), "{}", found.out);
     assert!(found.err.contains("do not determine"), "{}", found.err);
-    assert!(found.err.contains("the common scale of Izz(1)"), "{}", found.err);
+    assert!(
+        found.err.contains("the common scale of Izz(1)"),
+        "{}",
+        found.err
+    );
 }
 
 #[test]
@@ -112,20 +124,56 @@ fn what_is_missing_or_wrong_is_answered_with_the_remedy() {
     let response = "identify swing.yaml run.csv --estimator response";
     for (words, code, says) in [
         (response.to_owned(), 2, "--controller FILE"),
-        (format!("{response} --controller typo.yaml"), 3, "typo.yaml: q1.kt: unknown key"),
-        (format!("{response} --controller other.yaml"), 3, "other.yaml: q2: this is no actuated"),
-        (format!("{response} --controller gains.yaml --window 0"), 3, "--window"),
-        (format!("{response} --controller gains.yaml --feasible"), 2, "--feasible"),
-        (format!("{response} --controller gains.yaml --delay q1=0.1"), 2, "--delay"),
-        ("identify swing.yaml run.csv --reference m.json".to_owned(), 2, "--reference"),
-        ("identify swing.yaml run.csv --iv --estimator ls".to_owned(), 2, "--iv"),
-        ("identify swing.yaml run.csv --estimator didim --start m.json".to_owned(), 3, "m.json"),
+        (
+            format!("{response} --controller typo.yaml"),
+            3,
+            "typo.yaml: q1.kt: unknown key",
+        ),
+        (
+            format!("{response} --controller other.yaml"),
+            3,
+            "other.yaml: q2: this is no actuated",
+        ),
+        (
+            format!("{response} --controller gains.yaml --window 0"),
+            3,
+            "--window",
+        ),
+        (
+            format!("{response} --controller gains.yaml --feasible"),
+            2,
+            "--feasible",
+        ),
+        (
+            format!("{response} --controller gains.yaml --delay q1=0.1"),
+            2,
+            "--delay",
+        ),
+        (
+            "identify swing.yaml run.csv --reference m.json".to_owned(),
+            2,
+            "--reference",
+        ),
+        (
+            "identify swing.yaml run.csv --iv --estimator ls".to_owned(),
+            2,
+            "--iv",
+        ),
+        (
+            "identify swing.yaml run.csv --estimator didim --start m.json".to_owned(),
+            3,
+            "m.json",
+        ),
         (
             "identify swing.yaml bare.csv --estimator response --controller gains.yaml".to_owned(),
             3,
             "--command q1=COLUMN",
         ),
-        ("identify swing.yaml bare.csv --estimator didim".to_owned(), 3, "--reference"),
+        (
+            "identify swing.yaml bare.csv --estimator didim".to_owned(),
+            3,
+            "--reference",
+        ),
     ] {
         let found = run(&dir, &words).ended(code);
         assert!(found.err.contains(says), "{words}: {}", found.err);
@@ -141,7 +189,9 @@ fn options_and_estimators_of_the_same_name_are_the_same() {
     for [option, estimator] in [["--iv", "iv"], ["--huber 1.345", "huber"], ["", "ls"]] {
         let words = "identify swing.yaml run.csv --butterworth 4,20 --format json";
         let old = run(&dir, &format!("{words} {option}")).ended(0).out;
-        let new = run(&dir, &format!("{words} --estimator {estimator}")).ended(0).out;
+        let new = run(&dir, &format!("{words} --estimator {estimator}"))
+            .ended(0)
+            .out;
         assert_eq!(old, new);
     }
 }

@@ -8,7 +8,12 @@
 //! ```text
 //! cargo run --release -p regen-response --example coverage -- SEEDS [didim|response]..
 //! ```
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    missing_docs
+)]
 
 #[path = "../tests/responses/twin.rs"]
 #[allow(dead_code, reason = "tests use the rest")]
@@ -106,7 +111,14 @@ where
             let log = twin.log();
             let joints = gains.len();
             let efforts: Vec<Vec<f64>> = (0..joints)
-                .map(|k| log.measured_effort.iter().skip(k).step_by(joints).copied().collect())
+                .map(|k| {
+                    log.measured_effort
+                        .iter()
+                        .skip(k)
+                        .step_by(joints)
+                        .copied()
+                        .collect()
+                })
                 .collect();
             let reference = twin.reference();
             let run = EffortRun {
@@ -135,7 +147,15 @@ where
         } else {
             let run = twin.run();
             let clock = Instant::now();
-            let found = respond(model, model, &[run], &twin.setup(), &start, 0.95, &mut |_, _| {});
+            let found = respond(
+                model,
+                model,
+                &[run],
+                &twin.setup(),
+                &start,
+                0.95,
+                &mut |_, _| {},
+            );
             count.seconds += clock.elapsed().as_secs_f64();
             let Ok(found) = found else {
                 count.failed += 1;
@@ -161,9 +181,23 @@ fn main() {
     }
     for which in &wanted {
         let five = [[60.0, 0.8]; 2];
-        study("five-bar of the guide", &picker::Picker, &five, 0.01, seeds, which);
+        study(
+            "five-bar of the guide",
+            &picker::Picker,
+            &five,
+            0.01,
+            seeds,
+            which,
+        );
         let model = &picker_asymmetric::PickerAsymmetric;
-        study("five-bar, friction by direction", model, &five, 0.01, seeds, which);
+        study(
+            "five-bar, friction by direction",
+            model,
+            &five,
+            0.01,
+            seeds,
+            which,
+        );
         let gains = [[300.0, 12.0], [60.0, 1.5]];
         study("arm", &arm::Arm, &gains, 0.05, seeds, which);
     }

@@ -86,7 +86,9 @@ pub fn controllers(file: &Json, info: &Info<'_>) -> Result<Setup, ControllerErro
         let Some(own) = top.get(*joint) else {
             return mistake(
                 joint,
-                format!("this actuated joint has no controller: write `{joint}: {{kp: 40, kd: 2}}`"),
+                format!(
+                    "this actuated joint has no controller: write `{joint}: {{kp: 40, kd: 2}}`"
+                ),
             );
         };
         laws.push(law(own, joint)?);
@@ -139,7 +141,9 @@ fn law(value: &Json, joint: &str) -> Result<Law, ControllerError> {
             "kd" => law.kd = number(value, &place)?,
             "offset" => law.offset = number(value, &place)?,
             "limit" => {
-                let ends = value.as_array().map(|a| a.iter().filter_map(Json::as_f64).collect());
+                let ends = value
+                    .as_array()
+                    .map(|a| a.iter().filter_map(Json::as_f64).collect());
                 let ends: Vec<f64> = ends.unwrap_or_default();
                 let [lo, hi] = ends[..] else {
                     return mistake(&place, "two numbers are needed, such as [-10, 10]");
@@ -156,7 +160,12 @@ fn law(value: &Json, joint: &str) -> Result<Law, ControllerError> {
                     _ => return mistake(&place, "write `error` or `velocity`"),
                 }
             }
-            _ => return mistake(&place, format!("unknown key; there are {}", KEYS.join(", "))),
+            _ => {
+                return mistake(
+                    &place,
+                    format!("unknown key; there are {}", KEYS.join(", ")),
+                );
+            }
         }
     }
     Ok(law)

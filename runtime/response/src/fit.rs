@@ -145,7 +145,12 @@ where
         "output error of responses, {}",
         describe(&statistics.deviations)
     );
-    let of_kept = Intervals::of(&statistics.white, &statistics.correlated, confidence, method);
+    let of_kept = Intervals::of(
+        &statistics.white,
+        &statistics.correlated,
+        confidence,
+        method,
+    );
     let interval = |k: usize| {
         let place = open.kept.iter().position(|c| *c == k)?;
         let determined = !open.involved.get(k).copied().unwrap_or(true);

@@ -67,7 +67,11 @@ pub(crate) struct Undetermined {
 ///
 /// - `values`: of the unknowns, to recognise a common scale; `scalable`: which of them can be
 ///   scaled together.
-pub(crate) fn undetermined(factor: &QrFactor, values: &[f64], scalable: &dyn Fn(usize) -> bool) -> Undetermined {
+pub(crate) fn undetermined(
+    factor: &QrFactor,
+    values: &[f64],
+    scalable: &dyn Fn(usize) -> bool,
+) -> Undetermined {
     let n = factor.columns();
     let norms = factor.column_norms();
     let longest = norms.iter().copied().fold(0.0, f64::max);
@@ -193,13 +197,21 @@ mod tests {
     fn directions_are_named_and_a_common_scale_is_recognised() {
         let found = undetermined(&factor(), &[0.2, 0.1, 1.0, 0.3], &|_| true);
         let words: Vec<String> = found.directions.iter().map(ToString::to_string).collect();
-        assert!(words.contains(&"the common scale of Izz(1), kp(q1)".to_owned()), "{words:?}");
+        assert!(
+            words.contains(&"the common scale of Izz(1), kp(q1)".to_owned()),
+            "{words:?}"
+        );
         assert!(words.contains(&"mx(1)".to_owned()), "{words:?}");
         assert_eq!(found.involved, [true, true, false, true]);
         assert_eq!(found.kept.len(), 2);
         // other values are not in this proportion
         let found = undetermined(&factor(), &[0.2, 0.7, 1.0, 0.3], &|_| true);
         let words: Vec<String> = found.directions.iter().map(ToString::to_string).collect();
-        assert!(words.iter().any(|w| w.contains("kp(q1)") && w.contains('+')), "{words:?}");
+        assert!(
+            words
+                .iter()
+                .any(|w| w.contains("kp(q1)") && w.contains('+')),
+            "{words:?}"
+        );
     }
 }

@@ -119,7 +119,11 @@ fn between(times: &[f64], samples: &[[Sensitive; 2]], at: f64, rate: bool) -> (S
         (6.0 * s - 4.0) / h,
         (6.0 * s - 2.0) / h,
     ];
-    let (own, slopes) = if rate { (first, second) } else { (zeroth, first) };
+    let (own, slopes) = if rate {
+        (first, second)
+    } else {
+        (zeroth, first)
+    };
     let parts = [p0, p1, v0, v1];
     let mut out = Sensitive::constant(0.0, p0.rates.len());
     for (part, factor) in parts.iter().zip(own) {

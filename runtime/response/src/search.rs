@@ -133,7 +133,9 @@ where
                         None
                     }
                 };
-                let next_cost = next.as_ref().map_or(f64::INFINITY, |n| n.cost(&signals.floors));
+                let next_cost = next
+                    .as_ref()
+                    .map_or(f64::INFINITY, |n| n.cost(&signals.floors));
                 if let Some(next) = next
                     && next_cost <= cost
                 {
@@ -279,7 +281,11 @@ where
         let rows = self.rows(signals, window, shared, &trace);
         let mut out = Vec::with_capacity(rows.len());
         for rows in rows {
-            let finite = rows.slopes.iter().chain(&rows.values).all(|x| x.is_finite());
+            let finite = rows
+                .slopes
+                .iter()
+                .chain(&rows.values)
+                .all(|x| x.is_finite());
             if !finite || self.out_of_reach(shared) {
                 return Ok(Err(Refused::Diverged));
             }
@@ -322,18 +328,16 @@ where
     }
 
     /// The step with this damping.
-    fn step(
-        &self,
-        at: &Evaluated,
-        weights: &[f64],
-        damping: f64,
-    ) -> Result<Step, ResponseError> {
+    fn step(&self, at: &Evaluated, weights: &[f64], damping: f64) -> Result<Step, ResponseError> {
         let own = self.own();
         let mut wholes = Vec::with_capacity(at.windows.len());
         let mut squares = vec![0.0; self.unknowns.len()];
         for factors in &at.windows {
             let whole = combined(factors, weights)?;
-            for (sum, norm) in squares.iter_mut().zip(whole.column_norms().iter().skip(own)) {
+            for (sum, norm) in squares
+                .iter_mut()
+                .zip(whole.column_norms().iter().skip(own))
+            {
                 *sum += norm * norm;
             }
             wholes.push(whole);

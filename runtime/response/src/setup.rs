@@ -229,9 +229,10 @@ impl Run {
         }
         let rest = start..self.times.len();
         match out.last_mut() {
-            Some(last) if self.times.last().is_none_or(|end| {
-                end - self.times[start] < 0.5 * length || rest.len() < least
-            }) =>
+            Some(last)
+                if self.times.last().is_none_or(|end| {
+                    end - self.times[start] < 0.5 * length || rest.len() < least
+                }) =>
             {
                 last.end = rest.end;
             }

@@ -51,13 +51,17 @@ pub(crate) fn state<M: BaseModel<f64> + ?Sized>(
         velocities.push(found.get(1).copied().unwrap_or(0.0) / span);
     }
     let still = vec![0.0; measured.len()];
-    Ok(match completion.complete(&positions, &velocities, &still)? {
-        Completed::State(state) => {
-            let pick = |all: &[f64]| -> Vec<f64> { info.independent.iter().map(|c| all[*c]).collect() };
-            let mut out = pick(&state.q);
-            out.extend(pick(&state.qd));
-            Some(out)
-        }
-        _ => None,
-    })
+    Ok(
+        match completion.complete(&positions, &velocities, &still)? {
+            Completed::State(state) => {
+                let pick = |all: &[f64]| -> Vec<f64> {
+                    info.independent.iter().map(|c| all[*c]).collect()
+                };
+                let mut out = pick(&state.q);
+                out.extend(pick(&state.qd));
+                Some(out)
+            }
+            _ => None,
+        },
+    )
 }

@@ -77,7 +77,11 @@ where
         for window in &windows {
             scores.interrupt();
             for sample in window {
-                let weights: Vec<f64> = sample.used.iter().map(|u| f64::from(u8::from(*u))).collect();
+                let weights: Vec<f64> = sample
+                    .used
+                    .iter()
+                    .map(|u| f64::from(u8::from(*u)))
+                    .collect();
                 scores.push(&sample.w, &weights, &sample.psi, &slopes)?;
             }
         }

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
-    Drive, Log, LogColumns, Noise, Sensors, Settings, SimulationError, Termination, TuningError, control,
-    perturb_parameters, simulate_with_progress,
+    Drive, Log, LogColumns, Noise, Sensors, Settings, SimulationError, Termination, TuningError,
+    control, perturb_parameters, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::files::Format;

@@ -425,7 +425,11 @@ impl ColumnLayout {
             list.iter().find(|a| a.quantity == *quantity).cloned()
         };
         let time = of(assignments, &Quantity::Time);
-        let usual = if header.iter().any(|h| h == "t") { "t" } else { "time" };
+        let usual = if header.iter().any(|h| h == "t") {
+            "t"
+        } else {
+            "time"
+        };
         let time = find(time.as_ref(), usual, true)?;
         let mut channels: Vec<Channel> = time.into_iter().collect();
         let mut found: [Vec<usize>; 4] = Default::default();

@@ -18,12 +18,15 @@ fn a_candidate_that_cannot_be_simulated_shortens_the_step() {
     let twin = short(Twin::new(&Arm, &ARM));
     let truth = twin.beta();
     let mut start = truth.clone();
-    // a light second link that is hardly possible: full steps leave what can be simulated
-    start[3] *= 0.5;
-    start[0] *= 2.5;
+    // an arm five times as heavy: full steps from there leave what can be simulated
+    start[0] *= 5.0;
     let (found, _) = fitted(&Arm, &[twin.run()], &twin.setup(), &start);
     assert!(found.refused > 0, "{found:?}");
-    assert!(worst(&found.model.beta, &truth) < 1e-3, "{:?}", found.model.beta);
+    assert!(
+        worst(&found.model.beta, &truth) < 1e-3,
+        "{:?}",
+        found.model.beta
+    );
 }
 
 #[test]
@@ -31,8 +34,19 @@ fn a_start_that_cannot_be_simulated_is_refused_with_its_reason() {
     let twin = short(Twin::new(&Arm, &ARM));
     let mut start = twin.beta();
     start[0] = -1.0;
-    let found = respond(&Arm, &Arm, &[twin.run()], &twin.setup(), &start, 0.95, &mut |_, _| {});
-    assert!(matches!(found, Err(ResponseError::Start { .. })), "{found:?}");
+    let found = respond(
+        &Arm,
+        &Arm,
+        &[twin.run()],
+        &twin.setup(),
+        &start,
+        0.95,
+        &mut |_, _| {},
+    );
+    assert!(
+        matches!(found, Err(ResponseError::Start { .. })),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -49,7 +63,11 @@ fn windows_of_any_lengths_give_the_same_parameters() {
         let mut setup = long.setup();
         setup.window = window;
         let (found, _) = fitted(&Arm, &runs, &setup, &off(&truth, 0.05));
-        assert!(worst(&found.model.beta, &truth) < 1e-3, "{window} {:?}", found.model.beta);
+        assert!(
+            worst(&found.model.beta, &truth) < 1e-3,
+            "{window} {:?}",
+            found.model.beta
+        );
     }
 }
 
@@ -68,8 +86,14 @@ fn unknown_gains_leave_a_common_scale_that_is_named_and_no_variance_is_negative(
     let (found, _) = fitted(&Arm, &[twin.run()], &setup, &off(&truth, 0.05));
     let words: Vec<String> = found.undetermined.iter().map(ToString::to_string).collect();
     assert_eq!(words.len(), 1, "{words:?}");
-    assert!(words[0].starts_with("the common scale of Izz(1)"), "{words:?}");
-    assert!(words[0].contains("kp(q1)") && words[0].contains("kd(q2)"), "{words:?}");
+    assert!(
+        words[0].starts_with("the common scale of Izz(1)"),
+        "{words:?}"
+    );
+    assert!(
+        words[0].contains("kp(q1)") && words[0].contains("kd(q2)"),
+        "{words:?}"
+    );
     // nothing is said of what is not determined
     assert!(found.model.intervals.base[0].is_none());
     assert!(found.estimated.iter().all(|e| e.interval.is_none()));
@@ -79,16 +103,29 @@ fn unknown_gains_leave_a_common_scale_that_is_named_and_no_variance_is_negative(
     // ratios are right all the same
     let scale = found.model.beta[0] / truth[0];
     let scaled: Vec<f64> = truth.iter().map(|x| x * scale).collect();
-    assert!(worst(&found.model.beta, &scaled) < 0.05, "{:?} {scaled:?}", found.model.beta);
+    assert!(
+        worst(&found.model.beta, &scaled) < 0.05,
+        "{:?} {scaled:?}",
+        found.model.beta
+    );
 
     // one known gain fixes the scale
     setup.laws[0].kp = Value::known(ARM[0][0]);
     let (found, _) = fitted(&Arm, &[twin.run()], &setup, &off(&truth, 0.05));
     assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
-    let all = found.model.intervals.base.iter().zip(&found.model.beta).zip(&truth);
+    let all = found
+        .model
+        .intervals
+        .base
+        .iter()
+        .zip(&found.model.beta)
+        .zip(&truth);
     for ((interval, value), truth) in all {
         let sigma = interval.unwrap().sigma;
-        assert!((value - truth).abs() < 5.0 * sigma, "{value} {truth} {sigma}");
+        assert!(
+            (value - truth).abs() < 5.0 * sigma,
+            "{value} {truth} {sigma}"
+        );
     }
 }
 

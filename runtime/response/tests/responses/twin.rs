@@ -169,7 +169,11 @@ pub(crate) fn nominal(info: &Info<'_>) -> Vec<f64> {
 /// Parameters off the truth by up to this part, each by its own.
 pub(crate) fn off(values: &[f64], part: f64) -> Vec<f64> {
     let factor = |k: usize| 1.0 + part * (2.3 * (k + 1) as f64).sin();
-    values.iter().enumerate().map(|(k, x)| x * factor(k)).collect()
+    values
+        .iter()
+        .enumerate()
+        .map(|(k, x)| x * factor(k))
+        .collect()
 }
 
 /// The largest error over the largest value.
