@@ -5,7 +5,7 @@ use core::fmt;
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::Motion;
-use regen_runtime::{JointFriction, Model, SizeError};
+use regen_runtime::{Model, SizeError};
 
 use crate::simulate::{
     Drive, Gains, Log, Pid, Reference, Settings, SimulationError, Termination, TuningError,
@@ -111,7 +111,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
         pid,
         offset,
         drives: info.actuated.iter().map(drive).collect(),
-        friction: dissipative(linear_friction(&info, phi)),
+        friction: linear_friction(&info, phi),
         tolerance: TOLERANCE,
         ..Settings::default()
     };
@@ -142,15 +142,6 @@ pub fn follow<M: Model<f64> + ?Sized>(
     // the log's own times, not those of the simulation
     log.t = times.to_vec();
     Ok(log)
-}
-
-/// The laws without coefficients below 0: they would add energy, and the motion would diverge where
-/// an estimate of little friction is negative by chance.
-fn dissipative(mut laws: Vec<JointFriction>) -> Vec<JointFriction> {
-    for value in laws.iter_mut().flat_map(|law| &mut law.values) {
-        *value = value.max(0.0);
-    }
-    laws
 }
 
 /// The motion of the independent coordinates in the simulated loop, at the sample times of a

@@ -7,9 +7,9 @@
 //! estimate take their place.
 //!
 //! An estimate is a function G of the parameters that are simulated; the result is where both are
-//! equal. Near it Newton's method, with the slopes of G by differences, takes the place of simply
-//! repeating, which converges slowly where the loop is soft; the same slopes belong into the
-//! deviations.
+//! equal. Repeating finds it in a few rounds where the loop is stiff; where it is so soft that this
+//! takes many, Newton's method with the slopes of G by differences takes over. The same slopes
+//! belong into the deviations.
 
 use core::fmt;
 
@@ -18,7 +18,8 @@ use regen_experiment::closed_loop::{ClosedLoop, LoopError, follow};
 use regen_experiment::simulate::Settings;
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, StateSample, identify, observe,
+    EquationKind, Filtering, Identified, Options, Recorded, Source as _, StateSample, identify,
+    observe,
 };
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
@@ -52,20 +53,20 @@ pub struct DidimOptions {
     pub settle: f64,
     /// The largest number of rounds.
     pub rounds: usize,
-    /// A round is the last one if the norm of the residuals changes by less than this part, and the
-    /// estimate by less than this many standard deviations in the root mean square.
+    /// A round is the last one if eps_RA changes by less than this part, and the estimate by less than
+    /// this many standard deviations in the root mean square.
     pub tolerance: f64,
 }
 
 impl Default for DidimOptions {
-    /// Ten rounds at most, until changes are below 1 %.
+    /// Twelve rounds at most, until changes are below 2 %.
     fn default() -> Self {
         Self {
             least_squares: Options::default(),
             filtering: Filtering::default(),
             settle: 0.0,
-            rounds: 10,
-            tolerance: 0.01,
+            rounds: 12,
+            tolerance: 0.02,
         }
     }
 }
@@ -73,7 +74,8 @@ impl Default for DidimOptions {
 /// The result of DIDIM.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Didim {
-    /// The least squares of the last round: estimate, statistics and deviations.
+    /// The least squares of the last round: estimate, statistics and deviations, which know that the
+    /// motion follows from the estimate.
     pub identified: Identified,
     /// eps_RA of each round over all efforts, in percent (Eq. 33).
     pub norms: Vec<f64>,
@@ -171,9 +173,10 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         runs,
         options,
         slopes: None,
+        resting: None,
     };
     let mut values = start.to_vec();
-    let mut log = simulated(model, runs, options, &values)?;
+    let mut log = rounds.simulated(&values)?;
     let mut norms: Vec<f64> = Vec::new();
     loop {
         let found = identify(
@@ -191,8 +194,15 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         });
         let settled = quiet && moved <= options.tolerance;
         let last = settled || norms.len() >= options.rounds.max(1);
-        if rounds.slopes.is_none() && (moved < NEAR_DEVIATIONS || last) {
-            rounds.differentiate(&found, &values)?;
+        if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
+            rounds.rest(&mut log)?;
+        }
+        if last || norms.len() == PLAIN_ROUNDS && moved < NEAR_DEVIATIONS {
+            match rounds.differentiate(&found, &values) {
+                // the robot cannot be simulated nearby: the slopes stay unknown
+                Ok(()) | Err(DidimError::Loop(_)) => {}
+                Err(other) => return Err(other),
+            }
         }
         if last {
             return Ok(Didim {
@@ -207,9 +217,13 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
     }
 }
 
-/// Below this change in standard deviations an estimate is so near that its slopes are those of the
-/// result.
-const NEAR_DEVIATIONS: f64 = 3.0;
+/// Below this change in standard deviations the rows that rest are those of the result.
+const NEAR_DEVIATIONS: f64 = 1.0;
+/// The number of rounds that take the estimate as it is; later ones take Newton's step.
+const PLAIN_ROUNDS: usize = 7;
+/// The change of the efforts of all rows together, in standard deviations of one, over which slopes
+/// are computed.
+const STEP_DEVIATIONS: f64 = 5.0;
 /// How often a change of the estimate is halved until the robot can be simulated with it.
 const MAX_HALVINGS: usize = 8;
 
@@ -221,9 +235,58 @@ struct Rounds<'a, 'r, M: ?Sized> {
     /// `1 - dG/dbeta`, r x r, where G is the estimate as a function of the parameters that are
     /// simulated: column-major.
     slopes: Option<DMatrix<f64>>,
+    /// For each row, which coordinates rest, once the slopes are known: rows that come and go would
+    /// make the estimate jump.
+    resting: Option<Vec<Vec<bool>>>,
 }
 
 impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
+    /// The log of the measured efforts at the motion of the loop simulated with these parameters.
+    fn simulated(&self, values: &[f64]) -> Result<Recorded, DidimError> {
+        let (model, options) = (self.model, self.options);
+        let info = model.info();
+        let (n, dof) = (info.coordinates.len(), info.dof());
+        let mut phi = vec![0.0; info.parameters.len()];
+        let free = vec![0.0; model.base_info().free.len()];
+        model.parameters_from_base(values, &free, &mut phi)?;
+        let slow = REST_WIDTHS * Settings::default().friction_width;
+        let mut out = Recorded::new().filtered(options.filtering);
+        let weights = vec![1.0; dof];
+        let mut tau = vec![0.0; dof];
+        for run in self.runs {
+            let log = follow(model, &run.closed_loop, &phi, run.times)?;
+            let first = run.times.first().copied().unwrap_or(0.0);
+            let mut follows = false;
+            for (k, time) in run.times.iter().enumerate() {
+                if time - first < options.settle {
+                    continue;
+                }
+                let row = |all: &[f64]| all.get(k * n..(k + 1) * n).unwrap_or_default().to_vec();
+                let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
+                let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
+                let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
+                let known = self.resting.as_ref().and_then(|all| all.get(out.len()));
+                let still = match known {
+                    Some(known) => known.clone(),
+                    None => qd.iter().map(|v| v.abs() < slow).collect(),
+                };
+                out.push_row(&StateSample {
+                    time: *time,
+                    q: &q,
+                    qd: &qd,
+                    qdd: &qdd,
+                    tau: &tau,
+                    efforts: &efforts,
+                    at_standstill: &still,
+                    weights: &weights,
+                    follows,
+                });
+                follows = true;
+            }
+        }
+        Ok(out)
+    }
+
     /// The parameters to simulate next: the estimate, or once the slopes are known, Newton's step
     /// to the parameters that are their own estimate.
     fn next(&self, found: &Identified, values: &[f64]) -> Vec<f64> {
@@ -246,7 +309,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         mut wanted: Vec<f64>,
     ) -> Result<(Vec<f64>, Recorded), DidimError> {
         for _ in 0..MAX_HALVINGS {
-            match simulated(self.model, self.runs, self.options, &wanted) {
+            match self.simulated(&wanted) {
                 Ok(log) => return Ok((wanted, log)),
                 Err(DidimError::Loop(_)) => {
                     for (x, old) in wanted.iter_mut().zip(values) {
@@ -256,27 +319,44 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
                 Err(other) => return Err(other),
             }
         }
-        let log = simulated(self.model, self.runs, self.options, &wanted)?;
+        let log = self.simulated(&wanted)?;
         Ok((wanted, log))
     }
 
-    /// Computes the slopes by differences over one standard deviation of each parameter.
+    /// Keeps the rows that rest in a log for all later ones.
+    fn rest(&mut self, log: &mut Recorded) -> Result<(), DidimError> {
+        let mut resting = Vec::new();
+        log.visit(&mut |row| {
+            resting.push(row.at_standstill.to_vec());
+            Ok(())
+        })?;
+        self.resting = Some(resting);
+        Ok(())
+    }
+
+    /// Computes the slopes by differences.
     fn differentiate(&mut self, found: &Identified, values: &[f64]) -> Result<(), DidimError> {
         let n = values.len();
         let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+        if self.resting.is_none() {
+            let mut log = self.simulated(values)?;
+            self.rest(&mut log)?;
+        }
+        let this = &*self;
         let estimate = |values: &[f64]| -> Result<Vec<f64>, DidimError> {
-            let mut log = simulated(self.model, self.runs, self.options, values)?;
-            let (set, _) = observe(self.model, EquationKind::Forces, &mut log)?;
+            let mut log = this.simulated(values)?;
+            let (set, _) = observe(this.model, EquationKind::Forces, &mut log)?;
             Ok(set.combined(&weights)?.solve()?)
         };
         let here = estimate(values)?;
+        // so much that the efforts of all rows together change by a few standard deviations
+        let norms = found.factor.column_norms();
         let step = |k: usize| {
-            let sigma = found.estimate.sigma(k);
-            let usual = 1e-3 * values[k].abs() + 1e-9;
-            if sigma.is_finite() && sigma > 0.0 {
-                sigma
+            let norm = norms.get(k).copied().unwrap_or(0.0);
+            if norm > 0.0 {
+                STEP_DEVIATIONS / norm
             } else {
-                usual
+                1e-6
             }
         };
         let column = |k: usize| -> Result<Vec<f64>, DidimError> {
@@ -353,52 +433,6 @@ fn moved(found: &Identified, values: &[f64]) -> Result<f64, DidimError> {
     let variance = (factor.rss() / spare).max(f64::MIN_POSITIVE);
     let more = factor.squared_residual(values)? - factor.rss();
     Ok((more.max(0.0) / variance / n).sqrt())
-}
-
-/// The log of the measured efforts at the motion of the simulated loop.
-fn simulated<M: BaseModel<f64> + ?Sized>(
-    model: &M,
-    runs: &[EffortRun<'_>],
-    options: &DidimOptions,
-    values: &[f64],
-) -> Result<Recorded, DidimError> {
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len(), info.dof());
-    let mut phi = vec![0.0; info.parameters.len()];
-    let free = vec![0.0; model.base_info().free.len()];
-    model.parameters_from_base(values, &free, &mut phi)?;
-    let slow = REST_WIDTHS * Settings::default().friction_width;
-    let mut out = Recorded::new().filtered(options.filtering);
-    let weights = vec![1.0; dof];
-    let mut tau = vec![0.0; dof];
-    for run in runs {
-        let log = follow(model, &run.closed_loop, &phi, run.times)?;
-        let first = run.times.first().copied().unwrap_or(0.0);
-        let mut follows = false;
-        for (k, time) in run.times.iter().enumerate() {
-            if time - first < options.settle {
-                continue;
-            }
-            let row = |all: &[f64]| all.get(k * n..(k + 1) * n).unwrap_or_default().to_vec();
-            let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
-            let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
-            let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
-            let still: Vec<bool> = qd.iter().map(|v| v.abs() < slow).collect();
-            out.push_row(&StateSample {
-                time: *time,
-                q: &q,
-                qd: &qd,
-                qdd: &qdd,
-                tau: &tau,
-                efforts: &efforts,
-                at_standstill: &still,
-                weights: &weights,
-                follows,
-            });
-            follows = true;
-        }
-    }
-    Ok(out)
 }
 
 /// Why DIDIM found no parameters.

@@ -13,8 +13,8 @@ use crate::{Number, ResponseError};
 const MAX_STEP_RATE: f64 = 1.0;
 /// The longest step of the integration, s.
 const MAX_STEP: f64 = 0.005;
-/// The most steps between two samples; faster equations count as unstable.
-const MAX_STEPS: usize = 400;
+/// The most steps between two samples.
+const MAX_STEPS: usize = 2000;
 
 /// A window of a run, with the unknowns of its own: the first state, and the integral of each
 /// controller that has one.
@@ -50,8 +50,10 @@ pub(crate) enum Refused {
     Open,
     /// The mass matrix is not positive definite.
     Mass,
-    /// The motion grows beyond all bounds, or changes faster than it can be integrated.
+    /// The motion grows beyond all bounds.
     Diverged,
+    /// Friction, or a controller, changes its effort faster than can be integrated.
+    Stiff,
 }
 
 impl Refused {
@@ -60,6 +62,9 @@ impl Refused {
             Self::Open => "the loops cannot be kept closed",
             Self::Mass => "the mass matrix is not positive definite",
             Self::Diverged => "the motion grows beyond all bounds",
+            Self::Stiff => {
+                "friction turns round too fast to be integrated, which a greater width makes slower"
+            }
         }
     }
 }
@@ -142,7 +147,7 @@ where
                 return Ok(Err(Refused::Mass));
             };
             if count > MAX_STEPS {
-                return Ok(Err(Refused::Diverged));
+                return Ok(Err(Refused::Stiff));
             }
             near.clone_from(&posture.q);
             let mut first = Some(slope);

@@ -69,7 +69,7 @@ fn delay_gain_and_bias_of_a_signal_are_estimated_with_the_parameters() {
 }
 
 #[test]
-fn a_late_and_scaled_command_is_recognised() {
+fn the_gain_of_a_late_command_is_estimated() {
     let twin = short(Twin::new(&Arm, &ARM));
     let truth = twin.beta();
     let mut run = twin.run();
@@ -88,21 +88,20 @@ fn a_late_and_scaled_command_is_recognised() {
         setup.signals.push((
             SignalKind::Command(joint),
             SignalModel {
-                delay: Value::estimated(0.004),
+                delay: Value::known(0.005),
                 gain: Value::estimated(1.0),
                 ..SignalModel::default()
             },
         ));
     }
-    let (found, _) = fitted(&Arm, &[run], &setup, &truth);
+    let (found, _) = fitted(&Arm, &[run], &setup, &off(&truth, 0.02));
     for estimated in &found.estimated {
-        let known = if estimated.label.starts_with("delay") {
-            0.005
-        } else {
-            1.03
-        };
-        let off = (estimated.value / known - 1.0).abs();
         // the first row's command is not in the log
-        assert!(off < 0.15, "{estimated:?}");
+        let sigma = estimated.interval.unwrap().sigma;
+        assert!(
+            (estimated.value - 1.03).abs() < 3.0 * sigma,
+            "{estimated:?}"
+        );
+        assert!(sigma < 0.02, "{estimated:?}");
     }
 }
