@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_experiment::simulate::{Pid, Reference};
 use regen_identify::data::{FileReport, Track, tracks};
+use regen_identify::estimate::Spectrum;
 use regen_identify::files::ParameterFile;
 use regen_identify::identify::{Filtering, digest};
 use regen_identify::model::{IdentifiedModel, Interval, Provenance};
@@ -393,8 +394,10 @@ fn summary(found: &Responded) -> Summary {
         kind: "responses to commands".to_owned(),
         equations,
         degrees_of_freedom: found.factor.rows().saturating_sub(found.factor.columns()),
-        condition: spectrum.as_ref().map_or(f64::NAN, |s| s.condition()),
-        scaled_condition: spectrum.as_ref().map_or(f64::NAN, |s| s.scaled_condition()),
+        condition: spectrum.as_ref().map_or(f64::NAN, Spectrum::condition),
+        scaled_condition: spectrum
+            .as_ref()
+            .map_or(f64::NAN, Spectrum::scaled_condition),
         efforts: efforts.collect(),
         relative_absolute: None,
         bandwidth: None,

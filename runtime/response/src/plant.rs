@@ -38,10 +38,15 @@ impl Side {
         let soft = libm::tanh(v / width);
         let slope = (1.0 - soft * soft) / width;
         let hard = if v == 0.0 { 0.0 } else { v.signum() };
-        match self {
-            Self::Forward if v < 0.0 => (0.0, 0.0),
-            Self::Backward if v > 0.0 => (0.0, 0.0),
-            _ => (soft - hard, slope),
+        let absent = match self {
+            Self::Both => false,
+            Self::Forward => v < 0.0,
+            Self::Backward => v > 0.0,
+        };
+        if absent {
+            (0.0, 0.0)
+        } else {
+            (soft - hard, slope)
         }
     }
 }
@@ -199,8 +204,7 @@ where
         for _ in 0..MAX_NEWTON_STEPS {
             let condition = self.model.newton_step(q, &mut step)?;
             let size = largest(&step);
-            // also refuses NaN
-            if condition.status() == Status::Singular || !(size <= last) {
+            if condition.status() == Status::Singular || size.is_nan() || size > last {
                 return Ok(false);
             }
             for (place, x) in self.dependent.iter().zip(&step) {

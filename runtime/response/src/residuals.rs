@@ -133,16 +133,24 @@ fn between(times: &[f64], samples: &[[Sensitive; 2]], at: f64, rate: bool) -> (S
     (out, slope)
 }
 
+/// What all windows have in common where their residuals are computed.
+pub(crate) struct Common<'a> {
+    pub(crate) kinds: &'a [SignalKind],
+    pub(crate) unknowns: &'a Unknowns,
+    /// The values of the unknowns.
+    pub(crate) shared: &'a [f64],
+    /// The number of the windows' own unknowns.
+    pub(crate) own: usize,
+    /// How many seconds at both ends are left out where a delay is estimated.
+    pub(crate) margin: f64,
+}
+
 /// All residuals of a window, signal by signal in the order of `kinds`.
 pub(crate) fn of_window(
     trace: &Trace,
     run: &Run,
     rows: &core::ops::Range<usize>,
-    kinds: &[SignalKind],
-    unknowns: &Unknowns,
-    shared: &[f64],
-    own: usize,
-    margin: f64,
+    common: &Common<'_>,
 ) -> Vec<SignalRows> {
     let of = |kind: &SignalKind| {
         let own_values = measured(run).find(|(k, _)| k == kind);
@@ -151,10 +159,11 @@ pub(crate) fn of_window(
         };
         let cut = |all: &[f64]| all.get(rows.clone()).unwrap_or_default().to_vec();
         let (times, values) = (cut(&run.times), cut(values));
-        let entries = unknowns.signal(*kind, shared);
-        of_signal(trace, *kind, [&times, &values], entries, own, margin)
+        let entries = common.unknowns.signal(*kind, common.shared);
+        let signal = [&times[..], &values];
+        of_signal(trace, *kind, signal, entries, common.own, common.margin)
     };
-    kinds.iter().map(of).collect()
+    common.kinds.iter().map(of).collect()
 }
 
 /// The triangle of a signal's residuals.

@@ -153,17 +153,17 @@ where
                 }
                 damping *= 10.0;
                 if damping > MOST_DAMPING {
-                    return self.finish(signals, at, windows, shared, [steps, refused], false);
+                    return self.finish(signals, &at, windows, shared, [steps, refused], false);
                 }
             }
         }
-        self.finish(signals, at, windows, shared, [steps, refused], settled)
+        self.finish(signals, &at, windows, shared, [steps, refused], settled)
     }
 
     fn finish(
         &self,
         signals: &Signals,
-        at: Evaluated,
+        at: &Evaluated,
         windows: Vec<Window>,
         shared: Vec<f64>,
         [steps, refused]: [usize; 2],
@@ -308,16 +308,14 @@ where
         let Some(run) = self.runs.get(window.run) else {
             return Vec::new();
         };
-        residuals::of_window(
-            trace,
-            run,
-            &window.rows,
-            &signals.kinds,
-            self.unknowns,
+        let common = residuals::Common {
+            kinds: &signals.kinds,
+            unknowns: self.unknowns,
             shared,
-            self.own(),
-            self.setup.greatest_delay,
-        )
+            own: self.own(),
+            margin: self.setup.greatest_delay,
+        };
+        residuals::of_window(trace, run, &window.rows, &common)
     }
 
     /// Whether an estimated delay of a measured signal is beyond what is looked for.

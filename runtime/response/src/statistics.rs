@@ -53,7 +53,7 @@ where
                 }
             };
             let rows = self.rows(signals, window, &found.shared, &trace);
-            windows.push(self.projected(rows, window.rows.len(), &found.weights, open)?);
+            windows.push(self.projected(&rows, window.rows.len(), &found.weights, open)?);
         }
         let zeros = vec![0.0; names.len()];
         let mut errors = Residuals::new(names, &means(&windows, names.len()), LAGS);
@@ -106,7 +106,7 @@ where
     /// explain of them, sample by sample.
     fn projected(
         &self,
-        rows: Vec<SignalRows>,
+        rows: &[SignalRows],
         samples: usize,
         weights: &[f64],
         open: &Undetermined,
