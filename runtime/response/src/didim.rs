@@ -206,7 +206,7 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         }
         if last {
             return Ok(Didim {
-                identified: rounds.propagated(found)?,
+                identified: rounds.propagated(found),
                 rounds: norms.len(),
                 norms,
                 settled,
@@ -405,9 +405,9 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
 
     /// The estimate whose deviations know that the simulated motion follows from it: an error of the
     /// efforts moves the parameters, these move the motion, and that moves the parameters again.
-    fn propagated(&self, mut found: Identified) -> Result<Identified, DidimError> {
+    fn propagated(&self, mut found: Identified) -> Identified {
         let Some(inverse) = self.slopes.as_ref().and_then(|s| s.clone().try_inverse()) else {
-            return Ok(found);
+            return found;
         };
         let n = inverse.nrows();
         let through = |covariance: &[f64]| -> Vec<f64> {
@@ -420,7 +420,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         let whole = through(&found.deviations.covariance);
         found.deviations = found.deviations.with_covariance(whole, 0);
         found.deviations.degrees_of_freedom = freedom;
-        Ok(found)
+        found
     }
 }
 

@@ -126,13 +126,8 @@ where
                 let small = step.deviations < TOLERANCE_DEVIATIONS;
                 let (next_windows, next_shared) = moved(&windows, &shared, &step);
                 // a candidate that cannot be simulated costs infinitely much
-                let next = match self.evaluate(signals, &next_windows, &next_shared)? {
-                    Ok(next) => Some(next),
-                    Err(_) => {
-                        refused += 1;
-                        None
-                    }
-                };
+                let next = self.evaluate(signals, &next_windows, &next_shared)?.ok();
+                refused += usize::from(next.is_none());
                 let next_cost = next
                     .as_ref()
                     .map_or(f64::INFINITY, |n| n.cost(&signals.floors));

@@ -116,7 +116,7 @@ where
             return Ok(Err(Refused::Open));
         }
         let mut near = start.q;
-        let mut trace = self.empty(run, window.rows.len());
+        let mut trace = Self::empty(run, window.rows.len());
         let mut before: Vec<Option<Sensitive>> = vec![None; controllers.len()];
         for row in window.rows.clone() {
             let Some(posture) = self.plant.posture(&near, &moving.state, true)? else {
@@ -187,7 +187,7 @@ where
     }
 
     /// A trace without samples, of every coordinate that is measured.
-    fn empty(&self, run: &Run, rows: usize) -> Trace {
+    fn empty(run: &Run, rows: usize) -> Trace {
         let mut coordinates: Vec<usize> = run.positions.iter().map(|(c, _)| *c).collect();
         coordinates.extend(run.velocities.iter().map(|(c, _)| *c));
         coordinates.sort_unstable();
@@ -312,18 +312,17 @@ where
             rates: vec![0.0; start.rates.len()],
         };
         for (weight, ahead) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
-            let slope = match known.take() {
-                Some(slope) => slope,
-                None => {
-                    let Some(at) = self.plant.posture(near, &moving.state, true)? else {
-                        return Ok(Err(Refused::Open));
-                    };
-                    near.clone_from(&at.q);
-                    let Some(slope) = self.slope(moving, &at, controllers, beta, own)? else {
-                        return Ok(Err(Refused::Mass));
-                    };
-                    slope
-                }
+            let slope = if let Some(slope) = known.take() {
+                slope
+            } else {
+                let Some(at) = self.plant.posture(near, &moving.state, true)? else {
+                    return Ok(Err(Refused::Open));
+                };
+                near.clone_from(&at.q);
+                let Some(slope) = self.slope(moving, &at, controllers, beta, own)? else {
+                    return Ok(Err(Refused::Mass));
+                };
+                slope
             };
             sum.add(&slope, weight);
             moving.clone_from(&start);

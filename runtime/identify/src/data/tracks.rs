@@ -66,7 +66,12 @@ pub fn tracks(
         places = found;
         Ok(layout)
     })?;
-    let survey = file.survey()?;
+    let names: Vec<String> = info
+        .coordinates
+        .iter()
+        .map(|name| (*name).to_owned())
+        .collect();
+    let survey = file.survey(&names)?;
     let mut problems = Problems::default();
     let mut out: Vec<Track> = Vec::new();
     let mut rows = 0;
