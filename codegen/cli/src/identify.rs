@@ -54,7 +54,11 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if args.from.is_empty() {
         experiment::require_runs(&args.logs)?;
     }
-    args.physical.against.extend(planned);
+    if let Some(estimator @ (EstimatorArg::Didim | EstimatorArg::Response)) = args.estimator {
+        identify_simulated::note_unused(estimator, &mut args.reading, &planned);
+    } else {
+        args.physical.against.extend(planned);
+    }
     let args = &args;
     let robot = load::loaded_with_base(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_experiment::simulate::{Pid, Reference};
-use regen_identify::data::{FileReport, Track, tracks};
+use regen_identify::data::{FileReport, Run as LogRun, Track, tracks};
 use regen_identify::estimate::Spectrum;
 use regen_identify::files::ParameterFile;
-use regen_identify::identify::{Filtering, digest};
+use regen_identify::identify::{EquationKind, Filtering, digest};
 use regen_identify::model::{IdentifiedModel, Interval, Provenance};
 use regen_identify::session::Session;
 use regen_identify::status::EffortContributions;
@@ -19,11 +19,11 @@ use regen_response::{
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
-use crate::args::{EstimatorArg, IdentifyArgs};
+use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
 use crate::identify::Outcome;
 use crate::identify_json::{EffortJson, IdentifyJson, Summary};
-use crate::{observe, parameters, path, predicted, table};
+use crate::{observe, parameters, path, predicted, table, terminal};
 
 /// Huber's bound where none is given.
 const HUBER_BOUND: f64 = 1.345;
@@ -130,6 +130,32 @@ fn name(estimator: EstimatorArg) -> &'static str {
         EstimatorArg::Iv => "instrumental variables",
         EstimatorArg::Didim => "DIDIM",
         EstimatorArg::Response => "the fit to responses",
+    }
+}
+
+/// Tells what of an experiment file an estimator that simulates has no use for, and leaves it out.
+///
+/// - `planned`: the runs to validate on, which may lack efforts or positions.
+pub(crate) fn note_unused(estimator: EstimatorArg, reading: &mut ReadingArgs, planned: &[LogRun]) {
+    let Some(experiment) = &reading.experiment else {
+        return;
+    };
+    let settings = &experiment.settings;
+    let is_auto = reading.delay.contains(&DelayArg::Auto);
+    let unused = [
+        (is_auto || !settings.delays.is_empty(), "delay"),
+        (settings.period.is_some(), "period"),
+        (experiment.kind != EquationKind::Forces, "energy"),
+        (!planned.is_empty(), "runs to validate on"),
+    ];
+    let unused: Vec<&str> = unused.iter().filter(|u| u.0).map(|u| u.1).collect();
+    reading.delay.clear();
+    if !unused.is_empty() {
+        terminal::note(&format!(
+            "{} leaves out of the experiment file: {}",
+            name(estimator),
+            unused.join(", ")
+        ));
     }
 }
 

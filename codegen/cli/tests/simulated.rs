@@ -100,6 +100,43 @@ fn responses_and_efforts_give_the_parameters_in_the_common_result() {
 }
 
 #[test]
+fn an_experiment_file_says_how_commands_are_read() {
+    let dir = prepared("simulated_experiment");
+    let text = fs::read_to_string(dir.join("run.csv")).unwrap();
+    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let place = |title: &str| head.iter().position(|h| *h == title).unwrap();
+    // positions and commands side by side, with semicolons and decimal commas
+    for (file, titles) in [
+        ("a.csv", &["t", "q1"][..]),
+        ("b.csv", &["t", "cmd_q1", "tau_q1"]),
+    ] {
+        let row = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let own: Vec<&str> = titles.iter().map(|t| cells[place(t)]).collect();
+            own.join(";").replace('.', ",") + "\n"
+        };
+        fs::write(dir.join(file), text.lines().map(row).collect::<String>()).unwrap();
+    }
+    let runs = "process: {delay: auto}\nruns:\n  - {files: [a.csv, b.csv]}\n  \
+                - {files: run.csv, use: validate}\n";
+    fs::write(dir.join("runs.yaml"), runs).unwrap();
+    let words = "--controller gains.yaml --window 0.5 --format json --estimator";
+    for estimator in ["response", "didim"] {
+        let identify = |log: &str| {
+            run(
+                &dir,
+                &format!("identify swing.yaml {log} {words} {estimator}"),
+            )
+        };
+        let found = identify("runs.yaml").ended(0);
+        let says = "leaves out of the experiment file: delay, runs to validate on";
+        assert!(found.err.contains(says), "{}", found.err);
+        let plain = identify("run.csv").ended(0).json();
+        assert_eq!(found.json()["parameters"], plain["parameters"]);
+    }
+}
+
+#[test]
 fn what_commands_leave_open_is_named_and_ends_with_code_4() {
     let dir = prepared("simulated_open");
     let gains = "q1: {kp: {estimate: 100}, ki: {estimate: 400}, kd: {estimate: 2}, \
