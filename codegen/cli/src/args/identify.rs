@@ -132,8 +132,6 @@ pub(crate) struct IdentifyArgs {
     /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
-    #[command(flatten)]
-    pub(crate) simulated: SimulatedArgs,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
@@ -145,6 +143,8 @@ pub(crate) struct IdentifyArgs {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
     // clap would list options declared after these flattened ones under their headings
+    #[command(flatten)]
+    pub(crate) simulated: SimulatedArgs,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
     #[command(flatten)]
