@@ -167,5 +167,9 @@ fn converted_parameters_of_robot_and_payload_do_not_mix() {
         let expected = if payload { 0.0 } else { *a };
         assert_eq!(b.to_bits(), expected.to_bits(), "{parameter:?}");
     }
-    assert!(with.iter().zip(&without).any(|(a, b)| a.to_bits() != b.to_bits()));
+    assert!(
+        with.iter()
+            .zip(&without)
+            .any(|(a, b)| a.to_bits() != b.to_bits())
+    );
 }
