@@ -232,7 +232,7 @@ fn an_uneven_clock_is_filtered_on_an_even_grid_and_refused_without_one() {
         },
         ..Settings::default()
     };
-    let mut logs = Logs::open(&Pendulum, &[run.clone()], &settings).unwrap();
+    let mut logs = Logs::open(&Pendulum, std::slice::from_ref(&run), &settings).unwrap();
     let refused = identify(
         &Pendulum,
         EquationKind::Forces,
@@ -258,7 +258,7 @@ fn an_uneven_clock_is_filtered_on_an_even_grid_and_refused_without_one() {
         assert!((a / b - 1.0).abs() < 1e-3, "{found:?}");
     }
     settings.resample = Some(30.0);
-    let coarse = Logs::open(&Pendulum, &[run.clone()], &settings)
+    let coarse = Logs::open(&Pendulum, std::slice::from_ref(&run), &settings)
         .err()
         .unwrap()
         .to_string();
@@ -282,7 +282,7 @@ fn measured_velocities_alone_are_used_and_differentiated_once() {
     let run = Run::from(write("velocities", "log.csv", &text));
     let mut settings = Settings::default();
     for [t, _, qd, qdd] in states(run.clone(), &settings) {
-        assert_eq!([qd], [at(t)[1]]);
+        assert_eq!(qd.to_bits(), at(t)[1].to_bits());
         // differences of velocities are of second order or better
         let exact = -9.0 * (3.0 * t).sin() - 19.6 * (7.0 * t).cos();
         assert!((qdd - exact).abs() < 0.05, "{t}: {qdd} {exact}");
@@ -326,7 +326,7 @@ fn doubtful_rows_are_treated_by_their_kind() {
             },
             ..Settings::default()
         };
-        Logs::open(&Pendulum, &[path.clone()], &settings)
+        Logs::open(&Pendulum, std::slice::from_ref(&path), &settings)
     };
     assert!(matches!(open(None), Err(DataError::Problems { .. })));
     let rows = |policy| open(Some(policy)).unwrap().reports()[0].rows;
