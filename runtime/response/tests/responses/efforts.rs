@@ -82,31 +82,6 @@ fn efforts_alone_give_the_parameters_of_an_arm() {
     });
 }
 
-/// Gains that keep a bandwidth with each estimate simulate a loop that follows its commands nearly
-/// as the robot does, whatever the robot's own gains are.
-#[test]
-fn a_loop_of_unknown_gains_keeps_its_bandwidth_with_every_estimate() {
-    let twin = Twin {
-        noise: [0.0, 0.05],
-        ..Twin::new(&Arm, &[[3000.0, 60.0], [400.0, 6.0]])
-    };
-    let truth = twin.beta();
-    let tuned = Controllers::Tuned {
-        bandwidth: 25.0,
-        given: &[],
-    };
-    // an estimate twice as heavy: known gains would be too soft for it by the half
-    let heavy: Vec<f64> = truth.iter().map(|x| 2.0 * x).collect();
-    let found = found(&twin, tuned, &heavy).unwrap();
-    assert!(found.settled, "{:?}", found.norms);
-    for (value, truth) in found.identified.estimate.values.iter().zip(&truth) {
-        assert!(
-            (value - truth).abs() < 0.1 * truth.abs().max(0.2),
-            "{value} {truth}"
-        );
-    }
-}
-
 #[test]
 fn an_estimate_that_cannot_be_simulated_is_refused_with_its_reason() {
     let twin = Twin::new(&Arm, &ARM);
