@@ -33,7 +33,7 @@ fn robots() -> [(&'static str, String, usize); 3] {
         (
             "an arm of three joints",
             file("tests/fixtures/mechanisms/payload.yaml"),
-            8,
+            10,
         ),
         // a body that moves in all ways: all ten parameters
         ("PUMA 560", loaded("puma560", "6"), 10),

@@ -157,7 +157,8 @@ pub(crate) struct IdentifyArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Simulating the controlled robot (didim, response)")]
 pub(crate) struct SimulatedArgs {
-    /// The column of a joint's commanded position: NAME=COLUMN[:UNIT][*FACTOR]
+    /// The column of a joint's commanded position, NAME=COLUMN, with :UNIT and
+    /// *FACTOR behind it where they are needed
     /// (may be repeated) [default: cmd_NAME]
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) command: Vec<regen_identify::data::Assignment>,

@@ -88,7 +88,7 @@ pub(crate) fn run() -> ValueParser {
 /// Which velocities are used
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum VelocitiesArg {
-    /// Those of the log's columns, where it has any [default]
+    /// Those of the log's columns, where it has any: the default
     Measured,
     /// Those computed from the positions
     Computed,
