@@ -40,7 +40,6 @@ pub(crate) enum SimulatedJson {
 #[derive(Serialize)]
 pub(crate) struct DidimJson {
     rounds: usize,
-    settled: bool,
     /// eps_RA of each round, percent.
     relative_absolute: Vec<f64>,
 }
@@ -50,7 +49,6 @@ pub(crate) struct DidimJson {
 pub(crate) struct ResponseJson {
     windows: usize,
     steps: usize,
-    settled: bool,
     /// Candidates that could not be simulated.
     refused: usize,
     /// Gains and values of signals that were estimated.
@@ -342,10 +340,17 @@ fn of_efforts(
     let found = didim(model, &runs, &options, start);
     session.watch.rest();
     let found = found?;
+    if !found.settled {
+        return Err(Failure::Numeric(format!(
+            "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
+             estimate: give the robot's own gains with --controller, or start nearer with --start",
+            found.rounds,
+            found.norms.last().copied().unwrap_or(f64::NAN)
+        )));
+    }
     let identified = found.model(args.confidence);
     let json = DidimJson {
         rounds: found.rounds,
-        settled: found.settled,
         relative_absolute: found.norms.clone(),
     };
     let start = found.start(args.confidence);
@@ -391,6 +396,13 @@ fn of_responses(
     let found = respond(model, model, &runs, &setup, start, level, &mut progress);
     watch.rest();
     let found = found?;
+    if !found.settled {
+        return Err(Failure::Numeric(format!(
+            "the fit did not converge in {} steps, so there is no estimate: start nearer with \
+             --start, or shorten the windows with --window",
+            found.steps
+        )));
+    }
     let summary = summary(&found);
     let shares = EffortContributions::of(&found.factor);
     Ok((found.model, summary, shares))
@@ -439,7 +451,6 @@ fn summary(found: &Responded) -> Summary {
         simulated: Some(SimulatedJson::Response(ResponseJson {
             windows: found.windows,
             steps: found.steps,
-            settled: found.settled,
             refused: found.refused,
             estimated: estimated.collect(),
             undetermined: undetermined.collect(),
@@ -472,7 +483,6 @@ pub(crate) fn require_determined(summary: &Summary) -> Result<(), Failure> {
 impl SimulatedJson {
     /// The lines above the tables.
     pub(crate) fn to_text(&self) -> String {
-        let settled = |settled: bool| if settled { "" } else { ", not settled" };
         match self {
             Self::Didim(found) => {
                 let errors: Vec<String> = found
@@ -480,21 +490,11 @@ impl SimulatedJson {
                     .iter()
                     .map(|e| format!("{e:.3}"))
                     .collect();
-                let text = format!(
-                    "{}{}; eps_RA {} %",
-                    found.rounds,
-                    settled(found.settled),
-                    errors.join(", ")
-                );
+                let text = format!("{}; eps_RA {} %", found.rounds, errors.join(", "));
                 table::field("rounds", &text)
             }
             Self::Response(found) => {
-                let mut text = format!(
-                    "{} in {} windows{}",
-                    found.steps,
-                    found.windows,
-                    settled(found.settled)
-                );
+                let mut text = format!("{} in {} windows", found.steps, found.windows);
                 if found.refused > 0 {
                     let _ = write!(
                         text,

@@ -26,7 +26,7 @@ pub enum Controllers<'a> {
         /// Gains that replace tuned ones.
         given: &'a [Gains],
     },
-    /// Those of the robot itself.
+    /// The controllers that the robot ran with.
     Known {
         /// The controllers, in the order of `Info::actuated`.
         pid: &'a [Pid],

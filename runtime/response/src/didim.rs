@@ -81,7 +81,8 @@ pub struct Didim {
     pub norms: Vec<f64>,
     /// The number of rounds.
     pub rounds: usize,
-    /// Whether the last round changed the estimate as little as the tolerance says.
+    /// Whether the last round changed the estimate as little as the tolerance says. If not, the values
+    /// solve nothing, and their deviations are of no use.
     pub settled: bool,
 }
 
@@ -142,6 +143,7 @@ impl Didim {
 /// let run = EffortRun { times: &times, efforts: &[log.effort.clone()], closed_loop };
 /// let found = didim(&models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
 /// assert!((found.identified.estimate.values[0] - 0.5).abs() < 1e-3);
+/// assert!(found.settled);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
@@ -191,7 +193,8 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
             let now = found.relative_absolute;
             (now - b).abs() <= options.tolerance * b.max(f64::MIN_POSITIVE)
         });
-        let settled = quiet && moved <= options.tolerance;
+        let settled =
+            quiet && moved <= options.tolerance || is_same(&found.estimate.values, &values);
         let last = settled || norms.len() >= options.rounds.max(1);
         if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
             rounds.rest(&mut log)?;
@@ -218,6 +221,8 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
 
 /// Below this change in standard deviations the rows that rest are those of the result.
 const NEAR_DEVIATIONS: f64 = 1.0;
+/// The relative change at which values count as the same; simulated motion has a few digits more.
+const SAME_DIGITS: f64 = 1e-5;
 /// The number of rounds that take the estimate as it is; later ones take Newton's step.
 const PLAIN_ROUNDS: usize = 7;
 /// The change of the efforts of all rows together, in standard deviations of one, over which slopes
@@ -421,6 +426,14 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         found.deviations.degrees_of_freedom = freedom;
         found
     }
+}
+
+/// Whether two lists of values agree to the digits that simulation gives. Efforts without noise leave
+/// hardly any deviations, which changes could be compared with.
+fn is_same(found: &[f64], values: &[f64]) -> bool {
+    let largest = found.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let mut both = found.iter().zip(values);
+    both.all(|(a, b)| (a - b).abs() <= SAME_DIGITS * a.abs().max(SAME_DIGITS * largest))
 }
 
 /// By how many standard deviations an estimate differs from values: the root mean square over all

@@ -63,10 +63,10 @@ pub struct ExperimentFile {
 /// Where the delays of efforts behind the motion come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Delay {
-    /// They are those of the settings.
+    /// The settings state the delays.
     #[default]
     Stated,
-    /// They are to be found from the logs.
+    /// The identification finds the delays from the logs.
     Auto,
 }
 
@@ -84,10 +84,10 @@ pub struct PlannedRun {
 /// What a run is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Purpose {
-    /// Parameters are identified from it.
+    /// Parameters are identified from the run.
     #[default]
     Identify,
-    /// It is predicted only.
+    /// Its efforts are predicted by parameters that other runs gave.
     Validate,
 }
 
