@@ -24,7 +24,6 @@ pub(crate) struct InstrumentsJson {
     /// simulated.
     cutoff: Option<f64>,
     rounds: usize,
-    settled: bool,
     /// eps_RA in percent, with efforts predicted at the motion of the instruments.
     relative_absolute: f64,
     /// The number of equations in which both estimates are compared.
@@ -64,6 +63,13 @@ pub(crate) fn run(
         .transpose()?;
     let reference = reference.as_ref().map(|path| (path, args.pid.as_slice()));
     let found = instrumental(session, start, &args.logs, reference)?;
+    if !found.instrumental.settled {
+        return Err(Failure::Numeric(format!(
+            "--iv did not converge in {} rounds, so there is no estimate: the instruments are weak; \
+             take a motion that excites more, or give the commanded one by --reference",
+            found.instrumental.rounds
+        )));
+    }
     let json = InstrumentsJson::new(&found.instrumental, found.cutoff);
     Ok((found.model, json, found.instrumental.bandwidth))
 }
@@ -107,7 +113,6 @@ impl InstrumentsJson {
             },
             cutoff,
             rounds: found.rounds,
-            settled: found.settled,
             relative_absolute: found.at_instruments,
             equations: found.estimate.efforts.iter().map(|e| e.rows).sum(),
             weakest: found.weakest().map(|k| (k, found.is_weak(k))),
@@ -126,11 +131,7 @@ impl InstrumentsJson {
             let _ = write!(text, ", below {} Hz", table::figure_of(3, cutoff));
         }
         let mut out = table::field("instruments", &text);
-        let settled = if self.settled { "" } else { ", not settled" };
-        out.push_str(&table::field(
-            "rounds",
-            &format!("{}{settled}", self.rounds),
-        ));
+        out.push_str(&table::field("rounds", &self.rounds.to_string()));
         let weakest = self.weakest.map(|(k, weak)| (self.relevance.get(k), weak));
         if let Some((Some(weakest), weak)) = weakest {
             let weak = if weak { ": weak" } else { "" };

@@ -343,7 +343,8 @@ fn of_efforts(
     if !found.settled {
         return Err(Failure::Numeric(format!(
             "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
-             estimate: give the robot's own gains with --controller, or start nearer with --start",
+             estimate: take a motion that excites more, give the robot's own gains with \
+             --controller, or start nearer with --start",
             found.rounds,
             found.norms.last().copied().unwrap_or(f64::NAN)
         )));
