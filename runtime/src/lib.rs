@@ -18,12 +18,11 @@
 //!   computes. Needs `std`.
 //! - `tangent`: `Tangent`, derivatives in several directions at once, bit-identical on every
 //!   machine.
-//! - `simd`: `Lane`, several states at once in one SIMD register, with the instruction set detected
-//!   at run time.
 //! - `macros`: `robot_model!`, which derives a robot from its YAML file at compile time.
 //!
 //! The crate `regen-identify` identifies parameters from logs; `regen-experiment` computes exciting
-//! trajectories and simulates. A controller links neither.
+//! trajectories and simulates; `regen-batch` computes several states at once in SIMD registers. A
+//! controller links none of them.
 #![no_std]
 #![allow(
     clippy::doc_markdown,
@@ -65,10 +64,8 @@ pub use parameter::{INERTIAL, Parameter, Sign, Symbol};
 pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
-pub use scalar::Scalar;
 #[cfg(feature = "tangent")]
 pub use scalar::Tangent;
-#[cfg(feature = "simd")]
-pub use scalar::{Lane, LaneMask};
+pub use scalar::{Scalar, angles};
 pub use size::{SizeError, array, array_mut, matrix_mut};
 pub use solve_guarded::{PIVOT_BOUND, solve_guarded};

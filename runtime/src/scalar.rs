@@ -3,19 +3,15 @@
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-mod angles;
+pub mod angles;
 #[cfg(feature = "dual")]
 mod dual;
-#[cfg(feature = "simd")]
-mod lane;
 mod real;
 #[cfg(feature = "tangent")]
 mod tangent;
 
 #[cfg(feature = "dual")]
 pub use dual::Dual;
-#[cfg(feature = "simd")]
-pub use lane::{Lane, LaneMask};
 #[cfg(feature = "tangent")]
 pub use tangent::Tangent;
 
@@ -36,12 +32,12 @@ pub use tangent::Tangent;
 ///
 /// Arrays of `f64` do not implement this trait. The compiler splits such values into single
 /// numbers, and in functions of thousands of operations it spills registers instead of vectorising:
-/// slower than one call per state, and many times slower to compile. Use `Lane` (feature `simd`).
+/// slower than one call per state, and many times slower to compile. Use `Lane` of `regen-batch`.
 ///
 /// # `mul_add` follows the hardware
 ///
 /// [`mul_add`](Scalar::mul_add) is fused only where hardware for it is known to exist: for `f64`
-/// and `f32` under `cfg!(target_feature = "fma")`, for `Lane` where its token proves it. Elsewhere
+/// and `f32` under `cfg!(target_feature = "fma")`, for `Lane` of `regen-batch` where its token proves it. Elsewhere
 /// it is a product and a sum, because a software routine for the fused result would be a hundred
 /// times slower. Results may thus differ in the last bits between targets.
 ///

@@ -119,11 +119,10 @@ proptest! {
     }
 }
 
-#[cfg(feature = "simd")]
 mod lanes {
     use super::*;
     use pulp::{Arch, Simd, WithSimd, bytemuck};
-    use regen_runtime::Lane;
+    use regen_batch::Lane;
 
     struct Agree<'a>(&'a [f64]);
     impl WithSimd for Agree<'_> {

@@ -153,11 +153,11 @@ mod dual {
     }
 }
 
-#[cfg(feature = "simd")]
 mod lane {
     use super::*;
     use pulp::{Arch, Simd, WithSimd, bytemuck};
-    use regen_runtime::{Lane, solve_pivoted};
+    use regen_batch::Lane;
+    use regen_runtime::solve_pivoted;
 
     fn lanes<S: Simd>(simd: S, values: &[f64]) -> Lane<S> {
         Lane {

@@ -9,13 +9,14 @@ use std::f64::consts::FRAC_PI_2;
 
 use num_dual::Dual64;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
+use regen_batch::Lane;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::{self, Rounded, Single};
 use regen_codegen::optimize::{Op, Program};
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::FunctionKind;
 use regen_generated::rps3::{self, Rps3};
-use regen_runtime::{Dual, Lane, LoopClosure, PIVOT_BOUND, Scalar};
+use regen_runtime::{Dual, LoopClosure, PIVOT_BOUND, Scalar};
 use regen_tests::files;
 use regen_tests::reference::Random;
 

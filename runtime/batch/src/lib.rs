@@ -1,6 +1,7 @@
 //! Base regressors of many samples, computed several at once in SIMD registers with the instruction
 //! set detected at run time, from generated models. A controller, which has one state at a time,
-//! does not link this crate.
+//! does not link this crate. [`Lane`] is the register as a [`Scalar`], in which any function of a
+//! generated model computes several states at once.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -10,7 +11,11 @@ use core::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use regen_runtime::{BaseKernel, Condition, Lane, Scalar, SizeError};
+use regen_runtime::{BaseKernel, Condition, Scalar, SizeError};
+
+mod lane;
+
+pub use lane::{Lane, LaneMask};
 
 /// States of a model with N coordinates, one series per coordinate; consecutive samples fill the
 /// lanes of a register.

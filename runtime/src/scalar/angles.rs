@@ -1,13 +1,14 @@
 //! Sines and cosines of several `f64` at once: a polynomial without branches, so that the
-//! compiler puts the angles into vector registers.
+//! compiler puts the angles into vector registers. Its coefficients are public for scalar types
+//! of other crates.
 
 /// The largest |angle|, in rad, for which the reduction by quarter turns is exact: 2^20.
-pub(super) const MAX_ANGLE: f64 = 1_048_576.0;
+pub const MAX_ANGLE: f64 = 1_048_576.0;
 
 /// pi/2 as a sum of three parts of 33 bits and a remainder.
 ///
 /// The three leading parts times an integer of 20 bits are exact (Cody and Waite, 1980).
-pub(super) const HALF_PI: [f64; 4] = [
+pub const HALF_PI: [f64; 4] = [
     1.570_796_326_734_125_6,
     6.077_100_506_303_966e-11,
     2.022_266_248_711_166_5e-21,
@@ -15,7 +16,7 @@ pub(super) const HALF_PI: [f64; 4] = [
 ];
 
 /// (sin y - y) / y^3 in powers of y^2 up to |y| = pi/4, interpolated at Chebyshev nodes.
-pub(super) const SIN: [f64; 6] = [
+pub const SIN: [f64; 6] = [
     -0.166_666_666_666_666_66,
     0.008_333_333_333_330_943,
     -0.000_198_412_698_367_495_6,
@@ -25,7 +26,7 @@ pub(super) const SIN: [f64; 6] = [
 ];
 
 /// (cos y - 1 + y^2/2) / y^4 in powers of y^2, up to the same |y|, interpolated at Chebyshev nodes.
-pub(super) const COS: [f64; 6] = [
+pub const COS: [f64; 6] = [
     0.041_666_666_666_666_664,
     -0.001_388_888_888_888_739_3,
     2.480_158_729_876_004_8e-5,
@@ -35,7 +36,7 @@ pub(super) const COS: [f64; 6] = [
 ];
 
 /// 1.5 * 2^52: adding it rounds a number to an integer, which is then in the last bits of the sum.
-pub(super) const ROUNDING_SHIFT: f64 = 6_755_399_441_055_744.0;
+pub const ROUNDING_SHIFT: f64 = 6_755_399_441_055_744.0;
 
 /// Sine and cosine of every angle, each within one ulp; `None` where an angle is beyond
 /// [`MAX_ANGLE`] or NaN.

@@ -1,15 +1,10 @@
 //! Several numbers at once in a SIMD register, with the instruction set detected at run time.
-#![allow(
-    clippy::inline_always,
-    reason = "an operation left as a call is compiled without the token's instruction set"
-)]
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use pulp::{Simd, bytemuck};
-
-use super::Scalar;
-use super::angles::{COS, HALF_PI, ROUNDING_SHIFT, SIN};
+use regen_runtime::Scalar;
+use regen_runtime::angles::{COS, HALF_PI, MAX_ANGLE, ROUNDING_SHIFT, SIN};
 
 /// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
 ///
@@ -19,11 +14,12 @@ use super::angles::{COS, HALF_PI, ROUNDING_SHIFT, SIN};
 /// but each of its operations becomes a call.
 ///
 /// Sine and cosine are polynomials within 2 ulp where the angles of all lanes are within
-/// [`Lane::REACH`]; beyond, and for `atan`, `exp` and `powf`, each lane is computed separately.
+/// [`Lane::REACH`]; beyond, each lane is computed separately.
 ///
 /// ```
 /// use pulp::{Arch, Simd, WithSimd};
-/// use regen_runtime::{Lane, Scalar};
+/// use regen_batch::Lane;
+/// use regen_runtime::Scalar;
 ///
 /// struct Sum<'a>(&'a [f64]);
 /// impl WithSimd for Sum<'_> {
@@ -58,7 +54,7 @@ pub struct LaneMask<S: Simd> {
 
 impl<S: Simd> Lane<S> {
     /// The largest |angle|, in rad, for which the vector reduction is exact: 2^20.
-    pub const REACH: f64 = super::angles::MAX_ANGLE;
+    pub const REACH: f64 = MAX_ANGLE;
 
     /// A register with the same value in every lane.
     #[inline(always)]
