@@ -1,9 +1,9 @@
-//! `regen export`: writes identified parameters into a URDF file.
+//! `regen export`: writes identified parameters into a URDF or MJCF file.
 
 use std::path::Path;
 
 use regen_codegen::diag::Source;
-use regen_import::Parameters;
+use regen_import::{FileFormat, Parameters};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -21,11 +21,13 @@ struct Exported<'a> {
     written: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     urdf: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mjcf: Option<&'a str>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
-    let urdf = load::file(&args.urdf)?;
+    let file = load::file(&args.urdf)?;
     let spec = load::source(&args.spec)?;
     let given = load::file(&args.parameters)?;
     let (parameters, notes) = match identified(&args.parameters, &given)? {
@@ -35,24 +37,37 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     for note in notes {
         terminal::note(&note);
     }
-    let exported =
-        regen_import::export(&urdf, &spec, &given, &parameters).map_err(Failure::Spec)?;
+    let exported = regen_import::export(
+        &file,
+        &mut load::beside(&args.urdf),
+        &spec,
+        &given,
+        &parameters,
+    )
+    .map_err(Failure::Spec)?;
     for note in &exported.notes {
         terminal::note(&format!("note: {note}"));
     }
     if let Some(out) = &args.out {
-        write::atomically(out, &exported.urdf)?;
+        write::atomically(out, &exported.text)?;
     }
     let written = args.out.as_ref().map(|out| out.display().to_string());
     let values = exported.values;
     terminal::print(&match (args.format, written) {
-        (Format::Json, written) => table::json(&Exported {
-            values,
-            urdf: written.is_none().then_some(exported.urdf.as_str()),
-            written,
-        }),
+        (Format::Json, written) => {
+            let text = |format| {
+                let shown = written.is_none() && exported.format == format;
+                shown.then_some(exported.text.as_str())
+            };
+            table::json(&Exported {
+                values,
+                urdf: text(FileFormat::Urdf),
+                mjcf: text(FileFormat::Mjcf),
+                written: written.clone(),
+            })
+        }
         (Format::Human, Some(out)) => format!("wrote {out}, {values} values new\n"),
-        (Format::Human, None) => exported.urdf,
+        (Format::Human, None) => exported.text,
     })
 }
 
@@ -92,7 +107,7 @@ fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<St
         for row in laws.into_iter().flatten() {
             let of = |key: &str| row.get(key).and_then(Value::as_str).unwrap_or("?");
             terminal::note(&format!(
-                "warning: the friction of {} ({}) is left out: URDF has damping and friction only",
+                "warning: the friction of {} ({}) is left out: robot files have damping and friction only",
                 of("joint"),
                 of("law")
             ));

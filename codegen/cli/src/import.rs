@@ -1,7 +1,6 @@
 //! `regen import`: converts URDF and MJCF files to specs.
 
 use std::fs;
-use std::path::Path;
 
 use regen_codegen::diag::Report;
 use regen_import::{Imported, LOOP_IN_TREE, OptionNames, Options};
@@ -32,11 +31,7 @@ struct NoteJson<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     let source = load::file(&args.file)?;
-    let beside = args.file.parent().unwrap_or(Path::new(""));
-    let mut reader = |name: &str| {
-        let bytes = fs::read(beside.join(name)).map_err(|error| error.to_string())?;
-        String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".to_owned())
-    };
+    let mut reader = load::beside(&args.file);
     let options = Options {
         name: args.name.clone(),
         exact: args.exact,

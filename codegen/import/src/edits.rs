@@ -7,6 +7,8 @@ use crate::pose::{Pose, tensor_in};
 use crate::tree::Inertia;
 use crate::xml::Element;
 
+mod mjcf;
+
 /// Changes of a text, by position.
 #[derive(Debug)]
 pub(crate) struct Edits {

@@ -1,4 +1,4 @@
-//! Writing of identified parameters into a URDF file that otherwise stays unchanged.
+//! Writing of identified parameters into a URDF or MJCF file that otherwise stays unchanged.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_codegen::model::{self, Model, Step};
@@ -7,11 +7,15 @@ use regen_codegen::spec::{self, Axis, Spec};
 use crate::edits::Edits;
 use crate::fields::Fields;
 use crate::layout::{self, Draft};
-use crate::log::{Log, Note};
+use crate::log::{Log, Note, Place};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
-use crate::{frames, urdf, xml};
+use crate::xml::{Element, Reader};
+use crate::{frames, mjcf, urdf, xml};
 use regen_codegen::spec::{Flaw, flaw};
+
+mod joints;
+mod zeros;
 
 /// Identified parameters of a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,21 +38,58 @@ pub struct BodyParameters {
     pub inertia: [f64; 6],
 }
 
-/// The friction parameters of a joint that URDF can express, in its element `<dynamics>`. `None`
-/// leaves the value in the file unchanged.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The parameters of a joint that robot files can express: in URDF in the element `<dynamics>`, in
+/// MJCF as attributes of the joint. `None` leaves the value in the file unchanged.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointParameters {
     /// Viscous friction Fv, N m s/rad or N s/m, at least 0; written as `damping`.
     pub viscous: Option<f64>,
-    /// Coulomb friction Fc, N m or N, at least 0; written as `friction`.
+    /// Coulomb friction Fc, N m or N, at least 0; written as `friction`, in MJCF as `frictionloss`.
     pub coulomb: Option<f64>,
+    /// Inertia J of rotor and drive, kg m^2 or kg, at least 0; written as `armature` in MJCF only.
+    pub armature: Option<f64>,
+    /// Stiffness K of the joint's spring, N m/rad or N/m, at least 0; written as `stiffness` in MJCF
+    /// only.
+    pub stiffness: Option<f64>,
+    /// Symbols of parameters that are identified and that no robot file has a place for, such as Fo.
+    pub others: Vec<String>,
 }
 
-/// A URDF file with new parameters.
+/// The format of a robot file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileFormat {
+    /// URDF, with `<robot>` as its root.
+    Urdf,
+    /// MuJoCo's MJCF, with `<mujoco>` as its root.
+    Mjcf,
+}
+
+impl FileFormat {
+    /// The format's name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Urdf => "URDF",
+            Self::Mjcf => "MJCF",
+        }
+    }
+
+    /// The name of Coulomb friction.
+    fn friction(self) -> &'static str {
+        match self {
+            Self::Urdf => "friction",
+            Self::Mjcf => "frictionloss",
+        }
+    }
+}
+
+/// A robot file with new parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exported {
     /// The text of the file.
-    pub urdf: String,
+    pub text: String,
+    /// Its format.
+    pub format: FileFormat,
     /// How many numbers were replaced or written.
     pub values: usize,
     /// Messages for the user, such as values of the file that stay unchanged.
@@ -60,12 +101,15 @@ pub struct Exported {
 /// two files gives with four decimals causes a larger difference.
 const SAME_MOTION: f64 = 1e-6;
 
-/// Writes parameters into a URDF file: the numbers of the links' inertias, and of the joints'
-/// friction. All other bytes stay unchanged.
+/// Writes parameters into a URDF or MJCF file: the numbers of the links' inertias, and of the joints'
+/// friction; in MJCF of rotors and of joints' springs too. All other bytes stay unchanged. `reader`
+/// returns the texts of files that an MJCF file includes; these are read, not changed.
 ///
 /// `spec` is the spec that the parameters belong to. Its bodies are matched with the links by name,
 /// and the pose of each body's frame in the frame of its link is computed: the body's frames may
-/// differ from those that [`crate::import`] chose. `given` is the text that the parameters come
+/// differ from those that [`crate::import`] chose. Where its joints have the importer's frames, turned or
+/// shifted along the joints' own axes, its coordinates are counted from another zero, which is noted.
+/// `given` is the text that the parameters come
 /// from; errors point to the label of the body or joint in it, in double quotes.
 ///
 /// # Errors
@@ -99,12 +143,13 @@ const SAME_MOTION: f64 = 1e-6;
 /// };
 /// let fit = Parameters { bodies: vec![("rod".to_owned(), rod)], joints: vec![] };
 /// let given = Source::new("fit", "\"rod\"");
-/// let exported = export(&urdf, &spec, &given, &fit).unwrap();
-/// assert!(exported.urdf.contains(r#"<origin xyz="0 0 -0.31"/><mass value="2.1"/>"#));
+/// let exported = export(&urdf, &mut no_includes, &spec, &given, &fit).unwrap();
+/// assert!(exported.text.contains(r#"<origin xyz="0 0 -0.31"/><mass value="2.1"/>"#));
 /// assert_eq!(exported.values, 10);
 /// ```
 pub fn export(
-    urdf: &Source,
+    file: &Source,
+    reader: &mut Reader<'_>,
     spec: &Source,
     given: &Source,
     parameters: &Parameters,
@@ -116,13 +161,14 @@ pub fn export(
     // values (`--exact`): try both
     for exact in [false, true] {
         let mut export = Export::new(given, exact);
-        let written = export.write(urdf, &mechanism, &model, parameters);
+        let written = export.write(file, reader, (&mechanism, &model), parameters);
         let reports = export.reports(spec);
         match written {
-            Some(edits) if reports.is_empty() => {
+            Some((format, edits)) if reports.is_empty() => {
                 let values = edits.len();
                 return Ok(Exported {
-                    urdf: edits.apply(&urdf.text),
+                    text: edits.apply(&file.text),
+                    format,
                     values,
                     notes: export.log.notes(),
                 });
@@ -131,6 +177,27 @@ pub fn export(
         };
     }
     Err(first.unwrap_or_default())
+}
+
+/// A robot file as it was read.
+struct RobotFile {
+    root: Element,
+    tree: Tree,
+    draft: Draft,
+    format: FileFormat,
+}
+
+impl RobotFile {
+    /// The element at a place.
+    fn element(&self, place: Place) -> Option<&Element> {
+        fn search(element: &Element, place: Place) -> Option<&Element> {
+            if element.place == place {
+                return Some(element);
+            }
+            element.children.iter().find_map(|c| search(c, place))
+        }
+        search(&self.root, place)
+    }
 }
 
 struct Export<'a> {
@@ -178,103 +245,110 @@ impl<'a> Export<'a> {
         );
     }
 
-    /// Collects the changes of the URDF text; `None` if the file cannot be read. Other errors are
+    /// Collects the changes of the file's text; `None` if the file cannot be read. Other errors are
     /// recorded.
     fn write(
         &mut self,
-        urdf: &Source,
-        spec: &Spec,
-        model: &Model,
+        source: &Source,
+        reader: &mut Reader<'_>,
+        (spec, model): (&Spec, &Model),
         parameters: &Parameters,
-    ) -> Option<Edits> {
-        let root = xml::read(urdf, &mut self.log)?;
-        if root.tag != "robot" {
-            let hint = "a URDF file starts with <robot>";
-            self.log.error(root.place, "this is no URDF file", hint);
-            return None;
+    ) -> Option<(FileFormat, Edits)> {
+        let file = self.read(source, reader)?;
+        if file.format == FileFormat::Mjcf && !parameters.bodies.is_empty() {
+            self.refuse_scaled_masses(&file);
         }
-        let mut ignored_log = Log::default();
-        let tree = {
-            let mut fields = Fields {
-                log: &mut self.log,
-                exact: self.exact,
-            };
-            urdf::read(&root, &mut fields)?
-        };
-        let draft = layout::lay_out(&tree, &mut ignored_log);
-        // notes about the import do not concern the user of an export
-        self.log.forget_notes();
-        let mut edits = Edits::new(&urdf.text);
+        let shifts = zeros::shifts(model, &file.tree, &file.draft).unwrap_or_default();
+        for (coordinate, shift) in model.coordinates.iter().zip(&shifts) {
+            if *shift != 0.0 {
+                let text = format!(
+                    "the spec counts '{}' from another zero: in the file it is more by {shift:.6}",
+                    coordinate.name
+                );
+                self.log.note(file.root.place, text);
+            }
+        }
+        let mut edits = Edits::new(&source.text);
         for (label, values) in &parameters.bodies {
             if !self.is_possible(label, values) {
                 continue;
             }
-            let Some(frame) = self.frame(label, spec, model, &tree, &draft) else {
+            let Some(frame) = self.frame(label, (spec, model), &file, &shifts) else {
                 continue;
             };
-            let link = draft.bodies.iter().find(|b| b.label == *label);
-            let element = root
-                .all("link")
-                .find(|e| link.is_some_and(|l| e.text("name") == Some(l.link.as_str())));
-            if let Some(element) = element {
-                edits.inertia(element, &inertia_in_link(values, &frame));
+            let inertia = inertia_in_link(values, &frame);
+            let link = file.draft.bodies.iter().find(|b| b.label == *label);
+            let link = link.and_then(|b| file.tree.find(&b.link));
+            let place = link.and_then(|l| file.tree.links.get(l)).map(|l| l.place);
+            match place.and_then(|place| file.element(place)) {
+                Some(element) if element.place.file != file.root.place.file => {
+                    let message = format!("body '{label}' stands in an included file");
+                    let hint = "export into one file without <include>";
+                    self.parameter_error(label, message, hint);
+                }
+                Some(element) => match file.format {
+                    FileFormat::Urdf => edits.inertia(element, &inertia),
+                    FileFormat::Mjcf => edits.mjcf_inertia(element, &inertia),
+                },
+                None => {}
             }
         }
         for (name, values) in &parameters.joints {
-            let joint = draft.limbs.iter().flat_map(|l| &l.joints).find_map(|j| {
-                let from = j.from.as_ref()?;
-                (j.name.as_ref() == Some(name)).then(|| from.name.clone())
-            });
-            let element = root
-                .all("joint")
-                .find(|e| joint.is_some() && e.text("name") == joint.as_deref());
-            let values = [("damping", values.viscous), ("friction", values.coulomb)];
-            let Some(element) = element else {
-                if spec.coordinates().contains(name) {
-                    // a drive or a massless coordinate of the spec has no joint in the file
-                    let is_drive = spec.drives.iter().any(|drive| drive.value == *name);
-                    let what = if is_drive { "drive" } else { "coordinate" };
-                    let text = format!(
-                        "the URDF file has no joint for the {what} '{name}': its friction is left \
-                         out"
-                    );
-                    self.log.note(root.place, text);
-                    continue;
-                }
-                let message = format!("no joint of the URDF file is called '{name}'");
-                self.parameter_error(name, message, "joints are named as in the spec");
-                continue;
-            };
-            self.note_unchanged_friction(name, element, &values);
-            for (key, value) in values {
-                if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
-                    let message = format!("a negative {key}");
-                    self.parameter_error(name, message, "friction takes energy out: it is >= 0");
-                }
-            }
-            edits.dynamics(element, values);
+            self.joint((name, values), spec, &file, &mut edits);
         }
-        Some(edits)
+        Some((file.format, edits))
     }
 
-    /// Notes the friction value of the file that stays, if only the other one of the two is given.
-    fn note_unchanged_friction(
-        &mut self,
-        name: &str,
-        joint: &xml::Element,
-        values: &[(&str, Option<f64>); 2],
-    ) {
-        if values.iter().all(|(_, value)| value.is_none()) {
-            return;
-        }
-        let Some(dynamics) = joint.child("dynamics") else {
-            return;
-        };
-        for (key, value) in values {
-            if let (None, Some(old)) = (value, dynamics.text(key)) {
-                let text = format!("{key}=\"{old}\" of joint '{name}' stays: no new one is given");
-                self.log.note(dynamics.place, text);
+    /// Reads the robot file as the import does, without its notes, which do not concern the user of
+    /// an export.
+    fn read(&mut self, source: &Source, reader: &mut Reader<'_>) -> Option<RobotFile> {
+        let mut root = xml::read(source, &mut self.log)?;
+        let format = match root.tag.as_str() {
+            "robot" => FileFormat::Urdf,
+            "mujoco" => FileFormat::Mjcf,
+            other => {
+                let message = format!("<{other}> is neither URDF nor MJCF");
+                let hint = "a URDF file starts with <robot>, an MJCF file with <mujoco>";
+                self.log.error(root.place, message, hint);
+                return None;
             }
+        };
+        if format == FileFormat::Mjcf {
+            xml::include(&mut root, reader, &mut self.log);
+        }
+        let mut fields = Fields {
+            log: &mut self.log,
+            exact: self.exact,
+        };
+        let tree = match format {
+            FileFormat::Urdf => urdf::read(&root, &mut fields)?,
+            FileFormat::Mjcf => mjcf::read(&root, &mut fields)?,
+        };
+        let draft = layout::lay_out(&tree, &mut Log::default());
+        self.log.forget_notes();
+        Some(RobotFile {
+            root,
+            tree,
+            draft,
+            format,
+        })
+    }
+
+    /// Refuses files whose settings change the inertias that are written into them.
+    fn refuse_scaled_masses(&mut self, file: &RobotFile) {
+        let compilers = file.root.all("compiler");
+        for attribute in compilers.flat_map(|compiler| &compiler.attributes) {
+            let message = match (attribute.name.as_str(), attribute.value.as_str()) {
+                ("settotalmass", value) if value.parse().is_ok_and(|mass: f64| mass > 0.0) => {
+                    format!("settotalmass=\"{value}\" scales all masses that are written")
+                }
+                ("inertiafromgeom", "true") => {
+                    "inertiafromgeom=\"true\" replaces all inertias that are written".to_owned()
+                }
+                _ => continue,
+            };
+            let hint = "take this setting out of the file first";
+            self.log.error(attribute.place, message, hint);
         }
     }
 
@@ -316,11 +390,11 @@ impl<'a> Export<'a> {
     fn frame(
         &mut self,
         label: &str,
-        spec: &Spec,
-        model: &Model,
-        tree: &Tree,
-        draft: &Draft,
+        (spec, model): (&Spec, &Model),
+        file: &RobotFile,
+        shifts: &[f64],
     ) -> Option<Pose> {
+        let RobotFile { tree, draft, .. } = file;
         let Some(body) = model.bodies.iter().find(|b| b.label == label) else {
             let labels: Vec<&str> = model.bodies.iter().map(|b| b.label.as_str()).collect();
             let hint = format!("its bodies are {}", labels.join(", "));
@@ -338,7 +412,8 @@ impl<'a> Export<'a> {
         let at = |generic: bool| {
             let value = |k: usize| if generic { 0.3 + 0.17 * k as f64 } else { 0.0 };
             let names: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
-            let of = |name: &str| names.iter().position(|n| *n == name).map_or(0.0, value);
+            let shifted = |k: usize| value(k) + shifts.get(k).copied().unwrap_or(0.0);
+            let of = |name: &str| names.iter().position(|n| *n == name).map_or(0.0, shifted);
             let q: Vec<f64> = (0..names.len()).map(value).collect();
             let link = frames::at(tree, draft, link, &of);
             link.inverse().then(&link_of(model, body.link, &q))
@@ -360,7 +435,7 @@ impl<'a> Export<'a> {
                     span,
                     format!("body '{label}' does not move with the link of that name"),
                 )
-                .hint("spec and URDF file must be of the same robot, with the same coordinates"),
+                .hint("spec and file must be of the same robot, with the same coordinates"),
             );
             return None;
         }

@@ -54,7 +54,7 @@ pub(crate) fn joint_frame(joint: &Joint) -> (Pose, char) {
     (shift.then(&turned), axis)
 }
 
-fn axis_vector(axis: char) -> V3 {
+pub(crate) fn axis_vector(axis: char) -> V3 {
     match axis {
         'x' => [1.0, 0.0, 0.0],
         'y' => [0.0, 1.0, 0.0],

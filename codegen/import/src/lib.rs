@@ -50,7 +50,7 @@ mod values;
 mod write;
 mod xml;
 
-pub use export::{BodyParameters, Exported, JointParameters, Parameters, export};
+pub use export::{BodyParameters, Exported, FileFormat, JointParameters, Parameters, export};
 pub use log::{LOOP_IN_TREE, Note};
 pub use xml::Reader;
 

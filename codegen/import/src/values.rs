@@ -35,8 +35,7 @@ struct Body {
 
 #[derive(Deserialize)]
 #[serde(
-    deny_unknown_fields,
-    expecting = "expected an object with Fv, Fc (or Fv+, Fv-, Fc+, Fc-), Fo and J, or some of them"
+    expecting = "expected an object with Fv, Fc (or Fv+, Fv-, Fc+, Fc-), Fo, J and K, or some of them"
 )]
 #[allow(non_snake_case, reason = "the symbols of the parameters")]
 struct Joint {
@@ -50,13 +49,16 @@ struct Joint {
     forward_coulomb: Option<f64>,
     #[serde(rename = "Fc-")]
     backward_coulomb: Option<f64>,
-    Fo: Option<f64>,
     J: Option<f64>,
+    K: Option<f64>,
+    /// What robot files have no place for.
+    #[serde(flatten)]
+    others: BTreeMap<String, f64>,
 }
 
 impl Joint {
-    /// What URDF has of it: one value for both signs, the larger one, which is noted.
-    fn friction(&self, name: &str, notes: &mut Vec<String>) -> JointParameters {
+    /// What robot files have of it: one value for both signs, the larger one, which is noted.
+    fn parameters(self, name: &str, notes: &mut Vec<String>) -> JointParameters {
         let mut one = |symbol: &str, key: &str, both: Option<f64>, signs: [Option<f64>; 2]| {
             let [plus, minus] = signs;
             match (both, plus, minus) {
@@ -66,7 +68,7 @@ impl Joint {
                     if plus.to_bits() != minus.to_bits() {
                         notes.push(format!(
                             "note: {key} of {name} is {larger}, the larger of {symbol}+ = {plus} \
-                             and {symbol}- = {minus}: URDF has one value for both directions"
+                             and {symbol}- = {minus}: robot files have one value for both directions"
                         ));
                     }
                     Some(larger)
@@ -87,15 +89,18 @@ impl Joint {
                 self.Fc,
                 [self.forward_coulomb, self.backward_coulomb],
             ),
+            armature: self.J,
+            stiffness: self.K,
+            others: self.others.into_keys().collect(),
         }
     }
 }
 
 impl Parameters {
     /// Parameters from the text of a JSON file, as `bodies:` and `nominal:` of a spec have them:
-    /// `{"bodies": {LABEL: {"mass", "com", "inertia"}}, "joints": {NAME: {"Fv", "Fc", "Fo", "J"}}}`, SI,
-    /// with `Fv+`, `Fv-`, `Fc+` and `Fc-` in place of both directions' values. Beside them, in
-    /// words, what URDF cannot hold of them.
+    /// `{"bodies": {LABEL: {"mass", "com", "inertia"}}, "joints": {NAME: {"Fv", "Fc", "J", "K"}}}`,
+    /// SI, with `Fv+`, `Fv-`, `Fc+` and `Fc-` in place of both directions' values. Beside them, in
+    /// words, where both directions differ.
     ///
     /// # Errors
     /// The first mistake with its place.
@@ -107,7 +112,7 @@ impl Parameters {
     /// let text = r#"{"joints": {"elbow": {"Fv": 1.2, "Fc+": 0.4, "Fc-": 0.5, "J": 0.1}}}"#;
     /// let (found, notes) = Parameters::from_json(&Source::new("p.json", text))?;
     /// assert_eq!(found.joints[0].1.coulomb, Some(0.5));
-    /// assert_eq!(notes.len(), 2);
+    /// assert_eq!(notes.len(), 1);
     /// let wrong = Parameters::from_json(&Source::new("p.json", r#"{"joints": 3}"#));
     /// assert_eq!(wrong.unwrap_err().shown().next().map(|m| m.line()), Some(1));
     /// # Ok::<(), regen_codegen::diag::Report>(())
@@ -142,17 +147,7 @@ fn checked(given: Given) -> (Parameters, Vec<String>) {
         (label, BodyParameters { mass, com, inertia })
     });
     let joints = given.joints.into_iter().map(|(name, joint)| {
-        if joint.Fo.is_some() {
-            notes.push(format!(
-                "warning: Fo({name}) is left out: URDF has no constant efforts"
-            ));
-        }
-        if joint.J.is_some() {
-            notes.push(format!(
-                "warning: J({name}) is left out: URDF has no inertia of rotors"
-            ));
-        }
-        let parameters = joint.friction(&name, &mut notes);
+        let parameters = joint.parameters(&name, &mut notes);
         (name, parameters)
     });
     let parameters = Parameters {
@@ -172,7 +167,7 @@ mod tests {
         let of = |text: &str| {
             serde_json::from_str::<Joint>(text)
                 .unwrap()
-                .friction("q1", &mut Vec::new())
+                .parameters("q1", &mut Vec::new())
         };
         let found = of(r#"{"Fv": 0.5, "Fc+": 2.0, "Fc-": 3.0, "J": 0.1}"#);
         assert_eq!((found.viscous, found.coulomb), (Some(0.5), Some(3.0)));
@@ -180,6 +175,12 @@ mod tests {
         assert_eq!((found.viscous, found.coulomb), (Some(0.5), Some(1.0)));
         let found = of(r#"{"J": 0.1}"#);
         assert_eq!((found.viscous, found.coulomb), (None, None));
-        assert!(serde_json::from_str::<Joint>(r#"{"Fs": 1}"#).is_err());
+        assert_eq!(found.armature, Some(0.1));
+        let found = of(r#"{"K": 3, "Fo": 1}"#);
+        assert_eq!(
+            (found.stiffness, found.others),
+            (Some(3.0), vec!["Fo".to_owned()])
+        );
+        assert!(serde_json::from_str::<Joint>(r#"{"Fs": "high"}"#).is_err());
     }
 }

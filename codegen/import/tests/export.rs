@@ -17,7 +17,12 @@ fn tried(urdf: &str, spec: &str, parameters: &Parameters) -> Result<Exported, St
     let json: Vec<String> = labels.map(|l| format!("\"{l}\"")).collect();
     let given = Source::new("fit.json", json.join("\n"));
     let urdf = Source::new("robot.urdf", urdf);
-    export(&urdf, &Source::new("spec.yaml", spec), &given, parameters).map_err(|reports| {
+    let mut reader = |name: &str| match name {
+        "more.xml" => Ok(INCLUDED.to_owned()),
+        _ => Err("there is none".to_owned()),
+    };
+    let spec = Source::new("spec.yaml", spec);
+    export(&urdf, &mut reader, &spec, &given, parameters).map_err(|reports| {
         let lines: Vec<String> = reports.iter().map(ToString::to_string).collect();
         lines.join("\n")
     })
@@ -27,7 +32,15 @@ fn tried(urdf: &str, spec: &str, parameters: &Parameters) -> Result<Exported, St
 fn exported(urdf: &str, spec: &str, parameters: &Parameters) -> String {
     tried(urdf, spec, parameters)
         .unwrap_or_else(|e| panic!("{e}"))
-        .urdf
+        .text
+}
+
+fn of_friction(viscous: Option<f64>, coulomb: Option<f64>) -> JointParameters {
+    JointParameters {
+        viscous,
+        coulomb,
+        ..JointParameters::default()
+    }
 }
 
 /// Parameters of a body that no file contains.
@@ -173,7 +186,7 @@ fn friction_is_replaced_or_written_and_the_rest_of_it_kept() {
     let spec = imported(ARM).spec;
     let friction = |viscous, coulomb| Parameters {
         bodies: Vec::new(),
-        joints: vec![("q".to_owned(), JointParameters { viscous, coulomb })],
+        joints: vec![("q".to_owned(), of_friction(viscous, coulomb))],
     };
     let urdf = exported(ARM, &spec, &friction(Some(0.75), None));
     assert_eq!(urdf, ARM.replace("damping='0.5'", "damping='0.75'"));
@@ -259,7 +272,7 @@ fn friction_that_stays_or_has_no_joint_is_told() {
     let spec = imported(ARM).spec;
     let given = |name: &str, viscous, coulomb| Parameters {
         bodies: Vec::new(),
-        joints: vec![(name.to_owned(), JointParameters { viscous, coulomb })],
+        joints: vec![(name.to_owned(), of_friction(viscous, coulomb))],
     };
     let notes = |spec: &str, parameters: &Parameters| -> Vec<String> {
         let found = tried(ARM, spec, parameters).unwrap();
@@ -308,7 +321,175 @@ fn labels_and_joints_that_the_file_lacks_are_refused() {
         "no joint of the URDF file is called 'p'",
     );
     assert_has(
-        &tried("<mujoco/>", &spec, &other).unwrap_err(),
-        "this is no URDF file",
+        &tried("<rob/>", &spec, &other).unwrap_err(),
+        "<rob> is neither URDF nor MJCF",
+    );
+}
+
+/// An arm of MuJoCo: a hinge with a spring, and a slide in a class of its own.
+const MJCF: &str = r#"<mujoco model="arm">
+  <compiler angle="radian"/>
+  <default><default class="soft"><joint damping="3"/></default></default>
+  <worldbody>
+    <body name="a" pos="0 0 0.5">
+      <inertial pos="0 0 0.1" quat="0.8 0.6 0 0" mass="2" diaginertia="0.03 0.02 0.015"/>
+      <joint name="q" axis="0 1 0" damping="0.5" stiffness="4" springref="0.2"/>
+      <body name="b" pos="0.1 0 0.3">
+        <!-- kept -->
+        <joint name="s" type="slide" class="soft" axis="1 0 0"/>
+        <geom type="sphere" size="0.1" density="100"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"#;
+
+/// A body in a file of its own.
+const INCLUDED: &str = r#"<mujoco><worldbody><body name="b"><joint name="s" type="slide"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>"#;
+
+#[test]
+fn bodies_rotors_and_springs_are_written_into_mjcf() {
+    let spec = imported(MJCF).spec;
+    let whole = JointParameters {
+        armature: Some(0.25),
+        stiffness: Some(5.5),
+        others: vec!["Fo".to_owned()],
+        ..of_friction(Some(0.75), Some(0.125))
+    };
+    let parameters = Parameters {
+        bodies: vec![("a".to_owned(), plain()), ("b".to_owned(), body(3))],
+        joints: vec![
+            ("q".to_owned(), whole),
+            ("s".to_owned(), of_friction(Some(2.0), None)),
+        ],
+    };
+    let found = tried(MJCF, &spec, &parameters).unwrap();
+    let expected = MJCF
+        .replace(
+            "pos=\"0 0 0.1\" quat=\"0.8 0.6 0 0\" mass=\"2\" diaginertia=\"0.03 0.02 0.015\"",
+            "fullinertia=\"0.04 0.03 0.02 0.001 0 0\" pos=\"0 0.01 0.2\" mass=\"2.5\"",
+        )
+        .replace(
+            "<joint name=\"q\" axis=\"0 1 0\" damping=\"0.5\" stiffness=\"4\"",
+            "<joint frictionloss=\"0.125\" armature=\"0.25\" name=\"q\" axis=\"0 1 0\" \
+             damping=\"0.75\" stiffness=\"5.5\"",
+        )
+        .replace(
+            "        <!-- kept -->",
+            "        <inertial pos=\"0.04 -0.08 0.34\" mass=\"1.54\" \
+             fullinertia=\"0.304 0.25 0.2 0.01 -0.02 0.028\"/>\n        <!-- kept -->",
+        )
+        .replace("<joint name=\"s\"", "<joint damping=\"2\" name=\"s\"");
+    assert_eq!(found.text, expected);
+    let notes: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+    assert_eq!(notes.len(), 1, "{notes:?}");
+    assert_has(&notes[0], "Fo(q) is left out: MJCF has no constant efforts");
+    // and the changed file says the same to an import
+    let again = imported(&found.text).spec;
+    for part in [
+        "a: {mass: 2.5, com: [0, 0.01, 0.2], inertia: [0.04, 0.001, 0, 0.03, 0, 0.02]}",
+        "b: {mass: 1.54, com: [0.04, -0.08, 0.34]",
+        "nominal: {Fv: 0.75, Fc: 0.125, J: 0.25, K: 5.5}",
+    ] {
+        assert_has(&again, part);
+    }
+}
+
+#[test]
+fn mjcf_that_changes_what_is_written_is_refused() {
+    let spec = imported(MJCF).spec;
+    let setting =
+        |text: &str| MJCF.replace("angle=\"radian\"", &format!("angle=\"radian\" {text}"));
+    for (file, words) in [
+        (
+            setting("settotalmass=\"5\""),
+            "settotalmass=\"5\" scales all masses",
+        ),
+        (
+            setting("inertiafromgeom=\"true\""),
+            "inertiafromgeom=\"true\" replaces all inertias",
+        ),
+    ] {
+        assert_has(&tried(&file, &spec, &one(plain())).unwrap_err(), words);
+    }
+    let shared = MJCF.replace("<worldbody>", "<include file=\"more.xml\"/><worldbody>");
+    let shared = shared
+        .replace("name=\"b\"", "name=\"c\"")
+        .replace("name=\"s\"", "name=\"t\"");
+    let mut reader = |_: &str| Ok(INCLUDED.to_owned());
+    let source = Source::new("robot.xml", shared.clone());
+    let spec = regen_import::import(&source, &mut reader, &Options::default())
+        .unwrap()
+        .spec;
+    let elsewhere = of_bodies(vec![("b".to_owned(), plain())]);
+    assert_has(
+        &tried(&shared, &spec, &elsewhere).unwrap_err(),
+        "body 'b' stands in an included file",
+    );
+}
+
+#[test]
+fn parameters_without_a_place_are_told_and_unknown_ones_refused() {
+    let spec = imported(ARM).spec;
+    let springy = spec.replace(
+        "friction: viscous,",
+        "friction: viscous, terms: {cog: sin(6*q)},",
+    );
+    let given = |others: &[&str]| Parameters {
+        bodies: Vec::new(),
+        joints: vec![(
+            "q".to_owned(),
+            JointParameters {
+                stiffness: Some(2.0),
+                others: others.iter().map(|s| (*s).to_owned()).collect(),
+                ..of_friction(Some(1.0), None)
+            },
+        )],
+    };
+    let found = tried(ARM, &springy, &given(&["cog"])).unwrap();
+    let notes: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+    assert_has(
+        &notes.join("\n"),
+        "cog(q) is left out: URDF has no effort terms",
+    );
+    assert_has(&notes.join("\n"), "K(q) is left out: URDF has no springs");
+    assert_has(
+        &tried(ARM, &springy, &given(&["Fs"])).unwrap_err(),
+        "q: the joint has no parameter 'Fs'",
+    );
+}
+
+#[test]
+fn encoder_zeros_that_are_shifted_in_the_spec_are_followed() {
+    // the coordinates of the first and the third joint are counted from other zeros
+    let source = published("airo-models/ur5e.urdf");
+    let spec = attempt(&source, &Options::default()).unwrap().spec;
+    let moved = spec
+        .replacen("dh: {alpha: pi/2}", "dh: {alpha: pi/2, theta: 0.3}", 1)
+        .replacen("dh: {a: -0.425}", "dh: {a: -0.425, theta: -0.4}", 1);
+    let labels = parsed(&spec).body_labels();
+    let bodies: Vec<_> = labels
+        .iter()
+        .enumerate()
+        .map(|(k, l)| (l.clone(), body(k)))
+        .collect();
+    let found = tried(&source.text, &moved, &of_bodies(bodies.clone())).unwrap();
+    let unshifted = exported(&source.text, &spec, &of_bodies(bodies));
+    // the shifts are found up to rounding
+    let numbers = |text: &str| -> Vec<f64> {
+        let words = text.split(['"', ' ']);
+        words.filter_map(|word| word.parse().ok()).collect()
+    };
+    let (found_numbers, expected) = (numbers(&found.text), numbers(&unshifted));
+    assert_eq!(found_numbers.len(), expected.len());
+    for (found, expected) in found_numbers.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    let notes: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+    assert_eq!(notes.len(), 2, "{notes:?}");
+    assert_has(
+        &notes[0],
+        "'shoulder_lift_joint' from another zero: in the file it is more by 0.300000",
     );
 }

@@ -521,17 +521,18 @@ body's frame, and friction by joint; each part and each entry may be missing.
   {\"bodies\": {\"forearm\": {\"mass\": 2.3, \"com\": [0, 0, 0.2],
                            \"inertia\": [0.03, 0, 0, 0.03, 0, 0.004]}},
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
-Masses, centres of mass and inertias are moved into the frames of the URDF file
-and replace the numbers there; damping and friction likewise, of Fc+ and Fc- the
-larger. Nothing else of the file changes. Values that no body can have are
+Masses, centres of mass and inertias are moved into the frames of the file and
+replace the numbers there; damping and friction likewise, of Fc+ and Fc- the
+larger; in MJCF also J as armature and K as stiffness. Nothing else of the file
+changes. What it has no place for is told. Values that no body can have are
 refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\
       --out arm_identified.urdf")]
 pub(crate) struct ExportArgs {
-    /// The robot file
-    #[arg(long, value_name = "URDF")]
+    /// The robot file, URDF or MJCF
+    #[arg(long, visible_alias = "mjcf", value_name = "FILE")]
     pub(crate) urdf: PathBuf,
     /// The spec that the parameters belong to
     #[arg(long, value_name = "SPEC")]
