@@ -37,6 +37,7 @@ fn clone(dir: &Path) {
     for folder in [
         "robots",
         "runtime/guide/fivebar",
+        "runtime/guide/recipes",
         "tests/fixtures/import/airo-models",
         "tests/fixtures/mechanisms",
     ] {
@@ -89,6 +90,22 @@ fn the_table_and_what_makes_it_certain_print_as_told() {
         follow("table").len() + follow("trust").len() + follow("controller").len(),
         4
     );
+}
+
+#[test]
+fn every_recipe_is_run_and_has_at_most_forty_lines() {
+    let run = follow("recipes").concat();
+    for entry in fs::read_dir(root().join("runtime/guide/recipes")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if name.ends_with(".yaml") {
+            assert!(run.contains(name), "{name}");
+            assert!(
+                fs::read_to_string(&path).unwrap().lines().count() <= 40,
+                "{name}"
+            );
+        }
+    }
 }
 
 #[test]

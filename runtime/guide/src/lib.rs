@@ -3,6 +3,9 @@
 #[doc = include_str!("../pages/model.md")]
 pub mod model {}
 
+#[doc = include_str!("../pages/recipes.md")]
+pub mod recipes {}
+
 #[doc = include_str!("../pages/table.md")]
 pub mod table {}
 
