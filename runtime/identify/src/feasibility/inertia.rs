@@ -1,7 +1,7 @@
 //! The pseudo-inertia of a body: the body is physical exactly when the matrix is positive
 //! semidefinite.
 
-use super::symmetric::eigen;
+use super::symmetric::{clipped, eigen, smallest};
 use super::{BaseMap, ParameterLayout};
 
 /// The unit of mass stays 1 kg for robots whose largest base parameter corresponds to at most this
@@ -97,6 +97,46 @@ pub fn inertial_parameters(j: &[[f64; 4]; 4]) -> InertialParameters {
         j[3][3],
     ]
 }
+
+/// Mass, kg, centre of mass, m, and the tensor `Ixx Ixy Ixz Iyy Iyz Izz` about it in the body's axes,
+/// kg m^2, by the parallel axis theorem. The centre of a body without mass is the origin.
+///
+/// A tensor that is unphysical by no more than the rounding of this difference, as for a body that is
+/// a point, is replaced by the nearest physical one.
+pub(crate) fn about_centre(phi: &InertialParameters) -> (f64, [f64; 3], [f64; 6]) {
+    let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *phi;
+    let [x, y, z] = if m > 0.0 {
+        [mx / m, my / m, mz / m]
+    } else {
+        [0.0; 3]
+    };
+    let inertia = [
+        xx - m * (y * y + z * z),
+        xy + m * x * y,
+        xz + m * x * z,
+        yy - m * (x * x + z * z),
+        yz + m * y * z,
+        zz - m * (x * x + y * y),
+    ];
+    // the second moments of mass, of which a tensor is physical when none is negative
+    let moments = |inertia: [f64; 6]| {
+        let [xx, xy, xz, yy, yz, zz] = inertia;
+        pseudo_inertia(&[xx, xy, xz, yy, yz, zz, 0.0, 0.0, 0.0, 0.0])
+    };
+    let centred = moments(inertia);
+    let least = smallest(&centred, 3);
+    let around = moments([xx, xy, xz, yy, yz, zz]);
+    let size: f64 = (0..3).map(|k| around[k][k].abs()).sum();
+    if !(least < 0.0 && least >= -CENTRING_ROUNDING * size) {
+        return (m, [x, y, z], inertia);
+    }
+    let [xx, xy, xz, yy, yz, zz, ..] = inertial_parameters(&clipped(&centred, 3));
+    (m, [x, y, z], [xx, xy, xz, yy, yz, zz])
+}
+
+/// What conversion to the centre of mass may lose, of the moments about the origin: the division by
+/// the mass, products and differences, and a solver's own rounding at the boundary.
+const CENTRING_ROUNDING: f64 = 1e-10;
 
 /// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: the linear functional
 /// `c . phi` is not negative on any body exactly when Z is positive semidefinite.
@@ -251,5 +291,44 @@ impl Scale {
         } else {
             least
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_at_the_boundary_stay_physical_at_the_centre_of_mass() {
+        // points far from the origin, which have no moments about themselves, with rounded parameters
+        for k in 1..200 {
+            let a = f64::from(k);
+            let (m, x, y, z) = (0.1 + a / 7.0, (a / 3.0).sin(), (a / 11.0).cos(), 1.0 / a);
+            let about = |u: f64, v: f64| m * (u * u + v * v) * (1.0 - f64::EPSILON);
+            let point = [
+                about(y, z),
+                -m * x * y,
+                -m * x * z,
+                about(x, z),
+                -m * y * z,
+                about(x, y),
+                m * x,
+                m * y,
+                m * z,
+                m,
+            ];
+            let (mass, com, [xx, xy, xz, yy, yz, zz]) = about_centre(&point);
+            let tensor = pseudo_inertia(&[xx, xy, xz, yy, yz, zz, 0.0, 0.0, 0.0, 0.0]);
+            let size = tensor
+                .iter()
+                .flatten()
+                .fold(0.0, |s: f64, v| s.max(v.abs()));
+            assert!(smallest(&tensor, 3) >= -1e-14 * size, "{k}: {tensor:?}");
+            assert!(size < 1e-12 * m && (mass - m).abs() < 1e-15 * m);
+            assert!((com[0] - x).abs() < 1e-14);
+        }
+        // what rounding does not explain stays
+        let (_, _, tensor) = about_centre(&[1.0, 0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
+        assert!((tensor[5] - 3.0).abs() < 1e-15);
     }
 }

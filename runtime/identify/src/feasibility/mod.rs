@@ -34,6 +34,7 @@ extern crate regen_lapack as _;
 
 pub use constrained::{MAX_OPTIMAL_GAP, Outcome, PhysicalFit, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
+pub(crate) use inertia::about_centre;
 pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};
 pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};
 pub use options::{Bound, Options, Prior, Total};

@@ -3,7 +3,7 @@
 use core::fmt::Write;
 
 use super::error::{finite, size};
-use super::{FeasibilityError, ParameterLayout};
+use super::{FeasibilityError, ParameterLayout, about_centre};
 use regen_runtime::{Info, Parameter};
 
 /// The SI unit of a parameter, from its label; the unit of friction depends on whether the joint
@@ -75,28 +75,14 @@ pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, Feas
     finite("phi", phi)?;
     let mut out = String::from("bodies:\n");
     for body in layout.bodies() {
-        let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = body.columns.map(|c| phi[c]);
-        let [x, y, z] = if m > 0.0 {
-            [mx / m, my / m, mz / m]
-        } else {
-            [0.0; 3]
-        };
-        // by the parallel axis theorem; adding 0.0 turns -0 into 0
-        let inertia = [
-            xx - m * (y * y + z * z),
-            xy + m * x * y,
-            xz + m * x * z,
-            yy - m * (x * x + z * z),
-            yz + m * y * z,
-            zz - m * (x * x + y * y),
-        ];
-        // writing to a String cannot fail
+        let (mass, com, inertia) = about_centre(&body.columns.map(|c| phi[c]));
+        // writing to a String cannot fail; adding 0.0 turns -0 into 0
         let _ = writeln!(
             out,
             "  {}: {{mass: {}, com: [{}], inertia: [{}]}}",
             key(&body.label),
-            number(m),
-            list(&[x, y, z].map(|v| v + 0.0)),
+            number(mass),
+            list(&com.map(|v| v + 0.0)),
             list(&inertia.map(|v| v + 0.0)),
         );
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::estimate::Estimate;
-use crate::feasibility::{ParameterLayout, unit};
+use crate::feasibility::{ParameterLayout, about_centre, unit};
 use crate::friction::JointFit;
 use regen_runtime::{BaseParameter, Friction, Info, Parameter};
 use serde::{Deserialize, Serialize};
@@ -300,24 +300,8 @@ impl BodyRow {
     /// Converts the ten inertial parameters of a body (Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the
     /// frame's origin, mx, my, mz, m) by the parallel axis theorem.
     fn of(ten: &[f64; 10]) -> Self {
-        let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *ten;
-        let [x, y, z] = if m > 0.0 {
-            [mx / m, my / m, mz / m]
-        } else {
-            [0.0; 3]
-        };
-        Self {
-            mass: m,
-            com: [x, y, z],
-            inertia: [
-                xx - m * (y * y + z * z),
-                xy + m * x * y,
-                xz + m * x * z,
-                yy - m * (x * x + z * z),
-                yz + m * y * z,
-                zz - m * (x * x + y * y),
-            ],
-        }
+        let (mass, com, inertia) = about_centre(ten);
+        Self { mass, com, inertia }
     }
 }
 
