@@ -36,6 +36,22 @@ pub(super) struct SampledFactor {
     pub(super) all_scaled: Vec<ScaledFactor>,
 }
 
+impl SampledFactor {
+    /// The values as doubles, by their bits. Factors that differ as functions of the names differ at
+    /// some sample, since these are unrelated numbers.
+    pub(super) fn leading_digits(&self) -> Vec<u64> {
+        // no sample has the bits of a value that is no number
+        let bits = |value: Option<&Float320>| value.map_or(f64::NAN, Float320::to_f64).to_bits();
+        let one_scaled = self.one_scaled.iter().map(|value| bits(value.as_ref()));
+        let all_scaled = self
+            .all_scaled
+            .iter()
+            .map(|sample| bits(Some(&sample.value)));
+        let own = [bits(Some(&self.value))].into_iter();
+        own.chain(one_scaled).chain(all_scaled).collect()
+    }
+}
+
 /// A product of powers of the groups' names and a number.
 #[derive(Clone, Debug)]
 struct Product {

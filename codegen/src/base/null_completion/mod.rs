@@ -14,10 +14,14 @@
 //! a null direction that is unique up to scale.
 
 mod fit;
+mod lattice;
 mod recognise;
 mod relation;
 mod scaled_geometry;
 mod shapes;
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -295,6 +299,9 @@ struct ScaledSamples {
     all_scaled: Vec<(Vec<Number>, Samples)>,
     /// Notes on the names that were not varied, or only in proportion, each with the reason.
     unvaried_names: Vec<String>,
+    /// Factors that were recognised, or not, by the leading digits of all their samples: many
+    /// directions have the same ones.
+    recognised: RefCell<BTreeMap<Vec<u64>, Factor>>,
 }
 
 impl ScaledSamples {
@@ -362,6 +369,7 @@ impl ScaledSamples {
             one_scaled,
             all_scaled,
             unvaried_names,
+            recognised: RefCell::default(),
         }
     }
 
@@ -402,10 +410,18 @@ impl ScaledCircuits {
             one_scaled: one_scaled.map(|values| Some(values.as_ref()?[k])).collect(),
             all_scaled: all_scaled.collect(),
         };
-        if let Some(fit) = Fit::find(&observed, &scaled_samples.groups, &scaled_samples.scale) {
-            return Factor::Function(fit);
+        let leading_digits = observed.leading_digits();
+        if let Some(known) = scaled_samples.recognised.borrow().get(&leading_digits) {
+            return known.clone();
         }
-        recognise(&value).map_or(Factor::Digits(value), Factor::Constant)
+        let fit = Fit::find(&observed, &scaled_samples.groups, &scaled_samples.scale);
+        let factor = fit.map_or_else(
+            || recognise(&value).map_or(Factor::Digits(value), Factor::Constant),
+            Factor::Function,
+        );
+        let mut recognised = scaled_samples.recognised.borrow_mut();
+        recognised.insert(leading_digits, factor.clone());
+        factor
     }
 }
 

@@ -5,6 +5,8 @@ use dashu_int::ops::{Abs, BitTest, DivEuclid};
 
 use crate::base::certificate::Float320;
 
+use super::lattice;
+
 /// Number of bits of each value that enter the lattice.
 const VALUE_BITS: i32 = 230;
 /// Largest total number of bits of the integers of a relation.
@@ -13,7 +15,6 @@ const MAX_RELATION_BITS: usize = 130;
 /// Integers, not all zero, whose combination of the values is zero; `None` if there are only long
 /// ones, which exist for any values.
 pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
-    let n = values.len();
     let largest = values
         .iter()
         .map(Float320::log10)
@@ -22,22 +23,17 @@ pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
         return None;
     }
     let top = (largest / core::f64::consts::LOG10_2).ceil() as i32;
-    let mut basis: Vec<Vec<IBig>> = Vec::new();
-    for (i, value) in values.iter().enumerate() {
-        let mut row = vec![IBig::ZERO; n + 1];
-        row[i] = IBig::ONE;
-        row[n] = integer(&value.scaled(VALUE_BITS - top))?;
-        basis.push(row);
-    }
-    reduce(&mut basis);
-    let found = basis.iter().find(|row| {
-        let (of, left) = row.split_at(n);
-        let lengths = of.iter().map(BitTest::bit_len);
+    let leading = values.iter().map(|v| integer(&v.scaled(VALUE_BITS - top)));
+    let leading: Vec<IBig> = leading.collect::<Option<_>>()?;
+    reduced(&leading).into_iter().find_map(|mut row| {
+        row.pop();
+        let products = row.iter().zip(&leading).map(|(x, v)| x * v);
+        let left = products.fold(IBig::ZERO, |sum, x| sum + x);
+        let lengths = row.iter().map(BitTest::bit_len);
         let longest = lengths.clone().max().unwrap_or(0);
-        lengths.sum::<usize>() <= MAX_RELATION_BITS
-            && left.iter().all(|x| x.bit_len() <= longest + 8)
-    });
-    found.map(|row| row[..n].to_vec())
+        let is_short = lengths.sum::<usize>() <= MAX_RELATION_BITS;
+        (is_short && left.bit_len() <= longest + 8).then_some(row)
+    })
 }
 
 /// The integer part, rounded towards zero.
@@ -54,6 +50,25 @@ fn integer(value: &Float320) -> Option<IBig> {
     };
     let size = IBig::from(size);
     Some(if negative { -size } else { size })
+}
+
+/// The reduced lattice of the values: rows of coefficients, and last the combination of the values.
+fn reduced(values: &[IBig]) -> Vec<Vec<IBig>> {
+    if let Some(rows) = lattice::reduced(values, VALUE_BITS.unsigned_abs() as usize) {
+        let wide = |row: Vec<i128>| row.into_iter().map(IBig::from).collect();
+        return rows.into_iter().map(wide).collect();
+    }
+    // few values have relations too long for the quick way
+    let n = values.len();
+    let mut basis: Vec<Vec<IBig>> = Vec::new();
+    for (i, value) in values.iter().enumerate() {
+        let mut row = vec![IBig::ZERO; n + 1];
+        row[i] = IBig::ONE;
+        row[n].clone_from(value);
+        basis.push(row);
+    }
+    reduce(&mut basis);
+    basis
 }
 
 fn dot(a: &[IBig], b: &[IBig]) -> IBig {
