@@ -3,7 +3,7 @@
 use core::error::Error;
 use core::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::log::Topic;
 
@@ -93,84 +93,94 @@ pub enum BagError {
 const MAX_LISTED: usize = 20;
 
 /// Topics with types and counts, one a line.
-fn list(f: &mut fmt::Formatter<'_>, topics: &[Topic]) -> fmt::Result {
-    for topic in topics.iter().take(MAX_LISTED) {
-        write!(f, "\n  {topic}")?;
-    }
+fn list(topics: &[Topic]) -> String {
+    let shown = topics.iter().take(MAX_LISTED);
+    let lines: String = shown.map(|topic| format!("\n  {topic}")).collect();
     match topics.len().saturating_sub(MAX_LISTED) {
-        0 => Ok(()),
-        more => write!(f, "\n  and {more} more"),
+        0 => lines,
+        more => format!("{lines}\n  and {more} more"),
     }
 }
 
-impl fmt::Display for BagError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl BagError {
+    /// The file or folder that cannot be read.
+    pub fn file(&self) -> &Path {
         match self {
-            Self::Io { file, source } => write!(f, "{}: {source}", file.display()),
+            Self::Io { file, .. }
+            | Self::Database { file, .. }
+            | Self::NotABag { file, .. }
+            | Self::Truncated { file, .. }
+            | Self::Broken { file, .. }
+            | Self::Message { file, .. }
+            | Self::Topic { file, .. }
+            | Self::Joints { file, .. } => file,
+        }
+    }
+
+    /// The reason without the file's path, and what to do.
+    ///
+    /// ```
+    /// let error = regen_bags::topics("missing.mcap".as_ref()).unwrap_err();
+    /// assert_eq!(error.to_string(), format!("missing.mcap: {}", error.reason()));
+    /// ```
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Io { source, .. } => source.to_string(),
             Self::Database {
                 file,
                 place,
                 source,
-            } => write!(
-                f,
-                "{}: {place}: {source}; `sqlite3 {} .recover` writes what can still be read of a \
+            } => format!(
+                "{place}: {source}; `sqlite3 {} .recover` writes what can still be read of a \
                  damaged database",
-                file.display(),
                 name(file)
             ),
-            Self::NotABag { file, why } => write!(f, "{}: {why}", file.display()),
+            Self::NotABag { why, .. } => why.clone(),
             Self::Truncated {
                 file,
                 length,
                 record,
                 readable,
             } => {
-                write!(f, "{}: this MCAP file is cut off: ", file.display())?;
-                if record == length {
-                    write!(f, "it ends at byte {length} without the end of a recording")?;
+                let place = if record == length {
+                    "without the end of a recording".to_owned()
                 } else {
-                    write!(
-                        f,
-                        "it ends at byte {length}, inside the record that begins at byte {record}"
-                    )?;
-                }
-                if readable.iter().all(|topic| topic.messages == 0) {
-                    return f.write_str("; no message is whole before that");
-                }
-                write!(
-                    f,
-                    ". `mcap recover {} --output recovered.mcap` keeps what is whole before that:",
-                    name(file)
-                )?;
-                list(f, readable)
+                    format!("inside the record that begins at byte {record}")
+                };
+                let rest = if readable.iter().all(|topic| topic.messages == 0) {
+                    "; no message is whole before that".to_owned()
+                } else {
+                    format!(
+                        "; `mcap recover {} --output recovered.mcap` keeps what is whole before \
+                         that:{}",
+                        name(file),
+                        list(readable)
+                    )
+                };
+                format!("this MCAP file is cut off: it ends at byte {length}, {place}{rest}")
             }
-            Self::Broken { file, place, why } => {
-                write!(f, "{}: {place}: {why}", file.display())
-            }
+            Self::Broken { place, why, .. } => format!("{place}: {why}"),
             Self::Message {
-                file,
                 topic,
                 number,
                 place,
                 why,
-            } => write!(
-                f,
-                "{}: message {number} on {topic}, {place}: {why}",
-                file.display()
-            ),
-            Self::Topic { file, why, topics } => {
-                write!(f, "{}: {why}", file.display())?;
-                list(f, topics)
-            }
-            Self::Joints { file, topic, why } => {
-                write!(f, "{}: {topic}: {why}", file.display())
-            }
+                ..
+            } => format!("message {number} on {topic}, {place}: {why}"),
+            Self::Topic { why, topics, .. } => format!("{why}{}", list(topics)),
+            Self::Joints { topic, why, .. } => format!("{topic}: {why}"),
         }
     }
 }
 
+impl fmt::Display for BagError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.file().display(), self.reason())
+    }
+}
+
 /// The name of a file without its folder.
-fn name(file: &std::path::Path) -> String {
+fn name(file: &Path) -> String {
     let name = file.file_name().unwrap_or(file.as_os_str());
     name.display().to_string()
 }

@@ -139,7 +139,8 @@ impl Log {
         self
     }
 
-    /// The tables: one, or several where publishers of different joints share the topic.
+    /// The tables: one, or several where publishers of different joints share the topic, those with
+    /// most messages first.
     pub fn tables(&self) -> &[Table] {
         &self.tables
     }

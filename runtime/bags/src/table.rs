@@ -50,7 +50,8 @@ pub struct Row {
     pub values: Vec<Option<f64>>,
 }
 
-/// The tables of a topic: joints are in the same one if any message has both.
+/// The tables of a topic, those with most messages first: joints are in the same one if any message
+/// has both.
 pub(crate) fn tables(path: &Path, found: &Found) -> Result<Vec<Table>, BagError> {
     let mut groups: Vec<Vec<&(Shape, u64)>> = Vec::new();
     for shape in found.shapes.iter().filter(|own| !own.0.entries.is_empty()) {
@@ -131,7 +132,10 @@ pub(crate) fn tables(path: &Path, found: &Found) -> Result<Vec<Table>, BagError>
             joints,
         }
     };
-    Ok(groups.into_iter().map(table).collect())
+    let mut all: Vec<Table> = groups.into_iter().map(table).collect();
+    let count = |table: &Table| table.joints.iter().map(|(_, count)| *count).sum::<u64>();
+    all.sort_by_key(|table| std::cmp::Reverse(count(table)));
+    Ok(all)
 }
 
 impl Table {

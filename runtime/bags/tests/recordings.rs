@@ -215,7 +215,7 @@ fn a_changed_byte_is_refused_or_changes_nothing_but_numbers() {
     let bytes = fs::read(fixture("states.mcap")).unwrap();
     let changed = Scratch::new("changed.mcap");
     let mut refused = 0;
-    for at in 0..bytes.len() {
+    for at in (0..bytes.len()).step_by(5) {
         let mut own = bytes.clone();
         own[at] ^= 0x41;
         fs::write(&changed.0, &own).unwrap();
@@ -225,12 +225,12 @@ fn a_changed_byte_is_refused_or_changes_nothing_but_numbers() {
         }
     }
     // all but the summary, of which nothing is read
-    assert!(refused * 10 > bytes.len() * 5, "{refused} of {}", bytes.len());
+    assert!(refused * 10 > bytes.len(), "{refused} of {}", bytes.len());
     let mut own = bytes;
     own[700] ^= 1;
     fs::write(&changed.0, &own).unwrap();
     let error = Log::open(&changed.0, None).unwrap_err().to_string();
-    assert!(error.contains("chunk 1 at byte "), "{error}");
+    assert!(error.contains("chunk 2 at byte "), "{error}");
 }
 
 #[test]

@@ -101,14 +101,6 @@ impl McapMessages {
         })
     }
 
-    fn broken(&self, place: String, why: String) -> BagError {
-        BagError::Broken {
-            file: self.path.clone(),
-            place,
-            why,
-        }
-    }
-
     /// Loads the next chunk, or the next record outside of chunks; false at the end of the file.
     fn load(&mut self) -> Result<bool, BagError> {
         loop {
@@ -162,25 +154,18 @@ impl McapMessages {
     /// The error of a file whose records do not follow each other.
     fn failed(&self, error: &McapError) -> BagError {
         match error {
-            McapError::UnexpectedEof => self.truncated(),
-            // a record that is longer than the whole file
-            McapError::RecordTooLarge { .. } | McapError::ChunkTooLarge(_) => self.broken(
-                format!("the record at byte {}", self.next_record),
-                "it claims more bytes than the file has".to_owned(),
-            ),
-            other => self.broken(
-                format!("the record at byte {}", self.next_record),
-                other.to_string(),
-            ),
-        }
-    }
-
-    fn truncated(&self) -> BagError {
-        BagError::Truncated {
-            file: self.path.clone(),
-            length: self.length,
-            record: self.next_record.min(self.length),
-            readable: Vec::new(),
+            // the file ends, or has less bytes in all than a record claims
+            McapError::UnexpectedEof | McapError::RecordTooLarge { .. } => BagError::Truncated {
+                file: self.path.clone(),
+                length: self.length,
+                record: self.next_record.min(self.length),
+                readable: Vec::new(),
+            },
+            other => BagError::Broken {
+                file: self.path.clone(),
+                place: format!("the record at byte {}", self.next_record),
+                why: other.to_string(),
+            },
         }
     }
 
