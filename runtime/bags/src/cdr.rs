@@ -119,7 +119,9 @@ mod tests {
         assert_eq!(cdr.primitive::<1>().unwrap(), [7]);
         assert_eq!(cdr.text().unwrap(), "a");
         assert_eq!(cdr.primitive::<4>().unwrap_err().contains("ends"), true);
-        let big = [0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0x3f, 0xf0, 0, 0, 0, 0, 0, 0];
+        let big = [
+            0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0x3f, 0xf0, 0, 0, 0, 0, 0, 0,
+        ];
         let mut cdr = Cdr::new(&big).unwrap();
         assert_eq!(u16::from_le_bytes(cdr.primitive().unwrap()), 5);
         assert_eq!(f64::from_le_bytes(cdr.primitive().unwrap()), 1.0);
@@ -133,6 +135,11 @@ mod tests {
         assert!(error.contains("0x00 0x03"), "{error}");
         let mut long = Cdr::new(&[0, 1, 0, 0, 255, 255, 255, 255]).unwrap();
         assert!(long.count().unwrap_err().contains("a list of 4294967295"));
-        assert!(Cdr::new(&[0, 1, 0, 0, 1, 1, 1, 1]).unwrap().finish().is_err());
+        assert!(
+            Cdr::new(&[0, 1, 0, 0, 1, 1, 1, 1])
+                .unwrap()
+                .finish()
+                .is_err()
+        );
     }
 }

@@ -16,8 +16,8 @@ pub(crate) fn is_zstd(bytes: &[u8]) -> bool {
 pub(crate) fn zstd(mut bytes: &[u8], limit: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     while !bytes.is_empty() && out.len() as u64 <= limit {
-        let mut decoder =
-            ruzstd::decoding::StreamingDecoder::new(&mut bytes).map_err(|e| format!("zstd: {e}"))?;
+        let mut decoder = ruzstd::decoding::StreamingDecoder::new(&mut bytes)
+            .map_err(|e| format!("zstd: {e}"))?;
         let left = limit + 1 - out.len() as u64;
         let read = decoder.by_ref().take(left).read_to_end(&mut out);
         read.map_err(|e| format!("zstd: {e}"))?;

@@ -198,7 +198,9 @@ impl Definition {
         let count = match field.count {
             Count::One => {
                 return Ok(match field.element {
-                    Element::Message(index) => Value::Message(self.message(index, cdr, depth + 1)?),
+                    Element::Message(index) => {
+                        Value::Message(self.message(index, cdr, depth + 1)?)
+                    }
                     Element::Text => Value::Text(cdr.text()?),
                     Element::WideText => Value::Text(cdr.wide_text()?),
                     element => Value::Number(number(element, cdr)?),
@@ -215,10 +217,14 @@ impl Definition {
                 let all = (0..count).map(|_| self.message(index, cdr, depth + 1));
                 Value::Messages(all.collect::<Result<_, _>>()?)
             }
-            Element::Text => Value::Texts((0..count).map(|_| cdr.text()).collect::<Result<_, _>>()?),
-            Element::WideText => {
-                Value::Texts((0..count).map(|_| cdr.wide_text()).collect::<Result<_, _>>()?)
+            Element::Text => {
+                Value::Texts((0..count).map(|_| cdr.text()).collect::<Result<_, _>>()?)
             }
+            Element::WideText => Value::Texts(
+                (0..count)
+                    .map(|_| cdr.wide_text())
+                    .collect::<Result<_, _>>()?,
+            ),
             element => {
                 let all = (0..count).map(|_| number(element, cdr));
                 Value::Numbers(all.collect::<Result<_, _>>()?)
@@ -355,7 +361,12 @@ wstring label
         let missing = Definition::read("demo/msg/A", "other/B b\n");
         assert!(missing.unwrap_err().contains("lacks the type other/B"));
         let endless = Definition::read("demo/msg/A", "A a\n").unwrap();
-        assert!(endless.decode(&[0, 1, 0, 0]).unwrap_err().contains("too deep"));
+        assert!(
+            endless
+                .decode(&[0, 1, 0, 0])
+                .unwrap_err()
+                .contains("too deep")
+        );
         assert!(Definition::read("demo/msg/A", "float64[x] a").is_err());
         assert!(Definition::read("demo/msg/A", "float64").is_err());
     }

@@ -39,8 +39,9 @@ fn extension(path: &Path) -> Option<&str> {
     path.extension()?.to_str()
 }
 
-/// Whether a path is a recording: a folder, a file that begins as one or is named as one. False for
-/// what cannot be read.
+/// Whether a path is a recording: a folder or its `metadata.yaml`, a file that begins as a recording
+/// or is named as one. False for what
+/// cannot be read.
 ///
 /// ```
 /// use std::path::Path;
@@ -51,7 +52,8 @@ fn extension(path: &Path) -> Option<&str> {
 /// assert!(!regen_bags::is_bag(Path::new("run1.csv")));
 /// ```
 pub fn is_bag(path: &Path) -> bool {
-    if path.is_dir() || matches!(extension(path), Some("mcap" | "db3" | "bag")) {
+    let metadata = path.file_name().is_some_and(|name| name == METADATA);
+    if metadata || path.is_dir() || matches!(extension(path), Some("mcap" | "db3" | "bag")) {
         return true;
     }
     let begins = |start: Vec<u8>| {
@@ -110,9 +112,12 @@ struct Information {
 
 /// The files of a recording, in their order.
 pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
-    if !path.is_dir() {
-        return Ok(vec![part(path)?]);
-    }
+    let metadata = path.file_name().is_some_and(|name| name == METADATA);
+    let path = match path.parent().filter(|_| metadata) {
+        Some(folder) => folder,
+        None if path.is_dir() => path,
+        None => return Ok(vec![part(path)?]),
+    };
     let refused = |why: String| BagError::NotABag {
         file: path.to_path_buf(),
         why,

@@ -78,9 +78,7 @@ impl Sample {
         }
         match decoder.arrangement {
             Arrangement::State => {
-                for (field, prefix) in
-                    [("position", ""), ("velocity", "qd_"), ("effort", "tau_")]
-                {
+                for (field, prefix) in [("position", ""), ("velocity", "qd_"), ("effort", "tau_")] {
                     let values = message.numbers(field).ok_or_else(|| lacks(field))?;
                     out.add(prefix.into(), values, field)?;
                 }

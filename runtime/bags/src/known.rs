@@ -149,13 +149,10 @@ impl Decoder {
             (None, Arrangement::Interfaces(_)) => &[DYNAMIC_INTERFACE_GROUPS],
         };
         let all = texts.iter().map(|text| Definition::read(type_name, text));
-        Some(
-            all.collect::<Result<_, _>>()
-                .map(|definitions| Self {
-                    arrangement,
-                    definitions,
-                }),
-        )
+        Some(all.collect::<Result<_, _>>().map(|definitions| Self {
+            arrangement,
+            definitions,
+        }))
     }
 
     pub(crate) fn decode(&self, data: &[u8]) -> Result<Message, String> {

@@ -178,6 +178,14 @@ def changing():
     ]
 
 
+def faulty():
+    """A number that is none, and a clock that goes back."""
+    rows = states(count=12)
+    rows[5][3]["position"][1] = float("nan")
+    rows[9][3]["header"] = header(7)
+    return rows
+
+
 def store():
     found = get_typestore(Stores.ROS2_JAZZY)
     types = {}
@@ -321,6 +329,7 @@ if __name__ == "__main__":
     mcap("several.mcap", CompressionType.LZ4, several())
     mcap("publishers.mcap", CompressionType.NONE, publishers())
     mcap("changing.mcap", CompressionType.ZSTD, changing(), chunk=1 << 20)
+    mcap("faulty.mcap", CompressionType.ZSTD, faulty(), chunk=1 << 20)
     big_endian()
     databases()
     lerobot()

@@ -182,7 +182,9 @@ impl McapMessages {
             why,
         };
         let cut = || wrong("it ends before its length".to_owned());
-        let (head, rest) = self.records[start..].split_at_checked(HEAD).ok_or_else(cut)?;
+        let (head, rest) = self.records[start..]
+            .split_at_checked(HEAD)
+            .ok_or_else(cut)?;
         let mut length = [0; 8];
         length.copy_from_slice(&head[1..]);
         let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);

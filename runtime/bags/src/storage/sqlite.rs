@@ -1,6 +1,8 @@
 //! Messages of a database of rosbag2, some hundred at a time.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags};
@@ -53,11 +55,34 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     match immutable(path).filter(|_| !Path::new(&log).exists()) {
-        Some(uri) => {
-            Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)
-        }
+        Some(uri) => Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI),
         None => Connection::open_with_flags(path, flags),
     }
+}
+
+/// The number of bytes that a database says to have, if it says so, and those that it has.
+fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
+    let mut head = Vec::new();
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    file.take(100).read_to_end(&mut head)?;
+    let number = |at: usize| -> Option<u32> {
+        let bytes = head.get(at..at + 4)?;
+        Some(u32::from_be_bytes(bytes.try_into().ok()?))
+    };
+    let page = || {
+        let bytes = head.get(16..18)?;
+        match u16::from_be_bytes(bytes.try_into().ok()?) {
+            1 => Some(1 << 16),
+            size => Some(u64::from(size)),
+        }
+    };
+    // the number of pages counts where it was written by the last change
+    let pages = number(28).filter(|_| number(24) == number(92));
+    Ok((
+        pages.and_then(|pages| Some(u64::from(pages) * page()?)),
+        length,
+    ))
 }
 
 impl SqliteMessages {
@@ -65,6 +90,21 @@ impl SqliteMessages {
     ///
     /// - `topic`: the topic that is read; all of known types where there is none.
     pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
+        let (stated, length) = lengths(path).map_err(|source| BagError::Io {
+            file: path.to_path_buf(),
+            source,
+        })?;
+        if let Some(stated) = stated.filter(|stated| *stated > length) {
+            return Err(BagError::Broken {
+                file: path.to_path_buf(),
+                place: format!("byte {length}"),
+                why: format!(
+                    "the database ends here and should have {stated} bytes: it was cut off; \
+                     `sqlite3 {} .recover` writes what can still be read",
+                    path.file_name().unwrap_or_default().display()
+                ),
+            });
+        }
         let failed = |place: &str, error: rusqlite::Error| BagError::Database {
             file: path.to_path_buf(),
             place: place.to_owned(),
@@ -108,7 +148,9 @@ impl SqliteMessages {
 
     /// All topics with their numbers of messages.
     pub(super) fn topics(&self) -> impl Iterator<Item = (&Channel, u64)> {
-        self.channels.values().map(|(channel, count)| (channel, *count))
+        self.channels
+            .values()
+            .map(|(channel, count)| (channel, *count))
     }
 
     /// Goes on to the next message; false behind the last one.
@@ -205,9 +247,7 @@ fn definitions(database: &Connection) -> BTreeMap<String, (String, String)> {
     let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
     let read = || -> rusqlite::Result<_> {
         let mut statement = database.prepare(query)?;
-        let rows = statement.query_map([], |row| {
-            Ok((row.get(0)?, (row.get(1)?, row.get(2)?)))
-        })?;
+        let rows = statement.query_map([], |row| Ok((row.get(0)?, (row.get(1)?, row.get(2)?))))?;
         rows.collect()
     };
     read().unwrap_or_default()

@@ -345,7 +345,9 @@ impl fmt::Display for DataError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io { file, why } => write!(f, "cannot read {file}: {why}"),
-            Self::ColumnLayout { file, why } | Self::Part { file, why, .. } => write!(f, "{file}: {why}"),
+            Self::ColumnLayout { file, why } | Self::Part { file, why, .. } => {
+                write!(f, "{file}: {why}")
+            }
             Self::Columns {
                 file,
                 why,

@@ -156,6 +156,11 @@ impl LogFile {
         for path in &run.files {
             tables.extend(opening.tables(path)?);
         }
+        if let (Some(topic), None) = (&run.topic, opening.start) {
+            return Err(unfit(&format!(
+                "the topic {topic} is named, and none of its files is a recording with topics"
+            )));
+        }
         let search = Search {
             assignments: &settings.columns,
             by_rate: settings.rate.is_some(),

@@ -53,7 +53,10 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
         let remedy = "episodes are counted by whole numbers from 0";
         sink.push(node.at, &format!("{path}, `episode`"), message, remedy);
     }
-    #[allow(clippy::cast_sign_loss, reason = "the shape says that they are not negative")]
+    #[allow(
+        clippy::cast_sign_loss,
+        reason = "the shape says that they are not negative"
+    )]
     let episode = index.map(|index| index as u64);
     #[allow(clippy::cast_sign_loss, reason = "the shape says that they are whole")]
     let rows = rows.map(|(first, last)| (first as u64, last as u64));

@@ -115,7 +115,9 @@ fn first_length(reader: &SerializedFileReader<File>, leaf: usize) -> Option<usiz
         ColumnReader::Int64ColumnReader(mut own) => lists::first_length(&mut own),
         _ => return None,
     };
-    length.ok().filter(|length| (1..=MAX_ELEMENTS).contains(length))
+    length
+        .ok()
+        .filter(|length| (1..=MAX_ELEMENTS).contains(length))
 }
 
 /// The titles of a file's columns and where their numbers are.
@@ -127,7 +129,12 @@ pub(in crate::data) fn contents(
 ) -> Result<(Vec<String>, Contents), DataError> {
     let reader = open(path)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let plain = |name: &str| schema.columns().iter().position(|c| c.path().string() == name);
+    let plain = |name: &str| {
+        schema
+            .columns()
+            .iter()
+            .position(|c| c.path().string() == name)
+    };
     let episodes = plain(EPISODE);
     let has_time = plain("t").or_else(|| plain("time")).is_some();
     let has_lists = schema.columns().iter().any(|c| c.max_rep_level() > 0);
@@ -157,7 +164,9 @@ pub(in crate::data) fn contents(
             continue;
         }
         let is_time = name == "timestamp" && episodes.is_some() && !has_time;
-        let rate = info.rate().filter(|_| column.physical_type() == Type::FLOAT);
+        let rate = info
+            .rate()
+            .filter(|_| column.physical_type() == Type::FLOAT);
         titles.push(if is_time { "t".to_owned() } else { name });
         places.push(Place {
             leaf,
@@ -210,7 +219,11 @@ fn rows_of(
         key: "episode",
     };
     let listed = || {
-        let shown: Vec<String> = all.iter().take(MAX_LISTED).map(|e| e.0.to_string()).collect();
+        let shown: Vec<String> = all
+            .iter()
+            .take(MAX_LISTED)
+            .map(|e| e.0.to_string())
+            .collect();
         let more = all.len().saturating_sub(MAX_LISTED);
         let tail = if more > 0 {
             format!(" and {more} more")
@@ -234,9 +247,10 @@ fn rows_of(
                     "it has no episode {index}; there are {}",
                     listed()
                 ))),
-                (Some(_), Some(_)) => {
-                    Err(unfit(path, format!("the rows of episode {index} are apart")))
-                }
+                (Some(_), Some(_)) => Err(unfit(
+                    path,
+                    format!("the rows of episode {index} are apart"),
+                )),
             }
         }
     }
@@ -270,7 +284,10 @@ mod tests {
         let names = ["a".to_owned(), "b".to_owned()];
         assert_eq!(title("observation.state", &names, 2, 1), "b");
         assert_eq!(title("action", &names, 2, 0), "cmd_a");
-        assert_eq!(title("observation.state", &names, 3, 2), "observation.state.3");
+        assert_eq!(
+            title("observation.state", &names, 3, 2),
+            "observation.state.3"
+        );
         assert_eq!(title("wrench", &names, 2, 0), "wrench.a");
     }
 }
