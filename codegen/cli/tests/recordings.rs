@@ -109,7 +109,7 @@ fn faults_of_messages_are_told_as_those_of_rows() {
         .iter()
         .map(|p| (p.row, p.what.kind()))
         .collect();
-    assert_eq!(told, [(6, "not a number"), (10, "clock set back")]);
+    assert_eq!(told, [(6, "not a number"), (10, "unsorted time")]);
     let joined = Run {
         files: vec![fixture("states.mcap"), fixture("faulty.mcap")],
         topic: None,

@@ -10,6 +10,7 @@ Numbers of message k (from 0) and joint j (from 0) are 0.5 (j + 1) + k/8 rad, j 
 import csv
 import json
 import shutil
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +265,52 @@ def databases():
                     writer.write(connection, received(k), bytes(data))
 
 
+def fuzz():
+    """First inputs of the fuzz target: a pendulum's, without check sums so that changes get far."""
+    out = ROOT / "tests/tools/fuzz/kept/bag"
+    out.mkdir(exist_ok=True)
+    types = store()
+    kind = "sensor_msgs/msg/JointState"
+
+    def data(k):
+        message = ros_state(types, k)
+        message.name = ["q1"]
+        for key in ("position", "velocity", "effort"):
+            setattr(message, key, getattr(message, key)[:1])
+        return bytes(types.serialize_cdr(message, kind))
+
+    for name, options in [
+        ("plain", {"use_chunking": False}),
+        ("chunk", {"compression": CompressionType.NONE}),
+        ("zstd", {"compression": CompressionType.ZSTD}),
+        ("lz4", {"compression": CompressionType.LZ4}),
+    ]:
+        with open(out / name, "wb") as file:
+            writer = McapWriter(
+                file, enable_crcs=False, enable_data_crcs=False, index_types=IndexType.NONE, **options
+            )
+            writer.start(profile="ros2", library="regen")
+            schema = writer.register_schema(kind, "ros2msg", (STATE + HEADER).encode())
+            channel = writer.register_channel("/joint_states", "cdr", schema)
+            for k in range(8):
+                writer.add_message(channel, received(k), data(k), received(k))
+            writer.finish()
+    path = out / "database"
+    path.unlink(missing_ok=True)
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA page_size = 512")
+    database.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type, serialization_format)")
+    database.execute(
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+    )
+    database.execute("INSERT INTO topics VALUES (1, '/joint_states', ?, 'cdr')", (kind,))
+    for k in range(8):
+        row = (k + 1, received(k), data(k))
+        database.execute("INSERT INTO messages VALUES (?, 1, ?, ?)", row)
+    database.commit()
+    database.close()
+
+
 def lerobot():
     folder = OUT / "lerobot"
     shutil.rmtree(folder, ignore_errors=True)
@@ -333,4 +380,5 @@ if __name__ == "__main__":
     big_endian()
     databases()
     lerobot()
+    fuzz()
     guide()

@@ -155,6 +155,11 @@ fn every_parquet_log_gives_equations_or_an_error() {
 }
 
 #[test]
+fn every_recording_gives_equations_or_an_error() {
+    answers("bag", &[("tests/fixtures/bags", &["mcap"])], 1500);
+}
+
+#[test]
 fn every_robot_file_of_others_is_imported_or_refused() {
     answers(
         "import",
