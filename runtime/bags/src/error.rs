@@ -95,11 +95,12 @@ const MAX_LISTED: usize = 20;
 /// Topics with types and counts, one a line.
 fn list(topics: &[Topic]) -> String {
     let shown = topics.iter().take(MAX_LISTED);
-    let lines: String = shown.map(|topic| format!("\n  {topic}")).collect();
-    match topics.len().saturating_sub(MAX_LISTED) {
-        0 => lines,
-        more => format!("{lines}\n  and {more} more"),
+    let mut lines: Vec<String> = shown.map(|topic| format!("\n  {topic}")).collect();
+    let more = topics.len().saturating_sub(MAX_LISTED);
+    if more > 0 {
+        lines.push(format!("\n  and {more} more"));
     }
+    lines.concat()
 }
 
 impl BagError {

@@ -1,7 +1,5 @@
 //! The numbers of one message, by joint.
 
-use std::borrow::Cow;
-
 use crate::definition::Message;
 use crate::known::{Arrangement, Decoder};
 
@@ -11,7 +9,7 @@ pub(crate) struct Shape {
     /// The names of the joints.
     pub(crate) joints: Vec<String>,
     /// For each number the quantity, as a prefix of the joint's name, and the index of the joint.
-    pub(crate) entries: Vec<(Cow<'static, str>, usize)>,
+    pub(crate) entries: Vec<(String, usize)>,
 }
 
 /// One message.
@@ -40,13 +38,13 @@ const POINTS: [(&str, &str, &str); 3] = [
 ];
 
 /// The prefix of an interface's columns.
-pub(crate) fn interface_prefix(name: &str) -> Cow<'static, str> {
+pub(crate) fn interface_prefix(name: &str) -> String {
     match name {
-        "position" => "".into(),
-        "velocity" => "qd_".into(),
-        "acceleration" => "qdd_".into(),
-        "effort" => "tau_".into(),
-        other => format!("{other}_").into(),
+        "position" => String::new(),
+        "velocity" => "qd_".to_owned(),
+        "acceleration" => "qdd_".to_owned(),
+        "effort" => "tau_".to_owned(),
+        other => format!("{other}_"),
     }
 }
 
@@ -73,14 +71,15 @@ impl Sample {
         out.shape.joints = joints.to_vec();
         let mut sorted: Vec<&String> = joints.iter().collect();
         sorted.sort_unstable();
-        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(format!("it names the joint `{}` twice", pair[0]));
+        let mut pairs = sorted.iter().zip(sorted.iter().skip(1));
+        if let Some((twice, _)) = pairs.find(|(one, next)| one == next) {
+            return Err(format!("it names the joint `{twice}` twice"));
         }
         match decoder.arrangement {
             Arrangement::State => {
                 for (field, prefix) in [("position", ""), ("velocity", "qd_"), ("effort", "tau_")] {
                     let values = message.numbers(field).ok_or_else(|| lacks(field))?;
-                    out.add(prefix.into(), values, field)?;
+                    out.add(prefix, values, field)?;
                 }
             }
             Arrangement::Controller => {
@@ -90,7 +89,7 @@ impl Sample {
                     for (list, quantity) in LISTS {
                         let values = found.numbers(list).ok_or_else(|| lacks(list))?;
                         let what = format!("{point}.{list}");
-                        out.add(format!("{prefix}{quantity}").into(), values, &what)?;
+                        out.add(&format!("{prefix}{quantity}"), values, &what)?;
                     }
                 }
             }
@@ -100,7 +99,7 @@ impl Sample {
     }
 
     /// Adds a list with a number for each joint, or none at all.
-    fn add(&mut self, prefix: Cow<'static, str>, values: &[f64], what: &str) -> Result<(), String> {
+    fn add(&mut self, prefix: &str, values: &[f64], what: &str) -> Result<(), String> {
         let joints = self.shape.joints.len();
         if values.is_empty() {
             return Ok(());
@@ -111,7 +110,7 @@ impl Sample {
                 values.len()
             ));
         }
-        let entries = (0..joints).map(|joint| (prefix.clone(), joint));
+        let entries = (0..joints).map(|joint| (prefix.to_owned(), joint));
         self.shape.entries.extend(entries);
         self.values.extend(values);
         Ok(())

@@ -1,6 +1,5 @@
 //! The messages of a topic as rows of numbers.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::error::BagError;
@@ -21,7 +20,7 @@ enum Column {
     /// When the message was received.
     Received,
     /// A quantity, as a prefix, of a joint.
-    Of(Cow<'static, str>, String),
+    Of(String, String),
 }
 
 /// Columns of numbers of a topic, of joints that are sent together.
@@ -77,7 +76,7 @@ pub(crate) fn tables(path: &Path, found: &Found) -> Result<Vec<Table>, BagError>
         });
     }
     let table = |group: Vec<&(Shape, u64)>| {
-        let mut prefixes: Vec<&Cow<'static, str>> = Vec::new();
+        let mut prefixes: Vec<&String> = Vec::new();
         let mut names: Vec<&String> = Vec::new();
         for (shape, _) in &group {
             for (prefix, joint) in &shape.entries {

@@ -1,5 +1,9 @@
 //! The numbers of recordings are those that other programs wrote, and broken ones are refused.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(
+    clippy::unnecessary_wraps,
+    reason = "the numbers are compared with those of rows, which may lack some"
+)]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -173,7 +173,7 @@ impl SqliteMessages {
                 place: Place::Row(*id).to_string(),
                 why,
             };
-            if data.len() as i64 > MAX_MESSAGE {
+            if data.len() as u64 > MAX_MESSAGE.unsigned_abs() {
                 return Err(wrong("a message of joints with more than 4 MiB".to_owned()));
             }
             if compression::is_zstd(data) {

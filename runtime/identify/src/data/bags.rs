@@ -15,12 +15,12 @@ pub(super) fn tables(
     topic: Option<&str>,
     start: &mut Option<i64>,
 ) -> Result<Vec<Table>, DataError> {
-    let log = Log::open(path, topic).map_err(failed)?;
+    let log = Log::open(path, topic).map_err(|error| failed(&error))?;
     let start = *start.get_or_insert(log.start());
     Ok(log.starting_at(start).tables().to_vec())
 }
 
-fn failed(error: BagError) -> DataError {
+fn failed(error: &BagError) -> DataError {
     let (file, why) = (error.file().display().to_string(), error.reason());
     match error {
         BagError::Topic { .. } => DataError::Part {
@@ -44,14 +44,14 @@ impl BagRows {
     pub(super) fn open(table: &Table, wanted: Vec<Wanted>) -> Result<Self, DataError> {
         let columns: Vec<usize> = wanted.iter().map(|wanted| wanted.column).collect();
         Ok(Self {
-            rows: table.rows(&columns).map_err(failed)?,
+            rows: table.rows(&columns).map_err(|error| failed(&error))?,
             wanted,
         })
     }
 
     /// The next row; `None` behind the last one.
     pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
-        let Some(row) = self.rows.next_row().map_err(failed)? else {
+        let Some(row) = self.rows.next_row().map_err(|error| failed(&error))? else {
             return Ok(None);
         };
         let entry = |(wanted, value): (&Wanted, Option<f64>)| match value {

@@ -78,7 +78,7 @@ pub(super) enum FileRows<'a> {
     #[cfg(feature = "parquet")]
     Parquet(super::parquet::ParquetRows),
     #[cfg(feature = "bags")]
-    Bag(super::bags::BagRows),
+    Bag(Box<super::bags::BagRows>),
 }
 
 /// First bytes of a Parquet file.
@@ -182,7 +182,9 @@ impl Table {
                 &self.path, contents, wanted,
             )?)),
             #[cfg(feature = "bags")]
-            Kind::Bag(table) => Ok(FileRows::Bag(super::bags::BagRows::open(table, wanted)?)),
+            Kind::Bag(table) => Ok(FileRows::Bag(Box::new(super::bags::BagRows::open(
+                table, wanted,
+            )?))),
             Kind::Csv(written) => Ok(FileRows::Csv(CsvRows {
                 table: self,
                 written,

@@ -147,7 +147,7 @@ struct Column {
 
 /// A column of the file that is read, of which several elements may be wanted.
 struct Leaf {
-    leaf: usize,
+    index: usize,
     title: String,
     width: Option<usize>,
 }
@@ -178,8 +178,8 @@ fn rows(
                 ),
             ));
         }
-        for Leaf { leaf, title, .. } in leaves {
-            let chunk = group.columns().get(*leaf);
+        for Leaf { index, title, .. } in leaves {
+            let chunk = group.columns().get(*index);
             let chunk = chunk
                 .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
             let values = pages::values(&mut file, size, chunk)
@@ -249,10 +249,10 @@ impl ParquetRows {
                 let why = format!("column `{title}` holds lists, not numbers");
                 return Err(unfit(path, why));
             }
-            let known = leaves.iter().position(|own| own.leaf == place.leaf);
+            let known = leaves.iter().position(|own| own.index == place.leaf);
             let index = known.unwrap_or_else(|| {
                 leaves.push(Leaf {
-                    leaf: place.leaf,
+                    index: place.leaf,
                     title: title.clone(),
                     width,
                 });
@@ -318,12 +318,12 @@ impl ParquetRows {
         let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
         let group = solve_guarded(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
         self.columns.clear();
-        for Leaf { leaf, width, .. } in &self.leaves {
-            let reader = solve_guarded(|| group.get_column_reader(*leaf)).map_err(wrong)?;
+        for Leaf { index, width, .. } in &self.leaves {
+            let reader = solve_guarded(|| group.get_column_reader(*index)).map_err(wrong)?;
             self.columns.push(Column {
                 reader,
                 width: *width,
-                deepest: schema.column(*leaf).max_def_level(),
+                deepest: schema.column(*index).max_def_level(),
             });
         }
         Ok(())

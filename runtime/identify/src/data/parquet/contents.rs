@@ -203,11 +203,12 @@ fn rows_of(
         title: EPISODE.to_owned(),
     }];
     let mut rows = ParquetRows::open(path, contents, wanted)?;
-    let mut all: Vec<(f64, u64, u64)> = Vec::new();
+    let mut all: Vec<(i64, u64, u64)> = Vec::new();
     while let Some(row) = rows.next_row()? {
         let Some(index) = row.values.ok().and_then(|values| values.first().copied()) else {
             continue;
         };
+        let index = index.round() as i64;
         match all.last_mut() {
             Some(last) if last.0 == index => last.2 = row.line,
             _ => all.push((index, row.line, row.line)),
@@ -240,7 +241,7 @@ fn rows_of(
             listed()
         ))),
         (Some(index), _) => {
-            let mut own = all.iter().filter(|e| e.0 == index as f64);
+            let mut own = all.iter().filter(|e| u64::try_from(e.0) == Ok(index));
             match (own.next(), own.next()) {
                 (Some((_, first, last)), None) => Ok((*first, *last)),
                 (None, _) => Err(part(format!(
