@@ -57,6 +57,7 @@ enum Kind {
 pub(super) struct Opening<'a> {
     pub(super) format: Format,
     /// The topic of recordings.
+    #[cfg_attr(not(feature = "bags"), allow(dead_code))]
     pub(super) topic: Option<&'a str>,
     /// The episode of files of LeRobot.
     pub(super) episode: Option<u64>,
@@ -145,6 +146,7 @@ impl Opening<'_> {
 
 impl Table {
     /// Finds out how a file is written.
+    #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
     fn open(path: &Path, format: Format, episode: Option<u64>) -> Result<Self, DataError> {
         if is_parquet(path) {
             #[cfg(feature = "parquet")]
