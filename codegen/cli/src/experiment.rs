@@ -103,6 +103,10 @@ pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
 /// The path of a run that is an experiment file, by its extension.
 fn experiment_path(run: &Run) -> Option<PathBuf> {
     let [path] = &run.files[..] else { return None };
+    // that of a ROS 2 bag
+    if path.file_name()? == "metadata.yaml" {
+        return None;
+    }
     let extension = path.extension()?.to_str()?;
     ["yaml", "yml"].contains(&extension).then(|| path.clone())
 }

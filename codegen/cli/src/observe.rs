@@ -217,6 +217,8 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         settings.rate = None;
     }
     settings.rate = reading.rate.or(settings.rate);
+    settings.topic = reading.topic.clone().or(settings.topic);
+    settings.episode = reading.episode.or(settings.episode);
     settings.resample = reading.resample.or(settings.resample);
     if let Some(velocities) = reading.velocities {
         settings.measured_rates = velocities == VelocitiesArg::Measured;
@@ -364,6 +366,9 @@ impl From<DataError> for Failure {
                 let text = format!("{file}: {why} --column {quote}{assignment}{quote}{rate}");
                 Self::Input(text)
             }
+            DataError::Part { key, .. } => Self::Input(format!(
+                "{error}\n  name it with --{key}, or as `{key}` of its run in an experiment file"
+            )),
             DataError::NonlinearFrictionInEnergyBalance => {
                 Self::Input(format!("{error}: leave out --energy"))
             }

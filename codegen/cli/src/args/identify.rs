@@ -25,7 +25,7 @@ Example:
 pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs, CSV or Parquet files; or an experiment file, YAML
+    /// Logs: CSV or Parquet files, MCAP files, ROS 2 bags; or an experiment file, YAML
     #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Where the factors are written
@@ -93,7 +93,7 @@ has eps_RA (Eq. 33) of each model on each log, as the chapter's Table 4.")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Logs, CSV or Parquet files; or an experiment file, YAML
+    /// Logs: CSV or Parquet files, MCAP files, ROS 2 bags; or an experiment file, YAML
     #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// Factor files instead of logs, merged

@@ -19,6 +19,12 @@ pub(crate) struct ReadingArgs {
     /// behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_identify::data::Assignment>,
+    /// The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) topic: Option<String>,
+    /// The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #[arg(long, value_name = "INDEX")]
+    pub(crate) episode: Option<u64>,
     /// The rate of the rows in Hz, where no column has their time
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) rate: Option<f64>,

@@ -33,8 +33,7 @@ pub(super) struct Wanted {
 #[derive(Clone, Debug)]
 pub(super) struct Table {
     pub(super) path: PathBuf,
-    /// How a CSV file is written; `None` for Parquet.
-    written: Option<Written>,
+    kind: Kind,
     /// The names of the columns.
     pub(super) titles: Vec<String>,
     /// Whether the file names its columns; else they are called by their numbers.
@@ -43,9 +42,32 @@ pub(super) struct Table {
     unended_length: Option<u64>,
 }
 
+/// How a file is read.
+#[derive(Clone, Debug)]
+enum Kind {
+    Csv(Written),
+    #[cfg(feature = "parquet")]
+    Parquet(super::parquet::Contents),
+    #[cfg(feature = "bags")]
+    Bag(regen_bags::Table),
+}
+
+/// How the files of a run are opened.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Opening<'a> {
+    pub(super) format: Format,
+    /// The topic of recordings.
+    #[cfg_attr(not(feature = "bags"), allow(dead_code))]
+    pub(super) topic: Option<&'a str>,
+    /// The episode of files of LeRobot.
+    pub(super) episode: Option<u64>,
+    /// The stamp from which the times of recordings count, ns: that of the first one.
+    pub(super) start: Option<i64>,
+}
+
 /// A row of a file.
 pub(super) struct FileRow {
-    /// The line of a CSV file, or the row of a Parquet file, from 1.
+    /// The line of a CSV file, the row of a Parquet file or the number of a message, from 1.
     pub(super) line: u64,
     /// The numbers of the wanted columns as they stand in the file, or why they cannot be used.
     pub(super) values: Result<Vec<f64>, Fault>,
@@ -56,6 +78,8 @@ pub(super) enum FileRows<'a> {
     Csv(CsvRows<'a>),
     #[cfg(feature = "parquet")]
     Parquet(super::parquet::ParquetRows),
+    #[cfg(feature = "bags")]
+    Bag(Box<super::bags::BagRows>),
 }
 
 /// First bytes of a Parquet file.
@@ -80,28 +104,64 @@ fn unended_length(path: &Path) -> Option<u64> {
     (!b"\r\n".contains(&last[0])).then_some(length)
 }
 
-#[cfg(not(feature = "parquet"))]
-fn unsupported(path: &Path) -> DataError {
+#[cfg(not(all(feature = "parquet", feature = "bags")))]
+fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
     DataError::ColumnLayout {
         file: path.display().to_string(),
-        why: "this is a Parquet file: build with the feature `parquet`".to_owned(),
+        why: format!("this is a {what}: build with the feature `{feature}`"),
+    }
+}
+
+/// Whether a path is a recording, by its extension; those with other names are found only with the
+/// feature.
+#[cfg(not(feature = "bags"))]
+fn is_bag(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    path.is_dir() || matches!(extension, Some("mcap" | "db3"))
+}
+
+impl Opening<'_> {
+    /// Finds out how a file is written; several tables are those of publishers of different joints
+    /// in one recording.
+    pub(super) fn tables(&mut self, path: &Path) -> Result<Vec<Table>, DataError> {
+        #[cfg(feature = "bags")]
+        if regen_bags::is_bag(path) {
+            let tables = super::bags::tables(path, self.topic, &mut self.start)?;
+            let table = |own: regen_bags::Table| Table {
+                path: path.to_path_buf(),
+                titles: own.titles().to_vec(),
+                named: true,
+                unended_length: None,
+                kind: Kind::Bag(own),
+            };
+            return Ok(tables.into_iter().map(table).collect());
+        }
+        #[cfg(not(feature = "bags"))]
+        if is_bag(path) {
+            return Err(unsupported(path, "recording", "bags"));
+        }
+        Ok(vec![Table::open(path, self.format, self.episode)?])
     }
 }
 
 impl Table {
     /// Finds out how a file is written.
-    pub(super) fn open(path: &Path, format: Format) -> Result<Self, DataError> {
+    #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
+    fn open(path: &Path, format: Format, episode: Option<u64>) -> Result<Self, DataError> {
         if is_parquet(path) {
             #[cfg(feature = "parquet")]
-            return Ok(Self {
-                path: path.to_path_buf(),
-                written: None,
-                titles: super::parquet::header(path)?,
-                named: true,
-                unended_length: None,
-            });
+            {
+                let (titles, contents) = super::parquet::contents(path, episode)?;
+                return Ok(Self {
+                    path: path.to_path_buf(),
+                    titles,
+                    named: true,
+                    unended_length: None,
+                    kind: Kind::Parquet(contents),
+                });
+            }
             #[cfg(not(feature = "parquet"))]
-            return Err(unsupported(path));
+            return Err(unsupported(path, "Parquet file", "parquet"));
         }
         let written = Written::find(path, format).map_err(|error| DataError::Io {
             file: path.display().to_string(),
@@ -112,20 +172,22 @@ impl Table {
             titles: written.titles.clone(),
             named: written.has_header(),
             unended_length: unended_length(path),
-            written: Some(written),
+            kind: Kind::Csv(written),
         })
     }
 
     /// The rows of some columns, from the first row on.
     pub(super) fn rows(&self, wanted: Vec<Wanted>) -> Result<FileRows<'_>, DataError> {
-        match &self.written {
+        match &self.kind {
             #[cfg(feature = "parquet")]
-            None => Ok(FileRows::Parquet(super::parquet::ParquetRows::open(
-                &self.path, wanted,
+            Kind::Parquet(contents) => Ok(FileRows::Parquet(super::parquet::ParquetRows::open(
+                &self.path, contents, wanted,
             )?)),
-            #[cfg(not(feature = "parquet"))]
-            None => Err(unsupported(&self.path)),
-            Some(written) => Ok(FileRows::Csv(CsvRows {
+            #[cfg(feature = "bags")]
+            Kind::Bag(table) => Ok(FileRows::Bag(Box::new(super::bags::BagRows::open(
+                table, wanted,
+            )?))),
+            Kind::Csv(written) => Ok(FileRows::Csv(CsvRows {
                 table: self,
                 written,
                 reader: written
@@ -146,6 +208,8 @@ impl FileRows<'_> {
             Self::Csv(rows) => rows.next_row(),
             #[cfg(feature = "parquet")]
             Self::Parquet(rows) => rows.next_row(),
+            #[cfg(feature = "bags")]
+            Self::Bag(rows) => rows.next_row(),
         }
     }
 }

@@ -93,6 +93,21 @@ impl<'a> JoinedRows<'a> {
                 });
             }
         }
+        let by_row = |source: &&Source<'_>| source.track.is_none();
+        let mut paths = Vec::new();
+        for source in sources.iter().filter(by_row) {
+            let path = file.tables.get(source.place).map(|table| &table.path);
+            if paths.contains(&path) {
+                return Err(DataError::ColumnLayout {
+                    file: file.name.clone(),
+                    why: "its joints come from publishers of their own, whose messages belong \
+                          together by their times: name the column of time, and do not join by \
+                          rows"
+                        .to_owned(),
+                });
+            }
+            paths.push(path);
+        }
         Ok(Self {
             file,
             sources,
@@ -208,8 +223,8 @@ impl<'a> JoinedRows<'a> {
     /// The error of files side by side of which some end before the others.
     fn unequal(&self, ended: &[usize]) -> DataError {
         let name = |place: &usize| {
-            let path = self.file.run.files.get(*place);
-            path.map_or_else(String::new, |path| path.display().to_string())
+            let table = self.file.tables.get(*place);
+            table.map_or_else(String::new, |table| table.path.display().to_string())
         };
         let names: Vec<String> = ended.iter().map(name).collect();
         DataError::ColumnLayout {

@@ -24,6 +24,10 @@ pub struct Settings {
     pub columns: Vec<Assignment>,
     /// How CSV files are written.
     pub format: Format,
+    /// The topic of recordings that is read, in place of those of the runs.
+    pub topic: Option<String>,
+    /// The episode of files of LeRobot that is read, in place of those of the runs.
+    pub episode: Option<u64>,
     /// The rate of the rows, Hz, where no column has their time: the first row of a file is at 0.
     pub rate: Option<f64>,
     /// The rate of an even grid of times, Hz, onto which the rows are interpolated.
@@ -63,6 +67,8 @@ impl Default for Settings {
         Self {
             columns: Vec::new(),
             format: Format::default(),
+            topic: None,
+            episode: None,
             rate: None,
             resample: None,
             measured_rates: true,

@@ -1,6 +1,8 @@
-//! Logs from CSV and Parquet files: assigns columns, checks rows and computes states of motion.
+//! Logs from CSV and Parquet files and recordings: assigns columns, checks rows and computes states of motion.
 
 mod average;
+#[cfg(feature = "bags")]
+mod bags;
 mod columns;
 mod discretisation;
 pub(crate) mod expression;

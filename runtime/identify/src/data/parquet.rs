@@ -1,7 +1,9 @@
 //! Reads the rows of a Parquet file, one row group after another.
 
+mod contents;
 mod format;
 mod guard;
+mod lists;
 mod pages;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -12,6 +14,8 @@ use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
+use self::contents::Place;
+pub(super) use self::contents::{Contents, contents};
 use self::guard::solve_guarded;
 use super::file_rows::{FileRow, Wanted};
 use super::problem::{DataError, Fault};
@@ -70,14 +74,8 @@ fn failed(path: &Path, error: &ParquetError) -> DataError {
     }
 }
 
-/// Reads the names of the columns.
-pub(super) fn header(path: &Path) -> Result<Vec<String>, DataError> {
-    let reader = open(path)?;
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    Ok(schema.columns().iter().map(|c| c.path().string()).collect())
-}
-
-/// A batch of a column: for each row its number, or `None` for null.
+/// A batch of a column: for each row its number, or `None` for null; of lists the numbers of all
+/// elements.
 type Entries = Vec<Option<f64>>;
 
 fn typed<T: DataType>(
@@ -115,25 +113,50 @@ fn typed<T: DataType>(
     Ok(out)
 }
 
-fn batch(
-    reader: &mut ColumnReader,
-    rows: usize,
-    deepest: i16,
-) -> Result<Option<Entries>, ParquetError> {
-    Ok(Some(match reader {
-        ColumnReader::DoubleColumnReader(r) => typed(r, rows, deepest, |x| *x)?,
-        ColumnReader::FloatColumnReader(r) => typed(r, rows, deepest, |x| f64::from(*x))?,
-        ColumnReader::Int32ColumnReader(r) => typed(r, rows, deepest, |x| f64::from(*x))?,
-        ColumnReader::Int64ColumnReader(r) => typed(r, rows, deepest, |x| *x as f64)?,
+/// The numbers of the next rows; `None` for a column without numbers.
+fn batch(column: &mut Column, rows: usize) -> Result<Option<Entries>, ParquetError> {
+    fn of<T: DataType>(
+        reader: &mut ColumnReaderImpl<T>,
+        rows: usize,
+        (width, deepest): (Option<usize>, i16),
+        number: impl Fn(&T::T) -> f64,
+    ) -> Result<Entries, ParquetError> {
+        match width {
+            Some(width) => lists::typed(reader, rows, width, deepest, number),
+            None => typed(reader, rows, deepest, number),
+        }
+    }
+    let kind = (column.width, column.deepest);
+    Ok(Some(match &mut column.reader {
+        ColumnReader::DoubleColumnReader(r) => of(r, rows, kind, |x| *x)?,
+        ColumnReader::FloatColumnReader(r) => of(r, rows, kind, |x| f64::from(*x))?,
+        ColumnReader::Int32ColumnReader(r) => of(r, rows, kind, |x| f64::from(*x))?,
+        ColumnReader::Int64ColumnReader(r) => of(r, rows, kind, |x| *x as f64)?,
         _ => return Ok(None),
     }))
+}
+
+/// A column of the present row group.
+struct Column {
+    reader: ColumnReader,
+    /// The length of its lists; `None` for numbers.
+    width: Option<usize>,
+    /// Its deepest level.
+    deepest: i16,
+}
+
+/// A column of the file that is read, of which several elements may be wanted.
+struct Leaf {
+    index: usize,
+    title: String,
+    width: Option<usize>,
 }
 
 /// The number of rows of each row group, after a check that its pages' headers are plausible.
 fn rows(
     path: &Path,
     reader: &SerializedFileReader<File>,
-    wanted: &[Wanted],
+    leaves: &[Leaf],
 ) -> Result<Vec<usize>, DataError> {
     let io = |error: std::io::Error| DataError::Io {
         file: path.display().to_string(),
@@ -155,8 +178,8 @@ fn rows(
                 ),
             ));
         }
-        for Wanted { column, title } in wanted {
-            let chunk = group.columns().get(*column);
+        for Leaf { index, title, .. } in leaves {
+            let chunk = group.columns().get(*index);
             let chunk = chunk
                 .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
             let values = pages::values(&mut file, size, chunk)
@@ -184,13 +207,18 @@ fn unfit(path: &Path, why: String) -> DataError {
 pub(super) struct ParquetRows {
     path: PathBuf,
     wanted: Vec<Wanted>,
+    /// For each wanted column the index of its leaf, and its place there.
+    places: Vec<(usize, Place)>,
+    leaves: Vec<Leaf>,
+    /// The first and the last row that is read, from 1.
+    span: Option<(u64, u64)>,
     reader: SerializedFileReader<File>,
     /// The number of rows of each row group.
     groups: Vec<usize>,
     /// The next row group.
     group: usize,
-    /// The columns of the present row group, each with its deepest level.
-    columns: Vec<(ColumnReader, i16)>,
+    /// The columns of the present row group.
+    columns: Vec<Column>,
     /// Rows of the present row group that are not decoded yet.
     left: usize,
     /// Decoded rows, column by column.
@@ -202,19 +230,43 @@ pub(super) struct ParquetRows {
 
 impl ParquetRows {
     /// Opens a file before its first row.
-    pub(super) fn open(path: &Path, wanted: Vec<Wanted>) -> Result<Self, DataError> {
+    pub(super) fn open(
+        path: &Path,
+        contents: &Contents,
+        wanted: Vec<Wanted>,
+    ) -> Result<Self, DataError> {
         let reader = open(path)?;
         let schema = reader.metadata().file_metadata().schema_descr_ptr();
+        let mut places = Vec::with_capacity(wanted.len());
+        let mut leaves: Vec<Leaf> = Vec::new();
         for Wanted { column, title } in &wanted {
-            if schema.column(*column).max_rep_level() > 0 {
+            let place = contents.places.get(*column).copied();
+            let place = place.filter(|place| place.leaf < schema.num_columns());
+            let place =
+                place.ok_or_else(|| unfit(path, format!("column `{title}` has disappeared")))?;
+            let width = place.element.map(|(_, width)| width);
+            if schema.column(place.leaf).max_rep_level() != i16::from(width.is_some()) {
                 let why = format!("column `{title}` holds lists, not numbers");
                 return Err(unfit(path, why));
             }
+            let known = leaves.iter().position(|own| own.index == place.leaf);
+            let index = known.unwrap_or_else(|| {
+                leaves.push(Leaf {
+                    index: place.leaf,
+                    title: title.clone(),
+                    width,
+                });
+                leaves.len() - 1
+            });
+            places.push((index, place));
         }
         Ok(Self {
             path: path.to_path_buf(),
-            groups: rows(path, &reader, &wanted)?,
+            groups: rows(path, &reader, &leaves)?,
             wanted,
+            places,
+            leaves,
+            span: contents.rows,
             reader,
             group: 0,
             columns: Vec::new(),
@@ -227,6 +279,22 @@ impl ParquetRows {
 
     /// The next row; `None` behind the last one.
     pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        let (first, last) = self.span.unwrap_or((1, u64::MAX));
+        while self.line < last
+            && let Some(row) = self.any_row()?
+        {
+            if row >= first {
+                return Ok(Some(FileRow {
+                    line: row,
+                    values: self.values(),
+                }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Goes on to the next row; returns its number, or `None` behind the last one.
+    fn any_row(&mut self) -> Result<Option<u64>, DataError> {
         while self.place.0 == self.place.1 {
             if self.left == 0 {
                 let Some(rows) = self.groups.get(self.group) else {
@@ -239,13 +307,9 @@ impl ParquetRows {
                 self.decode()?;
             }
         }
-        let row = self.place.0;
         self.place.0 += 1;
         self.line += 1;
-        Ok(Some(FileRow {
-            line: self.line,
-            values: self.values(row),
-        }))
+        Ok(Some(self.line))
     }
 
     /// Opens the columns of the next row group.
@@ -254,10 +318,13 @@ impl ParquetRows {
         let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
         let group = solve_guarded(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
         self.columns.clear();
-        for Wanted { column, .. } in &self.wanted {
-            let own = solve_guarded(|| group.get_column_reader(*column)).map_err(wrong)?;
-            self.columns
-                .push((own, schema.column(*column).max_def_level()));
+        for Leaf { index, width, .. } in &self.leaves {
+            let reader = solve_guarded(|| group.get_column_reader(*index)).map_err(wrong)?;
+            self.columns.push(Column {
+                reader,
+                width: *width,
+                deepest: schema.column(*index).max_def_level(),
+            });
         }
         Ok(())
     }
@@ -267,11 +334,11 @@ impl ParquetRows {
         let count = self.left.min(BATCH);
         self.left -= count;
         self.entries.clear();
-        for ((column, deepest), Wanted { title, .. }) in self.columns.iter_mut().zip(&self.wanted) {
-            let found = batch(column, count, *deepest).map_err(|e| failed(&self.path, &e))?;
+        for (column, Leaf { title, .. }) in self.columns.iter_mut().zip(&self.leaves) {
+            let found = batch(column, count).map_err(|e| failed(&self.path, &e))?;
             let found = found
                 .ok_or_else(|| unfit(&self.path, format!("column `{title}` holds no numbers")))?;
-            if found.len() != count {
+            if found.len() != count.saturating_mul(column.width.unwrap_or(1)) {
                 let why = format!("column `{title}` ends before the others");
                 return Err(unfit(&self.path, why));
             }
@@ -281,12 +348,19 @@ impl ParquetRows {
         Ok(())
     }
 
-    /// The numbers of a decoded row.
-    fn values(&self, row: usize) -> Result<Vec<f64>, Fault> {
+    /// The numbers of the present row.
+    fn values(&self) -> Result<Vec<f64>, Fault> {
+        let row = self.place.0 - 1;
         let mut values = Vec::with_capacity(self.wanted.len() + 1);
-        for (wanted, entries) in self.wanted.iter().zip(&self.entries) {
-            match entries.get(row).copied().flatten() {
-                Some(value) if value.is_finite() => values.push(value),
+        for (wanted, (leaf, place)) in self.wanted.iter().zip(&self.places) {
+            let (element, width) = place.element.unwrap_or((0, 1));
+            let entry = self.entries.get(*leaf);
+            let entry = entry.and_then(|all| all.get(row * width + element));
+            match entry.copied().flatten() {
+                Some(value) if value.is_finite() => values.push(match place.rate {
+                    Some(rate) => contents::restored(value, rate),
+                    None => value,
+                }),
                 other => {
                     let text = other.map_or_else(|| "null".to_owned(), |x| format!("{x}"));
                     return Err(Fault::NotANumber {

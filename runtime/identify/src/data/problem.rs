@@ -12,7 +12,8 @@ use regen_runtime::{ClosureError, SizeError};
 /// A row that cannot be used, or a place where rows are missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Problem {
-    /// The line of a CSV file, from 1, its header being line 1; the row of a Parquet file, from 1.
+    /// The line of a CSV file, from 1, its header being line 1; the row of a Parquet file or the
+    /// number of a message on its topic, from 1.
     pub row: u64,
     /// The fault of this row.
     pub what: Fault,
@@ -297,6 +298,15 @@ pub enum DataError {
         /// The reason, and what to do.
         why: String,
     },
+    /// The part of the file that is to be read is not determined, or the file lacks it.
+    Part {
+        /// The file.
+        file: String,
+        /// What is wrong, and which parts there are.
+        why: String,
+        /// What the part is called: `topic` or `episode`.
+        key: &'static str,
+    },
     /// The file does not name its columns as the robot names its coordinates.
     Columns {
         /// The file.
@@ -335,7 +345,9 @@ impl fmt::Display for DataError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io { file, why } => write!(f, "cannot read {file}: {why}"),
-            Self::ColumnLayout { file, why } => write!(f, "{file}: {why}"),
+            Self::ColumnLayout { file, why } | Self::Part { file, why, .. } => {
+                write!(f, "{file}: {why}")
+            }
             Self::Columns {
                 file,
                 why,
@@ -368,6 +380,7 @@ impl core::error::Error for DataError {
             Self::Io { .. }
             | Self::ColumnLayout { .. }
             | Self::Columns { .. }
+            | Self::Part { .. }
             | Self::Problems { .. }
             | Self::NonlinearFrictionInEnergyBalance => None,
         }

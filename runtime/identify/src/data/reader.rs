@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::file_rows::Table;
+use super::columns::Assignment;
+use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::logs::Settings;
@@ -45,6 +46,33 @@ impl Survey {
     pub(super) fn time_step(&self) -> f64 {
         self.time_step
     }
+}
+
+/// The tables without those of publishers of which nothing is read: the first table's times are
+/// those of the run. `None` if all are used, or columns are counted through them.
+fn used_tables(
+    tables: &[Table],
+    layout: &ColumnLayout,
+    assignments: &[Assignment],
+) -> Option<Vec<Table>> {
+    if assignments.iter().any(|own| own.number.is_some()) {
+        return None;
+    }
+    let mut before = 0;
+    let mut used = Vec::with_capacity(tables.len());
+    for table in tables {
+        let own = before..before + table.titles.len();
+        before = own.end;
+        let mut indices = layout.channels.iter().skip(1).filter_map(|c| c.index);
+        used.push(indices.any(|index| own.contains(&index)));
+    }
+    let several = |k: usize| tables.iter().filter(|t| t.path == tables[k].path).count() > 1;
+    let keep = |k: usize| used[k] || !several(k);
+    if (0..tables.len()).all(keep) || !used.contains(&true) {
+        return None;
+    }
+    let kept = tables.iter().enumerate().filter(|(k, _)| keep(*k));
+    Some(kept.map(|(_, table)| table.clone()).collect())
 }
 
 /// Number of first rows from whose times the median step is computed.
@@ -100,7 +128,7 @@ impl LogFile {
     pub(super) fn with(
         run: &Run,
         settings: &Settings,
-        layout: impl FnOnce(&[Table], Search<'_>) -> Result<ColumnLayout, Unfit>,
+        mut layout: impl FnMut(&[Table], Search<'_>) -> Result<ColumnLayout, Unfit>,
     ) -> Result<Self, DataError> {
         let name = run.to_string();
         let unfit = |why: &str| DataError::ColumnLayout {
@@ -118,21 +146,35 @@ impl LogFile {
                 return Err(unfit(&format!("the {what} must be above 0 Hz")));
             }
         }
-        let tables = run
-            .files
-            .iter()
-            .map(|path| Table::open(path, settings.format));
-        let tables = tables.collect::<Result<Vec<Table>, DataError>>()?;
+        let mut opening = Opening {
+            format: settings.format,
+            topic: settings.topic.as_deref().or(run.topic.as_deref()),
+            episode: settings.episode.or(run.episode),
+            start: None,
+        };
+        let mut tables = Vec::with_capacity(run.files.len());
+        for path in &run.files {
+            tables.extend(opening.tables(path)?);
+        }
+        if let (Some(topic), None) = (&run.topic, opening.start) {
+            return Err(unfit(&format!(
+                "the topic {topic} is named, and none of its files is a recording with topics"
+            )));
+        }
         let search = Search {
             assignments: &settings.columns,
             by_rate: settings.rate.is_some(),
             rates: settings.measured_rates,
             join: run.join,
         };
-        let layout = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
+        let mut found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
+        if let Some(used) = used_tables(&tables, &found, search.assignments) {
+            tables = used;
+            found = layout(&tables, search).map_err(|unfit| unfit.of(&name))?;
+        }
         Ok(Self {
             name,
-            layout,
+            layout: found,
             run: run.clone(),
             tables,
             rate: settings.rate,

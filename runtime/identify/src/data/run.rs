@@ -39,6 +39,11 @@ pub struct Run {
     pub files: Vec<PathBuf>,
     /// How the rows of several files belong together.
     pub join: Join,
+    /// The topic of recordings (MCAP files and bags) that is read; without one the only topic with
+    /// joint states.
+    pub topic: Option<String>,
+    /// The episode of a file of LeRobot that is read, by its index; without one the only episode.
+    pub episode: Option<u64>,
     /// The first and the last row that is read, counted from 1, header and comments not counted;
     /// `None` for all. Of files that are joined by time, the rows of the first one.
     pub rows: Option<(u64, u64)>,
@@ -72,6 +77,12 @@ impl fmt::Display for Run {
                 Some(name) if k > 0 => write!(f, " + {}", name.display())?,
                 _ => write!(f, "{}", file.display())?,
             }
+        }
+        if let Some(topic) = &self.topic {
+            write!(f, ", {topic}")?;
+        }
+        if let Some(episode) = self.episode {
+            write!(f, ", episode {episode}")?;
         }
         if let Some((first, last)) = self.rows {
             write!(f, ", rows {first} to {last}")?;

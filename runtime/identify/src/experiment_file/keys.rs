@@ -368,6 +368,16 @@ static RUN: Record = record(
             "How the rows of several files belong together; auto if missing",
         ),
         optional(
+            "topic",
+            Shape::Text,
+            "Of an MCAP file or a ROS 2 bag the topic that is read; the only one with joint states if missing",
+        ),
+        optional(
+            "episode",
+            Shape::Number(Range::NotNegative),
+            "Of a Parquet file of LeRobot the index of the episode that is read, from 0; the only one if missing",
+        ),
+        optional(
             "rows",
             Shape::List(&Shape::Count, Some(2)),
             "First and last row that is read, from 1, without header and comments",

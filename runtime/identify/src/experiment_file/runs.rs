@@ -44,6 +44,20 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
     };
     let rows = pair("rows");
     let times = pair("times");
+    let episode = node.get("episode");
+    let index = episode.and_then(Node::number);
+    if let (Some(node), Some(index)) = (episode, index)
+        && index.fract() != 0.0
+    {
+        let message = format!("{index} is no index of an episode");
+        let remedy = "episodes are counted by whole numbers from 0";
+        sink.push(node.at, &format!("{path}, `episode`"), message, remedy);
+    }
+    #[allow(
+        clippy::cast_sign_loss,
+        reason = "the shape says that they are not negative"
+    )]
+    let episode = index.map(|index| index as u64);
     #[allow(clippy::cast_sign_loss, reason = "the shape says that they are whole")]
     let rows = rows.map(|(first, last)| (first as u64, last as u64));
     Run {
@@ -57,6 +71,8 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
             Some("time") => Join::Time,
             _ => Join::Auto,
         },
+        topic: node.get("topic").and_then(Node::text).map(str::to_owned),
+        episode,
         rows,
         times,
     }

@@ -126,6 +126,8 @@ runs:
             separator: Some(Separator::Semicolon),
             decimal: Some(Decimal::Comma),
         },
+        topic: None,
+        episode: None,
         rate: Some(200.0),
         resample: Some(100.0),
         measured_rates: false,
@@ -192,6 +194,19 @@ runs:
 }
 
 #[test]
+fn a_run_names_the_part_of_its_file() {
+    let file = read(
+        "runs:\n  - {files: a.mcap, topic: /joint_states}\n  - {files: b.parquet, episode: 0}\n",
+    );
+    let [first, second] = &file.runs[..] else {
+        panic!()
+    };
+    assert_eq!(first.run.topic.as_deref(), Some("/joint_states"));
+    assert_eq!((&second.run.topic, second.run.episode), (&None, Some(0)));
+    assert_eq!(second.run.to_string(), "b.parquet, episode 0");
+}
+
+#[test]
 fn all_mistakes_are_told_at_once_with_place_and_proposal() {
     let text = "colums: {}
 columns:
@@ -209,6 +224,7 @@ checks: {outliers: tel}
 runs:
   - {rows: [9, 3]}
   - {files: [], use: test}
+  - {files: a.parquet, episode: 1.5}
 ";
     assert_eq!(
         mistakes(text),
@@ -235,6 +251,7 @@ runs:
             "[9 | `runs`, entry 1, `rows` | the last one is before the first",
             "[ | `runs`, entry 2, `files` | expected at least 1 entries, found 0",
             "test | `runs`, entry 2, `use` | unknown word 'test'",
+            "1.5 | `runs`, entry 3, `episode` | 1.5 is no index of an episode",
         ]
     );
 }

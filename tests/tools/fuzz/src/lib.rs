@@ -10,6 +10,7 @@
 //! regen_fuzz::expression(b"2^2^2^2^2^2");
 //! regen_fuzz::csv(b"t,q1,tau_q1\n0,0,0\n\"");
 //! regen_fuzz::parquet(b"PAR1PAR1");
+//! regen_fuzz::bag(b"\x89MCAP0\r\n");
 //! regen_fuzz::experiment(b"runs: [{files: a.csv}]");
 //! ```
 
@@ -18,19 +19,20 @@ mod log;
 mod other;
 
 pub use description::{derive, expression, yaml};
-pub use log::{csv, parquet};
+pub use log::{bag, csv, parquet};
 pub use other::{experiment, factors, import};
 
 /// The name of a reader and the function that checks it.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets; the names are those of the fuzz targets and of the directories in `kept/`.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 9] = [
     ("yaml", yaml),
     ("expression", expression),
     ("derive", derive),
     ("csv", csv),
     ("parquet", parquet),
+    ("bag", bag),
     ("import", import),
     ("factors", factors),
     ("experiment", experiment),

@@ -1,4 +1,4 @@
-//! Targets for logs: CSV and Parquet files, with every method of differentiation.
+//! Targets for logs: CSV and Parquet files and recordings, with every method of differentiation.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -101,6 +101,9 @@ fn log(bytes: &[u8]) {
     });
 }
 
+/// First bytes of MCAP files and of SQLite databases.
+const RECORDINGS: [&[u8]; 2] = [b"\x89MCAP0\r\n", b"SQLite format 3\0"];
+
 /// Checks that a CSV log gives equations or an error.
 ///
 /// # Panics
@@ -116,6 +119,17 @@ pub fn csv(bytes: &[u8]) {
 /// When it gives neither.
 pub fn parquet(bytes: &[u8]) {
     if bytes.starts_with(b"PAR1") {
+        log(bytes);
+    }
+}
+
+/// Checks that a recording of robots (MCAP, SQLite) gives equations or an error; inputs that do not
+/// begin as one are left to [`csv`].
+///
+/// # Panics
+/// When it gives neither.
+pub fn bag(bytes: &[u8]) {
+    if RECORDINGS.iter().any(|magic| bytes.starts_with(magic)) {
         log(bytes);
     }
 }

@@ -151,7 +151,16 @@ fn every_csv_log_gives_equations_or_an_error() {
 
 #[test]
 fn every_parquet_log_gives_equations_or_an_error() {
-    answers("parquet", &[], 3000);
+    let lists = (
+        "tests/fixtures/bags/lerobot/data/chunk-000",
+        &["parquet"][..],
+    );
+    answers("parquet", &[lists], 3000);
+}
+
+#[test]
+fn every_recording_gives_equations_or_an_error() {
+    answers("bag", &[("tests/fixtures/bags", &["mcap"])], 1500);
 }
 
 #[test]

@@ -1,0 +1,242 @@
+//! Recordings of robots in place of CSV logs: MCAP files, ROS 2 bags, episodes of LeRobot.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+
+use common::{regen, root, scratch};
+use regen_identify::data::{Assignment, DataError, Run, Settings, Track, tracks};
+use regen_runtime::Info;
+
+fn fixture(name: &str) -> PathBuf {
+    root().join("tests/fixtures/bags").join(name)
+}
+
+/// Reads a run of a robot with these joints, of which columns have other names.
+fn read(run: &Run, joints: &[&str], columns: &[&str]) -> Result<Vec<Track>, DataError> {
+    let all: Vec<usize> = (0..joints.len()).collect();
+    let info = Info {
+        coordinates: joints,
+        independent: &all,
+        actuated: &all,
+        ..Info::EMPTY
+    };
+    let parse = |text: &&str| text.parse::<Assignment>().unwrap();
+    let settings = Settings {
+        columns: columns.iter().map(parse).collect(),
+        ..Settings::default()
+    };
+    tracks(run, &info, &settings, &[]).map(|(tracks, _)| tracks)
+}
+
+fn only(run: &Run, joints: &[&str], columns: &[&str]) -> Track {
+    let tracks = read(run, joints, columns).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(tracks.len(), 1, "gaps");
+    tracks.into_iter().next().unwrap()
+}
+
+/// Times of so many steps of 10 ms.
+fn times(count: u32) -> Vec<f64> {
+    (0..count)
+        .map(|k| f64::from(k * 10_000_000) * 1e-9)
+        .collect()
+}
+
+/// The positions of a joint by its number in the script that wrote the files.
+fn positions(joint: u32, count: u32) -> Vec<f64> {
+    let first = 0.5 * (f64::from(joint) + 1.0);
+    (0..count).map(|k| first + f64::from(k) / 8.0).collect()
+}
+
+fn assert_close(found: &[f64], expected: &[f64], bound: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() <= bound, "{found:?}\n{expected:?}");
+    }
+}
+
+#[test]
+fn columns_are_found_by_the_names_of_joints() {
+    let run = Run {
+        files: vec![fixture("several.mcap")],
+        topic: Some("/arm_controller/state".to_owned()),
+        ..Run::default()
+    };
+    let track = only(&run, &["wrist", "shoulder"], &["tau_wrist=out_tau_wrist"]);
+    assert_eq!(track.times, times(8));
+    assert_eq!(
+        track.positions,
+        [(0, positions(2, 8)), (1, positions(0, 8))]
+    );
+    let commands: Vec<f64> = positions(0, 8).iter().map(|q| q + 1.0).collect();
+    assert_eq!(track.commands[1], (1, commands));
+    assert_eq!((track.efforts.len(), track.efforts[0].1[3]), (1, 4.0));
+    // efforts that are empty in all messages are no columns
+    let states = Run::from(fixture("states.mcap"));
+    let track = only(&states, &["elbow"], &[]);
+    assert_eq!((track.velocities.len(), track.efforts.len()), (1, 0));
+}
+
+#[test]
+fn joints_of_publishers_of_their_own_are_joined_by_time() {
+    let run = Run::from(fixture("publishers.mcap"));
+    let track = only(&run, &["shoulder", "gripper"], &[]);
+    // from the gripper's first message to its last one, which are at 15 ms and 115 ms
+    assert_eq!(track.times, times(12)[2..]);
+    assert_eq!(track.positions[0].1, positions(0, 12)[2..]);
+    let expected: Vec<f64> = track
+        .times
+        .iter()
+        .map(|t| 0.5 + (t / 0.01 - 0.5) / 8.0)
+        .collect();
+    assert_close(&track.positions[1].1, &expected, 1e-12);
+    // a robot without gripper, and a gripper without robot
+    assert_eq!(only(&run, &["shoulder"], &[]).times, times(12));
+    assert_eq!(only(&run, &["gripper"], &[]).times.len(), 6);
+}
+
+#[test]
+fn faults_of_messages_are_told_as_those_of_rows() {
+    let run = Run::from(fixture("faulty.mcap"));
+    let Err(DataError::Problems { problems, .. }) = read(&run, &["shoulder", "elbow"], &[]) else {
+        panic!("nothing is refused");
+    };
+    let told: Vec<(u64, &str)> = problems
+        .first
+        .iter()
+        .map(|p| (p.row, p.what.kind()))
+        .collect();
+    assert_eq!(told, [(6, "not a number"), (10, "unsorted time")]);
+    let joined = Run {
+        files: vec![fixture("states.mcap"), fixture("faulty.mcap")],
+        topic: None,
+        ..Run::default()
+    };
+    let error = read(&joined, &["shoulder"], &[]).unwrap_err().to_string();
+    assert!(error.contains("two columns `shoulder`"), "{error}");
+}
+
+#[test]
+fn episodes_of_lerobot_are_read_by_the_names_of_their_features() {
+    let folder = fixture("lerobot/data/chunk-000");
+    let columns = ["shoulder=shoulder.pos", "wrist=wrist.pos"];
+    let run = Run::from(folder.join("episode_000000.parquet"));
+    let track = only(&run, &["shoulder", "wrist"], &columns);
+    let steps: Vec<f64> = (0..10).map(|k| f64::from(k) / 100.0).collect();
+    assert_eq!(track.times, steps);
+    assert_eq!(
+        track.positions,
+        [(0, positions(0, 10)), (1, positions(2, 10))]
+    );
+    let action = only(&run, &["shoulder"], &["shoulder=cmd_shoulder.pos"]);
+    assert_close(&action.positions[0].1[9..], &[0.5 + 9.0 / 8.0 + 1.0], 0.0);
+    // three episodes in one file, in several groups of rows
+    let mut run = Run::from(folder.join("file-000.parquet"));
+    let error = read(&run, &["shoulder"], &columns[..1]).unwrap_err();
+    assert!(
+        error.to_string().contains("must be named: 1, 2, 3"),
+        "{error}"
+    );
+    for episode in 1..=3_u32 {
+        run.episode = Some(u64::from(episode));
+        let track = only(&run, &["shoulder"], &columns[..1]);
+        let expected = positions(0, 10 + episode);
+        let expected: Vec<f64> = expected
+            .iter()
+            .map(|q| q + 100.0 * f64::from(episode))
+            .collect();
+        assert_eq!(track.positions[0].1, expected);
+    }
+    run.episode = Some(7);
+    let error = read(&run, &["shoulder"], &columns[..1]).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("no episode 7; there are 1, 2, 3"),
+        "{error}"
+    );
+}
+
+/// Every fourth row of a log of the guide, of which its recording was made.
+fn quarter() -> String {
+    let text = fs::read_to_string(root().join("runtime/guide/fivebar/run1.csv")).unwrap();
+    let mut out = String::new();
+    for (k, line) in text.lines().enumerate() {
+        if k == 0 {
+            out += "t,left_motor,right_motor,tau_left_motor,tau_right_motor\n";
+        } else if k % 4 == 1 {
+            writeln!(out, "{line}").unwrap();
+        }
+    }
+    out
+}
+
+#[test]
+fn a_recording_gives_the_parameters_of_the_same_rows_in_csv() {
+    let dir = scratch("recordings_same");
+    let guide = root().join("runtime/guide/fivebar");
+    let spec = guide.join("fivebar.yaml").display().to_string();
+    fs::write(dir.join("run1.csv"), quarter()).unwrap();
+    let text = fs::read_to_string(guide.join("recorded.yaml")).unwrap();
+    let text = text.replace("run1.mcap], topic: /joint_states", "run1.csv]");
+    fs::write(dir.join("same.yaml"), text).unwrap();
+    let recorded = guide.join("recorded.yaml").display().to_string();
+    let values = |runs: &str| -> Vec<f64> {
+        let json = regen(&dir, &["identify", &spec, runs, "--format", "json"])
+            .ended(0)
+            .json();
+        let parameters = json["parameters"].as_array().unwrap().iter();
+        parameters.map(|p| p["value"].as_f64().unwrap()).collect()
+    };
+    let (a, b) = (values(&recorded), values("same.yaml"));
+    assert_eq!(a.len(), 15);
+    assert_close(&a, &b, 1e-9);
+}
+
+#[test]
+fn parts_that_must_be_named_are_listed_with_the_option() {
+    let dir = scratch("recordings_parts");
+    let spec = root()
+        .join("runtime/guide/fivebar/fivebar.yaml")
+        .display()
+        .to_string();
+    let refused = |file: &str, more: &[&str]| {
+        let log = fixture(file).display().to_string();
+        let mut args = vec!["observe", &spec, &log, "--out", "factors.json"];
+        args.extend(more);
+        regen(&dir, &args).ended(3).err
+    };
+    let error = refused("several.mcap", &[]);
+    assert!(
+        error.contains("/joint_states (sensor_msgs/msg/JointState, 12 messages)"),
+        "{error}"
+    );
+    assert!(error.contains("--topic"), "{error}");
+    // the topic is there, the joints are others
+    let error = refused("several.mcap", &["--topic", "/joint_states"]);
+    assert!(
+        error.contains("missing: q1 q3; columns: t, t_received, shoulder"),
+        "{error}"
+    );
+    let error = refused("lerobot/data/chunk-000/file-000.parquet", &[]);
+    assert!(error.contains("--episode"), "{error}");
+    fs::write(
+        dir.join("runs.yaml"),
+        "runs: [{files: run.csv, topic: /joints}]\n",
+    )
+    .unwrap();
+    fs::write(dir.join("run.csv"), "t,q1,q3,tau_q1,tau_q3\n0,0,0,0,0\n").unwrap();
+    let run = regen(
+        &dir,
+        &["observe", &spec, "runs.yaml", "--out", "factors.json"],
+    )
+    .ended(3);
+    assert!(
+        run.err.contains("none of its files is a recording"),
+        "{}",
+        run.err
+    );
+}

@@ -1,0 +1,155 @@
+//! The numbers of one message, by joint.
+
+use crate::definition::Message;
+use crate::known::{Arrangement, Decoder};
+
+/// What the numbers of a message belong to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Shape {
+    /// The names of the joints.
+    pub(crate) joints: Vec<String>,
+    /// For each number the quantity, as a prefix of the joint's name, and the index of the joint.
+    pub(crate) entries: Vec<(String, usize)>,
+}
+
+/// One message.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Sample {
+    /// The stamp of the header, ns.
+    pub(crate) stamp: i64,
+    pub(crate) shape: Shape,
+    /// The numbers, in the order of [`Shape::entries`].
+    pub(crate) values: Vec<f64>,
+}
+
+/// The lists of a point of a controller's state, with the prefixes of their columns.
+const LISTS: [(&str, &str); 4] = [
+    ("positions", ""),
+    ("velocities", "qd_"),
+    ("accelerations", "qdd_"),
+    ("effort", "tau_"),
+];
+
+/// The points of a controller's state, each with the name in earlier versions and the prefix.
+const POINTS: [(&str, &str, &str); 3] = [
+    ("feedback", "actual", ""),
+    ("reference", "desired", "cmd_"),
+    ("output", "output", "out_"),
+];
+
+/// The prefix of an interface's columns.
+pub(crate) fn interface_prefix(name: &str) -> String {
+    match name {
+        "position" => String::new(),
+        "velocity" => "qd_".to_owned(),
+        "acceleration" => "qdd_".to_owned(),
+        "effort" => "tau_".to_owned(),
+        other => format!("{other}_"),
+    }
+}
+
+impl Sample {
+    /// Decodes a message.
+    pub(crate) fn read(decoder: &Decoder, data: &[u8]) -> Result<Self, String> {
+        let message = decoder.decode(data)?;
+        let lacks = |name: &str| format!("it has no field `{name}` of its type");
+        let stamp = message.message("header").and_then(|h| h.message("stamp"));
+        let stamp = stamp.ok_or_else(|| lacks("header"))?;
+        let part = |name: &str| stamp.number(name).ok_or_else(|| lacks(name));
+        // whole numbers of at most 32 bits
+        let (seconds, rest) = (part("sec")? as i64, part("nanosec")? as i64);
+        let mut out = Self {
+            stamp: seconds * 1_000_000_000 + rest,
+            ..Self::default()
+        };
+        let names = match decoder.arrangement {
+            Arrangement::State => "name",
+            Arrangement::Controller => "joint_names",
+            Arrangement::Interfaces(field) => field,
+        };
+        let joints = message.texts(names).ok_or_else(|| lacks(names))?;
+        out.shape.joints = joints.to_vec();
+        let mut sorted: Vec<&String> = joints.iter().collect();
+        sorted.sort_unstable();
+        let mut pairs = sorted.iter().zip(sorted.iter().skip(1));
+        if let Some((twice, _)) = pairs.find(|(one, next)| one == next) {
+            return Err(format!("it names the joint `{twice}` twice"));
+        }
+        match decoder.arrangement {
+            Arrangement::State => {
+                for (field, prefix) in [("position", ""), ("velocity", "qd_"), ("effort", "tau_")] {
+                    let values = message.numbers(field).ok_or_else(|| lacks(field))?;
+                    out.add(prefix, values, field)?;
+                }
+            }
+            Arrangement::Controller => {
+                for (point, earlier, prefix) in POINTS {
+                    let found = message.message(point).or_else(|| message.message(earlier));
+                    let Some(found) = found else { continue };
+                    for (list, quantity) in LISTS {
+                        let values = found.numbers(list).ok_or_else(|| lacks(list))?;
+                        let what = format!("{point}.{list}");
+                        out.add(&format!("{prefix}{quantity}"), values, &what)?;
+                    }
+                }
+            }
+            Arrangement::Interfaces(_) => out.interfaces(&message)?,
+        }
+        Ok(out)
+    }
+
+    /// Adds a list with a number for each joint, or none at all.
+    fn add(&mut self, prefix: &str, values: &[f64], what: &str) -> Result<(), String> {
+        let joints = self.shape.joints.len();
+        if values.is_empty() {
+            return Ok(());
+        }
+        if values.len() != joints {
+            return Err(format!(
+                "{} numbers in `{what}` for {joints} joints",
+                values.len()
+            ));
+        }
+        let entries = (0..joints).map(|joint| (prefix.to_owned(), joint));
+        self.shape.entries.extend(entries);
+        self.values.extend(values);
+        Ok(())
+    }
+
+    /// Adds the interfaces of each joint.
+    fn interfaces(&mut self, message: &Message) -> Result<(), String> {
+        let all = message
+            .messages("interface_values")
+            .ok_or("it has no field `interface_values` of its type")?;
+        if all.len() != self.shape.joints.len() {
+            return Err(format!(
+                "{} lists of interfaces for {} joints",
+                all.len(),
+                self.shape.joints.len()
+            ));
+        }
+        for (joint, interfaces) in all.iter().enumerate() {
+            let names = interfaces.texts("interface_names").unwrap_or_default();
+            let values = interfaces.numbers("values").unwrap_or_default();
+            if names.len() != values.len() {
+                return Err(format!(
+                    "{} numbers for {} interfaces of `{}`",
+                    values.len(),
+                    names.len(),
+                    self.shape.joints[joint]
+                ));
+            }
+            for (k, name) in names.iter().enumerate() {
+                if names[..k].contains(name) {
+                    return Err(format!(
+                        "it names the interface `{name}` of `{}` twice",
+                        self.shape.joints[joint]
+                    ));
+                }
+                self.shape.entries.push((interface_prefix(name), joint));
+            }
+            self.values.extend(values);
+        }
+        Ok(())
+    }
+}

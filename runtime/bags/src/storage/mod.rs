@@ -1,0 +1,155 @@
+//! The messages of a recording, one after another as they were recorded.
+
+mod mcap_file;
+mod sqlite;
+
+use std::path::{Path, PathBuf};
+
+use crate::definition::short_name;
+use crate::error::BagError;
+use crate::folder::{self, Kind, Part};
+use crate::known::Decoder;
+use mcap_file::McapMessages;
+use sqlite::SqliteMessages;
+
+/// A topic as one publisher writes it.
+#[derive(Clone, Debug)]
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    pub(crate) type_name: String,
+    /// How its messages are decoded: `None` where their type is not a known one, or why they
+    /// cannot be.
+    pub(crate) decoder: Option<Result<Decoder, String>>,
+}
+
+impl Channel {
+    /// - `definition`: its encoding and text, if the recording has one.
+    fn new(topic: &str, type_name: &str, encoding: &str, definition: Option<(&str, &str)>) -> Self {
+        let stored = definition.filter(|(kind, text)| *kind == "ros2msg" && !text.is_empty());
+        let mut decoder = Decoder::new(type_name, stored.map(|(_, text)| text));
+        if decoder.is_some() && encoding != "cdr" {
+            decoder = Some(Err(format!(
+                "its messages are encoded as `{encoding}`, and only CDR is read"
+            )));
+        }
+        Self {
+            topic: topic.to_owned(),
+            type_name: type_name.to_owned(),
+            decoder,
+        }
+    }
+
+    /// Whether it is the topic of a name, with or without the slash before it.
+    pub(crate) fn is(&self, topic: &str) -> bool {
+        self.topic.trim_start_matches('/') == topic.trim_start_matches('/')
+    }
+
+    /// Whether two channels are one topic.
+    pub(crate) fn same(&self, topic: &str, type_name: &str) -> bool {
+        self.topic == topic && short_name(&self.type_name) == short_name(type_name)
+    }
+}
+
+/// Where a message is, for errors.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Place {
+    /// The byte of an MCAP file at which its record begins.
+    Byte(u64),
+    /// The number of a chunk from 1, the byte of the file at which it begins, and the byte of its
+    /// decompressed records.
+    Chunk(u64, u64, u64),
+    /// The identifier in the table of messages.
+    Row(i64),
+}
+
+impl core::fmt::Display for Place {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Byte(byte) => write!(f, "at byte {byte}"),
+            Self::Chunk(number, byte, inner) => write!(
+                f,
+                "in chunk {number} (at byte {byte}), byte {inner} of its records"
+            ),
+            Self::Row(row) => write!(f, "row {row} of the table `messages`"),
+        }
+    }
+}
+
+/// A message as it was recorded.
+pub(crate) struct Recorded<'a> {
+    /// The file that it is in.
+    pub(crate) file: &'a Path,
+    pub(crate) channel: &'a Channel,
+    /// When it was received, ns.
+    pub(crate) received: i64,
+    pub(crate) data: &'a [u8],
+    pub(crate) place: Place,
+}
+
+enum Storage {
+    Mcap(Box<McapMessages>),
+    Sqlite(SqliteMessages),
+}
+
+/// The messages of all files of a recording.
+pub(crate) struct Messages {
+    parts: std::vec::IntoIter<Part>,
+    /// The topic that is read; of databases all known ones where there is none.
+    topic: Option<String>,
+    current: Option<Storage>,
+    /// The present file.
+    pub(crate) file: PathBuf,
+}
+
+impl Messages {
+    /// Opens a recording before its first message.
+    ///
+    /// - `topic`: the topic whose messages are wanted; others may come too.
+    pub(crate) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
+        Ok(Self {
+            parts: folder::parts(path)?.into_iter(),
+            topic: topic.map(str::to_owned),
+            current: None,
+            file: path.to_path_buf(),
+        })
+    }
+
+    /// The next message; `None` behind the last one.
+    ///
+    /// - `begun`: called with the topics of each database when it is opened, with their numbers of
+    ///   messages; those of MCAP files are counted as their messages come.
+    pub(crate) fn next(
+        &mut self,
+        begun: &mut dyn FnMut(&Channel, u64),
+    ) -> Result<Option<Recorded<'_>>, BagError> {
+        loop {
+            let more = match &mut self.current {
+                None => false,
+                Some(Storage::Mcap(messages)) => messages.advance()?,
+                Some(Storage::Sqlite(messages)) => messages.advance()?,
+            };
+            if more {
+                break;
+            }
+            let Some(part) = self.parts.next() else {
+                return Ok(None);
+            };
+            self.file.clone_from(&part.path);
+            self.current = Some(match part.kind {
+                Kind::Mcap => Storage::Mcap(Box::new(McapMessages::open(&part.path)?)),
+                Kind::Sqlite => {
+                    let messages = SqliteMessages::open(&part.path, self.topic.as_deref())?;
+                    for (channel, count) in messages.topics() {
+                        begun(channel, count);
+                    }
+                    Storage::Sqlite(messages)
+                }
+            });
+        }
+        Ok(match &self.current {
+            None => None,
+            Some(Storage::Mcap(messages)) => messages.present(),
+            Some(Storage::Sqlite(messages)) => messages.present(),
+        })
+    }
+}

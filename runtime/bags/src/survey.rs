@@ -1,0 +1,133 @@
+//! What a recording holds, from one pass over its messages.
+
+use std::path::Path;
+
+use crate::error::BagError;
+use crate::joints::{Sample, Shape};
+use crate::log::Topic;
+use crate::storage::{Channel, Messages};
+
+/// Most kinds of messages on a topic, by their joints and lists.
+const MAX_SHAPES: usize = 1000;
+
+/// What is on a topic.
+pub(crate) struct Found {
+    pub(crate) topic: Topic,
+    /// What the messages have, with their numbers, in the order of appearance.
+    pub(crate) shapes: Vec<(Shape, u64)>,
+    /// The stamp of the first message, ns.
+    pub(crate) first_stamp: Option<i64>,
+    /// When the first message was received, ns.
+    pub(crate) first_received: i64,
+    /// Whether any stamp differs from 0.
+    pub(crate) stamped: bool,
+    /// Why the messages cannot be decoded.
+    pub(crate) error: Option<BagError>,
+}
+
+impl Found {
+    fn new(channel: &Channel) -> Self {
+        Self {
+            topic: Topic {
+                name: channel.topic.clone(),
+                type_name: channel.type_name.clone(),
+                messages: 0,
+            },
+            shapes: Vec::new(),
+            first_stamp: None,
+            first_received: 0,
+            stamped: false,
+            error: None,
+        }
+    }
+
+    fn add(&mut self, sample: Sample, received: i64) -> Result<(), String> {
+        if self.first_stamp.is_none() {
+            self.first_stamp = Some(sample.stamp);
+            self.first_received = received;
+        }
+        self.stamped |= sample.stamp != 0;
+        if let Some((_, count)) = self.shapes.iter_mut().find(|own| own.0 == sample.shape) {
+            *count += 1;
+        } else if self.shapes.len() < MAX_SHAPES {
+            self.shapes.push((sample.shape, 1));
+        } else {
+            return Err(format!(
+                "the messages have more than {MAX_SHAPES} different lists of joints"
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// The place of a channel's topic among those found.
+fn place(all: &mut Vec<Found>, channel: &Channel) -> usize {
+    let own = all
+        .iter()
+        .position(|found| channel.same(&found.topic.name, &found.topic.type_name));
+    own.unwrap_or_else(|| {
+        all.push(Found::new(channel));
+        all.len() - 1
+    })
+}
+
+/// Reads a whole recording; the topics are in the order of their first messages.
+pub(crate) fn scan(path: &Path) -> Result<Vec<Found>, BagError> {
+    let mut all: Vec<Found> = Vec::new();
+    let mut messages = Messages::open(path, None)?;
+    loop {
+        let mut begun = |channel: &Channel, count: u64| {
+            let k = place(&mut all, channel);
+            // messages of known types are counted as they come
+            if channel.decoder.is_none() {
+                all[k].topic.messages += count;
+            }
+        };
+        let recorded = match messages.next(&mut begun) {
+            Ok(Some(recorded)) => recorded,
+            Ok(None) => return Ok(all),
+            Err(error) => return Err(with_readable(error, &all)),
+        };
+        let k = place(&mut all, recorded.channel);
+        let found = &mut all[k];
+        found.topic.messages += 1;
+        let Some(decoder) = &recorded.channel.decoder else {
+            continue;
+        };
+        if found.error.is_some() {
+            continue;
+        }
+        let read = match decoder {
+            Ok(decoder) => Sample::read(decoder, recorded.data),
+            Err(why) => Err(why.clone()),
+        };
+        let (received, place) = (recorded.received, recorded.place);
+        if let Err(why) = read.and_then(|sample| found.add(sample, received)) {
+            found.error = Some(BagError::Message {
+                file: recorded.file.to_path_buf(),
+                topic: found.topic.name.clone(),
+                number: found.topic.messages,
+                place: place.to_string(),
+                why,
+            });
+        }
+    }
+}
+
+/// The error with what could be read before it.
+fn with_readable(error: BagError, all: &[Found]) -> BagError {
+    match error {
+        BagError::Truncated {
+            file,
+            length,
+            record,
+            ..
+        } => BagError::Truncated {
+            file,
+            length,
+            record,
+            readable: all.iter().map(|found| found.topic.clone()).collect(),
+        },
+        other => other,
+    }
+}

@@ -1,0 +1,298 @@
+//! The numbers of recordings are those that other programs wrote, and broken ones are refused.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(
+    clippy::unnecessary_wraps,
+    reason = "the numbers are compared with those of rows, which may lack some"
+)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use regen_bags::{BagError, Log, Table, topics};
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../tests/fixtures/bags")
+        .join(name)
+}
+
+fn open(name: &str, topic: Option<&str>) -> Log {
+    Log::open(&fixture(name), topic).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The rows of columns by their titles, each with the number of its message.
+fn rows(table: &Table, titles: &[&str]) -> Vec<(u64, Vec<Option<f64>>)> {
+    let place = |title: &&str| {
+        let found = table.titles().iter().position(|own| own == title);
+        found.unwrap_or_else(|| panic!("{title} in {:?}", table.titles()))
+    };
+    let columns: Vec<usize> = titles.iter().map(place).collect();
+    let mut rows = table.rows(&columns).unwrap();
+    let mut out = Vec::new();
+    while let Some(row) = rows.next_row().unwrap() {
+        out.push((row.number, row.values));
+    }
+    out
+}
+
+// The numbers of message k and joint j, as the script that wrote the files states them.
+fn position(k: u64, j: u64) -> Option<f64> {
+    Some(0.5 * (j as f64 + 1.0) + k as f64 / 8.0)
+}
+
+fn velocity(k: u64, j: u64) -> Option<f64> {
+    Some(j as f64 - k as f64 / 4.0)
+}
+
+fn effort(k: u64, j: u64) -> Option<f64> {
+    Some(2.0 + k as f64 - j as f64 / 2.0)
+}
+
+fn time(k: u64) -> Option<f64> {
+    Some((k * 10_000_000) as f64 * 1e-9)
+}
+
+const ARM: [&str; 3] = ["shoulder", "elbow", "wrist"];
+
+fn titles(prefixes: &[&str]) -> Vec<String> {
+    let all = prefixes.iter().flat_map(|p| ARM.map(|j| format!("{p}{j}")));
+    all.collect()
+}
+
+/// Checks all columns of positions, velocities and efforts of `count` messages.
+fn assert_states(table: &Table, count: u64, prefixes: &[&str]) {
+    let names = titles(prefixes);
+    assert_eq!(table.titles()[2..], names);
+    let mut wanted = vec!["t", "t_received"];
+    wanted.extend(names.iter().map(String::as_str));
+    let found = rows(table, &wanted);
+    assert_eq!(found.len() as u64, count);
+    for (k, (number, values)) in (0..).zip(found) {
+        let mut expected = vec![time(k), time(k)];
+        for prefix in prefixes {
+            expected.extend((0..3).map(|j| match *prefix {
+                "" => position(k, j),
+                "qd_" => velocity(k, j),
+                "cmd_" => position(k, j).map(|q| q + 1.0),
+                _ => effort(k, j),
+            }));
+        }
+        assert_eq!((number, values), (k + 1, expected));
+    }
+}
+
+#[test]
+fn every_format_gives_the_numbers_that_were_written() {
+    let state = "sensor_msgs/msg/JointState";
+    let states = open("states.mcap", None);
+    assert_eq!(
+        (&*states.topic().type_name, states.topic().messages),
+        (state, 20)
+    );
+    assert_states(&states.tables()[0], 20, &["", "qd_"]);
+    for name in [
+        "big_endian.mcap",
+        "folder",
+        "compressed",
+        "folder/folder.db3",
+    ] {
+        let log = open(name, Some("/joint_states"));
+        let count = log.topic().messages;
+        assert_eq!(count, if name.starts_with("big") { 4 } else { 8 });
+        assert_states(&log.tables()[0], count, &["", "qd_", "tau_"]);
+    }
+    for name in ["several.mcap", "folder", "compressed"] {
+        let log = open(name, Some("arm_controller/state"));
+        let mut prefixes = vec!["", "qd_", "cmd_"];
+        if name.starts_with("several") {
+            prefixes.push("out_tau_");
+        }
+        assert_states(&log.tables()[0], 8, &prefixes);
+    }
+}
+
+#[test]
+fn interfaces_of_joints_are_columns_where_a_joint_has_them() {
+    let log = open("several.mcap", Some("/dynamic_joint_states"));
+    let table = &log.tables()[0];
+    let expected = [
+        "t",
+        "t_received",
+        "tau_shoulder",
+        "tau_elbow",
+        "shoulder",
+        "elbow",
+        "wrist",
+        "temperature_wrist",
+    ];
+    assert_eq!(table.titles(), expected);
+    let found = rows(table, &["temperature_wrist", "tau_elbow", "wrist"]);
+    assert_eq!(
+        found[4],
+        (5, vec![Some(40.0), effort(4, 1), position(4, 2)])
+    );
+}
+
+#[test]
+fn one_of_several_topics_must_be_named() {
+    let all = topics(&fixture("several.mcap")).unwrap();
+    let counts: Vec<u64> = all.iter().map(|topic| topic.messages).collect();
+    assert_eq!(counts, [12, 8, 5, 1]);
+    let error = Log::open(&fixture("several.mcap"), None)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("one must be named"), "{error}");
+    for topic in &all {
+        assert!(error.contains(&topic.to_string()), "{error}");
+    }
+    let refused = |name: &str| {
+        let found = Log::open(&fixture("several.mcap"), Some(name));
+        found.unwrap_err().to_string()
+    };
+    assert!(refused("/joints").contains("no topic `/joints`; there are\n  /joint_states"));
+    assert!(refused("/chatter").contains("no joint states by name"));
+}
+
+#[test]
+fn joints_are_found_by_name_and_messages_without_one_of_them_are_left_out() {
+    let log = open("changing.mcap", None);
+    let table = &log.tables()[0];
+    assert_eq!(log.tables().len(), 1);
+    let found = rows(table, &["wrist", "tau_elbow", "t"]);
+    assert_eq!(found.len(), 12);
+    for (k, (number, values)) in (0..).zip(found) {
+        assert_eq!(
+            (number, values),
+            (k + 1, vec![position(k, 2), effort(k, 1), time(k)])
+        );
+    }
+    let numbers: Vec<u64> = rows(table, &["qd_shoulder", "wrist"])
+        .iter()
+        .map(|r| r.0)
+        .collect();
+    assert_eq!(numbers, [1, 2, 4, 5, 6, 8, 9, 10, 12]);
+}
+
+#[test]
+fn publishers_of_different_joints_have_a_table_each() {
+    let log = open("publishers.mcap", None);
+    let [arm, gripper] = log.tables() else {
+        panic!("{}", log.tables().len());
+    };
+    assert_eq!(arm.titles()[2..], titles(&["", "qd_", "tau_"]));
+    assert_eq!(
+        gripper.titles()[2..],
+        ["gripper", "qd_gripper", "tau_gripper"]
+    );
+    // the times count from the same stamp, also where only they are asked for
+    let clock: Vec<Option<f64>> = rows(gripper, &["t"]).into_iter().map(|r| r.1[0]).collect();
+    assert_eq!(
+        clock,
+        [15, 35, 55, 75, 95, 115].map(|ms| Some(f64::from(ms * 1_000_000) * 1e-9))
+    );
+    assert_eq!(rows(arm, &["t"]).len(), 12);
+    assert_eq!(rows(arm, &["wrist"])[11], (17, vec![position(11, 2)]));
+}
+
+/// A temporary file, in memory if the system has a folder there, deleted in the end.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Self {
+        let name = format!("regen-bags-{}-{name}", std::process::id());
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() {
+            memory.to_path_buf()
+        } else {
+            std::env::temp_dir()
+        };
+        Self(folder.join(name))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_is_refused_with_the_place_and_what_can_be_kept() {
+    for name in ["states.mcap", "big_endian.mcap"] {
+        let bytes = fs::read(fixture(name)).unwrap();
+        let cut = Scratch::new(name);
+        let mut kept = 0;
+        for length in 0..bytes.len() {
+            fs::write(&cut.0, &bytes[..length]).unwrap();
+            let error = Log::open(&cut.0, None).unwrap_err();
+            let text = error.to_string();
+            match error {
+                BagError::NotABag { .. } => assert!(length < 8, "{length}: {text}"),
+                BagError::Truncated {
+                    length: own,
+                    record,
+                    readable,
+                    ..
+                } => {
+                    assert_eq!(own, length as u64);
+                    assert!(record <= own);
+                    let whole = readable.first().map_or(0, |topic| topic.messages);
+                    assert!(whole >= kept, "{length}: {text}");
+                    kept = whole;
+                    assert_eq!(text.contains("mcap recover"), kept > 0, "{text}");
+                }
+                other => panic!("{length}: {other}"),
+            }
+        }
+        assert_eq!(kept, open(name, None).topic().messages);
+    }
+    let bytes = fs::read(fixture("folder/folder.db3")).unwrap();
+    let cut = Scratch::new("cut.db3");
+    for length in (0..bytes.len()).step_by(509) {
+        fs::write(&cut.0, &bytes[..length]).unwrap();
+        let error = Log::open(&cut.0, Some("/joint_states")).unwrap_err();
+        let refused = matches!(error, BagError::Broken { .. } | BagError::NotABag { .. });
+        assert!(refused || length < 100, "{length}: {error}");
+    }
+}
+
+#[test]
+fn a_changed_byte_is_refused_or_changes_nothing_but_numbers() {
+    let bytes = fs::read(fixture("states.mcap")).unwrap();
+    let changed = Scratch::new("changed.mcap");
+    let mut refused = 0;
+    for at in (0..bytes.len()).step_by(5) {
+        let mut own = bytes.clone();
+        own[at] ^= 0x41;
+        fs::write(&changed.0, &own).unwrap();
+        if let Err(error) = Log::open(&changed.0, None) {
+            assert!(!error.to_string().is_empty());
+            refused += 1;
+        }
+    }
+    // all but the summary, of which nothing is read
+    assert!(refused * 10 > bytes.len(), "{refused} of {}", bytes.len());
+    let mut own = bytes;
+    own[700] ^= 1;
+    fs::write(&changed.0, &own).unwrap();
+    let error = Log::open(&changed.0, None).unwrap_err().to_string();
+    assert!(error.contains("chunk 2 at byte "), "{error}");
+}
+
+#[test]
+fn what_is_no_recording_is_named_with_a_remedy() {
+    let said = |name: &str, bytes: &[u8]| {
+        let file = Scratch::new(name);
+        fs::write(&file.0, bytes).unwrap();
+        Log::open(&file.0, None).unwrap_err().to_string()
+    };
+    assert!(said("empty.mcap", b"").contains("is empty"));
+    assert!(said("one.bag", b"#ROSBAG V2.0\n").contains("rosbags-convert"));
+    assert!(said("all.db3", &[0x28, 0xb5, 0x2f, 0xfd, 0]).contains("zstd -d"));
+    assert!(said("text.mcap", b"t,q1\n0,1\n").contains("neither"));
+    let folder = fixture("lerobot");
+    let error = Log::open(&folder, None).unwrap_err().to_string();
+    assert!(error.contains("no metadata.yaml"), "{error}");
+    let missing = Log::open(Path::new("missing.mcap"), None).unwrap_err();
+    assert!(matches!(missing, BagError::Io { .. }));
+}

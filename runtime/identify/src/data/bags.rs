@@ -1,0 +1,69 @@
+//! Rows of recordings of robots: MCAP files and ROS 2 bags.
+
+use std::path::Path;
+
+use regen_bags::{BagError, Log, Rows, Table};
+
+use super::file_rows::{FileRow, Wanted};
+use super::problem::{DataError, Fault};
+
+/// The tables of a topic.
+///
+/// - `start`: the stamp from which times count, ns; that of this recording if there is none yet.
+pub(super) fn tables(
+    path: &Path,
+    topic: Option<&str>,
+    start: &mut Option<i64>,
+) -> Result<Vec<Table>, DataError> {
+    let log = Log::open(path, topic).map_err(|error| failed(&error))?;
+    let start = *start.get_or_insert(log.start());
+    Ok(log.starting_at(start).tables().to_vec())
+}
+
+fn failed(error: &BagError) -> DataError {
+    let (file, why) = (error.file().display().to_string(), error.reason());
+    match error {
+        BagError::Topic { .. } => DataError::Part {
+            file,
+            why,
+            key: "topic",
+        },
+        BagError::Joints { .. } => DataError::ColumnLayout { file, why },
+        _ => DataError::Io { file, why },
+    }
+}
+
+/// The rows of a table of a recording.
+pub(super) struct BagRows {
+    rows: Rows,
+    wanted: Vec<Wanted>,
+}
+
+impl BagRows {
+    /// Opens a recording before its first message.
+    pub(super) fn open(table: &Table, wanted: Vec<Wanted>) -> Result<Self, DataError> {
+        let columns: Vec<usize> = wanted.iter().map(|wanted| wanted.column).collect();
+        Ok(Self {
+            rows: table.rows(&columns).map_err(|error| failed(&error))?,
+            wanted,
+        })
+    }
+
+    /// The next row; `None` behind the last one.
+    pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        let Some(row) = self.rows.next_row().map_err(|error| failed(&error))? else {
+            return Ok(None);
+        };
+        let entry = |(wanted, value): (&Wanted, Option<f64>)| match value {
+            Some(value) if value.is_finite() => Ok(value),
+            other => Err(Fault::NotANumber {
+                column: wanted.title.clone(),
+                text: other.map_or_else(String::new, |x| x.to_string()),
+            }),
+        };
+        Ok(Some(FileRow {
+            line: row.number,
+            values: self.wanted.iter().zip(row.values).map(entry).collect(),
+        }))
+    }
+}

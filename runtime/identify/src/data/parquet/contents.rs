@@ -1,0 +1,294 @@
+//! The columns of numbers of a Parquet file, elements of lists among them, and what LeRobot says of
+//! its episodes.
+//!
+//! LeRobot stores `observation.state` and `action` as lists of one length, whose elements
+//! `meta/info.json` names, a time in each episode, and the index of the episode.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use parquet::basic::Type;
+use parquet::column::reader::ColumnReader;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use serde_json::Value;
+
+use super::{ParquetRows, guard::solve_guarded, lists, open, unfit};
+use crate::data::file_rows::Wanted;
+use crate::data::problem::DataError;
+
+/// The column of the index of the episode.
+const EPISODE: &str = "episode_index";
+/// Longest list whose elements are columns.
+const MAX_ELEMENTS: usize = 1000;
+/// Most episodes that are listed in an error.
+const MAX_LISTED: usize = 20;
+/// Largest `info.json`, bytes.
+const MAX_INFO_BYTES: u64 = 1 << 22;
+/// How many folders above a file `meta/info.json` is looked for.
+const MAX_LEVELS: usize = 4;
+
+/// Where the numbers of a column are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::data) struct Place {
+    /// The index of the column as the file counts them.
+    pub(super) leaf: usize,
+    /// The element, and the length of the lists.
+    pub(super) element: Option<(usize, usize)>,
+    /// The rate of a time in single precision, Hz, by which it is restored.
+    pub(super) rate: Option<f64>,
+}
+
+/// The columns of a file, and the rows that are read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(in crate::data) struct Contents {
+    pub(super) places: Vec<Place>,
+    /// The number of the first row and of the last one, from 1; `None` for all.
+    pub(super) rows: Option<(u64, u64)>,
+}
+
+/// What `meta/info.json` says of a feature and of the rate; nothing where there is none.
+#[derive(Default)]
+struct Info(Value);
+
+impl Info {
+    fn beside(path: &Path) -> Self {
+        let folders = path.ancestors().skip(1).take(MAX_LEVELS);
+        let mut files = folders.map(|folder| folder.join("meta/info.json"));
+        let text = files.find_map(|file| {
+            let mut text = String::new();
+            let file = File::open(file).ok()?;
+            file.take(MAX_INFO_BYTES).read_to_string(&mut text).ok()?;
+            Some(text)
+        });
+        let value = text.and_then(|text| serde_json::from_str(&text).ok());
+        Self(value.unwrap_or_default())
+    }
+
+    fn rate(&self) -> Option<f64> {
+        let rate = self.0.get("fps")?.as_f64()?;
+        (rate > 0.0 && rate.is_finite()).then_some(rate)
+    }
+
+    /// The names of the elements of a feature.
+    fn names(&self, feature: &str) -> Vec<String> {
+        fn texts(value: &Value, out: &mut Vec<String>) {
+            match value {
+                Value::String(text) => out.push(text.clone()),
+                Value::Array(all) => all.iter().for_each(|value| texts(value, out)),
+                Value::Object(all) => all.values().for_each(|value| texts(value, out)),
+                _ => {}
+            }
+        }
+        let mut out = Vec::new();
+        let names = self.0.get("features").and_then(|all| all.get(feature));
+        if let Some(names) = names.and_then(|feature| feature.get("names")) {
+            texts(names, &mut out);
+        }
+        out
+    }
+}
+
+/// The title of the column of an element of a list, from 0.
+fn title(feature: &str, names: &[String], size: usize, element: usize) -> String {
+    let name = names.get(element).filter(|_| names.len() == size);
+    let Some(name) = name else {
+        return format!("{feature}.{}", element + 1);
+    };
+    match feature {
+        "observation.state" => name.clone(),
+        "observation.velocity" => format!("qd_{name}"),
+        "observation.effort" => format!("tau_{name}"),
+        "action" => format!("cmd_{name}"),
+        other => format!("{other}.{name}"),
+    }
+}
+
+/// The number of elements of the first list of a column; `None` where it holds no numbers.
+fn first_length(reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
+    let group = solve_guarded(|| reader.get_row_group(0)).ok()?;
+    let column = solve_guarded(|| group.get_column_reader(leaf)).ok()?;
+    let length = match column {
+        ColumnReader::DoubleColumnReader(mut own) => lists::first_length(&mut own),
+        ColumnReader::FloatColumnReader(mut own) => lists::first_length(&mut own),
+        ColumnReader::Int32ColumnReader(mut own) => lists::first_length(&mut own),
+        ColumnReader::Int64ColumnReader(mut own) => lists::first_length(&mut own),
+        _ => return None,
+    };
+    length
+        .ok()
+        .filter(|length| (1..=MAX_ELEMENTS).contains(length))
+}
+
+/// The titles of a file's columns and where their numbers are.
+///
+/// - `episode`: the index of the episode that is read, of a file that has several.
+pub(in crate::data) fn contents(
+    path: &Path,
+    episode: Option<u64>,
+) -> Result<(Vec<String>, Contents), DataError> {
+    let reader = open(path)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let plain = |name: &str| {
+        schema
+            .columns()
+            .iter()
+            .position(|c| c.path().string() == name)
+    };
+    let episodes = plain(EPISODE);
+    let has_time = plain("t").or_else(|| plain("time")).is_some();
+    let has_lists = schema.columns().iter().any(|c| c.max_rep_level() > 0);
+    let info = if has_lists || episodes.is_some() {
+        Info::beside(path)
+    } else {
+        Info::default()
+    };
+    let (mut titles, mut places) = (Vec::new(), Vec::new());
+    for (leaf, column) in schema.columns().iter().enumerate() {
+        let name = column.path().string();
+        let size = match column.max_rep_level() {
+            1 => first_length(&reader, leaf),
+            _ => None,
+        };
+        if let Some(size) = size {
+            let feature = column.path().parts().first().cloned().unwrap_or_default();
+            let names = info.names(&feature);
+            for element in 0..size {
+                titles.push(title(&feature, &names, size, element));
+                places.push(Place {
+                    leaf,
+                    element: Some((element, size)),
+                    rate: None,
+                });
+            }
+            continue;
+        }
+        let is_time = name == "timestamp" && episodes.is_some() && !has_time;
+        let rate = info
+            .rate()
+            .filter(|_| column.physical_type() == Type::FLOAT);
+        titles.push(if is_time { "t".to_owned() } else { name });
+        places.push(Place {
+            leaf,
+            element: None,
+            rate: rate.filter(|_| is_time),
+        });
+    }
+    let mut contents = Contents { places, rows: None };
+    match (episodes, episode) {
+        (None, None) => {}
+        (None, Some(_)) => {
+            let why = format!("it has no column `{EPISODE}`, and an episode is asked for");
+            return Err(unfit(path, why));
+        }
+        (Some(leaf), _) => {
+            // columns of lists before it are several here
+            let column = contents.places.iter().position(|place| place.leaf == leaf);
+            let column = column.unwrap_or(leaf);
+            contents.rows = Some(rows_of(path, &contents, column, episode)?);
+        }
+    }
+    Ok((titles, contents))
+}
+
+/// The rows of an episode.
+fn rows_of(
+    path: &Path,
+    contents: &Contents,
+    column: usize,
+    episode: Option<u64>,
+) -> Result<(u64, u64), DataError> {
+    let wanted = vec![Wanted {
+        column,
+        title: EPISODE.to_owned(),
+    }];
+    let mut rows = ParquetRows::open(path, contents, wanted)?;
+    let mut all: Vec<(i64, u64, u64)> = Vec::new();
+    while let Some(row) = rows.next_row()? {
+        let Some(index) = row.values.ok().and_then(|values| values.first().copied()) else {
+            continue;
+        };
+        let index = index.round() as i64;
+        match all.last_mut() {
+            Some(last) if last.0 == index => last.2 = row.line,
+            _ => all.push((index, row.line, row.line)),
+        }
+    }
+    let part = |why: String| DataError::Part {
+        file: path.display().to_string(),
+        why,
+        key: "episode",
+    };
+    let listed = || {
+        let shown: Vec<String> = all
+            .iter()
+            .take(MAX_LISTED)
+            .map(|e| e.0.to_string())
+            .collect();
+        let more = all.len().saturating_sub(MAX_LISTED);
+        let tail = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        format!("{}{tail}", shown.join(", "))
+    };
+    match (episode, &all[..]) {
+        (None, []) => Ok((1, 0)),
+        (None, [(_, first, last)]) => Ok((*first, *last)),
+        (None, _) => Err(part(format!(
+            "it has several episodes, so one must be named: {}",
+            listed()
+        ))),
+        (Some(index), _) => {
+            let mut own = all.iter().filter(|e| u64::try_from(e.0) == Ok(index));
+            match (own.next(), own.next()) {
+                (Some((_, first, last)), None) => Ok((*first, *last)),
+                (None, _) => Err(part(format!(
+                    "it has no episode {index}; there are {}",
+                    listed()
+                ))),
+                (Some(_), Some(_)) => Err(unfit(
+                    path,
+                    format!("the rows of episode {index} are apart"),
+                )),
+            }
+        }
+    }
+}
+
+/// A time in s that was rounded to single precision, as its number of steps says it.
+pub(super) fn restored(time: f64, rate: f64) -> f64 {
+    let full = (time * rate).round() / rate;
+    #[allow(clippy::cast_possible_truncation, clippy::float_cmp)]
+    let same = f64::from(full as f32) == time;
+    if same { full } else { time }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_in_single_precision_are_restored_where_they_are_steps_of_the_rate() {
+        for k in 0..10_000 {
+            let exact = f64::from(k) / 30.0;
+            #[allow(clippy::cast_possible_truncation)]
+            let stored = f64::from(exact as f32);
+            assert_eq!(restored(stored, 30.0).to_bits(), exact.to_bits());
+        }
+        assert_eq!(restored(0.0125, 30.0).to_bits(), 0.0125_f64.to_bits());
+    }
+
+    #[test]
+    fn elements_are_called_by_their_names_and_else_by_their_numbers() {
+        let names = ["a".to_owned(), "b".to_owned()];
+        assert_eq!(title("observation.state", &names, 2, 1), "b");
+        assert_eq!(title("action", &names, 2, 0), "cmd_a");
+        assert_eq!(
+            title("observation.state", &names, 3, 2),
+            "observation.state.3"
+        );
+        assert_eq!(title("wrench", &names, 2, 0), "wrench.a");
+    }
+}
