@@ -90,6 +90,18 @@ pub(crate) fn resolve(
     Ok(validation)
 }
 
+/// Refuses experiment files where no robot is given.
+pub(crate) fn require_none(logs: &[Run]) -> Result<(), Failure> {
+    match logs.iter().find_map(experiment_path) {
+        None => Ok(()),
+        Some(path) => Err(Failure::Usage(format!(
+            "{}: an experiment file names the coordinates of a robot: give its spec with --spec, \
+             or the logs themselves",
+            path.display()
+        ))),
+    }
+}
+
 /// Refuses an experiment of which no run is for identification.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
     if logs.is_empty() {

@@ -1,0 +1,375 @@
+//! What each column may be, from its name and from its relations to the others, and which columns
+//! belong to the same joint.
+
+use serde::Serialize;
+
+use crate::columns::Surveyed;
+use crate::names::{Meaning, Role, meaning};
+use crate::relations::{Derivative, Relations};
+
+/// A column of smooth positions has at most this part of the noise of one of efforts.
+const SMOOTHER: f64 = 0.2;
+/// The smallest correlation by which columns without names are told apart.
+const CERTAIN: f64 = 0.98;
+
+/// The columns of one joint, by their numbers from 1.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Joint {
+    /// The joint's name: that of the description, or what the log calls it, or `q` with its number.
+    pub name: String,
+    /// Its position.
+    pub position: Option<usize>,
+    /// Its velocity.
+    pub velocity: Option<usize>,
+    /// Its acceleration.
+    pub acceleration: Option<usize>,
+    /// Its effort, or the current of its motor.
+    pub effort: Option<usize>,
+    /// The position that its controller is asked for.
+    pub command: Option<usize>,
+}
+
+/// What a column is taken for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Judged {
+    pub(crate) role: Role,
+    pub(crate) unit: Option<&'static str>,
+    /// Why, in words.
+    pub(crate) reason: String,
+    pub(crate) derivative: Option<Derivative>,
+    meaning: Meaning,
+}
+
+/// What is known of the columns before they are judged.
+pub(crate) struct Known<'a> {
+    /// The titles of all columns.
+    pub(crate) titles: &'a [String],
+    pub(crate) named: bool,
+    /// The indices of the columns that have numbers: the judged ones.
+    pub(crate) numbers: &'a [usize],
+    /// Which of these is the time.
+    pub(crate) time: Option<usize>,
+    pub(crate) surveyed: &'a Surveyed,
+    /// The names of a robot's coordinates; empty without a robot.
+    pub(crate) coordinates: &'a [String],
+    /// The indices of those that are actuated.
+    pub(crate) actuated: &'a [usize],
+}
+
+impl Known<'_> {
+    fn is_constant(&self, k: usize) -> bool {
+        let survey = self.surveyed.columns.get(k + 1);
+        survey.is_some_and(crate::columns::Survey::is_constant)
+    }
+
+    /// The noise of a column over its deviation.
+    fn roughness(&self, k: usize) -> f64 {
+        let survey = self.surveyed.columns.get(k + 1);
+        survey.map_or(f64::INFINITY, |s| s.encoder.noise / s.deviation.max(1e-300))
+    }
+
+    fn title(&self, k: usize) -> &str {
+        let index = self.numbers.get(k);
+        index.and_then(|i| self.titles.get(*i)).map_or("", |t| t)
+    }
+}
+
+/// The column whose derivative each column is, if there is one: the most certain.
+fn derivatives(known: &Known<'_>, relations: &Relations) -> Vec<Option<(usize, f64, f64)>> {
+    let count = known.numbers.len();
+    let of = |b: usize| {
+        let all = (0..count).filter(|a| Some(*a) != known.time && Some(b) != known.time);
+        let found = all.filter_map(|a| Some((a, relations.derivative(a, b)?)));
+        let best = found.max_by(|x, y| x.1.1.abs().total_cmp(&y.1.1.abs()));
+        best.map(|(a, (factor, correlation))| (a, factor, correlation))
+    };
+    (0..count).map(of).collect()
+}
+
+/// The joint of a name as it is compared: `q_1` is the joint 1.
+fn key(joint: &str) -> &str {
+    match joint.strip_prefix("q_") {
+        Some(rest) if rest.chars().all(|c| c.is_ascii_digit()) => rest,
+        _ => joint,
+    }
+}
+
+/// Judges all columns of numbers.
+pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
+    let found = derivatives(known, relations);
+    let mut out: Vec<Judged> = (0..known.numbers.len())
+        .map(|k| by_name(known, k))
+        .collect();
+    // `elbow` beside `tau_elbow` is a position
+    let of_joints: Vec<String> = out
+        .iter()
+        .filter(|j| matches!(j.role, Role::Velocity | Role::Effort | Role::Current))
+        .map(|j| key(&j.meaning.joint).to_owned())
+        .collect();
+    for judged in &mut out {
+        let joint = key(&judged.meaning.joint);
+        if judged.role == Role::Other && !joint.is_empty() && of_joints.iter().any(|j| j == joint) {
+            judged.role = Role::Position;
+            "others are named after it".clone_into(&mut judged.reason);
+        }
+    }
+    for (b, derivative) in found.iter().enumerate() {
+        out[b].derivative = derivative.map(|(a, factor, correlation)| Derivative {
+            of: known.numbers.get(a).map_or(0, |i| i + 1),
+            factor,
+            correlation,
+        });
+    }
+    by_relation(known, &found, &mut out);
+    if !out.iter().any(|j| j.role == Role::Position) {
+        by_order(known, &mut out);
+    }
+    efforts_by_order(known, &mut out);
+    out
+}
+
+/// What a column's name says of it; without a robot's or a plain name, what its values say.
+fn by_name(known: &Known<'_>, k: usize) -> Judged {
+    let title = known.title(k);
+    let mut out = Judged::default();
+    if Some(k) == known.time {
+        out.role = Role::Time;
+        "it grows evenly".clone_into(&mut out.reason);
+        return out;
+    }
+    if known.named {
+        out.meaning = meaning(title);
+        out.unit = out.meaning.unit;
+        out.role = match out.meaning.role {
+            // another clock
+            Role::Time => Role::Other,
+            Role::Other | Role::Constant => Role::Other,
+            _ if out.meaning.commanded => Role::Command,
+            role => role,
+        };
+        for name in known.coordinates {
+            let prefixes = [
+                ("", Role::Position),
+                ("qd_", Role::Velocity),
+                ("qdd_", Role::Acceleration),
+                ("tau_", Role::Effort),
+            ];
+            for (prefix, role) in prefixes {
+                if title.strip_prefix(prefix) == Some(name.as_str()) {
+                    out.role = role;
+                }
+            }
+        }
+        if out.role != Role::Other {
+            "by its name".clone_into(&mut out.reason);
+        }
+    }
+    if out.role == Role::Other && known.is_constant(k) {
+        out.role = Role::Constant;
+    }
+    out
+}
+
+/// Columns without a name of their own that are derivatives of others, and those others.
+fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
+    let positive = |b: usize| {
+        let derivative = found.get(b).copied().flatten();
+        derivative.filter(|(_, _, c)| *c >= CERTAIN)
+    };
+    for b in 0..out.len() {
+        let Some((a, ..)) = positive(b) else { continue };
+        let second = positive(a).is_some_and(|(c, ..)| c != b);
+        let (own, other) = if second {
+            (Role::Acceleration, Role::Velocity)
+        } else {
+            (Role::Velocity, Role::Position)
+        };
+        let title = |k: usize| {
+            if known.named {
+                format!("`{}`", known.title(k))
+            } else {
+                format!("column {}", known.numbers.get(k).map_or(0, |i| i + 1))
+            }
+        };
+        if out[b].role == Role::Other && matches!(out[a].role, Role::Other) || out[a].role == other
+        {
+            if out[b].role == Role::Other {
+                out[b].role = own;
+                out[b].reason = format!("it is the derivative of {}", title(a));
+            }
+            if out[a].role == Role::Other {
+                out[a].role = other;
+                out[a].reason = format!("{} is its derivative", title(b));
+            }
+        }
+    }
+}
+
+/// Positions and efforts where nothing else tells them: smooth columns, and behind them as many
+/// rough ones.
+fn by_order(known: &Known<'_>, out: &mut [Judged]) {
+    let left: Vec<usize> = (0..out.len())
+        .filter(|k| out[*k].role == Role::Other)
+        .collect();
+    let (first, second) = left.split_at(left.len() / 2);
+    let typical = |columns: &[usize]| {
+        let all: Vec<f64> = columns.iter().map(|k| known.roughness(*k)).collect();
+        crate::clock::median(&all)
+    };
+    let rough_enough = typical(first) <= SMOOTHER * typical(second);
+    if first.is_empty() || first.len() != second.len() || !rough_enough {
+        return;
+    }
+    for (columns, role) in [(first, Role::Position), (second, Role::Effort)] {
+        for k in columns {
+            out[*k].role = role;
+            "smooth columns, and behind them as many rough ones: a guess"
+                .clone_into(&mut out[*k].reason);
+        }
+    }
+}
+
+/// Efforts among columns without names: the first ones behind the motion, as many as joints.
+fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
+    let count = out.iter().filter(|j| j.role == Role::Position).count();
+    let some = out
+        .iter()
+        .any(|j| matches!(j.role, Role::Effort | Role::Current));
+    let last = out
+        .iter()
+        .rposition(|j| matches!(j.role, Role::Position | Role::Velocity | Role::Acceleration));
+    let (false, false, Some(last)) = (some, count == 0, last) else {
+        return;
+    };
+    let free = |k: &usize| matches!(out[*k].role, Role::Other | Role::Constant);
+    // anywhere behind, but together
+    let start = (last + 1..out.len()).find(|k| {
+        let block = *k..k + count;
+        block.end <= out.len() && block.clone().all(|k| free(&k)) && !known.is_constant(*k)
+    });
+    let Some(start) = start else { return };
+    for judged in &mut out[start..start + count] {
+        judged.role = Role::Effort;
+        "as many as joints, behind the motion: a guess".clone_into(&mut judged.reason);
+    }
+}
+
+/// Puts the columns of each joint together.
+pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
+    let of = |role: Role| -> Vec<usize> {
+        (0..judged.len())
+            .filter(|k| judged[*k].role == role)
+            .collect()
+    };
+    let number = |k: usize| known.numbers.get(k).map(|i| i + 1);
+    let positions = of(Role::Position);
+    let mut order: Vec<Option<usize>> = positions.iter().map(|k| Some(*k)).collect();
+    let mut names: Vec<String> = Vec::new();
+    if known.coordinates.is_empty() {
+        for (j, k) in positions.iter().enumerate() {
+            let title = known.title(*k);
+            let plain = known.named && !title.is_empty();
+            names.push(if plain {
+                title.to_owned()
+            } else {
+                format!("q{}", j + 1)
+            });
+        }
+    } else {
+        let named = |name: &String| positions.iter().find(|k| known.title(**k) == *name).copied();
+        let exact: Vec<Option<usize>> = known.coordinates.iter().map(named).collect();
+        // by name, else in the order of all coordinates or of the actuated ones
+        let all: Vec<usize> = (0..known.coordinates.len()).collect();
+        let chosen = if exact.iter().any(Option::is_some) {
+            exact
+        } else {
+            let order = if positions.len() == all.len() {
+                &all[..]
+            } else {
+                known.actuated
+            };
+            let place = |c: &usize| {
+                let place = order.iter().position(|own| own == c)?;
+                (order.len() == positions.len()).then(|| positions.get(place).copied())?
+            };
+            all.iter().map(place).collect()
+        };
+        (order, names) = chosen
+            .into_iter()
+            .zip(known.coordinates)
+            .filter(|(position, _)| position.is_some())
+            .map(|(position, name)| (position, name.clone()))
+            .unzip();
+    }
+    let mut out: Vec<Joint> = order
+        .iter()
+        .zip(names)
+        .map(|(position, name)| Joint {
+            name,
+            position: position.and_then(number),
+            ..Joint::default()
+        })
+        .collect();
+    let efforts = if of(Role::Effort).is_empty() {
+        of(Role::Current)
+    } else {
+        of(Role::Effort)
+    };
+    let actuated: Vec<bool> = out
+        .iter()
+        .map(|joint| {
+            let place = known.coordinates.iter().position(|n| *n == joint.name);
+            place.is_none_or(|c| known.actuated.contains(&c))
+        })
+        .collect();
+    let commands: Vec<usize> = of(Role::Command)
+        .into_iter()
+        .filter(|k| matches!(judged[*k].meaning.role, Role::Position))
+        .collect();
+    let kinds: [(Vec<usize>, bool, fn(&mut Joint) -> &mut Option<usize>); 4] = [
+        (of(Role::Velocity), false, |joint| &mut joint.velocity),
+        (of(Role::Acceleration), false, |joint| &mut joint.acceleration),
+        (efforts, true, |joint| &mut joint.effort),
+        (commands, true, |joint| &mut joint.command),
+    ];
+    for (columns, driven, field) in kinds {
+        let places: Vec<usize> = (0..out.len()).filter(|j| !driven || actuated[*j]).collect();
+        let mut matched = false;
+        for j in &places {
+            let own = order[*j].map_or("", |k| key(&judged[k].meaning.joint));
+            let name = out[*j].name.clone();
+            let same = |k: &&usize| {
+                let title = known.title(**k);
+                let exact = ["qd_", "qdd_", "tau_", "cmd_"]
+                    .iter()
+                    .any(|prefix| title.strip_prefix(prefix) == Some(name.as_str()));
+                let joint = key(&judged[**k].meaning.joint);
+                exact || known.named && !joint.is_empty() && joint == own
+            };
+            if let Some(k) = columns.iter().find(same) {
+                *field(&mut out[*j]) = number(*k);
+                matched = true;
+            }
+        }
+        // names that match nothing, and as many columns as joints: in their order
+        if !matched && columns.len() == places.len() {
+            for (j, k) in places.iter().zip(&columns) {
+                *field(&mut out[*j]) = number(*k);
+            }
+        }
+        // velocities without names belong to the positions that they are derivatives of
+        if !known.named && !driven {
+            for j in 0..out.len() {
+                let position = out[j].position;
+                let own = columns.iter().find(|k| {
+                    let derivative = judged[**k].derivative;
+                    derivative.is_some_and(|d| Some(d.of) == position)
+                });
+                if let Some(k) = own {
+                    *field(&mut out[j]) = number(*k);
+                }
+            }
+        }
+    }
+    out
+}
