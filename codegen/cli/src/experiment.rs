@@ -33,6 +33,15 @@ pub(crate) fn resolve(
     reading: &mut ReadingArgs,
     spec: &Source,
 ) -> Result<Vec<Run>, Failure> {
+    resolve_for(logs, reading, Some(spec))
+}
+
+/// As [`resolve`]; without a robot, its coordinates are those that the file names.
+pub(crate) fn resolve_for(
+    logs: &mut Vec<Run>,
+    reading: &mut ReadingArgs,
+    spec: Option<&Source>,
+) -> Result<Vec<Run>, Failure> {
     let files = logs.iter().filter_map(experiment_path);
     let path = match &files.collect::<Vec<PathBuf>>()[..] {
         [] => {
@@ -90,18 +99,6 @@ pub(crate) fn resolve(
     Ok(validation)
 }
 
-/// Refuses experiment files where no robot is given.
-pub(crate) fn require_none(logs: &[Run]) -> Result<(), Failure> {
-    match logs.iter().find_map(experiment_path) {
-        None => Ok(()),
-        Some(path) => Err(Failure::Usage(format!(
-            "{}: an experiment file names the coordinates of a robot: give its spec with --spec, \
-             or the logs themselves",
-            path.display()
-        ))),
-    }
-}
-
 /// Refuses an experiment of which no run is for identification.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
     if logs.is_empty() {
@@ -119,15 +116,28 @@ fn experiment_path(run: &Run) -> Option<PathBuf> {
     ["yaml", "yml"].contains(&extension).then(|| path.clone())
 }
 
-fn read(path: &Path, spec: &Source) -> Result<ExperimentFile, Failure> {
+fn read(path: &Path, spec: Option<&Source>) -> Result<ExperimentFile, Failure> {
     let source = load::file(path)?;
-    let mechanism = load::mechanism(spec)?;
-    let model = mechanism.model();
-    let coordinates: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
+    let (coordinates, actuated) = match spec {
+        Some(spec) => {
+            let mechanism = load::mechanism(spec)?;
+            let model = mechanism.model();
+            let names = model.coordinates.iter().map(|c| c.name.clone());
+            (names.collect(), model.actuated.clone())
+        }
+        None => match ExperimentFile::coordinates(&source.text) {
+            Ok(names) => {
+                let all = (0..names.len()).collect();
+                (names, all)
+            }
+            Err(mistakes) => return Err(mistakes::failure(source, mistakes, OTHER_FILE)),
+        },
+    };
+    let coordinates: Vec<&str> = coordinates.iter().map(String::as_str).collect();
     let info = Info {
         name: "the robot",
         coordinates: &coordinates,
-        actuated: &model.actuated,
+        actuated: &actuated,
         ..Info::EMPTY
     };
     let file = ExperimentFile::read(&source.text, &info);

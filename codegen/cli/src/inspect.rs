@@ -41,13 +41,8 @@ pub(crate) struct Found<'a> {
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let mut args = args.clone();
     let source = args.spec.as_deref().map(load::source).transpose()?;
-    match &source {
-        Some(source) => {
-            let validation = experiment::resolve(&mut args.logs, &mut args.reading, source)?;
-            args.logs.extend(validation);
-        }
-        None => experiment::require_none(&args.logs)?,
-    }
+    let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
+    args.logs.extend(validation);
     let robot = match &source {
         Some(source) => Some(load::loaded_derived(source, args.reading.payload)?),
         None => None,

@@ -180,7 +180,10 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
                 p.sight.name().to_owned(),
                 number(p.nominal),
                 number(p.sigma),
-                number(p.percent),
+                p.percent.map_or("-".to_owned(), |x| {
+                    // a nominal value near zero has no meaningful part
+                    if x < 1e4 { three(x) } else { ">10000".to_owned() }
+                }),
                 number(p.seen_from),
             ]
         })
@@ -193,7 +196,7 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
         .filter(|p| !p.needs.is_empty())
         .peekable();
     if lacking.peek().is_some() {
-        out.push('\n');
+        out.push_str("\nMore of these motions would determine them better\n");
         for p in lacking {
             let needs: Vec<String> = p.needs.iter().map(ToString::to_string).collect();
             out.push_str(&item(&format!("{}: {}", p.label, needs.join(", or "))));

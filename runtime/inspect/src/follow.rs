@@ -15,8 +15,11 @@ use crate::solve::{Normal, Solved};
 const FILTER_ORDER: usize = 4;
 /// Speeds below this part of the usual one are near the change of direction.
 const SLOW: f64 = 0.1;
-/// The least share of an effort's variance that decides whose it is.
-const MIN_SHARE: f64 = 0.01;
+/// The least share of an effort's variance that decides whose it is, over the share that no joint
+/// explains.
+const MIN_SHARE: f64 = 0.15;
+/// And the least at all: rounding.
+const SMALLEST_SHARE: f64 = 1e-6;
 /// How many times more than any other joint a joint must explain of an effort.
 const CLEAR: f64 = 2.0;
 /// The least part of an effort's variance that must be explained before a delay is looked for.
@@ -113,11 +116,18 @@ pub(crate) struct Motion<'a> {
     pub(crate) step: f64,
     /// The cutoff of the filter, Hz.
     pub(crate) cutoff: f64,
-    /// Columns of the positions and names of the joints.
-    pub(crate) joints: Vec<(usize, String)>,
-    /// Columns of the efforts with the joints that they are taken for, as indices into `joints`, and
-    /// the number of the column.
-    pub(crate) efforts: Vec<(usize, usize, usize)>,
+    /// Positions and names of the joints.
+    pub(crate) joints: Vec<(Signal, String)>,
+    /// The efforts with the joints that they are taken for, as indices into `joints`, and the number
+    /// of the column.
+    pub(crate) efforts: Vec<(Signal, usize, usize)>,
+}
+
+/// A column and the factor of its unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Signal {
+    pub(crate) column: usize,
+    pub(crate) factor: f64,
 }
 
 /// Looks at each effort.
@@ -130,9 +140,11 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
     };
     let mut all: Vec<Filtered> = Vec::new();
     for stretch in motion.stretches {
-        let column = |k: usize| {
-            let values = stretch.columns.get(k)?;
-            pass(even(&stretch.times, values, motion.step))
+        let column = |signal: Signal| {
+            let values = stretch.columns.get(signal.column)?;
+            let mut values = even(&stretch.times, values, motion.step);
+            values.iter_mut().for_each(|value| *value *= signal.factor);
+            pass(values)
         };
         let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0)).collect();
         let efforts: Option<Vec<_>> = motion.efforts.iter().map(|e| column(e.0)).collect();
@@ -167,7 +179,8 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         let friction: Vec<f64> = (0..n)
             .map(|j| normal.share(&solved, &[first(j) + 3, first(j) + 4]))
             .collect();
-        let shows = friction.iter().any(|share| *share >= MIN_SHARE);
+        let least = (MIN_SHARE * (1.0 - found.explained)).max(SMALLEST_SHARE);
+        let shows = friction.iter().any(|share| *share >= least);
         found.shares = if shows {
             friction
         } else {
@@ -178,7 +191,7 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| found.shares[*b].total_cmp(&found.shares[*a]));
         let share = |k: usize| order.get(k).map_or(0.0, |j| found.shares[*j]);
-        if share(0) >= MIN_SHARE && share(0) >= CLEAR * share(1) {
+        if share(0) >= least && share(0) >= CLEAR * share(1) {
             let j = order[0];
             found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
             let terms = if shows {
@@ -266,6 +279,7 @@ fn delay(
     motion: &Motion<'_>,
 ) -> Option<[f64; 2]> {
     let raw = efforts.clone();
+    let half: usize = rows.iter().map(Vec::len).sum::<usize>() / 2;
     let (mut total, mut sigma) = (0.0, f64::INFINITY);
     for _ in 0..DELAY_PASSES {
         let solved = regress(normal, rows, &efforts, margin);
@@ -279,6 +293,7 @@ fn delay(
         // the part of the rates that no column explains
         let other = regress(normal, rows, &rates, margin);
         let (mut xy, mut xx, mut yy, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut halves, mut before) = ([(0.0, 0.0); 2], 0);
         for (rows, (rates, efforts)) in rows.iter().zip(rates.iter().zip(&efforts)) {
             for k in margin..rows.len().saturating_sub(margin) {
                 let x = rates[k] - normal.predict(&other, &rows[k]);
@@ -287,7 +302,10 @@ fn delay(
                 xx += x * x;
                 yy += y * y;
                 count += 1.0;
+                let part = &mut halves[usize::from(before + k >= half)];
+                *part = (part.0 + x * y, part.1 + x * x);
             }
+            before += rows.len();
         }
         if xx.is_nan() || xx <= 0.0 {
             return None;
@@ -296,7 +314,10 @@ fn delay(
         total += step;
         // filtered values are not independent of their neighbours
         let memory = (0.5 / motion.cutoff / motion.step).max(1.0);
-        sigma = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
+        let noise = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
+        // what the regression leaves of the motion is no noise, and differs between both halves
+        let [early, late] = halves.map(|(xy, xx)| if xx > 0.0 { xy / xx } else { 0.0 });
+        sigma = noise.max(0.5 * (early - late).abs());
         if total.abs() > 1.0 / motion.cutoff {
             return None;
         }

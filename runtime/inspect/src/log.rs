@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::clock::{Clock, ClockSource};
 use crate::columns::{Extreme, Surveyed, survey};
-use crate::follow::{Following, Motion, follow};
+use crate::follow::{Following, Motion, Signal, follow};
 use crate::gather::{Gathered, Times, gather};
 use crate::names::{Role, meaning};
 use crate::period::{Period, period};
@@ -28,6 +28,10 @@ const MAX_CUTOFF_PART: f64 = 0.125;
 const PLAIN_CUTOFF_PART: f64 = 0.05;
 /// Rates that differ by more are not the same one.
 const SAME_RATE: f64 = 0.1;
+/// A rate found from velocities that is this near to a round one is that.
+const ROUND_PART: f64 = 0.01;
+/// rad.
+const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
 /// What is known of one column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -196,10 +200,15 @@ fn rate_of(judged: &[Judged]) -> Option<f64> {
     let same = factors
         .iter()
         .filter(|rate| (*rate / middle - 1.0).abs() < SAME_RATE);
-    (middle > 1.0 && 2 * same.count() > factors.len()).then(|| {
-        // clocks have round rates
-        figure_of(3, middle).parse().unwrap_or(middle)
-    })
+    // clocks have round rates
+    let rounded = |digits| figure_of(digits, middle).parse().unwrap_or(middle);
+    let two: f64 = rounded(2);
+    let round = if (two / middle - 1.0).abs() < ROUND_PART {
+        two
+    } else {
+        rounded(3)
+    };
+    (middle > 1.0 && 2 * same.count() > factors.len()).then_some(round)
 }
 
 /// Says what a run holds: reads it twice, or three times where the rate is found from velocities.
@@ -259,7 +268,9 @@ pub fn inspect(
         reading.usual = 1.0;
         reading.source = ClockSource::Unknown;
     }
-    let known = Known {
+    let mut known = Known {
+        assignments: &settings.columns,
+        timed: reading.source != ClockSource::Unknown,
         titles: log.titles(),
         named: log.is_named(),
         numbers: log.numbers(),
@@ -270,14 +281,16 @@ pub fn inspect(
     };
     let mut gathered = gather(&log, &surveyed, reading.times, reading.usual)?;
     let count = log.numbers().len();
-    let mut relations = Relations::new(&gathered.stretches, count, gathered.step);
+    let step = known.timed.then_some(gathered.step);
+    let mut relations = Relations::new(&gathered.stretches, count, step);
     let mut judged = judge(&known, &relations);
     if reading.source == ClockSource::Unknown
         && let Some(rate) = rate_of(&judged)
     {
         reading.source = ClockSource::Velocities;
         gathered = gather(&log, &surveyed, Times::Rate(rate), 1.0 / rate)?;
-        relations = Relations::new(&gathered.stretches, count, gathered.step);
+        relations = Relations::new(&gathered.stretches, count, Some(gathered.step));
+        known.timed = true;
         judged = judge(&known, &relations);
     }
     let joints = joints(&known, &judged);
@@ -301,14 +314,21 @@ pub fn inspect(
     let entries = |number: Option<usize>| log.numbers().iter().position(|i| Some(i + 1) == number);
     let positions: Vec<usize> = out.joints.iter().filter_map(|j| entries(j.position)).collect();
     out.period = period(&gathered.trace, &positions);
-    let moving: Vec<(usize, String)> = out
+    let signal = |number: Option<usize>| {
+        let column = entries(number)?;
+        let judged = judged.get(column)?;
+        let degrees = judged.role == Role::Position && in_degrees(&out, number);
+        let factor = if judged.unit.is_none() && degrees { DEGREE } else { judged.unit_factor() };
+        Some(Signal { column, factor })
+    };
+    let moving: Vec<(Signal, String)> = out
         .joints
         .iter()
-        .filter_map(|j| Some((entries(j.position)?, j.name.clone())))
+        .filter_map(|j| Some((signal(j.position)?, j.name.clone())))
         .collect();
     let efforts = out.joints.iter().filter_map(|joint| {
         let place = moving.iter().position(|(_, name)| *name == joint.name)?;
-        Some((entries(joint.effort)?, place, joint.effort?))
+        Some((signal(joint.effort)?, place, joint.effort?))
     });
     let motion = Motion {
         efforts: efforts.collect(),
@@ -323,6 +343,13 @@ pub fn inspect(
     out.efforts = follow(&motion);
     out.notes = words::notes(&out);
     Ok(out)
+}
+
+/// Whether a position is in degrees by the velocity beside it.
+fn in_degrees(found: &LogFacts, number: Option<usize>) -> bool {
+    let velocities = found.columns.iter().filter_map(|column| column.derivative);
+    let mut own = velocities.filter(|d| Some(d.of) == number);
+    own.any(|d| (d.factor * DEGREE - 1.0).abs() < SAME_RATE)
 }
 
 /// Thins a curve for a picture.
@@ -390,10 +417,7 @@ fn cutoff(found: &LogFacts) -> Option<f64> {
             // a joint that does not move has only noise
             (spectrum.meets != Some(0.0)).then_some(spectrum.ends)
         };
-        match (of(joint.position), of(joint.velocity)) {
-            (Some(a), Some(b)) => Some(a.max(b)),
-            (a, b) => a.or(b),
-        }
+        of(joint.position).or_else(|| of(joint.velocity))
     });
     let most = ends.fold(0.0, f64::max).min(MAX_CUTOFF_PART * found.clock.rate);
     (most > 0.0).then(|| figure_of(2, most).parse().unwrap_or(most))

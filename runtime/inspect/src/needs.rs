@@ -36,7 +36,7 @@ const PART_OF_LIMITS: f64 = 0.5;
 pub enum Kind {
     /// Other positions, also at rest.
     Positions,
-    /// Velocity in both directions.
+    /// Velocity, in both directions.
     Velocity,
     /// Acceleration.
     Acceleration,
@@ -56,7 +56,7 @@ impl fmt::Display for Need {
         let Self { joint, kind } = self;
         match kind {
             Kind::Positions => write!(f, "other positions of {joint}"),
-            Kind::Velocity => write!(f, "{joint} in both directions"),
+            Kind::Velocity => write!(f, "velocity of {joint}"),
             Kind::Acceleration => write!(f, "acceleration of {joint}"),
         }
     }

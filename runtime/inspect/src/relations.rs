@@ -38,8 +38,8 @@ pub(crate) struct Relations {
 impl Relations {
     /// Compares all columns of some stretches; linear in their length.
     ///
-    /// - `step`: between values, s, or 1.
-    pub(crate) fn new(stretches: &[Stretch], count: usize, step: f64) -> Self {
+    /// - `step`: between values, s; `None` where nothing gives the time.
+    pub(crate) fn new(stretches: &[Stretch], count: usize, step: Option<f64>) -> Self {
         let mut out = Self {
             count,
             windows: 0.0,
@@ -47,10 +47,12 @@ impl Relations {
             integrals: vec![0.0; count],
             products: vec![0.0; count * count],
         };
+        let [least, most] = WINDOW_VALUES;
         #[allow(clippy::cast_sign_loss, reason = "clamped")]
-        let length = (WINDOW_SECONDS / step)
-            .ceil()
-            .clamp(WINDOW_VALUES[0] as f64, WINDOW_VALUES[1] as f64) as usize;
+        let length = step.map_or(most, |step| {
+            let wanted = (WINDOW_SECONDS / step).ceil();
+            wanted.clamp(least as f64, most as f64) as usize
+        });
         let (mut change, mut integral) = (vec![0.0; count], vec![0.0; count]);
         for stretch in stretches {
             let n = stretch.times.len();
@@ -110,7 +112,7 @@ mod tests {
             ],
             times,
         };
-        let found = Relations::new(&[stretch], 4, 0.01);
+        let found = Relations::new(&[stretch], 4, Some(0.01));
         let (factor, correlation) = found.derivative(0, 1).unwrap();
         assert!((factor.to_degrees() - 1.0).abs() < 1e-3 && correlation > 0.9999);
         for (a, b) in [(1, 0), (0, 2), (2, 0), (2, 1), (0, 3), (3, 0), (0, 0)] {

@@ -1,6 +1,7 @@
 //! What each column may be, from its name and from its relations to the others, and which columns
 //! belong to the same joint.
 
+use regen_identify::data::{Assignment, Quantity};
 use serde::Serialize;
 
 use crate::columns::Surveyed;
@@ -11,6 +12,16 @@ use crate::relations::{Derivative, Relations};
 const SMOOTHER: f64 = 0.2;
 /// The smallest correlation by which columns without names are told apart.
 const CERTAIN: f64 = 0.98;
+
+/// Factors between a column and the integral of its derivative where units differ by nothing or by
+/// degrees.
+const SAME_UNIT: [f64; 3] = [
+    1.0,
+    180.0 / core::f64::consts::PI,
+    core::f64::consts::PI / 180.0,
+];
+/// By what part factors may differ from these.
+const SAME_PART: f64 = 0.1;
 
 /// The columns of one joint, by their numbers from 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -37,7 +48,21 @@ pub(crate) struct Judged {
     /// Why, in words.
     pub(crate) reason: String,
     pub(crate) derivative: Option<Derivative>,
+    /// The factor of its unit, as assigned; 1 where nothing is.
+    pub(crate) factor: f64,
+    /// The joint that it was assigned to.
+    assigned: Option<String>,
     meaning: Meaning,
+}
+
+impl Judged {
+    /// The factor to SI: the assigned one, or that of degrees where the name says so.
+    pub(crate) fn unit_factor(&self) -> f64 {
+        match (&self.assigned, self.unit) {
+            (None, Some("deg")) => core::f64::consts::PI / 180.0,
+            _ => self.factor,
+        }
+    }
 }
 
 /// What is known of the columns before they are judged.
@@ -50,6 +75,10 @@ pub(crate) struct Known<'a> {
     /// Which of these is the time.
     pub(crate) time: Option<usize>,
     pub(crate) surveyed: &'a Surveyed,
+    /// What columns were assigned to.
+    pub(crate) assignments: &'a [Assignment],
+    /// Whether the rows have times.
+    pub(crate) timed: bool,
     /// The names of a robot's coordinates; empty without a robot.
     pub(crate) coordinates: &'a [String],
     /// The indices of those that are actuated.
@@ -66,6 +95,27 @@ impl Known<'_> {
     fn roughness(&self, k: usize) -> f64 {
         let survey = self.surveyed.columns.get(k + 1);
         survey.map_or(f64::INFINITY, |s| s.encoder.noise / s.deviation.max(1e-300))
+    }
+
+    /// What a column was assigned to: its role, joint and factor.
+    fn assigned(&self, k: usize) -> Option<(Role, &str, &Assignment)> {
+        let index = *self.numbers.get(k)?;
+        let title = self.titles.get(index)?;
+        let is_own = |a: &&Assignment| match a.number {
+            Some(number) => number == index + 1,
+            None if self.titles.contains(&a.column) => a.column == *title,
+            None => a.column.parse() == Ok(index + 1),
+        };
+        let found = self.assignments.iter().find(is_own)?;
+        let (role, joint) = match &found.quantity {
+            Quantity::Position(joint) => (Role::Position, joint),
+            Quantity::Velocity(joint) => (Role::Velocity, joint),
+            Quantity::Acceleration(joint) => (Role::Acceleration, joint),
+            Quantity::Effort(joint) if found.is_current() => (Role::Current, joint),
+            Quantity::Effort(joint) => (Role::Effort, joint),
+            _ => return None,
+        };
+        Some((role, joint, found))
     }
 
     fn title(&self, k: usize) -> &str {
@@ -113,14 +163,17 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
             "others are named after it".clone_into(&mut judged.reason);
         }
     }
-    for (b, derivative) in found.iter().enumerate() {
-        out[b].derivative = derivative.map(|(a, factor, correlation)| Derivative {
-            of: known.numbers.get(a).map_or(0, |i| i + 1),
-            factor,
-            correlation,
-        });
-    }
     by_relation(known, &found, &mut out);
+    for (judged, derivative) in out.iter_mut().zip(&found) {
+        // an effort may look like the rate of a position by accident
+        if matches!(judged.role, Role::Velocity | Role::Acceleration) {
+            judged.derivative = derivative.map(|(a, factor, correlation)| Derivative {
+                of: known.numbers.get(a).map_or(0, |i| i + 1),
+                factor,
+                correlation,
+            });
+        }
+    }
     if !out.iter().any(|j| j.role == Role::Position) {
         by_order(known, &mut out);
     }
@@ -131,7 +184,18 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
 /// What a column's name says of it; without a robot's or a plain name, what its values say.
 fn by_name(known: &Known<'_>, k: usize) -> Judged {
     let title = known.title(k);
-    let mut out = Judged::default();
+    let mut out = Judged {
+        factor: 1.0,
+        ..Judged::default()
+    };
+    if let Some((role, joint, assignment)) = known.assigned(k) {
+        out.role = role;
+        out.unit = assignment.unit;
+        out.factor = assignment.factor;
+        out.assigned = Some(joint.to_owned());
+        "it is assigned".clone_into(&mut out.reason);
+        return out;
+    }
     if Some(k) == known.time {
         out.role = Role::Time;
         "it grows evenly".clone_into(&mut out.reason);
@@ -177,8 +241,14 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
         derivative.filter(|(_, _, c)| *c >= CERTAIN)
     };
     for b in 0..out.len() {
-        let Some((a, ..)) = positive(b) else { continue };
+        let Some((a, factor, _)) = positive(b) else {
+            continue;
+        };
         let second = positive(a).is_some_and(|(c, ..)| c != b);
+        // the torque of a light joint is its acceleration but for a factor
+        if second && known.timed && !SAME_UNIT.iter().any(|u| (factor / u - 1.0).abs() < SAME_PART) {
+            continue;
+        }
         let (own, other) = if second {
             (Role::Acceleration, Role::Velocity)
         } else {
@@ -254,6 +324,29 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
     }
 }
 
+/// The joints of assigned columns, in the order of the robot's coordinates or of the columns.
+fn assigned_joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
+    let column = |role: &[Role], joint: &str| {
+        let own = judged.iter().position(|j| {
+            role.contains(&j.role) && j.assigned.as_deref() == Some(joint)
+        });
+        own.and_then(|k| known.numbers.get(k)).map(|i| i + 1)
+    };
+    let positions = judged.iter().filter(|j| j.role == Role::Position);
+    let mut names: Vec<String> = positions.filter_map(|j| j.assigned.clone()).collect();
+    let place = |name: &String| known.coordinates.iter().position(|c| c == name);
+    names.sort_by_key(place);
+    let joint = |name: String| Joint {
+        position: column(&[Role::Position], &name),
+        velocity: column(&[Role::Velocity], &name),
+        acceleration: column(&[Role::Acceleration], &name),
+        effort: column(&[Role::Effort, Role::Current], &name),
+        command: None,
+        name,
+    };
+    names.into_iter().map(joint).collect()
+}
+
 /// Puts the columns of each joint together.
 pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     let of = |role: Role| -> Vec<usize> {
@@ -263,6 +356,9 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     };
     let number = |k: usize| known.numbers.get(k).map(|i| i + 1);
     let positions = of(Role::Position);
+    if positions.iter().any(|k| judged[*k].assigned.is_some()) {
+        return assigned_joints(known, judged);
+    }
     let mut order: Vec<Option<usize>> = positions.iter().map(|k| Some(*k)).collect();
     let mut names: Vec<String> = Vec::new();
     if known.coordinates.is_empty() {

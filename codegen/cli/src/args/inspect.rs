@@ -19,9 +19,9 @@ option is needed for a first look.
 With --spec, columns are matched with the robot's coordinates, and before any
 fit it says how well each base parameter will be determined: its standard
 deviation at the noise of the efforts, in percent of the nominal value where the
-spec has one; what stays unseen; and which joint would have to move how. An
-experiment file in place of logs needs it, for the names of coordinates. Without
---butterworth, --local or --fourier, the proposed filter is used.
+spec has one; what stays unseen; and which joint would have to move how. Without
+--butterworth, --local, --fourier or an experiment file, the proposed filter is
+used.
 
 --out writes what was found as a first experiment file for `regen identify`.
 
@@ -30,7 +30,7 @@ Examples:
   regen inspect run.csv --spec arm.yaml --report page.html --out runs.yaml
   regen inspect runs.yaml --spec arm.yaml --format json")]
 pub(crate) struct InspectArgs {
-    /// Logs, CSV or Parquet files; or, with --spec, an experiment file, YAML
+    /// Logs, CSV or Parquet files; or an experiment file, YAML
     #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// The robot's spec
