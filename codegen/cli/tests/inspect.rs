@@ -66,10 +66,12 @@ fn predicted_deviations_are_those_of_the_fit() {
     assert_eq!(predicted.len(), fitted.len());
     let ratios = predicted.iter().zip(fitted).map(|(a, b)| {
         assert_eq!(a["label"], b["label"]);
-        b["sigma_white"].as_f64().unwrap_or(f64::NAN) / a["sigma"].as_f64().unwrap()
+        b["sigma"].as_f64().unwrap() / a["sigma"].as_f64().unwrap()
     });
     let ratios: Vec<f64> = ratios.collect();
-    assert!(ratios.iter().all(|r| (0.3..3.0).contains(r)), "{ratios:?}\n{fitted:?}");
+    // the prediction takes the noise from high frequencies, where steps of friction add a little;
+    // the fit takes it and its correlation from residuals of some periods
+    assert!(ratios.iter().all(|r| (0.5..1.5).contains(r)), "{ratios:?}");
 }
 
 #[test]
