@@ -105,7 +105,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
 
 /// The runs with their files as an experiment file names them: from its own folder on.
 fn beside(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
-    let folder = out.and_then(Path::parent).filter(|f| !f.as_os_str().is_empty());
+    let folder = out
+        .and_then(Path::parent)
+        .filter(|f| !f.as_os_str().is_empty());
     let place = |file: &std::path::PathBuf| match folder {
         None => file.clone(),
         Some(folder) => match file.strip_prefix(folder) {
@@ -169,7 +171,10 @@ fn predicted(
     if model.base_info().base.is_empty() {
         return Ok(Err(format!("{} has no base parameters", robot.name)));
     }
-    if logs.iter().all(|log| log.clock.source == ClockSource::Unknown) {
+    if logs
+        .iter()
+        .all(|log| log.clock.source == ClockSource::Unknown)
+    {
         return Ok(Err(
             "nothing gives the time of the rows: state their rate with --rate HZ".to_owned(),
         ));

@@ -71,23 +71,44 @@ fn line(column: &Column) -> Vec<String> {
     );
     let spectrum = column.spectrum.filter(|_| moving);
     let number = column.number.to_string();
-    let name = if column.name == number { "" } else { &column.name };
-    let of = column.derivative.map_or(String::new(), |d| d.of.to_string());
+    let name = if column.name == number {
+        ""
+    } else {
+        &column.name
+    };
+    let of = column
+        .derivative
+        .map_or(String::new(), |d| d.of.to_string());
     vec![
         number,
         name.chars().take(18).collect(),
         column.role.name().to_owned(),
         of,
-        if moving { plain(column.encoder_step) } else { String::new() },
-        if moving { plain(column.noise) } else { String::new() },
-        if column.role == Role::Position { percent(column.resting) } else { String::new() },
+        if moving {
+            plain(column.encoder_step)
+        } else {
+            String::new()
+        },
+        if moving {
+            plain(column.noise)
+        } else {
+            String::new()
+        },
+        if column.role == Role::Position {
+            percent(column.resting)
+        } else {
+            String::new()
+        },
         spectrum.map_or(String::new(), |s| three(s.ends)),
     ]
 }
 
 fn one(out: &mut String, log: &LogFacts) {
     let _ = writeln!(out, "{}", log.log);
-    out.push_str(&field("rows", &format!("{}, {} unusable", log.rows, log.unusable)));
+    out.push_str(&field(
+        "rows",
+        &format!("{}, {} unusable", log.rows, log.unusable),
+    ));
     out.push_str(&field("clock", &clock(&log.clock)));
     if let Some(cutoff) = log.cutoff {
         let text = format!("{cutoff} Hz: above it the motion is noise");
@@ -104,7 +125,9 @@ fn one(out: &mut String, log: &LogFacts) {
     });
     out.push_str(&field("period", &period));
     out.push('\n');
-    let head = ["", "column", "may be", "d/dt of", "step", "noise", "rests %", "ends Hz"];
+    let head = [
+        "", "column", "may be", "d/dt of", "step", "noise", "rests %", "ends Hz",
+    ];
     let lines: Vec<Vec<String>> = log.columns.iter().map(line).collect();
     out.push_str(&columns(&head, &lines));
     if !log.efforts.is_empty() {
@@ -128,7 +151,14 @@ fn one(out: &mut String, log: &LogFacts) {
                 ]
             })
             .collect();
-        let head = ["effort", "taken for", "follows", "", "explained %", "behind, ms"];
+        let head = [
+            "effort",
+            "taken for",
+            "follows",
+            "",
+            "explained %",
+            "behind, ms",
+        ];
         out.push_str(&columns(&head, &lines));
     }
     if !log.notes.is_empty() {
@@ -140,7 +170,10 @@ fn one(out: &mut String, log: &LogFacts) {
 }
 
 fn predicted(out: &mut String, found: &Prediction, robot: &str) {
-    let _ = writeln!(out, "\nWhat these logs can identify of {robot}, before any fit");
+    let _ = writeln!(
+        out,
+        "\nWhat these logs can identify of {robot}, before any fit"
+    );
     out.push_str(&field("equations", &found.equations.to_string()));
     out.push_str(&field("condition", &figure_of(4, found.condition)));
     let noise: Vec<String> = found
@@ -167,7 +200,9 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
             ]
         })
         .collect();
-    let head = ["joint", "position", "velocity", "acc. rms", "rests %", "lacks"];
+    let head = [
+        "joint", "position", "velocity", "acc. rms", "rests %", "lacks",
+    ];
     out.push_str(&columns(&head, &lines));
     out.push('\n');
     let lines: Vec<Vec<String>> = found
@@ -182,7 +217,11 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
                 number(p.sigma),
                 p.percent.map_or("-".to_owned(), |x| {
                     // a nominal value near zero has no meaningful part
-                    if x < 1e4 { three(x) } else { ">10000".to_owned() }
+                    if x < 1e4 {
+                        three(x)
+                    } else {
+                        ">10000".to_owned()
+                    }
                 }),
                 number(p.seen_from),
             ]

@@ -32,12 +32,28 @@ fn a_first_experiment_file_is_proposed_that_identify_accepts() {
     let run = |args: &[&str]| regen(&dir, args).ended(0);
     let spec = guide("fivebar.yaml");
     let (log, json) = (guide("run1.csv"), ["--format", "json"]);
-    let args = ["inspect", &log, "--spec", &spec, "--out", "runs.yaml", "--report", "page.html"];
+    let args = [
+        "inspect",
+        &log,
+        "--spec",
+        &spec,
+        "--out",
+        "runs.yaml",
+        "--report",
+        "page.html",
+    ];
     let found = run(&[&args[..], &json].concat()).json();
     assert_eq!(found["version"], 1);
     let joints = found["logs"][0]["joints"].as_array().unwrap();
     assert_eq!(joints.len(), 2);
-    assert_eq!((&joints[1]["name"], &joints[1]["position"], &joints[1]["effort"]), (&Value::from("q3"), &Value::from(3), &Value::from(5)));
+    assert_eq!(
+        (
+            &joints[1]["name"],
+            &joints[1]["position"],
+            &joints[1]["effort"]
+        ),
+        (&Value::from("q3"), &Value::from(3), &Value::from(5))
+    );
     let written = fs::read_to_string(dir.join("runs.yaml")).unwrap();
     assert_eq!(found["proposal"].as_str().unwrap(), written);
     let page = fs::read_to_string(dir.join("page.html")).unwrap();
@@ -50,7 +66,11 @@ fn a_first_experiment_file_is_proposed_that_identify_accepts() {
     assert_eq!(again["prediction"], Value::Null);
     // it is not replaced
     let second = regen(&dir, &args).ended(5);
-    assert!(second.err.contains("runs.yaml") && second.err.contains("--out"), "{}", second.err);
+    assert!(
+        second.err.contains("runs.yaml") && second.err.contains("--out"),
+        "{}",
+        second.err
+    );
 }
 
 #[test]
@@ -88,17 +108,29 @@ fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
         let printed = run.out.replace("\n    ", " ");
         assert!(printed.contains(note), "{note}\n{}", run.out);
     }
-    assert!(!run.out.contains("column 5 has the opposite"), "{}", run.out);
+    assert!(
+        !run.out.contains("column 5 has the opposite"),
+        "{}",
+        run.out
+    );
 }
 
 #[test]
 fn what_is_no_log_is_refused_with_its_place() {
     let dir = scratch("inspect_wrong");
     fs::write(dir.join("short.csv"), "t,q1\n0,1\n0.1,x\n").unwrap();
-    fs::write(dir.join("runs.yaml"), "runs:\n  - {files: a.csv, rows: 3}\n").unwrap();
+    fs::write(
+        dir.join("runs.yaml"),
+        "runs:\n  - {files: a.csv, rows: 3}\n",
+    )
+    .unwrap();
     fs::write(dir.join("empty.csv"), "").unwrap();
     for (args, code, words) in [
-        (&["inspect", "short.csv"][..], 3, &["short.csv", "64", "row 3", "`x` in column `q1`"][..]),
+        (
+            &["inspect", "short.csv"][..],
+            3,
+            &["short.csv", "64", "row 3", "`x` in column `q1`"][..],
+        ),
         (&["inspect", "runs.yaml"], 3, &["runs.yaml:2", "`rows`"]),
         (&["inspect", "none.csv"], 5, &["none.csv"]),
         (&["inspect", "empty.csv"], 3, &["empty.csv", "empty"]),

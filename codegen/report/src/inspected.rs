@@ -66,7 +66,11 @@ fn share(value: f64) -> String {
 }
 
 fn positive(value: f64) -> String {
-    if value > 0.0 { four(value) } else { String::new() }
+    if value > 0.0 {
+        four(value)
+    } else {
+        String::new()
+    }
 }
 
 fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
@@ -75,7 +79,10 @@ fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
     let mut entry = |title: &str, text: String| {
         let _ = writeln!(out, "<dt>{title}</dt><dd>{}</dd>", escaped(&text));
     };
-    entry("Rows", format!("{}, and {} that cannot be read", log.rows, log.unusable));
+    entry(
+        "Rows",
+        format!("{}, and {} that cannot be read", log.rows, log.unusable),
+    );
     entry(
         "Clock",
         format!(
@@ -88,10 +95,18 @@ fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
         ),
     );
     if let Some(cutoff) = log.cutoff {
-        entry("Cutoff", format!("{cutoff} Hz: above it the motion is noise"));
+        entry(
+            "Cutoff",
+            format!("{cutoff} Hz: above it the motion is noise"),
+        );
     }
     let period = log.period.map_or("none found".to_owned(), |p| {
-        format!("{} s, {} Hz, {:.2} times", four(p.seconds), four(p.frequency), p.repetitions)
+        format!(
+            "{} s, {} Hz, {:.2} times",
+            four(p.seconds),
+            four(p.frequency),
+            p.repetitions
+        )
     });
     entry("Period", period);
     out.push_str("</dl>\n");
@@ -109,7 +124,11 @@ fn one(place: usize, log: &LogFacts) -> Result<String, ReportError> {
         out.push_str(&efforts(log));
     }
     out.push_str(&columns(log));
-    Ok(section(&format!("log-{}", place + 1), &escaped(&log.log), &out))
+    Ok(section(
+        &format!("log-{}", place + 1),
+        &escaped(&log.log),
+        &out,
+    ))
 }
 
 /// Curves and spectra of positions and efforts.
@@ -210,10 +229,18 @@ fn columns(log: &LogFacts) -> String {
             escaped(&name(column)),
             column.role.name().to_owned(),
             escaped(&column.reason),
-            only(format!("{} … {}", four(column.low.value), four(column.high.value))),
+            only(format!(
+                "{} … {}",
+                four(column.low.value),
+                four(column.high.value)
+            )),
             only(positive(column.encoder_step)),
             only(positive(column.noise)),
-            if column.role == Role::Position { share(column.resting) } else { String::new() },
+            if column.role == Role::Position {
+                share(column.resting)
+            } else {
+                String::new()
+            },
             only(share(column.low.share.max(column.high.share))),
             spectrum.map_or(String::new(), |s| four(s.ends)),
         ]
@@ -223,7 +250,18 @@ fn columns(log: &LogFacts) -> String {
         "Columns: range, step of the encoder, noise from row to row, share of rests, largest share \
          at an extreme, and the frequency below which the signal has 99.9 % of its power, of a \
          position that of its acceleration",
-        &["", "column", "may be", "why", "range", "step", "noise", "rests", "at extreme", "ends, Hz"],
+        &[
+            "",
+            "column",
+            "may be",
+            "why",
+            "range",
+            "step",
+            "noise",
+            "rests",
+            "at extreme",
+            "ends, Hz",
+        ],
         &rows,
     )
 }
@@ -251,7 +289,15 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
         .collect();
     out.push_str(&table(
         "How the joints move, and the noise of their efforts",
-        &["joint", "position", "velocity", "rms acceleration", "rests", "noise", "lacks"],
+        &[
+            "joint",
+            "position",
+            "velocity",
+            "rms acceleration",
+            "rests",
+            "noise",
+            "lacks",
+        ],
         &rows,
     ));
     let bars: Vec<Bar> = found
@@ -300,7 +346,15 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
     out.push_str(&table(
         "Base parameters, SI: the size from which on each would be well identified, and the motion \
          by which a poor one would be seen better",
-        &["parameter", "sight", "nominal", "sigma", "%", "well from", "needs"],
+        &[
+            "parameter",
+            "sight",
+            "nominal",
+            "sigma",
+            "%",
+            "well from",
+            "needs",
+        ],
         &rows,
     ));
     Ok(section("prediction", "What these logs can identify", &out))

@@ -13,8 +13,11 @@ use crate::solve::{Normal, Solved};
 
 /// Order of the filter of positions and efforts.
 const FILTER_ORDER: usize = 4;
-/// Speeds below this part of the usual one are near the change of direction.
-const SLOW: f64 = 0.1;
+/// Cutoff of the filter of positions over that of efforts and of the columns of the regression.
+const WIDER: f64 = 3.0;
+/// Speeds below these parts of the usual one are near the change of direction: friction may change
+/// there at once, or by and by.
+const SLOW: [f64; 2] = [0.02, 0.2];
 /// The least share of an effort's variance that decides whose it is, over the share that no joint
 /// explains.
 const MIN_SHARE: f64 = 0.15;
@@ -31,7 +34,7 @@ const SETTLING: f64 = 1.0;
 /// The least number of rows for each column of the regression.
 const ROWS_PER_COLUMN: usize = 4;
 /// The columns of the regression for one joint.
-const OF_JOINT: usize = 5;
+const OF_JOINT: usize = 6;
 
 /// What an effort follows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -74,7 +77,11 @@ fn even(times: &[f64], values: &[f64], step: f64) -> Vec<f64> {
                 k += 1;
             }
             let (a, b) = (times[k], times[(k + 1).min(times.len() - 1)]);
-            let part = if b > a { ((t - a) / (b - a)).clamp(0.0, 1.0) } else { 0.0 };
+            let part = if b > a {
+                ((t - a) / (b - a)).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
             let next = values[(k + 1).min(values.len() - 1)];
             values[k] + part * (next - values[k])
         })
@@ -133,26 +140,43 @@ pub(crate) struct Signal {
 /// Looks at each effort.
 pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
     let n = motion.joints.len();
-    let filter = Butterworth::new(FILTER_ORDER, motion.cutoff, motion.step).ok();
-    let pass = |values: Vec<f64>| match &filter {
+    let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
+    let (narrow, wide) = (filter(motion.cutoff), filter(WIDER * motion.cutoff));
+    let pass = |filter: &Option<Butterworth>, values: Vec<f64>| match filter {
         Some(filter) => filter.zero_phase(&values).ok(),
         None => Some(values),
     };
     let mut all: Vec<Filtered> = Vec::new();
     for stretch in motion.stretches {
-        let column = |signal: Signal| {
+        let column = |signal: Signal, filter: &Option<Butterworth>| {
             let values = stretch.columns.get(signal.column)?;
             let mut values = even(&stretch.times, values, motion.step);
             values.iter_mut().for_each(|value| *value *= signal.factor);
-            pass(values)
+            pass(filter, values)
         };
-        let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0)).collect();
-        let efforts: Option<Vec<_>> = motion.efforts.iter().map(|e| column(e.0)).collect();
+        let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0, &wide)).collect();
+        let efforts: Option<Vec<_>> = motion
+            .efforts
+            .iter()
+            .map(|e| column(e.0, &narrow))
+            .collect();
         if let Some((positions, efforts)) = positions.zip(efforts) {
             all.push(Filtered { positions, efforts });
         }
     }
-    let rows: Vec<Vec<Vec<f64>>> = basis(&all, motion);
+    let mut rows: Vec<Vec<Vec<f64>>> = basis(&all, motion);
+    // efforts and regressor pass the same filter, as friction is not smooth
+    for rows in &mut rows {
+        for k in 1..rows.first().map_or(0, Vec::len) {
+            let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
+            let Some(values) = pass(&narrow, values) else {
+                continue;
+            };
+            for (row, value) in rows.iter_mut().zip(values) {
+                row[k] = value;
+            }
+        }
+    }
     let total: usize = rows.iter().map(Vec::len).sum();
     let width = rows.iter().flatten().next().map_or(0, Vec::len);
     if width == 0 || total < ROWS_PER_COLUMN * width {
@@ -175,9 +199,10 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             ..Following::default()
         };
         let first = |j: usize| 1 + OF_JOINT * j;
-        // velocity and direction are the fourth and fifth, acceleration the third
+        // behind sine and cosine the acceleration, then velocity and direction
+        let of_friction = |j: usize| [first(j) + 3, first(j) + 4, first(j) + 5];
         let friction: Vec<f64> = (0..n)
-            .map(|j| normal.share(&solved, &[first(j) + 3, first(j) + 4]))
+            .map(|j| normal.share(&solved, &of_friction(j)))
             .collect();
         let least = (MIN_SHARE * (1.0 - found.explained)).max(SMALLEST_SHARE);
         let shows = friction.iter().any(|share| *share >= least);
@@ -185,7 +210,10 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             friction
         } else {
             (0..n)
-                .map(|j| normal.share(&solved, &[first(j) + 2, first(j) + 3, first(j) + 4]))
+                .map(|j| {
+                    let [v, sharp, wide] = of_friction(j);
+                    normal.share(&solved, &[first(j) + 2, v, sharp, wide])
+                })
                 .collect()
         };
         let mut order: Vec<usize> = (0..n).collect();
@@ -195,11 +223,11 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             let j = order[0];
             found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
             let terms = if shows {
-                [first(j) + 3, first(j) + 4]
+                of_friction(j)
             } else {
-                [first(j) + 2, first(j) + 2]
+                [first(j) + 2; 3]
             };
-            // both are in units of their rms values
+            // all are in units of their rms values
             found.reversed = terms.iter().map(|k| solved.scaled(*k)).sum::<f64>() < 0.0;
         }
         if found.explained >= MIN_EXPLAINED {
@@ -212,12 +240,14 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
 
 /// The rows of each stretch without its ends.
 fn inner(rows: &[Vec<Vec<f64>>], margin: usize) -> impl Iterator<Item = &[Vec<f64>]> + Clone {
-    rows.iter()
-        .map(move |rows| rows.get(margin..rows.len().saturating_sub(margin)).unwrap_or_default())
+    rows.iter().map(move |rows| {
+        rows.get(margin..rows.len().saturating_sub(margin))
+            .unwrap_or_default()
+    })
 }
 
 /// The columns of the regression at every value of the stretches: a constant, and of each joint the
-/// sine and the cosine of its position, its acceleration, velocity and direction; then the sines and
+/// sine and the cosine of its position, its acceleration, velocity, and direction in two shapes; then the sines and
 /// cosines of the sums of positions from each joint on, which are the angles to the vertical of
 /// parallel axes.
 fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
@@ -239,8 +269,9 @@ fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
                 row.push(1.0);
                 for j in 0..n {
                     let (q, v) = (f.positions[j][k], rates[j][k]);
-                    let slow = (SLOW * speeds[j]).max(f64::MIN_POSITIVE);
-                    row.extend([libm::sin(q), libm::cos(q), second[j][k], v, libm::tanh(v / slow)]);
+                    row.extend([libm::sin(q), libm::cos(q), second[j][k], v]);
+                    let slow = SLOW.map(|part| (part * speeds[j]).max(f64::MIN_POSITIVE));
+                    row.extend(slow.map(|slow| libm::tanh(v / slow)));
                 }
                 for from in 0..n.saturating_sub(1) {
                     let mut sum = f.positions[from][k];
@@ -256,12 +287,7 @@ fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
     all.iter().map(one).collect()
 }
 
-fn regress(
-    normal: &Normal,
-    rows: &[Vec<Vec<f64>>],
-    efforts: &[Vec<f64>],
-    margin: usize,
-) -> Solved {
+fn regress(normal: &Normal, rows: &[Vec<Vec<f64>>], efforts: &[Vec<f64>], margin: usize) -> Solved {
     let values = efforts.iter().flat_map(|values| {
         let end = values.len().saturating_sub(margin);
         values.get(margin..end).unwrap_or_default()
@@ -286,7 +312,10 @@ fn delay(
         let rates: Vec<Vec<f64>> = rows
             .iter()
             .map(|rows| {
-                let predicted: Vec<f64> = rows.iter().map(|row| normal.predict(&solved, row)).collect();
+                let predicted: Vec<f64> = rows
+                    .iter()
+                    .map(|row| normal.predict(&solved, row))
+                    .collect();
                 slope(&predicted, motion.step).iter().map(|x| -x).collect()
             })
             .collect();
@@ -321,7 +350,10 @@ fn delay(
         if total.abs() > 1.0 / motion.cutoff {
             return None;
         }
-        efforts = raw.iter().map(|values| shifted(values, total / motion.step)).collect();
+        efforts = raw
+            .iter()
+            .map(|values| shifted(values, total / motion.step))
+            .collect();
     }
     Some([total, sigma])
 }

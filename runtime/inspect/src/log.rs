@@ -261,7 +261,9 @@ pub fn inspect(
         });
     }
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
-    let coordinates: Vec<String> = robot.map(|info| owned(info.coordinates)).unwrap_or_default();
+    let coordinates: Vec<String> = robot
+        .map(|info| owned(info.coordinates))
+        .unwrap_or_default();
     let mut reading = clock(&log, settings, &surveyed);
     if !(reading.usual > 0.0 && reading.usual.is_finite()) {
         reading.times = Times::Rate(1.0);
@@ -302,7 +304,10 @@ pub fn inspect(
         problems: surveyed.problems.clone(),
         clock: Clock {
             source: reading.source,
-            column: reading.column.and_then(|k| log.numbers().get(k)).map(|i| i + 1),
+            column: reading
+                .column
+                .and_then(|k| log.numbers().get(k))
+                .map(|i| i + 1),
             unit: reading.unit,
             ..gathered.clock.clone()
         },
@@ -312,13 +317,21 @@ pub fn inspect(
     };
     out.cutoff = cutoff(&out);
     let entries = |number: Option<usize>| log.numbers().iter().position(|i| Some(i + 1) == number);
-    let positions: Vec<usize> = out.joints.iter().filter_map(|j| entries(j.position)).collect();
+    let positions: Vec<usize> = out
+        .joints
+        .iter()
+        .filter_map(|j| entries(j.position))
+        .collect();
     out.period = period(&gathered.trace, &positions);
     let signal = |number: Option<usize>| {
         let column = entries(number)?;
         let judged = judged.get(column)?;
         let degrees = judged.role == Role::Position && in_degrees(&out, number);
-        let factor = if judged.unit.is_none() && degrees { DEGREE } else { judged.unit_factor() };
+        let factor = if judged.unit.is_none() && degrees {
+            DEGREE
+        } else {
+            judged.unit_factor()
+        };
         Some(Signal { column, factor })
     };
     let moving: Vec<(Signal, String)> = out
@@ -338,10 +351,23 @@ pub fn inspect(
         cutoff: out
             .cutoff
             .unwrap_or(PLAIN_CUTOFF_PART * out.clock.rate)
-            .min(0.2 / gathered.step),
+            .min(0.15 / gathered.step),
     };
     out.efforts = follow(&motion);
     out.notes = words::notes(&out);
+    if let Some(info) = robot
+        && out.joints.is_empty()
+    {
+        let found = out.columns.iter().filter(|c| c.role == Role::Position);
+        out.notes.push(format!(
+            "{} columns look like positions, and {} has {} coordinates, {} of them actuated: assign \
+             their columns",
+            found.count(),
+            info.name,
+            info.coordinates.len(),
+            info.actuated.len()
+        ));
+    }
     Ok(out)
 }
 
@@ -419,6 +445,8 @@ fn cutoff(found: &LogFacts) -> Option<f64> {
         };
         of(joint.position).or_else(|| of(joint.velocity))
     });
-    let most = ends.fold(0.0, f64::max).min(MAX_CUTOFF_PART * found.clock.rate);
+    let most = ends
+        .fold(0.0, f64::max)
+        .min(MAX_CUTOFF_PART * found.clock.rate);
     (most > 0.0).then(|| figure_of(2, most).parse().unwrap_or(most))
 }

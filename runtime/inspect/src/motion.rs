@@ -93,7 +93,9 @@ impl Motions {
     pub(crate) fn push(&mut self, info: &Info<'_>, row: &StateSample<'_>) {
         let pick = |of: &[f64]| -> Vec<f64> {
             let entries = info.independent.iter();
-            entries.map(|c| of.get(*c).copied().unwrap_or(0.0)).collect()
+            entries
+                .map(|c| of.get(*c).copied().unwrap_or(0.0))
+                .collect()
         };
         let state = State {
             q: pick(row.q),
@@ -150,7 +152,9 @@ impl Motions {
             let mut out = JointMotion {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 positions: sums.positions,
-                covered: limits.map(|[a, b]| width / (b - a)).filter(|c| c.is_finite()),
+                covered: limits
+                    .map(|[a, b]| width / (b - a))
+                    .filter(|c| c.is_finite()),
                 velocities: sums.velocities,
                 directions: [share(1.0), share(-1.0)],
                 acceleration: (sums.squares / count).sqrt(),

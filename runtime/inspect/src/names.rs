@@ -63,16 +63,43 @@ pub(crate) struct Meaning {
 const WORDS: [(Role, &[&str]); 7] = [
     (
         Role::Time,
-        &["t", "time", "times", "timestamp", "stamp", "clock", "sec", "secs", "seconds"],
+        &[
+            "t",
+            "time",
+            "times",
+            "timestamp",
+            "stamp",
+            "clock",
+            "sec",
+            "secs",
+            "seconds",
+        ],
     ),
     (
         Role::Acceleration,
-        &["qdd", "ddq", "qddot", "acc", "accel", "acceleration", "accelerations"],
+        &[
+            "qdd",
+            "ddq",
+            "qddot",
+            "acc",
+            "accel",
+            "acceleration",
+            "accelerations",
+        ],
     ),
     (
         Role::Velocity,
         &[
-            "qd", "dq", "qdot", "vel", "velocity", "velocities", "speed", "speeds", "omega", "rpm",
+            "qd",
+            "dq",
+            "qdot",
+            "vel",
+            "velocity",
+            "velocities",
+            "speed",
+            "speeds",
+            "omega",
+            "rpm",
         ],
     ),
     (
@@ -88,18 +115,39 @@ const WORDS: [(Role, &[&str]); 7] = [
     (
         Role::Position,
         &[
-            "q", "pos", "position", "positions", "angle", "angles", "theta", "encoder", "enc",
+            "q",
+            "pos",
+            "position",
+            "positions",
+            "angle",
+            "angles",
+            "theta",
+            "encoder",
+            "enc",
             "length",
         ],
     ),
     // of no further meaning
-    (Role::Other, &["temp", "temperature", "voltage", "status", "mode"]),
+    (
+        Role::Other,
+        &["temp", "temperature", "voltage", "status", "mode"],
+    ),
 ];
 
 /// Words of commands.
 const COMMANDS: [&str; 12] = [
-    "cmd", "command", "commanded", "des", "desired", "ref", "reference", "target", "goal",
-    "setpoint", "sp", "set",
+    "cmd",
+    "command",
+    "commanded",
+    "des",
+    "desired",
+    "ref",
+    "reference",
+    "target",
+    "goal",
+    "setpoint",
+    "sp",
+    "set",
 ];
 /// Words of what is measured, which say nothing else.
 const MEASURED: [&str; 8] = [
@@ -231,7 +279,10 @@ mod tests {
             ("qd_q1", (Role::Velocity, false, None, joint("q_1"))),
             ("qdd1", (Role::Acceleration, false, None, joint("1"))),
             ("tau_elbow", (Role::Effort, false, None, joint("elbow"))),
-            ("pos_2 [deg]", (Role::Position, false, Some("deg"), joint("2"))),
+            (
+                "pos_2 [deg]",
+                (Role::Position, false, Some("deg"), joint("2")),
+            ),
             ("jointVelocity3", (Role::Velocity, false, None, joint("3"))),
             ("actual_current_4", (Role::Current, false, None, joint("4"))),
             ("i5", (Role::Current, false, None, joint("5"))),

@@ -133,7 +133,10 @@ fn with<M: BaseModel<f64> + ?Sized>(
     let speed = most(limits.velocity).unwrap_or(plain(PLAIN_SPEED));
     let rate = core::f64::consts::TAU * FREQUENCY * speed;
     let rate = most(limits.acceleration).map_or(rate, |limit| limit.min(rate));
-    let centre = trial.motions.get(k).map_or(0.0, |m| 0.5 * (m.positions[0] + m.positions[1]));
+    let centre = trial
+        .motions
+        .get(k)
+        .map_or(0.0, |m| 0.5 * (m.positions[0] + m.positions[1]));
     let side = plain(PLAIN_RANGE);
     let [low, high] = limits.position.unwrap_or([centre - side, centre + side]);
     let every = trial.states.len().div_ceil(STATES).max(1);
@@ -145,7 +148,11 @@ fn with<M: BaseModel<f64> + ?Sized>(
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for state in trial.states.iter().step_by(every) {
         for part in parts {
-            let State { mut q, mut qd, mut qdd } = state.clone();
+            let State {
+                mut q,
+                mut qd,
+                mut qdd,
+            } = state.clone();
             match kind {
                 Kind::Positions => {
                     q[k] = low + part * (high - low);

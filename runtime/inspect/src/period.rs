@@ -86,7 +86,11 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
         let (a, b, c) = (at(lag - 1)?, at(lag)?, at(lag + 1)?);
         // the bottom of the parabola through the three, as lags are whole numbers of points
         let bend = a - 2.0 * b + c;
-        let shift = if bend > 0.0 { 0.5 * (a - c) / bend } else { 0.0 };
+        let shift = if bend > 0.0 {
+            0.5 * (a - c) / bend
+        } else {
+            0.0
+        };
         let bottom = (b - 0.25 * (a - c) * shift).max(0.0);
         (b <= a && b <= c && bottom < REPEATS).then_some((lag as f64 + shift, bottom))
     });
@@ -140,7 +144,13 @@ mod tests {
         let grows = |t: f64| t * (0.9 * t).sin();
         assert_eq!(period(&trace(40.0, &[&grows]), &[0]), None);
         assert_eq!(period(&trace(6.0, &[&one, &two]), &[0, 1]), None);
-        let once = |t: f64| if (15.0..25.0).contains(&t) { (1.7 * (t - 15.0)).sin() } else { 0.0 };
+        let once = |t: f64| {
+            if (15.0..25.0).contains(&t) {
+                (1.7 * (t - 15.0)).sin()
+            } else {
+                0.0
+            }
+        };
         assert_eq!(period(&trace(40.0, &[&once]), &[0]), None);
     }
 }

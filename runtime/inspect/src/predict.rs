@@ -275,7 +275,9 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .map(|((c, welch), squares)| {
             let found = welch.finish(1.0 / between).map(|density| density.judge(0));
             let least = LEAST_NOISE * (squares / f64::max(count, 1.0)).sqrt();
-            let density = found.map_or(0.0, |s| s.floor).max(2.0 * between * least * least);
+            let density = found
+                .map_or(0.0, |s| s.floor)
+                .max(2.0 * between * least * least);
             EffortNoise {
                 name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
                 density,

@@ -17,8 +17,11 @@ const UNIT_TOLERANCE: f64 = 0.05;
 
 /// A text as YAML reads it back: in quotes unless it is plain.
 fn quoted(text: &str) -> String {
-    let plain = text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
-    let starts = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '/' || c == '.');
+    let plain = text
+        .chars()
+        .all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
+    let starts =
+        text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '/' || c == '.');
     // words that YAML takes for something else
     let word = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
     if plain && starts && !word.contains(&text.to_lowercase().as_str()) {
@@ -82,12 +85,22 @@ fn kind(
         && together
         && same
     {
-        let key = if prefix.is_empty() { "*".to_owned() } else { format!("{prefix}*") };
+        let key = if prefix.is_empty() {
+            "*".to_owned()
+        } else {
+            format!("{prefix}*")
+        };
         line(out, &key, &format!("{first}..{last}"), unit, more);
         return;
     }
     for (name, column, unit) in columns {
-        line(out, &format!("{prefix}{name}"), &place(found, column), *unit, more);
+        line(
+            out,
+            &format!("{prefix}{name}"),
+            &place(found, column),
+            *unit,
+            more,
+        );
     }
 }
 
@@ -117,7 +130,14 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
     };
     kind(&mut out, found, "", robot, &with(|j| j.position, 0), "");
     kind(&mut out, found, "qd_", robot, &with(|j| j.velocity, 1), "");
-    kind(&mut out, found, "qdd_", robot, &with(|j| j.acceleration, 2), "");
+    kind(
+        &mut out,
+        found,
+        "qdd_",
+        robot,
+        &with(|j| j.acceleration, 2),
+        "",
+    );
     let efforts = with(|j| j.effort, 2);
     let current = |unit: Option<&str>| matches!(unit, Some("A" | "mA"));
     let currents = efforts
@@ -130,12 +150,20 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
         );
         let efforts: Vec<_> = efforts
             .into_iter()
-            .map(|(name, column, unit)| (name, column, unit.filter(|u| current(Some(u))).or(Some("A"))))
+            .map(|(name, column, unit)| {
+                (
+                    name,
+                    column,
+                    unit.filter(|u| current(Some(u))).or(Some("A")),
+                )
+            })
             .collect();
         kind(&mut out, found, "tau_", robot, &efforts, ", gain: 1");
     } else {
         if !found.named && !efforts.is_empty() {
-            out.push_str("  # where these are currents: unit: A, and gain: with one torque constant each\n");
+            out.push_str(
+                "  # where these are currents: unit: A, and gain: with one torque constant each\n",
+            );
         }
         kind(&mut out, found, "tau_", robot, &efforts, "");
     }
@@ -152,7 +180,9 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
                 );
             }
         }
-        (ClockSource::Unknown, _) => out.push_str("# rate: HZ, as nothing in the log gives the time\n"),
+        (ClockSource::Unknown, _) => {
+            out.push_str("# rate: HZ, as nothing in the log gives the time\n")
+        }
         _ => {
             let _ = writeln!(out, "rate: {}", number(clock.rate));
         }
@@ -187,8 +217,13 @@ fn number(value: f64) -> String {
 fn process(out: &mut String, found: &LogFacts) {
     let clock = &found.clock;
     let uneven = !clock.even && clock.source == ClockSource::Column;
-    let cutoff = found.cutoff.filter(|_| clock.source != ClockSource::Unknown);
-    let late = found.notes.iter().any(|note| note.starts_with("efforts are behind"));
+    let cutoff = found
+        .cutoff
+        .filter(|_| clock.source != ClockSource::Unknown);
+    let late = found
+        .notes
+        .iter()
+        .any(|note| note.starts_with("efforts are behind"));
     if !uneven && cutoff.is_none() && !late {
         return;
     }

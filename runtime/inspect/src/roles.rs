@@ -246,7 +246,12 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
         };
         let second = positive(a).is_some_and(|(c, ..)| c != b);
         // the torque of a light joint is its acceleration but for a factor
-        if second && known.timed && !SAME_UNIT.iter().any(|u| (factor / u - 1.0).abs() < SAME_PART) {
+        if second
+            && known.timed
+            && !SAME_UNIT
+                .iter()
+                .any(|u| (factor / u - 1.0).abs() < SAME_PART)
+        {
             continue;
         }
         let (own, other) = if second {
@@ -327,9 +332,9 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
 /// The joints of assigned columns, in the order of the robot's coordinates or of the columns.
 fn assigned_joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     let column = |role: &[Role], joint: &str| {
-        let own = judged.iter().position(|j| {
-            role.contains(&j.role) && j.assigned.as_deref() == Some(joint)
-        });
+        let own = judged
+            .iter()
+            .position(|j| role.contains(&j.role) && j.assigned.as_deref() == Some(joint));
         own.and_then(|k| known.numbers.get(k)).map(|i| i + 1)
     };
     let positions = judged.iter().filter(|j| j.role == Role::Position);
@@ -372,7 +377,12 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
             });
         }
     } else {
-        let named = |name: &String| positions.iter().find(|k| known.title(**k) == *name).copied();
+        let named = |name: &String| {
+            positions
+                .iter()
+                .find(|k| known.title(**k) == *name)
+                .copied()
+        };
         let exact: Vec<Option<usize>> = known.coordinates.iter().map(named).collect();
         // by name, else in the order of all coordinates or of the actuated ones
         let all: Vec<usize> = (0..known.coordinates.len()).collect();
@@ -424,7 +434,9 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
         .collect();
     let kinds: [(Vec<usize>, bool, fn(&mut Joint) -> &mut Option<usize>); 4] = [
         (of(Role::Velocity), false, |joint| &mut joint.velocity),
-        (of(Role::Acceleration), false, |joint| &mut joint.acceleration),
+        (of(Role::Acceleration), false, |joint| {
+            &mut joint.acceleration
+        }),
         (efforts, true, |joint| &mut joint.effort),
         (commands, true, |joint| &mut joint.command),
     ];

@@ -76,17 +76,29 @@ impl Normal {
             .map(|k| {
                 let rms = (gram[(k, k)] / count).sqrt();
                 // rounding of a constant
-                if rms > 1e-9 * means[k].abs() { rms } else { 0.0 }
+                if rms > 1e-9 * means[k].abs() {
+                    rms
+                } else {
+                    0.0
+                }
             })
             .collect();
         for j in 0..width {
             for i in 0..=j {
                 let scale = scales[i] * scales[j] * count;
-                let value = if scale > 0.0 { gram[(i, j)] / scale } else { 0.0 };
+                let value = if scale > 0.0 {
+                    gram[(i, j)] / scale
+                } else {
+                    0.0
+                };
                 gram[(i, j)] = value;
                 gram[(j, i)] = value;
             }
-            gram[(j, j)] = if scales[j] > 0.0 { gram[(j, j)] + RIDGE } else { 1.0 };
+            gram[(j, j)] = if scales[j] > 0.0 {
+                gram[(j, j)] + RIDGE
+            } else {
+                1.0
+            };
         }
         let inverse = gram.cholesky()?.inverse();
         Some(Self {

@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::fft::Fft;
 
 /// The part of half the sampling rate between which the noise floor is looked for.
-const FLOOR_BAND: [f64; 2] = [0.6, 0.95];
+const FLOOR_BAND: [f64; 2] = [0.75, 0.98];
 /// A density this many times the floor is signal.
 const SIGNAL_OVER_FLOOR: f64 = 3.0;
 /// The signal has ended where the density stays below that up to this many times the frequency.
@@ -165,7 +165,12 @@ impl Density {
         let side = (SMOOTHING * k as f64) as usize + 1;
         let band = k.saturating_sub(side)..(k + side + 1).min(self.values.len());
         let count = band.len().max(1) as f64;
-        self.values.get(band).unwrap_or_default().iter().sum::<f64>() / count
+        self.values
+            .get(band)
+            .unwrap_or_default()
+            .iter()
+            .sum::<f64>()
+            / count
     }
 
     /// - `order`: of the derivative whose power counts for the end of the signal.
@@ -181,7 +186,10 @@ impl Density {
         let stays = |k: &usize| {
             #[allow(clippy::cast_sign_loss, reason = "positive")]
             let end = ((QUIET_BAND * *k as f64) as usize + 2).min(last);
-            *k < last && quiet.get(*k..end).is_some_and(|band| band.iter().all(|q| *q))
+            *k < last
+                && quiet
+                    .get(*k..end)
+                    .is_some_and(|band| band.iter().all(|q| *q))
         };
         let meets = (1..last).find(stays);
         let until = meets.unwrap_or(last);

@@ -19,8 +19,14 @@ const MUCH_REST: f64 = 0.05;
 const ALL_REST: f64 = 0.999;
 /// Units by the factor between a position and the integral of its velocity.
 const UNITS: [(f64, &str); 4] = [
-    (180.0 / core::f64::consts::PI, "degrees, its velocity in radians"),
-    (core::f64::consts::PI / 180.0, "radians, its velocity in degrees"),
+    (
+        180.0 / core::f64::consts::PI,
+        "degrees, its velocity in radians",
+    ),
+    (
+        core::f64::consts::PI / 180.0,
+        "radians, its velocity in degrees",
+    ),
     (1e3, "mm, its velocity in m"),
     (1e-3, "m, its velocity in mm"),
 ];
@@ -55,7 +61,8 @@ fn clock(found: &LogFacts, out: &mut Vec<String>) {
     }
     match clock.source {
         ClockSource::Unknown => out.push(
-            "nothing gives the time: frequencies are per row; state the rate of the rows".to_owned(),
+            "nothing gives the time: frequencies are per row; state the rate of the rows"
+                .to_owned(),
         ),
         ClockSource::Velocities => out.push(format!(
             "there is no column of time; positions change as velocities say at {} Hz",
@@ -128,7 +135,10 @@ fn columns(found: &LogFacts, out: &mut Vec<String>) {
 
 fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
     for joint in &found.joints {
-        let Some((column, position)) = joint.velocity.and_then(|v| found.column(v)).zip(joint.position)
+        let Some((column, position)) = joint
+            .velocity
+            .and_then(|v| found.column(v))
+            .zip(joint.position)
         else {
             continue;
         };
@@ -140,15 +150,21 @@ fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
             let taken = title(found, position);
             let other = found.column(derivative.of).map(|c| c.role);
             if other == Some(Role::Position) {
-                out.push(format!("{own} is the derivative of {of}, and not of {taken}"));
+                out.push(format!(
+                    "{own} is the derivative of {of}, and not of {taken}"
+                ));
             }
         } else if derivative.factor < 0.0 {
-            out.push(format!("{own} has the opposite sign of the derivative of {of}"));
+            out.push(format!(
+                "{own} has the opposite sign of the derivative of {of}"
+            ));
         } else if let Some((_, words)) = UNITS
             .iter()
             .find(|(factor, _)| (derivative.factor / factor - 1.0).abs() < 0.1)
         {
-            out.push(format!("{of} looks like one in {words}: a unit must be stated"));
+            out.push(format!(
+                "{of} looks like one in {words}: a unit must be stated"
+            ));
         } else if (derivative.factor - 1.0).abs() > 0.2 {
             out.push(format!(
                 "{of} changes {} times as fast as {own} says: a unit or a gear differs",
@@ -171,7 +187,9 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             ));
         }
         if effort.reversed {
-            out.push(format!("{name} has the opposite sign of the motion of {joint}"));
+            out.push(format!(
+                "{name} has the opposite sign of the motion of {joint}"
+            ));
         }
     }
     let steps = found.clock.rate;
@@ -192,6 +210,9 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
         })
         .collect();
     if !late.is_empty() && found.clock.source != ClockSource::Unknown {
-        out.push(format!("efforts are behind the motion: {}", late.join(", ")));
+        out.push(format!(
+            "efforts are behind the motion: {}",
+            late.join(", ")
+        ));
     }
 }
