@@ -102,14 +102,18 @@ fn slope(values: &[f64], step: f64) -> Vec<f64> {
 /// The value at a place between samples, by a cubic; at the ends by lines.
 fn shifted(values: &[f64], by: f64) -> Vec<f64> {
     let n = values.len();
-    let at = |k: i64| values[k.clamp(0, n as i64 - 1).unsigned_abs() as usize];
+    // the value so many samples before or behind another; those at the ends go on
+    let at = |k: f64| {
+        #[allow(clippy::cast_sign_loss, reason = "clamped")]
+        let place = k.clamp(0.0, n.saturating_sub(1) as f64) as usize;
+        values[place]
+    };
     (0..n)
         .map(|k| {
             let place = k as f64 + by;
             let left = place.floor();
             let x = place - left;
-            let k = left as i64;
-            let [a, b, c, d] = [at(k - 1), at(k), at(k + 1), at(k + 2)];
+            let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(|off| at(left + off));
             let bend = 2.0 * a - 5.0 * b + 4.0 * c - d + x * (3.0 * (b - c) + d - a);
             b + 0.5 * x * (c - a + x * bend)
         })
@@ -151,7 +155,9 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         let column = |signal: Signal, filter: &Option<Butterworth>| {
             let values = stretch.columns.get(signal.column)?;
             let mut values = even(&stretch.times, values, motion.step);
-            values.iter_mut().for_each(|value| *value *= signal.factor);
+            for value in &mut values {
+                *value *= signal.factor;
+            }
             pass(filter, values)
         };
         let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0, &wide)).collect();

@@ -17,6 +17,7 @@ mod columns;
 mod fft;
 mod follow;
 mod gather;
+mod joints;
 mod log;
 mod motion;
 mod names;
@@ -35,6 +36,7 @@ mod words;
 pub use clock::{Clock, ClockSource, Gap};
 pub use columns::Extreme;
 pub use follow::Following;
+pub use joints::Joint;
 pub use log::{Column, LogFacts, inspect};
 pub use motion::JointMotion;
 pub use names::Role;
@@ -43,7 +45,6 @@ pub use period::Period;
 pub use predict::{EffortNoise, PredictedParameter, Prediction, Sight, predict};
 pub use proposal::proposal;
 pub use relations::Derivative;
-pub use roles::Joint;
 pub use spectrum::Spectrum;
 
 /// The version of what is serialised here: a change of a name or a meaning increases it.

@@ -9,10 +9,11 @@ use crate::clock::{Clock, ClockSource};
 use crate::columns::{Extreme, Surveyed, survey};
 use crate::follow::{Following, Motion, Signal, follow};
 use crate::gather::{Gathered, Times, gather};
+use crate::joints::{Joint, joints};
 use crate::names::{Role, meaning};
 use crate::period::{Period, period};
 use crate::relations::{Derivative, Relations};
-use crate::roles::{Joint, Judged, Known, joints, judge};
+use crate::roles::{Judged, Known, judge};
 use crate::spectrum::Spectrum;
 use crate::words;
 

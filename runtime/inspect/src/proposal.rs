@@ -6,9 +6,9 @@ use regen_identify::data::Run;
 use regen_identify::text::figure_of;
 
 use crate::clock::ClockSource;
+use crate::joints::Joint;
 use crate::log::{Column, LogFacts};
 use crate::names::Role;
-use crate::roles::Joint;
 
 /// The order of the proposed filter.
 const ORDER: usize = 4;
@@ -181,7 +181,7 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
             }
         }
         (ClockSource::Unknown, _) => {
-            out.push_str("# rate: HZ, as nothing in the log gives the time\n")
+            out.push_str("# rate: HZ, as nothing in the log gives the time\n");
         }
         _ => {
             let _ = writeln!(out, "rate: {}", number(clock.rate));

@@ -1,8 +1,6 @@
-//! What each column may be, from its name and from its relations to the others, and which columns
-//! belong to the same joint.
+//! What each column may be, from its name and from its relations to the others.
 
 use regen_identify::data::{Assignment, Quantity};
-use serde::Serialize;
 
 use crate::columns::Surveyed;
 use crate::names::{Meaning, Role, meaning};
@@ -23,23 +21,6 @@ const SAME_UNIT: [f64; 3] = [
 /// By what part factors may differ from these.
 const SAME_PART: f64 = 0.1;
 
-/// The columns of one joint, by their numbers from 1.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Joint {
-    /// The joint's name: that of the description, or what the log calls it, or `q` with its number.
-    pub name: String,
-    /// Its position.
-    pub position: Option<usize>,
-    /// Its velocity.
-    pub velocity: Option<usize>,
-    /// Its acceleration.
-    pub acceleration: Option<usize>,
-    /// Its effort, or the current of its motor.
-    pub effort: Option<usize>,
-    /// The position that its controller is asked for.
-    pub command: Option<usize>,
-}
-
 /// What a column is taken for.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Judged {
@@ -51,8 +32,8 @@ pub(crate) struct Judged {
     /// The factor of its unit, as assigned; 1 where nothing is.
     pub(crate) factor: f64,
     /// The joint that it was assigned to.
-    assigned: Option<String>,
-    meaning: Meaning,
+    pub(crate) assigned: Option<String>,
+    pub(crate) meaning: Meaning,
 }
 
 impl Judged {
@@ -113,12 +94,12 @@ impl Known<'_> {
             Quantity::Acceleration(joint) => (Role::Acceleration, joint),
             Quantity::Effort(joint) if found.is_current() => (Role::Current, joint),
             Quantity::Effort(joint) => (Role::Effort, joint),
-            _ => return None,
+            Quantity::Time => return None,
         };
         Some((role, joint, found))
     }
 
-    fn title(&self, k: usize) -> &str {
+    pub(crate) fn title(&self, k: usize) -> &str {
         let index = self.numbers.get(k);
         index.and_then(|i| self.titles.get(*i)).map_or("", |t| t)
     }
@@ -137,7 +118,7 @@ fn derivatives(known: &Known<'_>, relations: &Relations) -> Vec<Option<(usize, f
 }
 
 /// The joint of a name as it is compared: `q_1` is the joint 1.
-fn key(joint: &str) -> &str {
+pub(crate) fn key(joint: &str) -> &str {
     match joint.strip_prefix("q_") {
         Some(rest) if rest.chars().all(|c| c.is_ascii_digit()) => rest,
         _ => joint,
@@ -205,9 +186,8 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
         out.meaning = meaning(title);
         out.unit = out.meaning.unit;
         out.role = match out.meaning.role {
-            // another clock
-            Role::Time => Role::Other,
-            Role::Other | Role::Constant => Role::Other,
+            // another clock says nothing
+            Role::Time | Role::Other | Role::Constant => Role::Other,
             _ if out.meaning.commanded => Role::Command,
             role => role,
         };
@@ -327,157 +307,4 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
         judged.role = Role::Effort;
         "as many as joints, behind the motion: a guess".clone_into(&mut judged.reason);
     }
-}
-
-/// The joints of assigned columns, in the order of the robot's coordinates or of the columns.
-fn assigned_joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
-    let column = |role: &[Role], joint: &str| {
-        let own = judged
-            .iter()
-            .position(|j| role.contains(&j.role) && j.assigned.as_deref() == Some(joint));
-        own.and_then(|k| known.numbers.get(k)).map(|i| i + 1)
-    };
-    let positions = judged.iter().filter(|j| j.role == Role::Position);
-    let mut names: Vec<String> = positions.filter_map(|j| j.assigned.clone()).collect();
-    let place = |name: &String| known.coordinates.iter().position(|c| c == name);
-    names.sort_by_key(place);
-    let joint = |name: String| Joint {
-        position: column(&[Role::Position], &name),
-        velocity: column(&[Role::Velocity], &name),
-        acceleration: column(&[Role::Acceleration], &name),
-        effort: column(&[Role::Effort, Role::Current], &name),
-        command: None,
-        name,
-    };
-    names.into_iter().map(joint).collect()
-}
-
-/// Puts the columns of each joint together.
-pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
-    let of = |role: Role| -> Vec<usize> {
-        (0..judged.len())
-            .filter(|k| judged[*k].role == role)
-            .collect()
-    };
-    let number = |k: usize| known.numbers.get(k).map(|i| i + 1);
-    let positions = of(Role::Position);
-    if positions.iter().any(|k| judged[*k].assigned.is_some()) {
-        return assigned_joints(known, judged);
-    }
-    let mut order: Vec<Option<usize>> = positions.iter().map(|k| Some(*k)).collect();
-    let mut names: Vec<String> = Vec::new();
-    if known.coordinates.is_empty() {
-        for (j, k) in positions.iter().enumerate() {
-            let title = known.title(*k);
-            let plain = known.named && !title.is_empty();
-            names.push(if plain {
-                title.to_owned()
-            } else {
-                format!("q{}", j + 1)
-            });
-        }
-    } else {
-        let named = |name: &String| {
-            positions
-                .iter()
-                .find(|k| known.title(**k) == *name)
-                .copied()
-        };
-        let exact: Vec<Option<usize>> = known.coordinates.iter().map(named).collect();
-        // by name, else in the order of all coordinates or of the actuated ones
-        let all: Vec<usize> = (0..known.coordinates.len()).collect();
-        let chosen = if exact.iter().any(Option::is_some) {
-            exact
-        } else {
-            let order = if positions.len() == all.len() {
-                &all[..]
-            } else {
-                known.actuated
-            };
-            let place = |c: &usize| {
-                let place = order.iter().position(|own| own == c)?;
-                (order.len() == positions.len()).then(|| positions.get(place).copied())?
-            };
-            all.iter().map(place).collect()
-        };
-        (order, names) = chosen
-            .into_iter()
-            .zip(known.coordinates)
-            .filter(|(position, _)| position.is_some())
-            .map(|(position, name)| (position, name.clone()))
-            .unzip();
-    }
-    let mut out: Vec<Joint> = order
-        .iter()
-        .zip(names)
-        .map(|(position, name)| Joint {
-            name,
-            position: position.and_then(number),
-            ..Joint::default()
-        })
-        .collect();
-    let efforts = if of(Role::Effort).is_empty() {
-        of(Role::Current)
-    } else {
-        of(Role::Effort)
-    };
-    let actuated: Vec<bool> = out
-        .iter()
-        .map(|joint| {
-            let place = known.coordinates.iter().position(|n| *n == joint.name);
-            place.is_none_or(|c| known.actuated.contains(&c))
-        })
-        .collect();
-    let commands: Vec<usize> = of(Role::Command)
-        .into_iter()
-        .filter(|k| matches!(judged[*k].meaning.role, Role::Position))
-        .collect();
-    let kinds: [(Vec<usize>, bool, fn(&mut Joint) -> &mut Option<usize>); 4] = [
-        (of(Role::Velocity), false, |joint| &mut joint.velocity),
-        (of(Role::Acceleration), false, |joint| {
-            &mut joint.acceleration
-        }),
-        (efforts, true, |joint| &mut joint.effort),
-        (commands, true, |joint| &mut joint.command),
-    ];
-    for (columns, driven, field) in kinds {
-        let places: Vec<usize> = (0..out.len()).filter(|j| !driven || actuated[*j]).collect();
-        let mut matched = false;
-        for j in &places {
-            let own = order[*j].map_or("", |k| key(&judged[k].meaning.joint));
-            let name = out[*j].name.clone();
-            let same = |k: &&usize| {
-                let title = known.title(**k);
-                let exact = ["qd_", "qdd_", "tau_", "cmd_"]
-                    .iter()
-                    .any(|prefix| title.strip_prefix(prefix) == Some(name.as_str()));
-                let joint = key(&judged[**k].meaning.joint);
-                exact || known.named && !joint.is_empty() && joint == own
-            };
-            if let Some(k) = columns.iter().find(same) {
-                *field(&mut out[*j]) = number(*k);
-                matched = true;
-            }
-        }
-        // names that match nothing, and as many columns as joints: in their order
-        if !matched && columns.len() == places.len() {
-            for (j, k) in places.iter().zip(&columns) {
-                *field(&mut out[*j]) = number(*k);
-            }
-        }
-        // velocities without names belong to the positions that they are derivatives of
-        if !known.named && !driven {
-            for j in 0..out.len() {
-                let position = out[j].position;
-                let own = columns.iter().find(|k| {
-                    let derivative = judged[**k].derivative;
-                    derivative.is_some_and(|d| Some(d.of) == position)
-                });
-                if let Some(k) = own {
-                    *field(&mut out[j]) = number(*k);
-                }
-            }
-        }
-    }
-    out
 }

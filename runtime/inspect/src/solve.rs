@@ -59,7 +59,9 @@ impl Normal {
         if count == 0.0 {
             return None;
         }
-        means.iter_mut().for_each(|mean| *mean /= count);
+        for mean in &mut means {
+            *mean /= count;
+        }
         let mut gram = DMatrix::<f64>::zeros(width, width);
         let mut off = vec![0.0; width];
         for row in rows {
@@ -140,7 +142,9 @@ impl Normal {
         }
         let n = f64::max(count, 1.0);
         variance /= n;
-        side.iter_mut().for_each(|s| *s /= n);
+        for s in &mut side {
+            *s /= n;
+        }
         let value = |k: usize| (0..width).map(|i| self.inverse[(k, i)] * side[i]).sum();
         let found: Vec<f64> = (0..width).map(value).collect();
         let explained: f64 = found.iter().zip(&side).map(|(x, s)| x * s).sum();

@@ -31,7 +31,7 @@ pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};
 pub use policy::{Checks, Policies, Policy};
 pub use problem::{DataError, Fault, Problem, Problems};
-pub use raw::RawLog;
+pub use raw::{RawLog, RawRow};
 pub use run::{Join, Run};
 pub use standstill::{Differences, Encoder, context as rest_context, resting};
 pub use table::{Decimal, Format, Header, Separator};

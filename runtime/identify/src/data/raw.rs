@@ -14,6 +14,10 @@ use regen_runtime::Info;
 /// Rows of a file from which it is judged whether a column has numbers.
 const PROBED_ROWS: usize = 200;
 
+/// A row: its line (see [`Problem::row`]) and its values, which are the time in s and then the columns
+/// that have numbers; or why it cannot be used.
+pub type RawRow<'a> = Result<(u64, &'a [f64]), &'a Problem>;
+
 /// A run whose columns are read without knowing what they are.
 ///
 /// ```
@@ -151,15 +155,11 @@ impl RawLog {
         self.file.layout.channels.first().and_then(|c| c.index)
     }
 
-    /// Passes each row to `each`: its line (see [`Problem::row`]) and its values, which are the time
-    /// in s and then the columns that have numbers; or why it cannot be used.
+    /// Passes each row to `each`.
     ///
     /// # Errors
     /// When a file cannot be read.
-    pub fn visit(
-        &self,
-        each: &mut dyn FnMut(Result<(u64, &[f64]), &Problem>),
-    ) -> Result<(), DataError> {
+    pub fn visit(&self, each: &mut dyn FnMut(RawRow<'_>)) -> Result<(), DataError> {
         let mut rows = JoinedRows::open(&self.file)?;
         while let Some(row) = rows.next_row()? {
             match &row {
