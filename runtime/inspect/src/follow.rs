@@ -25,6 +25,8 @@ const MIN_SHARE: f64 = 0.15;
 const SMALLEST_SHARE: f64 = 1e-6;
 /// How many times more than any other joint a joint must explain of an effort.
 const CLEAR: f64 = 2.0;
+/// The least correlation of what is taken for friction with the velocity.
+const MIN_CORRELATION: f64 = 0.5;
 /// The least part of an effort's variance that must be explained before a delay is looked for.
 const MIN_EXPLAINED: f64 = 0.5;
 /// Times that the effort is shifted and the delay estimated again.
@@ -227,21 +229,51 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         let share = |k: usize| order.get(k).map_or(0.0, |j| found.shares[*j]);
         if share(0) >= least && share(0) >= CLEAR * share(1) {
             let j = order[0];
-            found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
-            let terms = if shows {
-                of_friction(j)
+            let (terms, with) = if shows {
+                (of_friction(j).to_vec(), first(j) + 3)
             } else {
-                [first(j) + 2; 3]
+                (vec![first(j) + 2], first(j) + 2)
             };
-            // all are in units of their rms values
-            found.reversed = terms.iter().map(|k| solved.scaled(*k)).sum::<f64>() < 0.0;
+            let correlation = normal.correlation(&solved, &terms, with);
+            // friction is against the motion, and inertia against the acceleration
+            if correlation.abs() >= MIN_CORRELATION {
+                found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
+                found.reversed = correlation < 0.0;
+            }
         }
         if found.explained >= MIN_EXPLAINED {
             found.delay = delay(&normal, &rows, efforts, margin, motion);
         }
         out.push(found);
     }
+    exchanged(&mut out);
     out
+}
+
+/// Withdraws what is said of an effort that follows another joint, unless the effort of that joint
+/// follows another one too: columns are exchanged, and not one of them alone.
+fn exchanged(efforts: &mut [Following]) {
+    loop {
+        let other = |effort: &Following| {
+            let joint = effort
+                .follows
+                .as_ref()
+                .filter(|joint| **joint != effort.joint)?;
+            let own = efforts.iter().find(|e| e.joint == *joint)?;
+            let moved = own
+                .follows
+                .as_ref()
+                .is_some_and(|follows| *follows != own.joint);
+            (!moved).then(|| effort.column)
+        };
+        let Some(column) = efforts.iter().find_map(other) else {
+            return;
+        };
+        for effort in efforts.iter_mut().filter(|e| e.column == column) {
+            effort.follows = None;
+            effort.reversed = false;
+        }
+    }
 }
 
 /// The rows of each stretch without its ends.

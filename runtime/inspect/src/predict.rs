@@ -215,9 +215,11 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 ///
 /// // a pendulum that turns at a constant speed shows its weight and not its inertia
 /// let mut log = Recorded::new();
+/// let mut state = 1_u64;
 /// for k in 0..4000 {
 ///     let q = 0.01 * f64::from(k);
-///     let noise = f64::from(k * 7919 % 101) / 101.0 - 0.5;
+///     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+///     let noise = (state >> 33) as f64 / 2_f64.powi(31) - 0.5;
 ///     log.push(q, &[q], &[1.0], &[0.0], &[2.0 * 9.81 * q.sin() + noise]);
 /// }
 /// let found = predict(&Pendulum, EquationKind::Forces, &mut log, 4000, 0.01)?;

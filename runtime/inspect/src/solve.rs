@@ -10,6 +10,7 @@ const RIDGE: f64 = 1e-8;
 /// column is 1.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
+    gram: DMatrix<f64>,
     inverse: DMatrix<f64>,
     means: Vec<f64>,
     /// The rms about the means; 0 of columns that do not change.
@@ -102,8 +103,9 @@ impl Normal {
                 1.0
             };
         }
-        let inverse = gram.cholesky()?.inverse();
+        let inverse = gram.clone().cholesky()?.inverse();
         Some(Self {
+            gram,
             inverse,
             means,
             scales,
@@ -162,6 +164,21 @@ impl Normal {
         solved.mean + parts.map(|(k, x)| x * self.scaled(row, k)).sum::<f64>()
     }
 
+    /// The correlation of what some columns contribute to a solution with one column.
+    pub(crate) fn correlation(&self, solved: &Solved, columns: &[usize], with: usize) -> f64 {
+        let product = |i: usize, j: usize| solved.scaled(i) * self.gram[(i, j)];
+        let along: f64 = columns.iter().map(|i| product(*i, with)).sum();
+        let pairs = columns
+            .iter()
+            .flat_map(|i| columns.iter().map(move |j| (*i, *j)));
+        let square: f64 = pairs.map(|(i, j)| product(i, j) * solved.scaled(j)).sum();
+        if square > 0.0 {
+            along / square.sqrt()
+        } else {
+            0.0
+        }
+    }
+
     /// The part of the variance that is left over more if some columns are left out.
     pub(crate) fn share(&self, solved: &Solved, columns: &[usize]) -> f64 {
         let m = columns.len();
@@ -196,6 +213,8 @@ mod tests {
         assert!((solved.explained() - 1.0).abs() < 1e-6);
         assert!((normal.share(&solved, &[1]) - 0.9).abs() < 0.02);
         assert!((normal.share(&solved, &[2]) - 0.1).abs() < 0.02);
+        assert!(normal.correlation(&solved, &[2], 2) < -0.99);
+        assert!((normal.correlation(&solved, &[1, 2], 1) - 0.9_f64.sqrt()).abs() < 0.02);
         assert!(solved.scaled(2) < 0.0 && normal.share(&solved, &[3]).abs() < 1e-12);
         assert!((normal.predict(&solved, &rows[7]) - values[7]).abs() < 1e-6);
     }

@@ -192,21 +192,22 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             ));
         }
     }
-    let steps = found.clock.rate;
-    let late: Vec<String> = found
-        .efforts
+    let rate = found.clock.rate;
+    let certain = found.efforts.iter().filter_map(|effort| {
+        let [seconds, sigma] = effort.delay?;
+        let seen = seconds.abs() > CERTAIN_DEVIATIONS * sigma;
+        (seen && seconds.abs() * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
+    });
+    let certain: Vec<(usize, f64)> = certain.collect();
+    // an effort before its motion shows what the regression lacks, and then nothing is certain
+    if certain.iter().any(|(_, seconds)| *seconds < 0.0) {
+        return;
+    }
+    let late: Vec<String> = certain
         .iter()
-        .filter_map(|effort| {
-            let [seconds, sigma] = effort.delay?;
-            let certain = seconds.abs() > CERTAIN_DEVIATIONS * sigma;
-            let seen = seconds.abs() * steps > MIN_DELAY_STEPS;
-            (certain && seen).then(|| {
-                format!(
-                    "{} {} ms",
-                    title(found, effort.column),
-                    figure_of(3, 1e3 * seconds)
-                )
-            })
+        .map(|(column, seconds)| {
+            let title = title(found, *column);
+            format!("{title} {} ms", figure_of(3, 1e3 * seconds))
         })
         .collect();
     if !late.is_empty() && found.clock.source != ClockSource::Unknown {
