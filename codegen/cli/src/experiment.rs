@@ -33,6 +33,15 @@ pub(crate) fn resolve(
     reading: &mut ReadingArgs,
     spec: &Source,
 ) -> Result<Vec<Run>, Failure> {
+    resolve_for(logs, reading, Some(spec))
+}
+
+/// As [`resolve`]; without a robot, its coordinates are those that the file names.
+pub(crate) fn resolve_for(
+    logs: &mut Vec<Run>,
+    reading: &mut ReadingArgs,
+    spec: Option<&Source>,
+) -> Result<Vec<Run>, Failure> {
     let files = logs.iter().filter_map(experiment_path);
     let path = match &files.collect::<Vec<PathBuf>>()[..] {
         [] => {
@@ -111,15 +120,28 @@ fn experiment_path(run: &Run) -> Option<PathBuf> {
     ["yaml", "yml"].contains(&extension).then(|| path.clone())
 }
 
-fn read(path: &Path, spec: &Source) -> Result<ExperimentFile, Failure> {
+fn read(path: &Path, spec: Option<&Source>) -> Result<ExperimentFile, Failure> {
     let source = load::file(path)?;
-    let mechanism = load::mechanism(spec)?;
-    let model = mechanism.model();
-    let coordinates: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
+    let (coordinates, actuated) = match spec {
+        Some(spec) => {
+            let mechanism = load::mechanism(spec)?;
+            let model = mechanism.model();
+            let names = model.coordinates.iter().map(|c| c.name.clone());
+            (names.collect(), model.actuated.clone())
+        }
+        None => match ExperimentFile::coordinates(&source.text) {
+            Ok(names) => {
+                let all = (0..names.len()).collect();
+                (names, all)
+            }
+            Err(mistakes) => return Err(mistakes::failure(source, mistakes, OTHER_FILE)),
+        },
+    };
+    let coordinates: Vec<&str> = coordinates.iter().map(String::as_str).collect();
     let info = Info {
         name: "the robot",
         coordinates: &coordinates,
-        actuated: &model.actuated,
+        actuated: &actuated,
         ..Info::EMPTY
     };
     let file = ExperimentFile::read(&source.text, &info);

@@ -21,6 +21,8 @@ mod identify_table;
 mod identify_tests;
 mod import;
 mod info;
+mod inspect;
+mod inspect_table;
 mod interrupt;
 mod load;
 mod man;
@@ -79,6 +81,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
+        Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Observe(args)) => observe::run(&args),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),

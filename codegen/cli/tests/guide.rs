@@ -134,6 +134,7 @@ fn the_stewart_platforms_table_is_a_latex_document() {
 fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert!(follow("experiment").len() < 10);
     assert!(follow("identify").len() < 10);
+    assert_eq!(follow("inspect").len(), 3);
     assert_eq!(follow("logs").len(), 4);
     assert_eq!(follow("response").len(), 4);
     let dir = scratch("guide_report");

@@ -281,6 +281,63 @@ pub(super) fn spectrum(
     })
 }
 
+/// Spectral densities on logarithmic axes, with a mark at a frequency.
+pub(super) fn densities(
+    y: &str,
+    lines: &[Line],
+    mark: Option<(f64, &str)>,
+) -> Result<String, ReportError> {
+    let ends = |of: fn(&(f64, f64)) -> f64| {
+        let values = lines.iter().flat_map(|l| &l.points).map(of);
+        let (mut lo, mut hi) = (f64::INFINITY, 0.0_f64);
+        for v in values.filter(|v| *v > 0.0 && v.is_finite()) {
+            (lo, hi) = (lo.min(v), hi.max(v));
+        }
+        if lo < hi { lo..hi } else { 0.1..1.0 }
+    };
+    let across = ends(|p| p.0);
+    let up = ends(|p| p.1);
+    // what is far below the rest is rounding
+    let up = up.start.max(1e-12 * up.end)..up.end * 1.5;
+    let mut entries = entries(lines);
+    entries.extend(mark.map(|(_, name)| (name.to_owned(), Sign::Line(RED))));
+    let rows = placed(AXIS_WIDTH_PX, &entries).1;
+    drawn(250 + ROW * (rows - 1), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin_top(px(8 + ROW * rows))
+            .margin_right(px(14))
+            .x_label_area_size(px(40))
+            .y_label_area_size(px(AXIS_WIDTH_PX))
+            .build_cartesian_2d(across.log_scale(), up.clone().log_scale())?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+            .axis_style(GREY.stroke_width(px(1)))
+            .set_all_tick_mark_size(px(4))
+            .label_style(letters())
+            .axis_desc_style(letters())
+            .x_labels(10)
+            .y_labels(7)
+            .x_label_formatter(&|v| number(*v, 3))
+            .y_label_formatter(&|v| format!("{v:.0e}"))
+            .x_desc("frequency, Hz")
+            .y_desc(y)
+            .draw()?;
+        for line in lines {
+            let shown = line.points.iter().filter(|p| p.0 > 0.0 && p.1 >= up.start);
+            let style = line.dye.stroke_width(px(3) / 2);
+            chart.draw_series(LineSeries::new(shown.copied(), style))?;
+        }
+        if let Some((frequency, _)) = mark {
+            let ends = [(frequency, up.start), (frequency, up.end)];
+            let style = RED.stroke_width(px(3) / 2);
+            chart.draw_series(DashedLineSeries::new(ends, px(5), px(4), style))?;
+        }
+        legend(area, AXIS_WIDTH_PX, &entries)
+    })
+}
+
 /// A bar of a relative standard deviation.
 pub(super) struct Bar {
     pub(super) label: String,

@@ -3,6 +3,7 @@
 //! | function | page |
 //! |---|---|
 //! | [`report`] | what was identified from logs: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
+//! | [`inspected`] | what logs hold before anything is fitted: columns, curves, spectra, what they can identify |
 //! | [`view::page`] | a mechanism in 3D, moving along a trajectory or swept coordinate by coordinate |
 //!
 //! Nothing here writes a file: a page and its figures are returned as text.
@@ -12,9 +13,11 @@ mod error;
 mod figures;
 mod gather;
 mod identified;
+mod inspected;
 mod page;
 pub mod view;
 
 pub use charts::Figure;
 pub use error::{ReportError, ViewError};
 pub use identified::{Inputs, Report, report};
+pub use inspected::inspected;

@@ -12,13 +12,13 @@ use regen_identify::files::ParameterRow;
 use regen_identify::status::{self, Status};
 
 /// Escapes a text for use between HTML tags and in quotes.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;");
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// A number in four digits, without an exponent where it is readable so.
-fn four(value: f64) -> String {
+pub(super) fn four(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
         "–".to_owned()
@@ -51,21 +51,26 @@ pub(super) fn html(report: &Content<'_>) -> String {
     ] {
         body.push_str(&section);
     }
+    whole(&format!("Identification of {name}"), &body)
+}
+
+/// A page with this title, which needs nothing else; both are HTML.
+pub(super) fn whole(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>Identification of {name}</title>\n<link rel=\"icon\" href=\"data:,\">\n\
-         <style>\n{}</style>\n</head>\n<body>\n<main>\n<h1>Identification of {name}</h1>\n\
+         <title>{title}</title>\n<link rel=\"icon\" href=\"data:,\">\n\
+         <style>\n{}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n\
          {body}</main>\n</body>\n</html>\n",
         include_str!("report.css")
     )
 }
 
-fn section(id: &str, title: &str, content: &str) -> String {
+pub(super) fn section(id: &str, title: &str, content: &str) -> String {
     format!("<section id=\"{id}\">\n<h2>{title}</h2>\n{content}</section>\n")
 }
 
-fn figure(figure: &Figure) -> String {
+pub(super) fn figure(figure: &Figure) -> String {
     // an SVG inside HTML needs no namespace
     let svg = figure
         .svg
@@ -79,7 +84,7 @@ fn figure(figure: &Figure) -> String {
     )
 }
 
-fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
+pub(super) fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
     let mut out = format!("<table>\n<caption>{caption}</caption>\n<thead><tr>");
     for title in head {
         let _ = write!(out, "<th scope=\"col\">{title}</th>");

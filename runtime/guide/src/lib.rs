@@ -23,6 +23,9 @@ pub mod identify {}
 #[doc = include_str!("../pages/logs.md")]
 pub mod logs {}
 
+#[doc = include_str!("../pages/inspect.md")]
+pub mod inspect {}
+
 #[doc = include_str!("../pages/response.md")]
 pub mod response {}
 

@@ -3,6 +3,7 @@
 mod excite;
 mod format;
 mod identify;
+mod inspect;
 mod physical;
 mod reading;
 mod report;
@@ -18,6 +19,7 @@ use regen_codegen::spec::nearest;
 pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;
 pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
+pub(crate) use inspect::InspectArgs;
 pub(crate) use physical::{PhysicalArgs, PriorArg};
 pub(crate) use reading::{
     DelayArg, PayloadArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
@@ -54,6 +56,7 @@ Examples:
   regen eval robots/3rps.yaml --states states.json --format json
   regen import arm.urdf --out arm.yaml   a URDF or MJCF file as a spec
   regen excite robots/3rps.yaml --out t.json   a trajectory to identify from
+  regen inspect log.csv              what its columns are, rate, noise, period
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
@@ -161,6 +164,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Seek an exciting trajectory within the robot's limits
     Excite(ExciteArgs),
+    /// Say what logs hold, and what they can identify, before anything is fitted
+    Inspect(Box<InspectArgs>),
     /// Reduce logs to a factor file, to be merged by `identify --from`
     Observe(ObserveArgs),
     /// Identify base parameters from logs or factor files

@@ -38,16 +38,16 @@ const DIFFERENCE_SAMPLES: usize = 9;
 
 /// Resolution and noise of an encoder, estimated from a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Encoder {
+pub struct Encoder {
     /// Its resolution, rad or m; 0 where the positions show no steps.
-    pub(super) step: f64,
+    pub step: f64,
     /// The standard deviation of its noise, that of quantisation included, rad or m.
-    pub(super) noise: f64,
+    pub noise: f64,
     /// Whether the position never changes.
-    pub(super) constant: bool,
+    pub constant: bool,
     /// How many neighbours on either side give the best second derivative, 1 to 3: more neighbours
     /// follow the motion better but pass more noise. 0 where the log is too short to find out.
-    pub(super) neighbours: usize,
+    pub neighbours: usize,
 }
 
 impl Encoder {
@@ -58,9 +58,27 @@ impl Encoder {
     }
 }
 
-/// Values and differences of one position, gathered row by row through a log.
+/// Values and differences of one position, gathered row by row through a log; memory does not grow
+/// with its length.
+///
+/// ```
+/// use regen_identify::data::{Differences, resting};
+///
+/// // a joint that turns for two seconds and then rests, on an encoder of 1 mrad
+/// let times: Vec<f64> = (0..400).map(|k| 0.01 * f64::from(k)).collect();
+/// let turned = |t: &f64| (t.min(2.0).sin() / 1e-3).round() * 1e-3;
+/// let raw: Vec<f64> = times.iter().map(turned).collect();
+/// let mut differences = Differences::default();
+/// for (k, value) in raw.iter().enumerate() {
+///     differences.push(*value, k > 0);
+/// }
+/// let encoder = differences.finish();
+/// assert!((encoder.step - 1e-3).abs() < 1e-9);
+/// let rests = resting(&times, &raw, encoder);
+/// assert!(rests[210..].iter().all(|rest| *rest) && !rests[100]);
+/// ```
 #[derive(Clone, Debug)]
-pub(super) struct Differences {
+pub struct Differences {
     recent: VecDeque<f64>,
     values: Vec<f64>,
     /// Absolute values of the differences of order 4, 6 and 8.
@@ -84,7 +102,7 @@ impl Default for Differences {
 
 impl Differences {
     /// Adds the next value; `follows` says whether it comes after the last one without a gap.
-    pub(super) fn push(&mut self, value: f64, follows: bool) {
+    pub fn push(&mut self, value: f64, follows: bool) {
         if !follows {
             self.recent.clear();
         }
@@ -125,7 +143,7 @@ impl Differences {
     }
 
     /// Estimates the encoder's resolution and noise from the differences.
-    pub(super) fn finish(mut self) -> Encoder {
+    pub fn finish(mut self) -> Encoder {
         if self.values.is_empty() {
             return Encoder::default();
         }
@@ -191,7 +209,9 @@ fn step(values: &mut [f64]) -> f64 {
 /// Whether the position rests, for each row: the row lies in a stretch of at least
 /// [`MIN_REST_SECONDS`] and [`MIN_REST_ROWS`] in which the raw values stay within the encoder's
 /// step or noise.
-pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
+///
+/// - `times`: s; `raw`: as many positions, rad or m.
+pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
     let band = encoder.band();
     let mut out = vec![false; raw.len()];
     let (mut highest, mut lowest) = (VecDeque::<usize>::new(), VecDeque::<usize>::new());
@@ -232,8 +252,13 @@ pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool>
 /// Most rows of context on either side, however small the time step is.
 const MAX_CONTEXT_ROWS: usize = 100_000;
 
-/// Number of rows on either side that decide whether a row is at rest; `step`: s.
-pub(super) fn context(step: f64) -> usize {
+/// Number of rows on either side that decide whether a row is at rest; `step`: the time between
+/// rows, s.
+///
+/// ```
+/// assert_eq!(regen_identify::data::rest_context(0.01), 21);
+/// ```
+pub fn context(step: f64) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "steps are positive")]
     let rows = (MIN_REST_SECONDS / step).ceil() as usize;
     rows.clamp(MIN_REST_ROWS, MAX_CONTEXT_ROWS) + 1

@@ -114,6 +114,48 @@ fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
     found
 }
 
+/// The coordinates that the keys of `columns` name.
+pub(super) fn coordinates(root: &Node) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (key, node) in root.get("columns").map(Node::entries).unwrap_or_default() {
+        let text = key.text.as_str();
+        let long = ["qdd_", "qd_", "tau_"];
+        let short = ["qdd", "qd", "tau"];
+        let number = |rest: &&str| {
+            let digits = rest.chars().all(|c| c.is_ascii_digit());
+            !rest.is_empty() && (digits || *rest == "*")
+        };
+        let stripped = long.iter().find_map(|prefix| text.strip_prefix(prefix));
+        let shortened = short.iter().find_map(|prefix| text.strip_prefix(prefix));
+        let name = match (stripped, shortened.filter(number)) {
+            (Some(name), _) => name.to_owned(),
+            (None, Some(rest)) => format!("q{rest}"),
+            (None, None) => text.to_owned(),
+        };
+        let names = if name.contains('*') {
+            let place = node.get("column").unwrap_or(node);
+            let count = match column(place) {
+                Some(Column::Range(first, last)) => last.saturating_sub(first) + 1,
+                _ => 0,
+            };
+            let star = if name == "*" { "q*" } else { &name };
+            let one = |k: usize| star.replacen('*', &k.to_string(), 1);
+            (1..=count.min(MAX_COLUMNS)).map(one).collect()
+        } else {
+            vec![name]
+        };
+        for name in names {
+            if !out.contains(&name) {
+                out.push(name);
+            }
+        }
+    }
+    out
+}
+
+/// Most coordinates that a pattern stands for where no robot says how many there are.
+const MAX_COLUMNS: usize = 256;
+
 /// Reads `columns`, `time` and `rate` of a file.
 pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
     let mut out = Columns::default();

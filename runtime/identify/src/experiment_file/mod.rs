@@ -236,6 +236,27 @@ impl ExperimentFile {
         }
     }
 
+    /// The coordinates that the columns of a file name, for reading it without a robot: a pattern
+    /// stands for `q1`, `q2`, and so on, as many as it has numbers of columns. Those that a pattern
+    /// finds by the names of columns are not known.
+    ///
+    /// # Errors
+    /// When the text is no YAML.
+    ///
+    /// ```
+    /// use regen_identify::experiment_file::ExperimentFile;
+    ///
+    /// let names = |text: &str| ExperimentFile::coordinates(text);
+    /// let text = "columns: {elbow: a, tau_elbow: b, qd_wrist: c, tau2: d}";
+    /// assert_eq!(names(text)?, ["elbow", "wrist", "q2"]);
+    /// assert_eq!(names("columns: {\"*\": {column: 2..4}, tau_*: {column: 8..10}}")?, ["q1", "q2", "q3"]);
+    /// # Ok::<(), regen_identify::files::Mistakes>(())
+    /// ```
+    pub fn coordinates(text: &str) -> Result<Vec<String>, Mistakes> {
+        let root = Node::parse(text).map_err(|mistake| Mistakes(vec![mistake]))?;
+        Ok(columns::coordinates(&root))
+    }
+
     /// The runs for a purpose, with their files looked up in a folder.
     pub fn runs_in(&self, folder: &Path, purpose: Purpose) -> Vec<Run> {
         let runs = self.runs.iter().filter(|run| run.purpose == purpose);

@@ -1,0 +1,201 @@
+//! `regen inspect`: what logs hold, and what they can identify, before anything is fitted.
+
+use std::path::Path;
+
+use regen_codegen::diag::Source;
+use regen_codegen::robot::Robot;
+use regen_identify::data::{Checks, Policy, Run, Settings};
+use regen_identify::experiment_file::ExperimentFile;
+use regen_identify::signals::Method;
+use regen_inspect::{ClockSource, LogFacts, Prediction, VERSION, inspect, predict, proposal};
+use regen_interpreted::{BaseTerms, Interpreted};
+use regen_runtime::Info;
+use serde::Serialize;
+
+use crate::args::{Format, InspectArgs, ReadingArgs};
+use crate::exit::Failure;
+use crate::{experiment, inspect_table, load, mistakes, observe, table, terminal, write};
+
+/// The JSON of `regen inspect`.
+#[derive(Serialize)]
+struct InspectJson<'a> {
+    version: u32,
+    robot: Option<&'a str>,
+    logs: &'a [LogFacts],
+    prediction: Option<&'a Prediction>,
+    /// Why there is no prediction although a robot is given.
+    unpredicted: Option<&'a str>,
+    /// The text of the proposed experiment file.
+    proposal: Option<&'a str>,
+}
+
+/// What was found, to be printed.
+pub(crate) struct Found<'a> {
+    pub(crate) robot: Option<&'a str>,
+    pub(crate) logs: &'a [LogFacts],
+    pub(crate) prediction: Option<&'a Prediction>,
+    pub(crate) unpredicted: Option<&'a str>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
+    let mut args = args.clone();
+    let source = args.spec.as_deref().map(load::source).transpose()?;
+    let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
+    args.logs.extend(validation);
+    let robot = match &source {
+        Some(source) => Some(load::loaded_derived(source, args.reading.payload)?),
+        None => None,
+    };
+    let settings = observe::settings(&args.reading);
+    let terms = robot.as_ref().map(BaseTerms::new);
+    let model = robot
+        .as_ref()
+        .zip(terms.as_ref())
+        .map(|(robot, terms)| Interpreted::with_terms(robot, terms));
+    let info = model.as_ref().map(Interpreted::info);
+    let logs = args
+        .logs
+        .iter()
+        .map(|run| inspect(run, &settings, info.as_ref()))
+        .collect::<Result<Vec<LogFacts>, _>>()?;
+    let beside = beside(&args.logs, args.out.as_deref());
+    let proposed = proposal(&beside, &logs, robot.is_some());
+    let (prediction, unpredicted) = match (&model, &robot) {
+        (Some(model), Some(robot)) => match predicted(model, robot, &args, &logs)? {
+            Ok(found) => (Some(found), None),
+            Err(why) => (None, Some(why)),
+        },
+        _ => (None, None),
+    };
+    let found = Found {
+        robot: robot.as_ref().map(|robot| robot.name.as_str()),
+        logs: &logs,
+        prediction: prediction.as_ref(),
+        unpredicted: unpredicted.as_deref(),
+    };
+    if let Some(out) = &args.report {
+        let page = regen_report::inspected(found.robot, &logs, found.prediction)?;
+        write::atomically(out, &page)?;
+        terminal::note(&format!("{}: written", out.display()));
+    }
+    if let Some(out) = &args.out {
+        let text = proposed.as_deref().ok_or_else(|| {
+            Failure::Input(
+                "no positions were found in the logs, so there is nothing to propose: name them \
+                 with --column, and give --spec"
+                    .to_owned(),
+            )
+        })?;
+        write::create(out, text, "give another name to --out, or remove it")?;
+        terminal::note(&format!("{}: written", out.display()));
+    }
+    terminal::print(&match args.format {
+        Format::Json => table::json(&InspectJson {
+            version: VERSION,
+            robot: found.robot,
+            logs: &logs,
+            prediction: found.prediction,
+            unpredicted: found.unpredicted,
+            proposal: proposed.as_deref(),
+        }),
+        Format::Human => inspect_table::text(&found),
+    })
+}
+
+/// The runs with their files as an experiment file names them: from its own folder on.
+fn beside(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
+    let folder = out
+        .and_then(Path::parent)
+        .filter(|f| !f.as_os_str().is_empty());
+    let place = |file: &std::path::PathBuf| match folder {
+        None => file.clone(),
+        Some(folder) => match file.strip_prefix(folder) {
+            Ok(rest) => rest.to_path_buf(),
+            // elsewhere: by its whole path
+            Err(_) => std::path::absolute(file).unwrap_or_else(|_| file.clone()),
+        },
+    };
+    runs.iter()
+        .map(|run| Run {
+            files: run.files.iter().map(place).collect(),
+            ..run.clone()
+        })
+        .collect()
+}
+
+/// How the logs are read for the prediction: as the options and the experiment file say, and as is
+/// proposed where they say nothing.
+fn reading(
+    reading: &ReadingArgs,
+    logs: &[LogFacts],
+    robot: &Robot,
+    info: &Info<'_>,
+    runs: &[Run],
+) -> Result<Settings, Failure> {
+    let mut settings = observe::settings(reading);
+    if reading.experiment.is_some() {
+        return Ok(settings);
+    }
+    let Some(text) = proposal(runs, logs, true) else {
+        return Ok(settings);
+    };
+    let file = ExperimentFile::read(&text, info).map_err(|wrong| {
+        let source = Source {
+            name: format!("the proposed experiment file for {}", robot.name),
+            text: text.clone(),
+        };
+        mistakes::failure(source, wrong, "")
+    })?;
+    let given = settings.columns.iter().map(|a| a.quantity.clone());
+    let given: Vec<_> = given.collect();
+    let proposed = file.settings.columns.into_iter();
+    settings
+        .columns
+        .extend(proposed.filter(|a| !given.contains(&a.quantity)));
+    settings.rate = settings.rate.or(file.settings.rate);
+    settings.resample = settings.resample.or(file.settings.resample);
+    if settings.method == Method::Central {
+        settings.method = file.settings.method;
+    }
+    Ok(settings)
+}
+
+/// What the logs can identify; in words why not, where they cannot be read for this robot.
+fn predicted(
+    model: &Interpreted<'_>,
+    robot: &Robot,
+    args: &InspectArgs,
+    logs: &[LogFacts],
+) -> Result<Result<Prediction, String>, Failure> {
+    if model.base_info().base.is_empty() {
+        return Ok(Err(format!("{} has no base parameters", robot.name)));
+    }
+    if logs
+        .iter()
+        .all(|log| log.clock.source == ClockSource::Unknown)
+    {
+        return Ok(Err(
+            "nothing gives the time of the rows: state their rate with --rate HZ".to_owned(),
+        ));
+    }
+    let mut session = observe::session(model, &args.reading);
+    session.reading = reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
+    // whatever is wrong with single rows is told, and no reason to say nothing
+    if args.reading.problems.is_none() && args.reading.experiment.is_none() {
+        session.reading.policy = Policy::Drop;
+        session.reading.checks = Checks {
+            outliers: Some(Policy::Keep),
+            saturated: Some(Policy::Keep),
+            stuck: Some(Policy::Keep),
+        };
+    }
+    let mut opened = match session.open(&args.logs) {
+        Ok(opened) => opened,
+        Err(error) => return Ok(Err(Failure::from(error).to_string())),
+    };
+    let reports = opened.logs().reports();
+    let rows = reports.iter().map(|report| report.rows).sum();
+    let step = reports.first().map_or(1.0, |report| report.step);
+    Ok(predict(model, session.kind, &mut opened, rows, step).map_err(|e| e.to_string()))
+}

@@ -1,0 +1,144 @@
+//! What logs hold, before anything is fitted.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::fs;
+
+use common::{regen, root, scratch};
+use serde_json::Value;
+
+/// The guide's five-bar, and a log of it.
+fn guide(name: &str) -> String {
+    let path = root().join("runtime/guide/fivebar").join(name);
+    path.display().to_string()
+}
+
+/// The log of the guide without its header, the efforts of both joints exchanged and one reversed.
+fn changed(text: &str) -> String {
+    let rows = text.lines().skip(1).map(|line| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let [t, q1, q3, tau1, tau3] = cells[..] else {
+            panic!("{line}")
+        };
+        format!("{t},{q1},{q3},{},{tau1}\n", -tau3)
+    });
+    rows.collect()
+}
+
+#[test]
+fn a_first_experiment_file_is_proposed_that_identify_accepts() {
+    let dir = scratch("inspect_proposal");
+    let run = |args: &[&str]| regen(&dir, args).ended(0);
+    let spec = guide("fivebar.yaml");
+    let (log, json) = (guide("run1.csv"), ["--format", "json"]);
+    let args = [
+        "inspect",
+        &log,
+        "--spec",
+        &spec,
+        "--out",
+        "runs.yaml",
+        "--report",
+        "page.html",
+    ];
+    let found = run(&[&args[..], &json].concat()).json();
+    assert_eq!(found["version"], 1);
+    let joints = found["logs"][0]["joints"].as_array().unwrap();
+    assert_eq!(joints.len(), 2);
+    assert_eq!(
+        (
+            &joints[1]["name"],
+            &joints[1]["position"],
+            &joints[1]["effort"]
+        ),
+        (&Value::from("q3"), &Value::from(3), &Value::from(5))
+    );
+    let written = fs::read_to_string(dir.join("runs.yaml")).unwrap();
+    assert_eq!(found["proposal"].as_str().unwrap(), written);
+    let page = fs::read_to_string(dir.join("page.html")).unwrap();
+    assert!(page.contains("What these logs can identify") && page.contains("<svg"));
+    let fit = run(&[&["identify", &spec, "runs.yaml"], &json[..]].concat()).json();
+    assert!(fit["parameters"].as_array().unwrap().len() > 5);
+    // the file stands for the log, with and without the robot
+    let again = run(&["inspect", "runs.yaml", "--format", "json"]).json();
+    assert_eq!(again["logs"][0]["joints"], found["logs"][0]["joints"]);
+    assert_eq!(again["prediction"], Value::Null);
+    // it is not replaced
+    let second = regen(&dir, &args).ended(5);
+    assert!(
+        second.err.contains("runs.yaml") && second.err.contains("--out"),
+        "{}",
+        second.err
+    );
+}
+
+#[test]
+fn predicted_deviations_are_those_of_the_fit() {
+    let dir = scratch("inspect_prediction");
+    let run = |args: &[&str]| regen(&dir, args).ended(0).json();
+    let (spec, log) = (guide("fivebar.yaml"), guide("run1.csv"));
+    let shared = ["--butterworth", "4,20", "--format", "json"];
+    let found = run(&[&["inspect", &log, "--spec", &spec], &shared[..]].concat());
+    let fit = run(&[&["identify", &spec, &log], &shared[..]].concat());
+    let predicted = found["prediction"]["parameters"].as_array().unwrap();
+    let fitted = fit["parameters"].as_array().unwrap();
+    assert_eq!(predicted.len(), fitted.len());
+    let ratios = predicted.iter().zip(fitted).map(|(a, b)| {
+        assert_eq!(a["label"], b["label"]);
+        b["sigma"].as_f64().unwrap() / a["sigma"].as_f64().unwrap()
+    });
+    let ratios: Vec<f64> = ratios.collect();
+    // the prediction takes the noise from high frequencies, where steps of friction add a little;
+    // the fit takes it and its correlation from residuals of some periods
+    assert!(ratios.iter().all(|r| (0.5..1.5).contains(r)), "{ratios:?}");
+}
+
+#[test]
+fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
+    let dir = scratch("inspect_exchanged");
+    let text = fs::read_to_string(guide("run1.csv")).unwrap();
+    fs::write(dir.join("raw.csv"), changed(&text)).unwrap();
+    let run = regen(&dir, &["inspect", "raw.csv"]).ended(0);
+    for note in [
+        "column 4 is taken for the effort of q1 and follows the motion of q2",
+        "column 4 has the opposite sign of the motion of q2",
+        "column 5 is taken for the effort of q2 and follows the motion of q1",
+    ] {
+        let printed = run.out.replace("\n    ", " ");
+        assert!(printed.contains(note), "{note}\n{}", run.out);
+    }
+    assert!(
+        !run.out.contains("column 5 has the opposite"),
+        "{}",
+        run.out
+    );
+}
+
+#[test]
+fn what_is_no_log_is_refused_with_its_place() {
+    let dir = scratch("inspect_wrong");
+    fs::write(dir.join("short.csv"), "t,q1\n0,1\n0.1,x\n").unwrap();
+    fs::write(
+        dir.join("runs.yaml"),
+        "runs:\n  - {files: a.csv, rows: 3}\n",
+    )
+    .unwrap();
+    fs::write(dir.join("empty.csv"), "").unwrap();
+    for (args, code, words) in [
+        (
+            &["inspect", "short.csv"][..],
+            3,
+            &["short.csv", "64", "row 3", "`x` in column `q1`"][..],
+        ),
+        (&["inspect", "runs.yaml"], 3, &["runs.yaml:2", "`rows`"]),
+        (&["inspect", "none.csv"], 5, &["none.csv"]),
+        (&["inspect", "empty.csv"], 3, &["empty.csv", "empty"]),
+        (&["inspect"], 2, &["LOG"]),
+    ] {
+        let run = regen(&dir, args).ended(code);
+        for word in words {
+            assert!(run.err.contains(word), "{args:?}: {word}\n{}", run.err);
+        }
+    }
+}

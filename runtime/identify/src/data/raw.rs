@@ -1,0 +1,202 @@
+//! All columns of a run as the numbers that stand there, for those who look at a log before they know
+//! what it holds.
+
+use super::columns::{Assignment, Quantity};
+use super::file_rows::{Table, Wanted};
+use super::joined::JoinedRows;
+use super::layout::{Channel, ColumnLayout, Finder, Search, Unfit};
+use super::logs::Settings;
+use super::problem::{DataError, Problem};
+use super::reader::LogFile;
+use super::run::Run;
+use regen_runtime::Info;
+
+/// Rows of a file from which it is judged whether a column has numbers.
+const PROBED_ROWS: usize = 200;
+
+/// A row: its line (see [`Problem::row`]) and its values, which are the time in s and then the columns
+/// that have numbers; or why it cannot be used.
+pub type RawRow<'a> = Result<(u64, &'a [f64]), &'a Problem>;
+
+/// A run whose columns are read without knowing what they are.
+///
+/// ```
+/// use regen_identify::data::{RawLog, Run, Settings};
+///
+/// let path = std::env::temp_dir().join(format!("raw-{}.csv", std::process::id()));
+/// std::fs::write(&path, "t;mode;angle\n0;idle;0,1\n0,01;run;0,11\n0,02;run;x\n")?;
+/// let log = RawLog::open(&Run::from(path.as_path()), &Settings::default())?;
+/// assert_eq!(log.titles(), ["t", "mode", "angle"]);
+/// assert_eq!((log.numbers(), log.time()), (&[0, 2][..], Some(0)));
+/// let (mut rows, mut problems) = (Vec::new(), Vec::new());
+/// log.visit(&mut |row| match row {
+///     Ok((line, values)) => rows.push((line, values.to_vec())),
+///     Err(problem) => problems.push(problem.to_string()),
+/// })?;
+/// // the time in s, then the columns of numbers
+/// assert_eq!(rows[1], (3, vec![0.01, 0.01, 0.11]));
+/// assert_eq!(problems, ["row 4: `x` in column `angle` is no finite number"]);
+/// # std::fs::remove_file(path)?;
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct RawLog {
+    file: LogFile,
+    named: bool,
+    numbers: Vec<usize>,
+}
+
+impl RawLog {
+    /// Opens a run, and finds out from its first rows which columns have numbers.
+    ///
+    /// - `settings`: the format of the files, their rate, and the column of time among the assigned
+    ///   columns; nothing else counts. Without a rate, and where no column is assigned to the time or
+    ///   called `t` or `time`, rows are counted as if they were one second apart.
+    ///
+    /// # Errors
+    /// When a file cannot be read, is empty, or lacks the column assigned to the time.
+    pub fn open(run: &Run, settings: &Settings) -> Result<Self, DataError> {
+        let times = settings.columns.iter();
+        let times: Vec<Assignment> = times
+            .filter(|given| given.quantity == Quantity::Time)
+            .cloned()
+            .collect();
+        let mut found = Settings {
+            resample: None,
+            ..settings.clone()
+        };
+        let mut numbers = Vec::new();
+        let mut named = false;
+        let mut failure = None;
+        let mut counted = false;
+        let opened = LogFile::with(run, &found, |tables, search| {
+            let search = Search {
+                assignments: &times,
+                ..search
+            };
+            let finder = Finder::new(tables, &Info::EMPTY, search, &[])?;
+            let (time, each) = match finder.times() {
+                Ok(found) => found,
+                Err(unfit) if !times.is_empty() => return Err(unfit),
+                Err(_) => {
+                    counted = true;
+                    let time = Channel {
+                        index: None,
+                        factor: 1.0,
+                        offset: 0.0,
+                    };
+                    (time, None)
+                }
+            };
+            match numeric(tables) {
+                Ok(found) => numbers = found,
+                Err(error) => {
+                    failure = Some(error);
+                    return Err(Unfit::from(String::new()));
+                }
+            }
+            named = tables.iter().all(|table| table.named);
+            let plain = numbers.iter().map(|index| Channel {
+                index: Some(*index),
+                factor: 1.0,
+                offset: 0.0,
+            });
+            let channels: Vec<Channel> = std::iter::once(time).chain(plain).collect();
+            let count = numbers.len();
+            Ok(ColumnLayout {
+                header: finder.header,
+                measured: (0..count).collect(),
+                channels,
+                velocities: vec![None; count],
+                accelerations: vec![None; count],
+                derivatives: false,
+                efforts: 0,
+                times: each,
+            })
+        });
+        let mut file = match failure {
+            Some(error) => return Err(error),
+            None => opened?,
+        };
+        if counted {
+            found.rate = Some(1.0);
+            file.rate = found.rate;
+        }
+        Ok(Self {
+            file,
+            named,
+            numbers,
+        })
+    }
+
+    /// The name of the run in messages.
+    pub fn name(&self) -> &str {
+        &self.file.name
+    }
+
+    /// The titles of all columns, those of the first file first; their numbers from 1 where the files
+    /// do not name them.
+    pub fn titles(&self) -> &[String] {
+        &self.file.layout.header
+    }
+
+    /// Whether the files name their columns.
+    pub fn is_named(&self) -> bool {
+        self.named
+    }
+
+    /// The indices of the columns that have numbers, ascending.
+    pub fn numbers(&self) -> &[usize] {
+        &self.numbers
+    }
+
+    /// The index of the column of time, if it was assigned or found by its name.
+    pub fn time(&self) -> Option<usize> {
+        self.file.layout.channels.first().and_then(|c| c.index)
+    }
+
+    /// Passes each row to `each`.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn visit(&self, each: &mut dyn FnMut(RawRow<'_>)) -> Result<(), DataError> {
+        let mut rows = JoinedRows::open(&self.file)?;
+        while let Some(row) = rows.next_row()? {
+            match &row {
+                Ok(row) => each(Ok((row.line, &row.values))),
+                Err(problem) => each(Err(problem)),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The columns of all files in which at least half of the first rows have numbers.
+fn numeric(tables: &[Table]) -> Result<Vec<usize>, DataError> {
+    let mut out = Vec::new();
+    let mut before = 0;
+    for table in tables {
+        for (column, title) in table.titles.iter().enumerate() {
+            let wanted = Wanted {
+                column,
+                title: title.clone(),
+            };
+            // a column that a format cannot give as numbers is none of them
+            let Ok(mut rows) = table.rows(vec![wanted]) else {
+                continue;
+            };
+            let (mut good, mut all) = (0, 0);
+            while all < PROBED_ROWS
+                && let Some(row) = rows.next_row()?
+            {
+                all += 1;
+                good += usize::from(row.values.is_ok());
+            }
+            if 2 * good >= all {
+                out.push(before + column);
+            }
+        }
+        before += table.titles.len();
+    }
+    Ok(out)
+}

@@ -1,0 +1,188 @@
+//! The first pass over a log: ranges, extremes, steps of encoders and order of every column.
+
+use regen_identify::data::{DataError, Differences, Encoder, RawLog};
+use serde::Serialize;
+
+use crate::clock::median;
+
+/// Rows from whose values the usual steps are computed.
+const STEP_ROWS: usize = 1001;
+/// Problems that are listed.
+const LISTED_PROBLEMS: usize = 5;
+
+/// How often a column stands at one of its extremes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Extreme {
+    /// The value.
+    pub value: f64,
+    /// The share of the rows at it.
+    pub share: f64,
+    /// The largest number of consecutive rows at it.
+    pub longest: usize,
+}
+
+/// Rows at the largest value so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Highest {
+    value: Option<f64>,
+    count: usize,
+    run: usize,
+    longest: usize,
+}
+
+impl Highest {
+    fn push(&mut self, value: f64) {
+        if self.value.is_none_or(|most| value > most) {
+            *self = Self {
+                value: Some(value),
+                ..Self::default()
+            };
+        }
+        #[allow(clippy::float_cmp, reason = "a signal at its bound repeats exactly")]
+        if self.value == Some(value) {
+            self.count += 1;
+            self.run += 1;
+            self.longest = self.longest.max(self.run);
+        } else {
+            self.run = 0;
+        }
+    }
+
+    fn extreme(self, rows: usize) -> Extreme {
+        Extreme {
+            value: self.value.unwrap_or(0.0),
+            share: self.count as f64 / rows.max(1) as f64,
+            longest: self.longest,
+        }
+    }
+}
+
+/// What the first pass found of a column.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Survey {
+    pub(crate) low: Extreme,
+    pub(crate) high: Extreme,
+    pub(crate) encoder: Encoder,
+    /// The share of rows whose value is larger than that of the row before.
+    pub(crate) rising: f64,
+    /// The share of those whose value is smaller.
+    pub(crate) falling: f64,
+    /// The median of the rises among the first rows.
+    pub(crate) usual_rise: f64,
+    pub(crate) deviation: f64,
+}
+
+impl Survey {
+    pub(crate) fn is_constant(&self) -> bool {
+        self.low.value >= self.high.value
+    }
+}
+
+/// What the first pass found.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Surveyed {
+    pub(crate) rows: usize,
+    /// Rows that cannot be used, and the first of them in words.
+    pub(crate) unusable: usize,
+    pub(crate) problems: Vec<String>,
+    /// The time that the reader knows, then the columns that have numbers.
+    pub(crate) columns: Vec<Survey>,
+}
+
+/// The sums of one column.
+#[derive(Clone, Debug, Default)]
+struct Pass {
+    highest: Highest,
+    /// Of the values with the other sign.
+    lowest: Highest,
+    differences: Differences,
+    first: f64,
+    last: Option<f64>,
+    sums: [f64; 2],
+    rising: usize,
+    falling: usize,
+    rises: Vec<f64>,
+}
+
+impl Pass {
+    fn push(&mut self, value: f64) {
+        self.highest.push(value);
+        self.lowest.push(-value);
+        self.differences.push(value, self.last.is_some());
+        match self.last {
+            None => self.first = value,
+            Some(last) if value > last => {
+                self.rising += 1;
+                if self.rises.len() < STEP_ROWS {
+                    self.rises.push(value - last);
+                }
+            }
+            Some(last) => self.falling += usize::from(value < last),
+        }
+        let off = value - self.first;
+        self.sums[0] += off;
+        self.sums[1] += off * off;
+        self.last = Some(value);
+    }
+
+    fn finish(self, rows: usize) -> Survey {
+        let n = rows.max(1) as f64;
+        let low = self.lowest.extreme(rows);
+        let mean = self.sums[0] / n;
+        Survey {
+            low: Extreme {
+                value: -low.value,
+                ..low
+            },
+            high: self.highest.extreme(rows),
+            encoder: self.differences.finish(),
+            rising: self.rising as f64 / n,
+            falling: self.falling as f64 / n,
+            usual_rise: median(&self.rises),
+            deviation: (self.sums[1] / n - mean * mean).max(0.0).sqrt(),
+        }
+    }
+}
+
+/// Reads a log once.
+pub(crate) fn survey(log: &RawLog) -> Result<Surveyed, DataError> {
+    let mut out = Surveyed::default();
+    let mut passes = vec![Pass::default(); log.numbers().len() + 1];
+    log.visit(&mut |row| match row {
+        Ok((_, values)) => {
+            out.rows += 1;
+            for (pass, value) in passes.iter_mut().zip(values) {
+                pass.push(*value);
+            }
+        }
+        Err(problem) => {
+            out.unusable += 1;
+            if out.problems.len() < LISTED_PROBLEMS {
+                out.problems.push(problem.to_string());
+            }
+        }
+    })?;
+    let rows = out.rows;
+    out.columns = passes.into_iter().map(|pass| pass.finish(rows)).collect();
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_at_its_bound_is_told_by_share_and_run() {
+        let mut pass = Pass::default();
+        for k in 0..1000 {
+            let swing = 3.0 * (0.05 * f64::from(k)).sin();
+            pass.push(swing.clamp(-4.0, 2.0));
+        }
+        let found = pass.finish(1000);
+        // above 2 of 3 for the part of a period that the arc sine says
+        let share = 0.5 - (2.0_f64 / 3.0).asin() / std::f64::consts::PI;
+        assert!((found.high.share - share).abs() < 0.02, "{found:?}");
+        assert!(found.high.longest > 20 && found.low.longest == 1);
+        assert!((found.low.value + 3.0).abs() < 0.01);
+    }
+}

@@ -1,0 +1,397 @@
+//! Which joint each effort follows, whether its sign is that of the joint, and by how much it is
+//! behind the motion.
+//!
+//! The friction of a joint acts on its own effort and on no other: of a regression on positions,
+//! velocities, directions and accelerations of all joints, what velocity and direction of one joint
+//! explain tells whose effort it is, and their sign is positive.
+
+use regen_identify::signals::Butterworth;
+use serde::Serialize;
+
+use crate::gather::Stretch;
+use crate::solve::{Normal, Solved};
+
+/// Order of the filter of positions and efforts.
+const FILTER_ORDER: usize = 4;
+/// Cutoff of the filter of positions over that of efforts and of the columns of the regression.
+const WIDER: f64 = 3.0;
+/// Speeds below these parts of the usual one are near the change of direction: friction may change
+/// there at once, or by and by.
+const SLOW: [f64; 2] = [0.02, 0.2];
+/// The least share of an effort's variance that decides whose it is, over the share that no joint
+/// explains.
+const MIN_SHARE: f64 = 0.15;
+/// And the least at all: rounding.
+const SMALLEST_SHARE: f64 = 1e-6;
+/// How many times more than any other joint a joint must explain of an effort.
+const CLEAR: f64 = 2.0;
+/// The least correlation of what is taken for friction with the velocity.
+const MIN_CORRELATION: f64 = 0.5;
+/// The least part of an effort's variance that must be explained before a delay is looked for.
+const MIN_EXPLAINED: f64 = 0.5;
+/// Times that the effort is shifted and the delay estimated again.
+const DELAY_PASSES: usize = 4;
+/// Rows at the ends of a stretch that are left out, in periods of the cutoff.
+const SETTLING: f64 = 1.0;
+/// The least number of rows for each column of the regression.
+const ROWS_PER_COLUMN: usize = 4;
+/// The columns of the regression for one joint.
+const OF_JOINT: usize = 6;
+
+/// What an effort follows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Following {
+    /// The number of the effort's column, from 1.
+    pub column: usize,
+    /// The joint that it is taken for.
+    pub joint: String,
+    /// The joint whose friction and inertia it shows; `None` where no joint is clear.
+    pub follows: Option<String>,
+    /// Whether its sign is the opposite of that joint's motion.
+    pub reversed: bool,
+    /// The part of its variance that the motion of all joints explains.
+    pub explained: f64,
+    /// For each joint, the part of its variance that only this joint's velocity and direction
+    /// explain; where friction shows in none, its acceleration too.
+    pub shares: Vec<f64>,
+    /// The time by which it is behind the motion, s, with its standard deviation.
+    pub delay: Option<[f64; 2]>,
+}
+
+/// Positions and efforts on an even grid, filtered.
+struct Filtered {
+    positions: Vec<Vec<f64>>,
+    efforts: Vec<Vec<f64>>,
+}
+
+/// The values at the times of an even grid, by lines.
+fn even(times: &[f64], values: &[f64], step: f64) -> Vec<f64> {
+    let (Some(start), Some(end)) = (times.first(), times.last()) else {
+        return Vec::new();
+    };
+    #[allow(clippy::cast_sign_loss, reason = "times ascend")]
+    let count = ((end - start) / step + 0.5).max(0.0) as usize + 1;
+    let mut k = 0;
+    (0..count)
+        .map(|n| {
+            let t = start + n as f64 * step;
+            while k + 2 < times.len() && times[k + 1] < t {
+                k += 1;
+            }
+            let (a, b) = (times[k], times[(k + 1).min(times.len() - 1)]);
+            let part = if b > a {
+                ((t - a) / (b - a)).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            let next = values[(k + 1).min(values.len() - 1)];
+            values[k] + part * (next - values[k])
+        })
+        .collect()
+}
+
+/// Central differences, over the step.
+fn slope(values: &[f64], step: f64) -> Vec<f64> {
+    let n = values.len();
+    (0..n)
+        .map(|k| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+            (values[b] - values[a]) / ((b - a).max(1) as f64 * step)
+        })
+        .collect()
+}
+
+/// The value at a place between samples, by a cubic; at the ends by lines.
+fn shifted(values: &[f64], by: f64) -> Vec<f64> {
+    let n = values.len();
+    // the value so many samples before or behind another; those at the ends go on
+    let at = |k: f64| {
+        #[allow(clippy::cast_sign_loss, reason = "clamped")]
+        let place = k.clamp(0.0, n.saturating_sub(1) as f64) as usize;
+        values[place]
+    };
+    (0..n)
+        .map(|k| {
+            let place = k as f64 + by;
+            let left = place.floor();
+            let x = place - left;
+            let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(|off| at(left + off));
+            let bend = 2.0 * a - 5.0 * b + 4.0 * c - d + x * (3.0 * (b - c) + d - a);
+            b + 0.5 * x * (c - a + x * bend)
+        })
+        .collect()
+}
+
+/// What the regression is made from.
+pub(crate) struct Motion<'a> {
+    pub(crate) stretches: &'a [Stretch],
+    /// Between values, s.
+    pub(crate) step: f64,
+    /// The cutoff of the filter, Hz.
+    pub(crate) cutoff: f64,
+    /// Positions and names of the joints.
+    pub(crate) joints: Vec<(Signal, String)>,
+    /// The efforts with the joints that they are taken for, as indices into `joints`, and the number
+    /// of the column.
+    pub(crate) efforts: Vec<(Signal, usize, usize)>,
+}
+
+/// A column and the factor of its unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Signal {
+    pub(crate) column: usize,
+    pub(crate) factor: f64,
+}
+
+/// Looks at each effort.
+pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
+    let n = motion.joints.len();
+    let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
+    let (narrow, wide) = (filter(motion.cutoff), filter(WIDER * motion.cutoff));
+    let pass = |filter: &Option<Butterworth>, values: Vec<f64>| match filter {
+        Some(filter) => filter.zero_phase(&values).ok(),
+        None => Some(values),
+    };
+    let mut all: Vec<Filtered> = Vec::new();
+    for stretch in motion.stretches {
+        let column = |signal: Signal, filter: &Option<Butterworth>| {
+            let values = stretch.columns.get(signal.column)?;
+            let mut values = even(&stretch.times, values, motion.step);
+            for value in &mut values {
+                *value *= signal.factor;
+            }
+            pass(filter, values)
+        };
+        let positions: Option<Vec<_>> = motion.joints.iter().map(|j| column(j.0, &wide)).collect();
+        let efforts: Option<Vec<_>> = motion
+            .efforts
+            .iter()
+            .map(|e| column(e.0, &narrow))
+            .collect();
+        if let Some((positions, efforts)) = positions.zip(efforts) {
+            all.push(Filtered { positions, efforts });
+        }
+    }
+    let mut rows: Vec<Vec<Vec<f64>>> = basis(&all, motion);
+    // efforts and regressor pass the same filter, as friction is not smooth
+    for rows in &mut rows {
+        for k in 1..rows.first().map_or(0, Vec::len) {
+            let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
+            let Some(values) = pass(&narrow, values) else {
+                continue;
+            };
+            for (row, value) in rows.iter_mut().zip(values) {
+                row[k] = value;
+            }
+        }
+    }
+    let total: usize = rows.iter().map(Vec::len).sum();
+    let width = rows.iter().flatten().next().map_or(0, Vec::len);
+    if width == 0 || total < ROWS_PER_COLUMN * width {
+        return Vec::new();
+    }
+    #[allow(clippy::cast_sign_loss, reason = "positive")]
+    let margin = (SETTLING / motion.cutoff / motion.step).ceil() as usize;
+    let normal = Normal::new(width, inner(&rows, margin).flatten());
+    let Some(normal) = normal else {
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    for (e, (_, joint, number)) in motion.efforts.iter().enumerate() {
+        let efforts: Vec<Vec<f64>> = all.iter().map(|f| f.efforts[e].clone()).collect();
+        let solved = regress(&normal, &rows, &efforts, margin);
+        let mut found = Following {
+            column: *number,
+            joint: motion.joints.get(*joint).map_or("", |j| &j.1).to_owned(),
+            explained: solved.explained(),
+            ..Following::default()
+        };
+        let first = |j: usize| 1 + OF_JOINT * j;
+        // behind sine and cosine the acceleration, then velocity and direction
+        let of_friction = |j: usize| [first(j) + 3, first(j) + 4, first(j) + 5];
+        let friction: Vec<f64> = (0..n)
+            .map(|j| normal.share(&solved, &of_friction(j)))
+            .collect();
+        let least = (MIN_SHARE * (1.0 - found.explained)).max(SMALLEST_SHARE);
+        let shows = friction.iter().any(|share| *share >= least);
+        found.shares = if shows {
+            friction
+        } else {
+            (0..n)
+                .map(|j| {
+                    let [v, sharp, wide] = of_friction(j);
+                    normal.share(&solved, &[first(j) + 2, v, sharp, wide])
+                })
+                .collect()
+        };
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| found.shares[*b].total_cmp(&found.shares[*a]));
+        let share = |k: usize| order.get(k).map_or(0.0, |j| found.shares[*j]);
+        if share(0) >= least && share(0) >= CLEAR * share(1) {
+            let j = order[0];
+            let (terms, with) = if shows {
+                (of_friction(j).to_vec(), first(j) + 3)
+            } else {
+                (vec![first(j) + 2], first(j) + 2)
+            };
+            let correlation = normal.correlation(&solved, &terms, with);
+            // friction is against the motion, and inertia against the acceleration
+            if correlation.abs() >= MIN_CORRELATION {
+                found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
+                found.reversed = correlation < 0.0;
+            }
+        }
+        if found.explained >= MIN_EXPLAINED {
+            found.delay = delay(&normal, &rows, efforts, margin, motion);
+        }
+        out.push(found);
+    }
+    exchanged(&mut out);
+    out
+}
+
+/// Withdraws what is said of an effort that follows another joint, unless the effort of that joint
+/// follows another one too: columns are exchanged, and not one of them alone.
+fn exchanged(efforts: &mut [Following]) {
+    loop {
+        let other = |effort: &Following| {
+            let joint = effort
+                .follows
+                .as_ref()
+                .filter(|joint| **joint != effort.joint)?;
+            let own = efforts.iter().find(|e| e.joint == *joint)?;
+            let moved = own
+                .follows
+                .as_ref()
+                .is_some_and(|follows| *follows != own.joint);
+            (!moved).then(|| effort.column)
+        };
+        let Some(column) = efforts.iter().find_map(other) else {
+            return;
+        };
+        for effort in efforts.iter_mut().filter(|e| e.column == column) {
+            effort.follows = None;
+            effort.reversed = false;
+        }
+    }
+}
+
+/// The rows of each stretch without its ends.
+fn inner(rows: &[Vec<Vec<f64>>], margin: usize) -> impl Iterator<Item = &[Vec<f64>]> + Clone {
+    rows.iter().map(move |rows| {
+        rows.get(margin..rows.len().saturating_sub(margin))
+            .unwrap_or_default()
+    })
+}
+
+/// The columns of the regression at every value of the stretches: a constant, and of each joint the
+/// sine and the cosine of its position, its acceleration, velocity, and direction in two shapes; then the sines and
+/// cosines of the sums of positions from each joint on, which are the angles to the vertical of
+/// parallel axes.
+fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
+    let n = motion.joints.len();
+    let speeds: Vec<f64> = (0..n)
+        .map(|j| {
+            let rates = all.iter().flat_map(|f| slope(&f.positions[j], motion.step));
+            let (sum, count) = rates.fold((0.0, 0.0), |(s, c), v| (s + v * v, c + 1.0));
+            (sum / f64::max(count, 1.0)).sqrt()
+        })
+        .collect();
+    let one = |f: &Filtered| -> Vec<Vec<f64>> {
+        let rates: Vec<Vec<f64>> = f.positions.iter().map(|q| slope(q, motion.step)).collect();
+        let second: Vec<Vec<f64>> = rates.iter().map(|v| slope(v, motion.step)).collect();
+        let count = f.positions.first().map_or(0, Vec::len);
+        (0..count)
+            .map(|k| {
+                let mut row = Vec::with_capacity(1 + OF_JOINT * n + 2 * n);
+                row.push(1.0);
+                for j in 0..n {
+                    let (q, v) = (f.positions[j][k], rates[j][k]);
+                    row.extend([libm::sin(q), libm::cos(q), second[j][k], v]);
+                    let slow = SLOW.map(|part| (part * speeds[j]).max(f64::MIN_POSITIVE));
+                    row.extend(slow.map(|slow| libm::tanh(v / slow)));
+                }
+                for from in 0..n.saturating_sub(1) {
+                    let mut sum = f.positions[from][k];
+                    for next in from + 1..n.min(from + 3) {
+                        sum += f.positions[next][k];
+                        row.extend([libm::sin(sum), libm::cos(sum)]);
+                    }
+                }
+                row
+            })
+            .collect()
+    };
+    all.iter().map(one).collect()
+}
+
+fn regress(normal: &Normal, rows: &[Vec<Vec<f64>>], efforts: &[Vec<f64>], margin: usize) -> Solved {
+    let values = efforts.iter().flat_map(|values| {
+        let end = values.len().saturating_sub(margin);
+        values.get(margin..end).unwrap_or_default()
+    });
+    normal.solve(inner(rows, margin).flatten(), values)
+}
+
+/// The delay of an effort and its deviation, by Gauss-Newton: what is left of an effort that comes
+/// late by d is -d times the rate of what was predicted.
+fn delay(
+    normal: &Normal,
+    rows: &[Vec<Vec<f64>>],
+    mut efforts: Vec<Vec<f64>>,
+    margin: usize,
+    motion: &Motion<'_>,
+) -> Option<[f64; 2]> {
+    let raw = efforts.clone();
+    let half: usize = rows.iter().map(Vec::len).sum::<usize>() / 2;
+    let (mut total, mut sigma) = (0.0, f64::INFINITY);
+    for _ in 0..DELAY_PASSES {
+        let solved = regress(normal, rows, &efforts, margin);
+        let rates: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|rows| {
+                let predicted: Vec<f64> = rows
+                    .iter()
+                    .map(|row| normal.predict(&solved, row))
+                    .collect();
+                slope(&predicted, motion.step).iter().map(|x| -x).collect()
+            })
+            .collect();
+        // the part of the rates that no column explains
+        let other = regress(normal, rows, &rates, margin);
+        let (mut xy, mut xx, mut yy, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut halves, mut before) = ([(0.0, 0.0); 2], 0);
+        for (rows, (rates, efforts)) in rows.iter().zip(rates.iter().zip(&efforts)) {
+            for k in margin..rows.len().saturating_sub(margin) {
+                let x = rates[k] - normal.predict(&other, &rows[k]);
+                let y = efforts[k] - normal.predict(&solved, &rows[k]);
+                xy += x * y;
+                xx += x * x;
+                yy += y * y;
+                count += 1.0;
+                let part = &mut halves[usize::from(before + k >= half)];
+                *part = (part.0 + x * y, part.1 + x * x);
+            }
+            before += rows.len();
+        }
+        if xx.is_nan() || xx <= 0.0 {
+            return None;
+        }
+        let step = xy / xx;
+        total += step;
+        // filtered values are not independent of their neighbours
+        let memory = (0.5 / motion.cutoff / motion.step).max(1.0);
+        let noise = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
+        // what the regression leaves of the motion is no noise, and differs between both halves
+        let [early, late] = halves.map(|(xy, xx)| if xx > 0.0 { xy / xx } else { 0.0 });
+        sigma = noise.max(0.5 * (early - late).abs());
+        if total.abs() > 1.0 / motion.cutoff {
+            return None;
+        }
+        efforts = raw
+            .iter()
+            .map(|values| shifted(values, total / motion.step))
+            .collect();
+    }
+    Some([total, sigma])
+}

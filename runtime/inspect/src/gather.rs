@@ -1,0 +1,276 @@
+//! The second pass over a log, with its clock: spectra, rests, stretches of rows, and traces.
+
+use regen_identify::data::{DataError, RawLog, rest_context, resting};
+
+use crate::clock::{Clock, ClockPass};
+use crate::columns::Surveyed;
+use crate::spectrum::{Density, Welch, block_rows};
+
+/// Values of a stretch, at about this rate, Hz: means of as many rows as that takes.
+const STRETCH_RATE: f64 = 250.0;
+/// Values of all stretches.
+const STRETCH_VALUES: usize = 16_384;
+/// Number of stretches of a longer log.
+const STRETCHES: usize = 8;
+/// The least number of values of a stretch.
+const MIN_STRETCH: usize = 64;
+/// Rows that are judged at a time for rests.
+const REST_ROWS: usize = 4096;
+/// Most points of a trace.
+const TRACE_POINTS: usize = 4096;
+
+/// Where the times of the rows come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Times {
+    /// This entry of a row times this factor, s.
+    Entry(usize, f64),
+    /// This rate, Hz.
+    Rate(f64),
+}
+
+/// Consecutive values of all columns.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Stretch {
+    pub(crate) times: Vec<f64>,
+    /// By column.
+    pub(crate) columns: Vec<Vec<f64>>,
+}
+
+/// All columns over the whole log, averaged to some thousand points.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trace {
+    pub(crate) times: Vec<f64>,
+    pub(crate) columns: Vec<Vec<f64>>,
+    pub(crate) every: usize,
+    pub(crate) sums: Vec<f64>,
+    pub(crate) count: usize,
+}
+
+impl Trace {
+    fn push(&mut self, time: f64, values: &[f64]) {
+        if self.every == 0 {
+            self.every = 1;
+            self.sums = vec![0.0; values.len() + 1];
+            self.columns = vec![Vec::new(); values.len()];
+        }
+        let all = std::iter::once(&time).chain(values);
+        for (sum, value) in self.sums.iter_mut().zip(all) {
+            *sum += value;
+        }
+        self.count += 1;
+        if self.count < self.every {
+            return;
+        }
+        let n = self.count as f64;
+        let mut means = self.sums.iter().map(|sum| sum / n);
+        self.times.extend(means.next());
+        for (column, mean) in self.columns.iter_mut().zip(means) {
+            column.push(mean);
+        }
+        self.sums.fill(0.0);
+        self.count = 0;
+        if self.times.len() == TRACE_POINTS {
+            self.every *= 2;
+            halve(&mut self.times);
+            self.columns.iter_mut().for_each(halve);
+        }
+    }
+}
+
+/// Puts the means of two values in their place.
+fn halve(values: &mut Vec<f64>) {
+    *values = values
+        .chunks_exact(2)
+        .map(|pair| 0.5 * (pair[0] + pair[1]))
+        .collect();
+}
+
+/// Rows whose rest is not judged yet.
+struct Rests {
+    times: Vec<f64>,
+    columns: Vec<Vec<f64>>,
+    /// Rows at the beginning that are judged and stand before others.
+    judged: usize,
+    context: usize,
+    counts: Vec<usize>,
+}
+
+impl Rests {
+    fn push(&mut self, time: f64, values: &[f64], surveyed: &Surveyed) {
+        self.times.push(time);
+        for (column, value) in self.columns.iter_mut().zip(values) {
+            column.push(*value);
+        }
+        if self.times.len() >= REST_ROWS + 2 * self.context {
+            self.judge(self.times.len() - self.context, surveyed);
+            let gone = self.times.len().saturating_sub(2 * self.context);
+            self.times.drain(..gone);
+            for column in &mut self.columns {
+                column.drain(..gone);
+            }
+            self.judged -= gone;
+        }
+    }
+
+    /// Judges the rows up to this one.
+    fn judge(&mut self, end: usize, surveyed: &Surveyed) {
+        for (k, column) in self.columns.iter().enumerate() {
+            let Some(survey) = surveyed.columns.get(k + 1) else {
+                continue;
+            };
+            let found = resting(&self.times, column, survey.encoder);
+            let found = found.get(self.judged..end).unwrap_or_default();
+            self.counts[k] += found.iter().filter(|rest| **rest).count();
+        }
+        self.judged = end;
+    }
+
+    /// The rows after a gap do not follow these.
+    fn end(&mut self, surveyed: &Surveyed) {
+        self.judge(self.times.len(), surveyed);
+        self.times.clear();
+        self.columns.iter_mut().for_each(Vec::clear);
+        self.judged = 0;
+    }
+}
+
+/// What the second pass found.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Gathered {
+    pub(crate) clock: Clock,
+    /// By column.
+    pub(crate) densities: Vec<Option<Density>>,
+    /// The share of rows at rest, by column.
+    pub(crate) resting: Vec<f64>,
+    pub(crate) stretches: Vec<Stretch>,
+    /// The time between the values of a stretch, s.
+    pub(crate) step: f64,
+    pub(crate) trace: Trace,
+}
+
+/// The stretches that are being filled.
+struct Stretches {
+    present: Stretch,
+    done: Vec<Stretch>,
+    sums: Vec<f64>,
+    count: usize,
+    every: usize,
+}
+
+impl Stretches {
+    fn push(&mut self, time: f64, values: &[f64]) {
+        let all = std::iter::once(&time).chain(values);
+        for (sum, value) in self.sums.iter_mut().zip(all) {
+            *sum += value;
+        }
+        self.count += 1;
+        if self.count < self.every {
+            return;
+        }
+        let n = self.count as f64;
+        let mut means = self.sums.iter().map(|sum| sum / n);
+        self.present.times.extend(means.next());
+        self.present.columns.resize(values.len(), Vec::new());
+        for (column, mean) in self.present.columns.iter_mut().zip(means) {
+            column.push(mean);
+        }
+        self.sums.fill(0.0);
+        self.count = 0;
+    }
+
+    fn end(&mut self) {
+        let present = core::mem::take(&mut self.present);
+        if present.times.len() >= MIN_STRETCH {
+            self.done.push(present);
+        }
+        self.sums.fill(0.0);
+        self.count = 0;
+    }
+}
+
+/// Reads a log again.
+///
+/// - `usual`: the median step of its first rows, s.
+pub(crate) fn gather(
+    log: &RawLog,
+    surveyed: &Surveyed,
+    times: Times,
+    usual: f64,
+) -> Result<Gathered, DataError> {
+    let count = log.numbers().len();
+    let rows = surveyed.rows;
+    let block = block_rows(rows, usual);
+    let mut clock = ClockPass::new(usual);
+    let mut welches = vec![Welch::new(block); count];
+    let mut rests = Rests {
+        times: Vec::new(),
+        columns: vec![Vec::new(); count],
+        judged: 0,
+        context: rest_context(usual),
+        counts: vec![0; count],
+    };
+    #[allow(clippy::cast_sign_loss, reason = "clamped")]
+    let every = (1.0 / usual / STRETCH_RATE).floor().clamp(1.0, 1e6) as usize;
+    let mut stretches = Stretches {
+        present: Stretch::default(),
+        done: Vec::new(),
+        sums: vec![0.0; count + 1],
+        count: 0,
+        every,
+    };
+    let (parts, length) = if rows <= STRETCH_VALUES * every {
+        (1, rows)
+    } else {
+        (STRETCHES, STRETCH_VALUES * every / STRETCHES)
+    };
+    let mut trace = Trace::default();
+    let mut place = 0;
+    log.visit(&mut |row| {
+        let Ok((line, values)) = row else {
+            return;
+        };
+        let time = match times {
+            Times::Entry(entry, factor) => values.get(entry).copied().unwrap_or(0.0) * factor,
+            Times::Rate(rate) => place as f64 / rate,
+        };
+        let values = values.get(1..).unwrap_or_default();
+        let follows = clock.push(line, time);
+        if !follows {
+            welches.iter_mut().for_each(Welch::restart);
+            rests.end(surveyed);
+        }
+        for (welch, value) in welches.iter_mut().zip(values) {
+            welch.push(*value);
+        }
+        rests.push(time, values, surveyed);
+        trace.push(time, values);
+        let within = place < (place * parts / rows.max(1)) * rows / parts + length;
+        if !follows || !within {
+            stretches.end();
+        }
+        if within {
+            stretches.push(time, values);
+        }
+        place += 1;
+    })?;
+    rests.end(surveyed);
+    stretches.end();
+    let clock = clock.finish();
+    let rate = if clock.rate > 0.0 {
+        clock.rate
+    } else {
+        1.0 / usual
+    };
+    Ok(Gathered {
+        densities: welches.into_iter().map(|w| w.finish(rate)).collect(),
+        resting: rests
+            .counts
+            .iter()
+            .map(|n| *n as f64 / rows.max(1) as f64)
+            .collect(),
+        stretches: stretches.done,
+        step: every as f64 / rate,
+        trace,
+        clock,
+    })
+}

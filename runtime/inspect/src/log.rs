@@ -1,0 +1,453 @@
+//! What one log holds.
+
+use regen_identify::data::{DataError, Quantity, RawLog, Run, Settings};
+use regen_identify::text::figure_of;
+use regen_runtime::Info;
+use serde::Serialize;
+
+use crate::clock::{Clock, ClockSource};
+use crate::columns::{Extreme, Surveyed, survey};
+use crate::follow::{Following, Motion, Signal, follow};
+use crate::gather::{Gathered, Times, gather};
+use crate::joints::{Joint, joints};
+use crate::names::{Role, meaning};
+use crate::period::{Period, period};
+use crate::relations::{Derivative, Relations};
+use crate::roles::{Judged, Known, judge};
+use crate::spectrum::Spectrum;
+use crate::words;
+
+/// The least number of rows that anything can be said about.
+const MIN_ROWS: usize = 64;
+/// Most points of a curve in a picture.
+const PICTURE_POINTS: usize = 512;
+/// A column of time rises in all rows but this part.
+const MAX_FALLING: f64 = 1e-3;
+/// The highest cutoff that is proposed, as a part of the rate: positions pass three times as much.
+const MAX_CUTOFF_PART: f64 = 0.125;
+/// The cutoff where no signal says one, as a part of the rate.
+const PLAIN_CUTOFF_PART: f64 = 0.05;
+/// Rates that differ by more are not the same one.
+const SAME_RATE: f64 = 0.1;
+/// A rate found from velocities that is this near to a round one is that.
+const ROUND_PART: f64 = 0.01;
+/// rad.
+const DEGREE: f64 = core::f64::consts::PI / 180.0;
+
+/// What is known of one column.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Column {
+    /// Its number, from 1.
+    pub number: usize,
+    /// Its name; its number where the log names none.
+    pub name: String,
+    /// What it may be.
+    pub role: Role,
+    /// Why it is taken for that.
+    pub reason: String,
+    /// Its unit, where the name tells it.
+    pub unit: Option<&'static str>,
+    /// The column whose derivative it is.
+    pub derivative: Option<Derivative>,
+    /// How often it stands at its smallest value.
+    pub low: Extreme,
+    /// How often it stands at its largest value.
+    pub high: Extreme,
+    /// The resolution of its encoder; 0 where its values show no steps.
+    pub encoder_step: f64,
+    /// The standard deviation of the noise from row to row, that of the encoder's steps included.
+    pub noise: f64,
+    /// The share of rows at which it rests: stays within a step or the noise for 0.2 s.
+    pub resting: f64,
+    /// Its spectrum; `None` for text, the time, constants, and logs that are too short.
+    pub spectrum: Option<Spectrum>,
+    /// Means over the log for a picture: time, s, and value.
+    #[serde(skip)]
+    pub curve: Vec<(f64, f64)>,
+    /// The square root of the density for a picture: frequency, Hz, and unit/sqrt(Hz).
+    #[serde(skip)]
+    pub density: Vec<(f64, f64)>,
+}
+
+/// What a log holds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LogFacts {
+    /// The name of the run: its file, or files, and the part that was read.
+    pub log: String,
+    /// Whether the files name their columns.
+    pub named: bool,
+    /// The rows that can be read.
+    pub rows: usize,
+    /// The rows that cannot.
+    pub unusable: usize,
+    /// The first of them, with their place.
+    pub problems: Vec<String>,
+    /// The clock.
+    pub clock: Clock,
+    /// All columns.
+    pub columns: Vec<Column>,
+    /// The columns of each joint.
+    pub joints: Vec<Joint>,
+    /// Which joint each effort follows; empty where the motion does not tell.
+    pub efforts: Vec<Following>,
+    /// The cutoff of a filter above which the motion is noise, Hz.
+    pub cutoff: Option<f64>,
+    /// The period, where the motion repeats itself.
+    pub period: Option<Period>,
+    /// What is worth knowing before these data are used, as sentences.
+    pub notes: Vec<String>,
+}
+
+impl LogFacts {
+    /// The column of a number.
+    pub fn column(&self, number: usize) -> Option<&Column> {
+        self.columns.get(number.checked_sub(1)?)
+    }
+}
+
+/// The unit and the factor to s of a time whose usual step is this, for a rate that controllers have.
+fn unit_of_time(step: f64) -> (&'static str, f64) {
+    match step {
+        step if step <= 0.3 => ("s", 1.0),
+        step if step <= 300.0 => ("ms", 1e-3),
+        step if step <= 3e5 => ("us", 1e-6),
+        _ => ("ns", 1e-9),
+    }
+}
+
+/// The clock that is read: its source, the entry of the rows, the usual step, and the column.
+struct Reading {
+    source: ClockSource,
+    times: Times,
+    usual: f64,
+    unit: &'static str,
+    /// The index of the column among those that have numbers.
+    column: Option<usize>,
+}
+
+/// Finds the time: the stated rate, the column that is named so, or one that grows evenly.
+fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
+    let rise = |entry: usize| {
+        let survey = surveyed.columns.get(entry);
+        survey.map_or(0.0, |s| s.usual_rise)
+    };
+    let of = |entry: usize, column: Option<usize>, stated: Option<&'static str>| {
+        let named = column
+            .and_then(|k| log.numbers().get(k))
+            .and_then(|i| log.titles().get(*i))
+            .and_then(|title| meaning(title).unit);
+        let known = named.filter(|unit| ["ms", "us", "ns"].contains(unit));
+        let (unit, factor) = match (stated, known) {
+            // the reader has converted it
+            (Some(unit), _) => (unit, 1.0),
+            (None, Some("ms")) => ("ms", 1e-3),
+            (None, Some("us")) => ("us", 1e-6),
+            (None, Some(_)) => ("ns", 1e-9),
+            (None, None) => unit_of_time(rise(entry)),
+        };
+        Reading {
+            source: ClockSource::Column,
+            times: Times::Entry(entry, factor),
+            usual: rise(entry) * factor,
+            unit,
+            column,
+        }
+    };
+    if let Some(index) = log.time() {
+        let column = log.numbers().iter().position(|i| *i == index);
+        let given = settings.columns.iter();
+        let mut given = given.filter(|a| a.quantity == Quantity::Time);
+        // a unit that was stated is that
+        let stated = given.next().map(|a| a.unit.unwrap_or("s"));
+        return of(0, column, stated);
+    }
+    if let Some(rate) = settings.rate {
+        return Reading {
+            source: ClockSource::Rate,
+            times: Times::Rate(rate),
+            usual: 1.0 / rate,
+            unit: "s",
+            column: None,
+        };
+    }
+    let grows = |k: &usize| {
+        let survey = surveyed.columns.get(k + 1);
+        let rises = survey.is_some_and(|s| s.falling <= MAX_FALLING && s.rising >= 0.9);
+        let title = log.numbers().get(*k).and_then(|i| log.titles().get(*i));
+        let title = title.map_or("", String::as_str);
+        let role = meaning(title).role;
+        rises && (!log.is_named() || matches!(role, Role::Time | Role::Other))
+    };
+    match (0..log.numbers().len()).find(grows) {
+        Some(k) => of(k + 1, Some(k), None),
+        None => Reading {
+            source: ClockSource::Unknown,
+            times: Times::Rate(1.0),
+            usual: 1.0,
+            unit: "s",
+            column: None,
+        },
+    }
+}
+
+/// The rate at which positions change as velocities say, Hz, of values that are one row apart.
+fn rate_of(judged: &[Judged]) -> Option<f64> {
+    let factors: Vec<f64> = judged
+        .iter()
+        .filter(|j| j.role == Role::Velocity)
+        .filter_map(|j| j.derivative.map(|d| 1.0 / d.factor))
+        .collect();
+    let middle = crate::clock::median(&factors);
+    let same = factors
+        .iter()
+        .filter(|rate| (*rate / middle - 1.0).abs() < SAME_RATE);
+    // clocks have round rates
+    let rounded = |digits| figure_of(digits, middle).parse().unwrap_or(middle);
+    let two: f64 = rounded(2);
+    let round = if (two / middle - 1.0).abs() < ROUND_PART {
+        two
+    } else {
+        rounded(3)
+    };
+    (middle > 1.0 && 2 * same.count() > factors.len()).then_some(round)
+}
+
+/// Says what a run holds: reads it twice, or three times where the rate is found from velocities.
+///
+/// - `settings`: how its files are read: format, rate, and the column of time;
+/// - `robot`: the robot whose coordinates the columns are matched with.
+///
+/// # Errors
+/// When a file cannot be read, or the run has fewer than 64 rows of numbers.
+///
+/// ```
+/// use regen_identify::data::{Run, Settings};
+/// use regen_inspect::{Role, inspect};
+///
+/// // a joint on an encoder of 1 mrad, and its motor's current, without a header
+/// let mut text = String::new();
+/// for k in 0..4000 {
+///     let t = 0.005 * f64::from(k);
+///     let (q, qd, qdd) = ((2.0 * t).sin(), 2.0 * (2.0 * t).cos(), -4.0 * (2.0 * t).sin());
+///     let current = 0.3 * qdd + 0.5 * qd.signum();
+///     text += &format!("{t},{},{qd},{current}\n", (1e3 * q).round() / 1e3);
+/// }
+/// let path = std::env::temp_dir().join(format!("inspected-{}.csv", std::process::id()));
+/// std::fs::write(&path, text)?;
+/// let found = inspect(&Run::from(path.as_path()), &Settings::default(), None)?;
+/// let roles: Vec<Role> = found.columns.iter().map(|column| column.role).collect();
+/// assert_eq!(roles, [Role::Time, Role::Position, Role::Velocity, Role::Effort]);
+/// assert!((found.clock.rate - 200.0).abs() < 1e-3);
+/// assert!((found.columns[1].encoder_step - 1e-3).abs() < 1e-9);
+/// assert!((found.period.unwrap().seconds - std::f64::consts::PI).abs() < 1e-2);
+/// # std::fs::remove_file(path)?;
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+pub fn inspect(
+    run: &Run,
+    settings: &Settings,
+    robot: Option<&Info<'_>>,
+) -> Result<LogFacts, DataError> {
+    let log = RawLog::open(run, settings)?;
+    let surveyed = survey(&log)?;
+    if surveyed.rows < MIN_ROWS {
+        let first = surveyed.problems.first();
+        let first = first.map_or_else(String::new, |p| format!("; {p}"));
+        return Err(DataError::ColumnLayout {
+            file: log.name().to_owned(),
+            why: format!(
+                "{} of its rows can be read, and {MIN_ROWS} are needed{first}",
+                surveyed.rows
+            ),
+        });
+    }
+    let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
+    let coordinates: Vec<String> = robot
+        .map(|info| owned(info.coordinates))
+        .unwrap_or_default();
+    let mut reading = clock(&log, settings, &surveyed);
+    if !(reading.usual > 0.0 && reading.usual.is_finite()) {
+        reading.times = Times::Rate(1.0);
+        reading.usual = 1.0;
+        reading.source = ClockSource::Unknown;
+    }
+    let mut known = Known {
+        assignments: &settings.columns,
+        timed: reading.source != ClockSource::Unknown,
+        titles: log.titles(),
+        named: log.is_named(),
+        numbers: log.numbers(),
+        time: reading.column,
+        surveyed: &surveyed,
+        coordinates: &coordinates,
+        actuated: robot.map_or(&[], |info| info.actuated),
+    };
+    let mut gathered = gather(&log, &surveyed, reading.times, reading.usual)?;
+    let count = log.numbers().len();
+    let step = known.timed.then_some(gathered.step);
+    let mut relations = Relations::new(&gathered.stretches, count, step);
+    let mut judged = judge(&known, &relations);
+    if reading.source == ClockSource::Unknown
+        && let Some(rate) = rate_of(&judged)
+    {
+        reading.source = ClockSource::Velocities;
+        gathered = gather(&log, &surveyed, Times::Rate(rate), 1.0 / rate)?;
+        relations = Relations::new(&gathered.stretches, count, Some(gathered.step));
+        known.timed = true;
+        judged = judge(&known, &relations);
+    }
+    let joints = joints(&known, &judged);
+    let mut out = LogFacts {
+        log: log.name().to_owned(),
+        named: log.is_named(),
+        rows: surveyed.rows,
+        unusable: surveyed.unusable,
+        problems: surveyed.problems.clone(),
+        clock: Clock {
+            source: reading.source,
+            column: reading
+                .column
+                .and_then(|k| log.numbers().get(k))
+                .map(|i| i + 1),
+            unit: reading.unit,
+            ..gathered.clock.clone()
+        },
+        columns: columns(&log, &surveyed, &gathered, &judged),
+        joints,
+        ..LogFacts::default()
+    };
+    out.cutoff = cutoff(&out);
+    let entries = |number: Option<usize>| log.numbers().iter().position(|i| Some(i + 1) == number);
+    let positions: Vec<usize> = out
+        .joints
+        .iter()
+        .filter_map(|j| entries(j.position))
+        .collect();
+    out.period = period(&gathered.trace, &positions);
+    let signal = |number: Option<usize>| {
+        let column = entries(number)?;
+        let judged = judged.get(column)?;
+        let degrees = judged.role == Role::Position && in_degrees(&out, number);
+        let factor = if judged.unit.is_none() && degrees {
+            DEGREE
+        } else {
+            judged.unit_factor()
+        };
+        Some(Signal { column, factor })
+    };
+    let moving: Vec<(Signal, String)> = out
+        .joints
+        .iter()
+        .filter_map(|j| Some((signal(j.position)?, j.name.clone())))
+        .collect();
+    let efforts = out.joints.iter().filter_map(|joint| {
+        let place = moving.iter().position(|(_, name)| *name == joint.name)?;
+        Some((signal(joint.effort)?, place, joint.effort?))
+    });
+    let motion = Motion {
+        efforts: efforts.collect(),
+        joints: moving,
+        stretches: &gathered.stretches,
+        step: gathered.step,
+        cutoff: out
+            .cutoff
+            .unwrap_or(PLAIN_CUTOFF_PART * out.clock.rate)
+            .min(0.15 / gathered.step),
+    };
+    out.efforts = follow(&motion);
+    out.notes = words::notes(&out);
+    if let Some(info) = robot
+        && out.joints.is_empty()
+    {
+        let found = out.columns.iter().filter(|c| c.role == Role::Position);
+        out.notes.push(format!(
+            "{} columns look like positions, and {} has {} coordinates, {} of them actuated: assign \
+             their columns",
+            found.count(),
+            info.name,
+            info.coordinates.len(),
+            info.actuated.len()
+        ));
+    }
+    Ok(out)
+}
+
+/// Whether a position is in degrees by the velocity beside it.
+fn in_degrees(found: &LogFacts, number: Option<usize>) -> bool {
+    let velocities = found.columns.iter().filter_map(|column| column.derivative);
+    let mut own = velocities.filter(|d| Some(d.of) == number);
+    own.any(|d| (d.factor * DEGREE - 1.0).abs() < SAME_RATE)
+}
+
+/// Thins a curve for a picture.
+fn thinned(times: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
+    let every = times.len().div_ceil(PICTURE_POINTS).max(1);
+    let pairs = times.iter().copied().zip(values.iter().copied());
+    pairs.step_by(every).collect()
+}
+
+fn columns(
+    log: &RawLog,
+    surveyed: &Surveyed,
+    gathered: &Gathered,
+    judged: &[Judged],
+) -> Vec<Column> {
+    let one = |(index, title): (usize, &String)| {
+        let mut out = Column {
+            number: index + 1,
+            name: title.clone(),
+            role: Role::Text,
+            ..Column::default()
+        };
+        let Some(k) = log.numbers().iter().position(|i| *i == index) else {
+            return out;
+        };
+        let (Some(survey), Some(judged)) = (surveyed.columns.get(k + 1), judged.get(k)) else {
+            return out;
+        };
+        out.role = judged.role;
+        out.reason.clone_from(&judged.reason);
+        out.unit = judged.unit;
+        (out.low, out.high) = (survey.low, survey.high);
+        if judged.role == Role::Time {
+            return out;
+        }
+        out.derivative = judged.derivative;
+        out.encoder_step = survey.encoder.step;
+        out.noise = survey.encoder.noise;
+        out.resting = gathered.resting.get(k).copied().unwrap_or(0.0);
+        if let Some(density) = gathered.densities.get(k).and_then(Option::as_ref)
+            && !survey.is_constant()
+        {
+            let order = match judged.role {
+                Role::Position | Role::Command => 2,
+                Role::Velocity => 1,
+                _ => 0,
+            };
+            out.spectrum = Some(density.judge(order));
+            out.density = density.picture();
+        }
+        let trace = &gathered.trace;
+        let values = trace.columns.get(k).map_or(&[][..], Vec::as_slice);
+        out.curve = thinned(&trace.times, values);
+        out
+    };
+    log.titles().iter().enumerate().map(one).collect()
+}
+
+/// The frequency above which no joint's motion is more than noise, rounded to two digits, and low
+/// enough for a filter of positions at three times of it.
+fn cutoff(found: &LogFacts) -> Option<f64> {
+    let ends = found.joints.iter().filter_map(|joint| {
+        let of = |number: Option<usize>| {
+            let spectrum = found.column(number?)?.spectrum?;
+            // a joint that does not move has only noise
+            (spectrum.meets != Some(0.0)).then_some(spectrum.ends)
+        };
+        of(joint.position).or_else(|| of(joint.velocity))
+    });
+    let most = ends
+        .fold(0.0, f64::max)
+        .min(MAX_CUTOFF_PART * found.clock.rate);
+    (most > 0.0).then(|| figure_of(2, most).parse().unwrap_or(most))
+}

@@ -1,0 +1,298 @@
+//! What the name of a column says of it: the kind of quantity, its unit and its joint.
+
+use serde::Serialize;
+
+/// What a column may be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// The time.
+    Time,
+    /// A joint's position.
+    Position,
+    /// Its velocity.
+    Velocity,
+    /// Its acceleration.
+    Acceleration,
+    /// Its force or torque.
+    Effort,
+    /// The current of its motor.
+    Current,
+    /// What a controller asks for.
+    Command,
+    /// The same number in all rows.
+    Constant,
+    /// Text.
+    Text,
+    /// Unknown.
+    #[default]
+    Other,
+}
+
+impl Role {
+    /// The role in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Position => "position",
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
+            Self::Effort => "effort",
+            Self::Current => "current",
+            Self::Command => "command",
+            Self::Constant => "constant",
+            Self::Text => "text",
+            Self::Other => "unknown",
+        }
+    }
+}
+
+/// What a name says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Meaning {
+    pub(crate) role: Role,
+    /// Whether it is one of a controller and not measured.
+    pub(crate) commanded: bool,
+    pub(crate) unit: Option<&'static str>,
+    /// What is left of the name: that of the joint.
+    pub(crate) joint: String,
+}
+
+/// Words of names with what they mean; the first that fits counts, so that `joint_velocity` is no
+/// position.
+const WORDS: [(Role, &[&str]); 7] = [
+    (
+        Role::Time,
+        &[
+            "t",
+            "time",
+            "times",
+            "timestamp",
+            "stamp",
+            "clock",
+            "sec",
+            "secs",
+            "seconds",
+        ],
+    ),
+    (
+        Role::Acceleration,
+        &[
+            "qdd",
+            "ddq",
+            "qddot",
+            "acc",
+            "accel",
+            "acceleration",
+            "accelerations",
+        ],
+    ),
+    (
+        Role::Velocity,
+        &[
+            "qd",
+            "dq",
+            "qdot",
+            "vel",
+            "velocity",
+            "velocities",
+            "speed",
+            "speeds",
+            "omega",
+            "rpm",
+        ],
+    ),
+    (
+        Role::Effort,
+        &[
+            "tau", "torque", "torques", "trq", "effort", "efforts", "moment", "force", "forces",
+        ],
+    ),
+    (
+        Role::Current,
+        &["i", "iq", "cur", "curr", "current", "currents", "amps"],
+    ),
+    (
+        Role::Position,
+        &[
+            "q",
+            "pos",
+            "position",
+            "positions",
+            "angle",
+            "angles",
+            "theta",
+            "encoder",
+            "enc",
+            "length",
+        ],
+    ),
+    // of no further meaning
+    (
+        Role::Other,
+        &["temp", "temperature", "voltage", "status", "mode"],
+    ),
+];
+
+/// Words of commands.
+const COMMANDS: [&str; 12] = [
+    "cmd",
+    "command",
+    "commanded",
+    "des",
+    "desired",
+    "ref",
+    "reference",
+    "target",
+    "goal",
+    "setpoint",
+    "sp",
+    "set",
+];
+/// Words of what is measured, which say nothing else.
+const MEASURED: [&str; 8] = [
+    "act", "actual", "meas", "measured", "motor", "joint", "state", "states",
+];
+/// Units in names.
+const UNITS: [(&str, &str); 19] = [
+    ("deg", "deg"),
+    ("degrees", "deg"),
+    ("rad", "rad"),
+    ("mm", "mm"),
+    ("m", "m"),
+    ("rad/s", "rad/s"),
+    ("deg/s", "deg/s"),
+    ("degs", "deg/s"),
+    ("rpm", "rpm"),
+    ("m/s", "m/s"),
+    ("rad/s^2", "rad/s^2"),
+    ("rad/s2", "rad/s^2"),
+    ("nm", "Nm"),
+    ("n", "N"),
+    ("a", "A"),
+    ("ma", "mA"),
+    ("ms", "ms"),
+    ("us", "us"),
+    ("ns", "ns"),
+];
+
+/// A name without a unit in brackets, and that unit.
+fn unbracketed(name: &str) -> (String, Option<&'static str>) {
+    for (open, close) in [('[', ']'), ('(', ')')] {
+        if let Some((before, rest)) = name.split_once(open)
+            && let Some((inside, after)) = rest.split_once(close)
+        {
+            let inside = inside.trim().to_lowercase();
+            let unit = UNITS.iter().find(|(word, _)| *word == inside);
+            return (format!("{before}{after}"), unit.map(|unit| unit.1));
+        }
+    }
+    (name.to_owned(), None)
+}
+
+/// The words of a name: cut at signs, at capitals, and between letters and digits.
+fn words(name: &str) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    let mut last = ' ';
+    for c in name.chars() {
+        if c.is_alphanumeric() {
+            let begins = !last.is_alphanumeric()
+                || c.is_ascii_digit() != last.is_ascii_digit()
+                || c.is_uppercase() && last.is_lowercase();
+            match out.last_mut().filter(|_| !begins) {
+                Some(word) => word.extend(c.to_lowercase()),
+                None => out.push(c.to_lowercase().collect()),
+            }
+        }
+        last = c;
+    }
+    out
+}
+
+/// What a name says; that of a column without a name says nothing.
+pub(crate) fn meaning(name: &str) -> Meaning {
+    let (plain, unit) = unbracketed(name);
+    let mut words = words(&plain);
+    let mut out = Meaning {
+        unit,
+        ..Meaning::default()
+    };
+    // a unit stands at the end, behind what it is of: `q1_deg`
+    if out.unit.is_none()
+        && words.len() > 1
+        && let Some(last) = words.last()
+        && last.len() > 1
+        && let Some((_, unit)) = UNITS.iter().find(|(word, _)| word == last)
+    {
+        out.unit = Some(unit);
+        if *unit != "rpm" {
+            words.pop();
+        }
+    }
+    let before = words.len();
+    words.retain(|word| !COMMANDS.contains(&word.as_str()));
+    out.commanded = words.len() < before;
+    let mut found = Role::Other;
+    for (role, names) in WORDS {
+        let place = words.iter().position(|word| names.contains(&word.as_str()));
+        if let Some(place) = place {
+            // of `tau_q1` the rest is the joint `q1`, of `q1` the whole
+            if role != Role::Position {
+                words.remove(place);
+            }
+            found = role;
+            break;
+        }
+    }
+    out.role = match (found, out.unit) {
+        (Role::Other, Some("deg" | "rad" | "mm" | "m")) => Role::Position,
+        (Role::Other, Some("rad/s" | "deg/s" | "rpm" | "m/s")) => Role::Velocity,
+        (Role::Other, Some("rad/s^2")) => Role::Acceleration,
+        (Role::Other | Role::Effort, Some("A" | "mA")) => Role::Current,
+        (Role::Other, Some("Nm" | "N")) => Role::Effort,
+        (found, _) => found,
+    };
+    words.retain(|word| !MEASURED.contains(&word.as_str()));
+    if out.role == Role::Position && words.len() > 1 {
+        // `pos_1` is of the joint 1, as `vel_1` is
+        words.retain(|word| !WORDS[5].1.contains(&word.as_str()) || word == "q");
+    }
+    out.joint = words.join("_");
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_controllers_are_understood() {
+        let said = |name: &str| {
+            let found = meaning(name);
+            (found.role, found.commanded, found.unit, found.joint)
+        };
+        let joint = |name: &str| name.to_owned();
+        for (name, expected) in [
+            ("t", (Role::Time, false, None, joint(""))),
+            ("time_ms", (Role::Time, false, Some("ms"), joint(""))),
+            ("q1", (Role::Position, false, None, joint("q_1"))),
+            ("qd_q1", (Role::Velocity, false, None, joint("q_1"))),
+            ("qdd1", (Role::Acceleration, false, None, joint("1"))),
+            ("tau_elbow", (Role::Effort, false, None, joint("elbow"))),
+            (
+                "pos_2 [deg]",
+                (Role::Position, false, Some("deg"), joint("2")),
+            ),
+            ("jointVelocity3", (Role::Velocity, false, None, joint("3"))),
+            ("actual_current_4", (Role::Current, false, None, joint("4"))),
+            ("i5", (Role::Current, false, None, joint("5"))),
+            ("q1_des", (Role::Position, true, None, joint("q_1"))),
+            ("target_torque_2", (Role::Effort, true, None, joint("2"))),
+            ("arm (Nm)", (Role::Effort, false, Some("Nm"), joint("arm"))),
+            ("joint_3_temp", (Role::Other, false, None, joint("3"))),
+            ("17", (Role::Other, false, None, joint("17"))),
+        ] {
+            assert_eq!(said(name), expected, "{name}");
+        }
+    }
+}

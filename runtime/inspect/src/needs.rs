@@ -1,0 +1,197 @@
+//! Which motion would determine a parameter that the log does not.
+//!
+//! For each joint three motions are tried: other positions at rest, both directions of velocity,
+//! and acceleration, each at states of the log and added to its equations with as much weight as all
+//! of these. What a parameter needs is the motion by which its deviation falls most.
+
+use core::fmt;
+
+use regen_identify::estimate::{EstimateError, QrFactor};
+use regen_runtime::{BaseModel, LoopClosure, Motion, Status};
+use serde::Serialize;
+
+use crate::motion::{JointMotion, State};
+use crate::predict::{Spread, spread};
+
+/// By what factor a deviation must fall.
+const MIN_GAIN: f64 = 3.0;
+/// Another motion that is this near to the best one is told too.
+const AS_GOOD: f64 = 1.5;
+/// Most motions that are told of one parameter.
+const MOST: usize = 2;
+/// States of the log that each motion is tried at.
+const STATES: usize = 12;
+/// Speed of joints without limits, rad/s or m/s.
+const PLAIN_SPEED: [f64; 2] = [1.0, 0.2];
+/// Range of joints without limits, on either side, rad or m.
+const PLAIN_RANGE: [f64; 2] = [1.0, 0.1];
+/// The frequency, Hz, at which a joint of a speed accelerates.
+const FREQUENCY: f64 = 0.5;
+/// The part of limits that is used.
+const PART_OF_LIMITS: f64 = 0.5;
+
+/// A kind of motion of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Other positions, also at rest.
+    Positions,
+    /// Velocity, in both directions.
+    Velocity,
+    /// Acceleration.
+    Acceleration,
+}
+
+/// A motion of a joint that a parameter needs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Need {
+    /// The joint's name.
+    pub joint: String,
+    /// How it must move.
+    pub kind: Kind,
+}
+
+impl fmt::Display for Need {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { joint, kind } = self;
+        match kind {
+            Kind::Positions => write!(f, "other positions of {joint}"),
+            Kind::Velocity => write!(f, "velocity of {joint}"),
+            Kind::Acceleration => write!(f, "acceleration of {joint}"),
+        }
+    }
+}
+
+/// What motions are tried with.
+pub(crate) struct Trial<'a, M: ?Sized> {
+    pub(crate) model: &'a M,
+    /// The weighted equations of the log.
+    pub(crate) factor: &'a QrFactor,
+    /// The weight of each equation of motion.
+    pub(crate) weights: &'a [f64],
+    pub(crate) states: &'a [State],
+    pub(crate) motions: &'a [JointMotion],
+}
+
+/// For each parameter in question the motions by which its deviation falls most.
+pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
+    trial: &Trial<'_, M>,
+    now: &Spread,
+    in_question: &[usize],
+) -> Result<Vec<Vec<Need>>, EstimateError> {
+    let info = trial.model.info();
+    let mut out = vec![Vec::new(); in_question.len()];
+    let Ok(mut closure) = LoopClosure::new(trial.model) else {
+        return Ok(out);
+    };
+    // gain of each parameter by each motion
+    let mut gains: Vec<Vec<(f64, Need)>> = vec![Vec::new(); in_question.len()];
+    for (k, c) in info.independent.iter().enumerate() {
+        for kind in [Kind::Positions, Kind::Velocity, Kind::Acceleration] {
+            let Some(factor) = with(trial, &mut closure, k, kind)? else {
+                continue;
+            };
+            let then = spread(&factor)?;
+            for (place, parameter) in in_question.iter().enumerate() {
+                let after = then.sigmas.get(*parameter).copied().flatten();
+                let before = now.sigmas.get(*parameter).copied().flatten();
+                let gain = match (before, after) {
+                    (None, Some(sigma)) if sigma > 0.0 => f64::MAX / (1.0 + sigma),
+                    (Some(before), Some(after)) if after > 0.0 => before / after,
+                    _ => 0.0,
+                };
+                if gain >= MIN_GAIN {
+                    let joint = info.coordinates.get(*c).map_or("", |n| n).to_owned();
+                    gains[place].push((gain, Need { joint, kind }));
+                }
+            }
+        }
+    }
+    for (needs, mut found) in out.iter_mut().zip(gains) {
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let best = found.first().map_or(0.0, |f| f.0);
+        let near = found.into_iter().filter(|f| f.0 * AS_GOOD >= best);
+        needs.extend(near.take(MOST).map(|f| f.1));
+    }
+    Ok(out)
+}
+
+/// The equations of the log and those of a motion of the k-th independent joint; `None` if it cannot
+/// be made anywhere.
+fn with<M: BaseModel<f64> + ?Sized>(
+    trial: &Trial<'_, M>,
+    closure: &mut LoopClosure<'_, M>,
+    k: usize,
+    kind: Kind,
+) -> Result<Option<QrFactor>, EstimateError> {
+    let info = trial.model.info();
+    let joint = info.independent.get(k).and_then(|c| info.joints.get(*c));
+    let turns = joint.is_none_or(|j| j.motion == Motion::Rotation);
+    let plain = |values: [f64; 2]| if turns { values[0] } else { values[1] };
+    let most = |limit: Option<[f64; 2]>| limit.map(|[a, b]| PART_OF_LIMITS * a.abs().max(b.abs()));
+    let limits = joint.map(|j| j.limits).unwrap_or_default();
+    let speed = most(limits.velocity).unwrap_or(plain(PLAIN_SPEED));
+    let rate = core::f64::consts::TAU * FREQUENCY * speed;
+    let rate = most(limits.acceleration).map_or(rate, |limit| limit.min(rate));
+    let centre = trial
+        .motions
+        .get(k)
+        .map_or(0.0, |m| 0.5 * (m.positions[0] + m.positions[1]));
+    let side = plain(PLAIN_RANGE);
+    let [low, high] = limits.position.unwrap_or([centre - side, centre + side]);
+    let every = trial.states.len().div_ceil(STATES).max(1);
+    let parts: &[f64] = match kind {
+        Kind::Positions => &[0.1, 0.35, 0.65, 0.9],
+        Kind::Velocity | Kind::Acceleration => &[-1.0, -0.5, 0.5, 1.0],
+    };
+    let (n, r) = (info.dof(), trial.factor.columns());
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for state in trial.states.iter().step_by(every) {
+        for part in parts {
+            let State {
+                mut q,
+                mut qd,
+                mut qdd,
+            } = state.clone();
+            match kind {
+                Kind::Positions => {
+                    q[k] = low + part * (high - low);
+                    qd.fill(0.0);
+                    qdd.fill(0.0);
+                }
+                Kind::Velocity => {
+                    qd[k] = part * speed;
+                    qdd.fill(0.0);
+                }
+                Kind::Acceleration => qdd[k] = part * rate,
+            }
+            let Ok(closed) = closure.solve_state(&q, &qd, &qdd) else {
+                continue;
+            };
+            if !closed.outcome.is_closed() {
+                continue;
+            }
+            let mut w = vec![0.0; n * r];
+            let regular = trial
+                .model
+                .base_regressor(&closed.q, &closed.qd, &closed.qdd, &mut w)?;
+            if regular.status() != Status::Singular && w.iter().all(|x| x.is_finite()) {
+                rows.push(w);
+            }
+        }
+    }
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let whole = trial.factor.rows() as f64 / (n * rows.len()) as f64;
+    let mut factor = trial.factor.clone();
+    for mut w in rows {
+        for column in w.chunks_exact_mut(n.max(1)) {
+            for (entry, weight) in column.iter_mut().zip(trial.weights) {
+                *entry *= weight * whole.sqrt();
+            }
+        }
+        factor.push_block(&w, &vec![0.0; n])?;
+    }
+    Ok(Some(factor))
+}

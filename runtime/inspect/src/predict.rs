@@ -1,0 +1,370 @@
+//! How well base parameters will be determined by a log, before they are.
+//!
+//! With efforts of white noise of density S, the covariance of the parameters is
+//! (W^T W)^-1 (S / 2) (rate of the rows of W), each row weighted by its own effort's. A filter of
+//! the equations whose pass band has the motion changes nothing in that: what it takes from the
+//! variance of the noise it adds to its memory.
+
+use nalgebra::DMatrix;
+use regen_identify::estimate::{EstimateError, QrFactor};
+use regen_identify::identifiability::WELL_IDENTIFIED_PERCENT;
+use regen_identify::identify::{EquationKind, Filtering, Source, StateSample, observe};
+use regen_identify::signals::Smoothing;
+use regen_runtime::{BaseModel, BaseParameter, Info};
+use serde::Serialize;
+
+use crate::clock::median;
+use crate::motion::{JointMotion, Motions};
+use crate::needs::{Need, Trial, needs};
+use crate::spectrum::{Welch, block_rows};
+
+/// Steps from which the time between states is computed.
+const STEPS: usize = 1001;
+/// The least noise, over the rms of an effort: rounding of logged numbers.
+const LEAST_NOISE: f64 = 1e-9;
+
+/// The noise of an effort.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EffortNoise {
+    /// The effort's name.
+    pub name: String,
+    /// The density of the noise at high frequencies, (N m)^2/Hz or N^2/Hz.
+    pub density: f64,
+    /// Its standard deviation at the rate of the rows, N m or N.
+    pub sigma: f64,
+    /// Whether it is about the same at all high frequencies; if not, the effort was filtered before
+    /// it was logged, and noise at the frequencies of the motion is not seen.
+    pub flat: bool,
+}
+
+/// Whether data determine a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sight {
+    /// The deviation is below 15 % of the nominal value.
+    Well,
+    /// It is determined, and how well depends on its value, of which nothing is known.
+    Seen,
+    /// The deviation is 15 % of the nominal value or more.
+    Poor,
+    /// Only a combination with others is determined.
+    Combined,
+    /// No effort depends on it.
+    Unseen,
+}
+
+impl Sight {
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Well => "well",
+            Self::Seen => "seen",
+            Self::Poor => "poor",
+            Self::Combined => "combined",
+            Self::Unseen => "unseen",
+        }
+    }
+}
+
+/// What to expect of one base parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PredictedParameter {
+    /// Its label.
+    pub label: String,
+    /// Its nominal value, SI, where all parameters of its combination have one.
+    pub nominal: Option<f64>,
+    /// The predicted standard deviation, SI; `None` where data do not determine it.
+    pub sigma: Option<f64>,
+    /// The same in percent of the nominal value.
+    pub percent: Option<f64>,
+    /// The size from which on it would be well identified, SI: sigma over 15 %.
+    pub seen_from: Option<f64>,
+    /// Whether data determine it.
+    pub sight: Sight,
+    /// The motions that would determine it better, the best first; empty where it is well
+    /// identified, or no motion of a single joint helps.
+    pub needs: Vec<Need>,
+}
+
+/// What to expect of an identification.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// The number of equations.
+    pub equations: usize,
+    /// The noise of each effort.
+    pub noise: Vec<EffortNoise>,
+    /// All base parameters.
+    pub parameters: Vec<PredictedParameter>,
+    /// The condition number of the weighted equations with columns scaled to unit length.
+    pub condition: f64,
+    /// How each independent joint moves.
+    pub motion: Vec<JointMotion>,
+}
+
+/// A source whose states are looked at in passing.
+struct Tap<'a, S: ?Sized> {
+    source: &'a mut S,
+    each: &'a mut dyn FnMut(&StateSample<'_>),
+}
+
+impl<S: Source + ?Sized> Source for Tap<'_, S> {
+    type Error = S::Error;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        let look = &mut *self.each;
+        self.source.visit(&mut |row| {
+            look(row);
+            each(row)
+        })
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.source.filtering()
+    }
+}
+
+/// The deviations of parameters whose equations have unit variance.
+pub(crate) struct Spread {
+    /// `None` for those that are not determined.
+    pub(crate) sigmas: Vec<Option<f64>>,
+    /// Those that take part in a combination that alone is determined.
+    pub(crate) combined: Vec<bool>,
+    pub(crate) condition: f64,
+}
+
+/// The deviations from R: the roots of the diagonal of (R^T R)^-1, with scaled columns.
+pub(crate) fn spread(factor: &QrFactor) -> Result<Spread, EstimateError> {
+    let n = factor.columns();
+    let mut kept: Vec<usize> = (0..n).collect();
+    let whole = factor.spectrum()?;
+    let mut combined = vec![false; n];
+    if whole.rank() < n {
+        for k in whole.undetermined() {
+            combined[k] = true;
+        }
+    }
+    let mut spectrum = whole.clone();
+    while spectrum.rank() < kept.len() {
+        let Some(place) = spectrum.undetermined().pop() else {
+            break;
+        };
+        kept.remove(place);
+        if kept.is_empty() {
+            break;
+        }
+        spectrum = factor.select(&kept)?.spectrum()?;
+    }
+    let selected = factor.select(&kept)?;
+    let m = kept.len();
+    let scale: Vec<f64> = selected.column_norms();
+    let r = DMatrix::from_fn(m, m, |i, j| {
+        let length = scale[j];
+        if length > 0.0 {
+            selected.r()[j * m + i] / length
+        } else {
+            0.0
+        }
+    });
+    let mut sigmas = vec![None; n];
+    if let Some(inverse) = r.solve_upper_triangular(&DMatrix::identity(m, m)) {
+        for (place, k) in kept.iter().enumerate() {
+            let squares: f64 = inverse.row(place).iter().map(|x| x * x).sum();
+            let sigma = squares.sqrt() / scale[place];
+            if sigma.is_finite() {
+                sigmas[*k] = Some(sigma);
+            }
+        }
+    }
+    Ok(Spread {
+        sigmas,
+        combined,
+        condition: spectrum.scaled_condition(),
+    })
+}
+
+/// The nominal value of a base parameter.
+fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
+    let terms = parameter.terms.iter();
+    terms
+        .map(|term| Some(term.value * info.nominal.get(term.index).copied().flatten()?))
+        .sum()
+}
+
+/// Predicts how well the base parameters will be determined from states of a log: one pass over it,
+/// without a fit.
+///
+/// The noise is that of the efforts at high frequencies. Errors of the model and of the positions come
+/// on top, so that the deviations of a fit are larger where these matter.
+///
+/// - `rows`: about how many states there are, and `step`: the time between them, s.
+///
+/// # Errors
+/// When the log cannot be read or does not fit the model.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_identify::identify::{EquationKind, Recorded};
+/// use regen_inspect::{Sight, predict};
+///
+/// // a pendulum that turns at a constant speed shows its weight and not its inertia
+/// let mut log = Recorded::new();
+/// let mut state = 1_u64;
+/// for k in 0..4000 {
+///     let q = 0.01 * f64::from(k);
+///     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+///     let noise = (state >> 33) as f64 / 2_f64.powi(31) - 0.5;
+///     log.push(q, &[q], &[1.0], &[0.0], &[2.0 * 9.81 * q.sin() + noise]);
+/// }
+/// let found = predict(&Pendulum, EquationKind::Forces, &mut log, 4000, 0.01)?;
+/// let [inertia, weight] = &found.parameters[..] else { panic!() };
+/// assert_eq!((inertia.label.as_str(), inertia.sight), ("Izz(1)", Sight::Unseen));
+/// assert_eq!(inertia.needs[0].to_string(), "acceleration of q1");
+/// assert_eq!(found.motion[0].lacks, ["never turns round", "never accelerates"]);
+/// // sigma of even noise, over the square root of the sum of (9.81 sin q)^2
+/// let expected = (1.0_f64 / 12.0).sqrt() / (9.81 * 2000.0_f64.sqrt());
+/// assert!((weight.sigma.unwrap() / expected - 1.0).abs() < 0.1);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
+pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    kind: EquationKind,
+    source: &mut S,
+    rows: usize,
+    step: f64,
+) -> Result<Prediction, S::Error> {
+    let info = model.info();
+    let dof = info.dof();
+    let mut welches = vec![Welch::new(block_rows(rows, step)); dof];
+    let mut squares = vec![0.0; dof];
+    let mut motions = Motions::new(dof);
+    let (mut last, mut steps, mut count) = (None, Vec::new(), 0.0);
+    let filtering = source.filtering();
+    let (set, _) = observe(
+        model,
+        kind,
+        &mut Tap {
+            source,
+            each: &mut |row| {
+                if !row.follows {
+                    welches.iter_mut().for_each(Welch::restart);
+                }
+                for (k, tau) in row.tau.iter().enumerate().take(dof) {
+                    welches[k].push(*tau);
+                    squares[k] += tau * tau;
+                }
+                if let (true, Some(last)) = (row.follows && steps.len() < STEPS, last) {
+                    steps.push(row.time - last);
+                }
+                last = Some(row.time);
+                count += 1.0;
+                motions.push(&info, row);
+            },
+        },
+    )?;
+    let between = Some(median(&steps)).filter(|s| *s > 0.0).unwrap_or(step);
+    let noise: Vec<EffortNoise> = info
+        .independent
+        .iter()
+        .zip(welches)
+        .zip(&squares)
+        .map(|((c, welch), squares)| {
+            let found = welch.finish(1.0 / between).map(|density| density.judge(0));
+            let least = LEAST_NOISE * (squares / f64::max(count, 1.0)).sqrt();
+            let density = found
+                .map_or(0.0, |s| s.floor)
+                .max(2.0 * between * least * least);
+            EffortNoise {
+                name: info.coordinates.get(*c).map_or("", |n| n).to_owned(),
+                density,
+                sigma: (0.5 * density / between).sqrt(),
+                flat: found.is_some_and(|s| s.flat),
+            }
+        })
+        .collect();
+    let decimated = between * filtering.decimation.max(1) as f64;
+    // half the rate of the equations, or what is left of the noise behind the filter if it is more
+    let band = match filtering.smoothing {
+        Smoothing::None => 0.5 / between,
+        Smoothing::Butterworth { cutoff, .. } => (0.5 / decimated).max(cutoff),
+        Smoothing::Local { .. } => 0.5 / decimated,
+    };
+    let weights: Vec<f64> = noise
+        .iter()
+        .map(|n| 1.0 / (n.density * band).sqrt().max(f64::MIN_POSITIVE))
+        .collect();
+    // an energy balance has one equation of all efforts
+    let of_set = if set.efforts.len() == weights.len() {
+        weights.clone()
+    } else {
+        let most = noise.iter().map(|n| n.density * band).sum::<f64>().sqrt();
+        vec![1.0 / most.max(f64::MIN_POSITIVE); set.efforts.len()]
+    };
+    let factor = set.combined(&of_set)?;
+    let now = spread(&factor)?;
+    let motion = motions.finish(&info);
+    let base = model.base_info().base;
+    let norms = factor.column_norms();
+    let mut parameters: Vec<PredictedParameter> = base
+        .iter()
+        .enumerate()
+        .map(|(k, parameter)| {
+            let nominal = nominal(&info, parameter);
+            let sigma = now.sigmas.get(k).copied().flatten();
+            let combined = now.combined.get(k).copied().unwrap_or(false);
+            let sigma = sigma.filter(|_| !combined);
+            let percent = nominal
+                .zip(sigma)
+                .map(|(value, sigma)| 100.0 * sigma / value.abs())
+                .filter(|p| p.is_finite());
+            let sight = match (sigma, percent) {
+                (None, _) if norms.get(k).is_none_or(|norm| *norm <= 0.0) => Sight::Unseen,
+                (None, _) => Sight::Combined,
+                (Some(_), Some(percent)) if percent < WELL_IDENTIFIED_PERCENT => Sight::Well,
+                (Some(_), Some(_)) => Sight::Poor,
+                (Some(_), None) => Sight::Seen,
+            };
+            PredictedParameter {
+                label: parameter.label.to_owned(),
+                nominal,
+                sigma,
+                percent,
+                seen_from: sigma.map(|s| 100.0 * s / WELL_IDENTIFIED_PERCENT),
+                sight,
+                needs: Vec::new(),
+            }
+        })
+        .collect();
+    let in_question: Vec<usize> = (0..parameters.len())
+        .filter(|k| parameters[*k].sight >= Sight::Poor)
+        .collect();
+    let trial = Trial {
+        model,
+        factor: &factor,
+        weights: &weights,
+        states: &motions.spread(),
+        motions: &motion,
+    };
+    // what is combined counts as not determined
+    let judged = Spread {
+        sigmas: parameters.iter().map(|p| p.sigma).collect(),
+        ..now
+    };
+    let found = needs(&trial, &judged, &in_question)?;
+    for (k, needs) in in_question.into_iter().zip(found) {
+        parameters[k].needs = needs;
+    }
+    Ok(Prediction {
+        equations: factor.rows(),
+        noise,
+        parameters,
+        condition: judged.condition,
+        motion,
+    })
+}

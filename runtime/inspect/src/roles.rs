@@ -1,0 +1,310 @@
+//! What each column may be, from its name and from its relations to the others.
+
+use regen_identify::data::{Assignment, Quantity};
+
+use crate::columns::Surveyed;
+use crate::names::{Meaning, Role, meaning};
+use crate::relations::{Derivative, Relations};
+
+/// A column of smooth positions has at most this part of the noise of one of efforts.
+const SMOOTHER: f64 = 0.2;
+/// The smallest correlation by which columns without names are told apart.
+const CERTAIN: f64 = 0.98;
+
+/// Factors between a column and the integral of its derivative where units differ by nothing or by
+/// degrees.
+const SAME_UNIT: [f64; 3] = [
+    1.0,
+    180.0 / core::f64::consts::PI,
+    core::f64::consts::PI / 180.0,
+];
+/// By what part factors may differ from these.
+const SAME_PART: f64 = 0.1;
+
+/// What a column is taken for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Judged {
+    pub(crate) role: Role,
+    pub(crate) unit: Option<&'static str>,
+    /// Why, in words.
+    pub(crate) reason: String,
+    pub(crate) derivative: Option<Derivative>,
+    /// The factor of its unit, as assigned; 1 where nothing is.
+    pub(crate) factor: f64,
+    /// The joint that it was assigned to.
+    pub(crate) assigned: Option<String>,
+    pub(crate) meaning: Meaning,
+}
+
+impl Judged {
+    /// The factor to SI: the assigned one, or that of degrees where the name says so.
+    pub(crate) fn unit_factor(&self) -> f64 {
+        match (&self.assigned, self.unit) {
+            (None, Some("deg")) => core::f64::consts::PI / 180.0,
+            _ => self.factor,
+        }
+    }
+}
+
+/// What is known of the columns before they are judged.
+pub(crate) struct Known<'a> {
+    /// The titles of all columns.
+    pub(crate) titles: &'a [String],
+    pub(crate) named: bool,
+    /// The indices of the columns that have numbers: the judged ones.
+    pub(crate) numbers: &'a [usize],
+    /// Which of these is the time.
+    pub(crate) time: Option<usize>,
+    pub(crate) surveyed: &'a Surveyed,
+    /// What columns were assigned to.
+    pub(crate) assignments: &'a [Assignment],
+    /// Whether the rows have times.
+    pub(crate) timed: bool,
+    /// The names of a robot's coordinates; empty without a robot.
+    pub(crate) coordinates: &'a [String],
+    /// The indices of those that are actuated.
+    pub(crate) actuated: &'a [usize],
+}
+
+impl Known<'_> {
+    fn is_constant(&self, k: usize) -> bool {
+        let survey = self.surveyed.columns.get(k + 1);
+        survey.is_some_and(crate::columns::Survey::is_constant)
+    }
+
+    /// The noise of a column over its deviation.
+    fn roughness(&self, k: usize) -> f64 {
+        let survey = self.surveyed.columns.get(k + 1);
+        survey.map_or(f64::INFINITY, |s| s.encoder.noise / s.deviation.max(1e-300))
+    }
+
+    /// What a column was assigned to: its role, joint and factor.
+    fn assigned(&self, k: usize) -> Option<(Role, &str, &Assignment)> {
+        let index = *self.numbers.get(k)?;
+        let title = self.titles.get(index)?;
+        let is_own = |a: &&Assignment| match a.number {
+            Some(number) => number == index + 1,
+            None if self.titles.contains(&a.column) => a.column == *title,
+            None => a.column.parse() == Ok(index + 1),
+        };
+        let found = self.assignments.iter().find(is_own)?;
+        let (role, joint) = match &found.quantity {
+            Quantity::Position(joint) => (Role::Position, joint),
+            Quantity::Velocity(joint) => (Role::Velocity, joint),
+            Quantity::Acceleration(joint) => (Role::Acceleration, joint),
+            Quantity::Effort(joint) if found.is_current() => (Role::Current, joint),
+            Quantity::Effort(joint) => (Role::Effort, joint),
+            Quantity::Time => return None,
+        };
+        Some((role, joint, found))
+    }
+
+    pub(crate) fn title(&self, k: usize) -> &str {
+        let index = self.numbers.get(k);
+        index.and_then(|i| self.titles.get(*i)).map_or("", |t| t)
+    }
+}
+
+/// The column whose derivative each column is, if there is one: the most certain.
+fn derivatives(known: &Known<'_>, relations: &Relations) -> Vec<Option<(usize, f64, f64)>> {
+    let count = known.numbers.len();
+    let of = |b: usize| {
+        let all = (0..count).filter(|a| Some(*a) != known.time && Some(b) != known.time);
+        let found = all.filter_map(|a| Some((a, relations.derivative(a, b)?)));
+        let best = found.max_by(|x, y| x.1.1.abs().total_cmp(&y.1.1.abs()));
+        best.map(|(a, (factor, correlation))| (a, factor, correlation))
+    };
+    (0..count).map(of).collect()
+}
+
+/// The joint of a name as it is compared: `q_1` is the joint 1.
+pub(crate) fn key(joint: &str) -> &str {
+    match joint.strip_prefix("q_") {
+        Some(rest) if rest.chars().all(|c| c.is_ascii_digit()) => rest,
+        _ => joint,
+    }
+}
+
+/// Judges all columns of numbers.
+pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
+    let found = derivatives(known, relations);
+    let mut out: Vec<Judged> = (0..known.numbers.len())
+        .map(|k| by_name(known, k))
+        .collect();
+    // `elbow` beside `tau_elbow` is a position
+    let of_joints: Vec<String> = out
+        .iter()
+        .filter(|j| matches!(j.role, Role::Velocity | Role::Effort | Role::Current))
+        .map(|j| key(&j.meaning.joint).to_owned())
+        .collect();
+    for judged in &mut out {
+        let joint = key(&judged.meaning.joint);
+        if judged.role == Role::Other && !joint.is_empty() && of_joints.iter().any(|j| j == joint) {
+            judged.role = Role::Position;
+            "others are named after it".clone_into(&mut judged.reason);
+        }
+    }
+    by_relation(known, &found, &mut out);
+    for (judged, derivative) in out.iter_mut().zip(&found) {
+        // an effort may look like the rate of a position by accident
+        if matches!(judged.role, Role::Velocity | Role::Acceleration) {
+            judged.derivative = derivative.map(|(a, factor, correlation)| Derivative {
+                of: known.numbers.get(a).map_or(0, |i| i + 1),
+                factor,
+                correlation,
+            });
+        }
+    }
+    if !out.iter().any(|j| j.role == Role::Position) {
+        by_order(known, &mut out);
+    }
+    efforts_by_order(known, &mut out);
+    out
+}
+
+/// What a column's name says of it; without a robot's or a plain name, what its values say.
+fn by_name(known: &Known<'_>, k: usize) -> Judged {
+    let title = known.title(k);
+    let mut out = Judged {
+        factor: 1.0,
+        ..Judged::default()
+    };
+    if let Some((role, joint, assignment)) = known.assigned(k) {
+        out.role = role;
+        out.unit = assignment.unit;
+        out.factor = assignment.factor;
+        out.assigned = Some(joint.to_owned());
+        "it is assigned".clone_into(&mut out.reason);
+        return out;
+    }
+    if Some(k) == known.time {
+        out.role = Role::Time;
+        "it grows evenly".clone_into(&mut out.reason);
+        return out;
+    }
+    if known.named {
+        out.meaning = meaning(title);
+        out.unit = out.meaning.unit;
+        out.role = match out.meaning.role {
+            // another clock says nothing
+            Role::Time | Role::Other | Role::Constant => Role::Other,
+            _ if out.meaning.commanded => Role::Command,
+            role => role,
+        };
+        for name in known.coordinates {
+            let prefixes = [
+                ("", Role::Position),
+                ("qd_", Role::Velocity),
+                ("qdd_", Role::Acceleration),
+                ("tau_", Role::Effort),
+            ];
+            for (prefix, role) in prefixes {
+                if title.strip_prefix(prefix) == Some(name.as_str()) {
+                    out.role = role;
+                }
+            }
+        }
+        if out.role != Role::Other {
+            "by its name".clone_into(&mut out.reason);
+        }
+    }
+    if out.role == Role::Other && known.is_constant(k) {
+        out.role = Role::Constant;
+    }
+    out
+}
+
+/// Columns without a name of their own that are derivatives of others, and those others.
+fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
+    let positive = |b: usize| {
+        let derivative = found.get(b).copied().flatten();
+        derivative.filter(|(_, _, c)| *c >= CERTAIN)
+    };
+    for b in 0..out.len() {
+        let Some((a, factor, _)) = positive(b) else {
+            continue;
+        };
+        let second = positive(a).is_some_and(|(c, ..)| c != b);
+        // the torque of a light joint is its acceleration but for a factor
+        if second
+            && known.timed
+            && !SAME_UNIT
+                .iter()
+                .any(|u| (factor / u - 1.0).abs() < SAME_PART)
+        {
+            continue;
+        }
+        let (own, other) = if second {
+            (Role::Acceleration, Role::Velocity)
+        } else {
+            (Role::Velocity, Role::Position)
+        };
+        let title = |k: usize| {
+            if known.named {
+                format!("`{}`", known.title(k))
+            } else {
+                format!("column {}", known.numbers.get(k).map_or(0, |i| i + 1))
+            }
+        };
+        if out[b].role == Role::Other && matches!(out[a].role, Role::Other) || out[a].role == other
+        {
+            if out[b].role == Role::Other {
+                out[b].role = own;
+                out[b].reason = format!("it is the derivative of {}", title(a));
+            }
+            if out[a].role == Role::Other {
+                out[a].role = other;
+                out[a].reason = format!("{} is its derivative", title(b));
+            }
+        }
+    }
+}
+
+/// Positions and efforts where nothing else tells them: smooth columns, and behind them as many
+/// rough ones.
+fn by_order(known: &Known<'_>, out: &mut [Judged]) {
+    let left: Vec<usize> = (0..out.len())
+        .filter(|k| out[*k].role == Role::Other)
+        .collect();
+    let (first, second) = left.split_at(left.len() / 2);
+    let typical = |columns: &[usize]| {
+        let all: Vec<f64> = columns.iter().map(|k| known.roughness(*k)).collect();
+        crate::clock::median(&all)
+    };
+    let rough_enough = typical(first) <= SMOOTHER * typical(second);
+    if first.is_empty() || first.len() != second.len() || !rough_enough {
+        return;
+    }
+    for (columns, role) in [(first, Role::Position), (second, Role::Effort)] {
+        for k in columns {
+            out[*k].role = role;
+            "smooth columns, and behind them as many rough ones: a guess"
+                .clone_into(&mut out[*k].reason);
+        }
+    }
+}
+
+/// Efforts among columns without names: the first ones behind the motion, as many as joints.
+fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
+    let count = out.iter().filter(|j| j.role == Role::Position).count();
+    let some = out
+        .iter()
+        .any(|j| matches!(j.role, Role::Effort | Role::Current));
+    let last = out
+        .iter()
+        .rposition(|j| matches!(j.role, Role::Position | Role::Velocity | Role::Acceleration));
+    let (false, false, Some(last)) = (some, count == 0, last) else {
+        return;
+    };
+    let free = |k: &usize| matches!(out[*k].role, Role::Other | Role::Constant);
+    // anywhere behind, but together
+    let start = (last + 1..out.len()).find(|k| {
+        let block = *k..k + count;
+        block.end <= out.len() && block.clone().all(|k| free(&k)) && !known.is_constant(*k)
+    });
+    let Some(start) = start else { return };
+    for judged in &mut out[start..start + count] {
+        judged.role = Role::Effort;
+        "as many as joints, behind the motion: a guess".clone_into(&mut judged.reason);
+    }
+}

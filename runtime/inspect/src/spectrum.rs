@@ -1,0 +1,286 @@
+//! Power spectral densities by Welch's method, row by row, and what they say of signal and noise.
+//!
+//! P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE
+//! Transactions on Audio and Electroacoustics 15(2), 1967: means over blocks that overlap by half,
+//! without their trends. The window is the third power of Hann's: an encoder's noise may be twelve
+//! orders of magnitude below the motion, which other windows spread over all frequencies.
+
+use serde::Serialize;
+
+use crate::fft::Fft;
+
+/// The part of half the sampling rate between which the noise floor is looked for.
+const FLOOR_BAND: [f64; 2] = [0.75, 0.98];
+/// A density this many times the floor is signal.
+const SIGNAL_OVER_FLOOR: f64 = 3.0;
+/// The signal has ended where the density stays below that up to this many times the frequency.
+const QUIET_BAND: f64 = 1.5;
+/// The part of a signal's power up to which it counts.
+const SIGNAL_PART: f64 = 0.999;
+/// Densities at the beginning and the end of the floor's band that differ by more are no floor.
+const MAX_FLOOR_SLOPE: f64 = 10.0;
+/// Part of the frequency over which densities are averaged before they are compared.
+const SMOOTHING: f64 = 0.05;
+/// The length of a block, s, where the log is long enough.
+const BLOCK_SECONDS: f64 = 20.0;
+/// Bounds of the number of rows in a block.
+const BLOCK_ROWS: [usize; 2] = [64, 16_384];
+/// Most points of a spectrum for a picture.
+const PICTURE_POINTS: usize = 240;
+
+/// The number of rows in a block for a log of so many rows with this step, s.
+pub(crate) fn block_rows(rows: usize, step: f64) -> usize {
+    let most = (BLOCK_SECONDS / step).clamp(0.0, 1e9);
+    #[allow(clippy::cast_sign_loss, reason = "clamped")]
+    let wanted = (most as usize).min(rows / 3);
+    let wanted = wanted.clamp(BLOCK_ROWS[0], BLOCK_ROWS[1]);
+    // the power of two below
+    1 << wanted.ilog2()
+}
+
+/// The density of one column, gathered row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct Welch {
+    fft: Fft,
+    window: Vec<f64>,
+    recent: Vec<f64>,
+    sums: Vec<f64>,
+    blocks: usize,
+}
+
+impl Welch {
+    pub(crate) fn new(size: usize) -> Self {
+        let angle = |k: usize| core::f64::consts::TAU * k as f64 / size as f64;
+        Self {
+            fft: Fft::new(size),
+            window: (0..size)
+                .map(|k| (0.5 - 0.5 * libm::cos(angle(k))).powi(3))
+                .collect(),
+            recent: Vec::with_capacity(size),
+            sums: vec![0.0; size / 2 + 1],
+            blocks: 0,
+        }
+    }
+
+    /// Begins a new block: the next row does not follow the last one.
+    pub(crate) fn restart(&mut self) {
+        self.recent.clear();
+    }
+
+    pub(crate) fn push(&mut self, value: f64) {
+        let size = self.window.len();
+        self.recent.push(value);
+        if self.recent.len() < size {
+            return;
+        }
+        let block = without_trend(&self.recent);
+        let windowed = block.iter().zip(&self.window).map(|(x, w)| x * w);
+        let windowed: Vec<f64> = windowed.collect();
+        for (sum, power) in self.sums.iter_mut().zip(self.fft.power(&windowed)) {
+            *sum += power;
+        }
+        self.blocks += 1;
+        self.recent.drain(..size / 2);
+    }
+
+    /// The density of rows at this rate, Hz; `None` without a whole block.
+    pub(crate) fn finish(self, rate: f64) -> Option<Density> {
+        if self.blocks == 0 {
+            return None;
+        }
+        let energy: f64 = self.window.iter().map(|w| w * w).sum();
+        // of both signs of a frequency
+        let scale = 2.0 / (rate * energy * self.blocks as f64);
+        Some(Density {
+            values: self.sums.iter().map(|x| x * scale).collect(),
+            step: rate / self.window.len() as f64,
+            blocks: self.blocks,
+        })
+    }
+}
+
+/// Values less the straight line that fits them best.
+fn without_trend(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let middle = 0.5 * (n - 1.0);
+    let mean = values.iter().sum::<f64>() / n;
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (k, value) in values.iter().enumerate() {
+        let x = k as f64 - middle;
+        xy += x * (value - mean);
+        xx += x * x;
+    }
+    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+    let off = |(k, value): (usize, &f64)| value - mean - slope * (k as f64 - middle);
+    values.iter().enumerate().map(off).collect()
+}
+
+/// A one-sided power spectral density.
+#[derive(Clone, Debug)]
+pub(crate) struct Density {
+    /// Unit^2/Hz, from frequency 0.
+    values: Vec<f64>,
+    /// Hz between the values.
+    step: f64,
+    blocks: usize,
+}
+
+/// What a column's spectrum says.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spectrum {
+    /// The density of the noise at high frequencies, unit^2/Hz.
+    pub floor: f64,
+    /// The standard deviation of white noise of this density at the rate of the rows, in the
+    /// column's unit.
+    pub noise: f64,
+    /// Whether the noise is about the same at all high frequencies; if not, the column passed a
+    /// filter before it was logged, or is signal at all frequencies.
+    pub flat: bool,
+    /// The frequency from which on the signal cannot be told from the noise, Hz; `None` where it is
+    /// above the noise at all frequencies.
+    pub meets: Option<f64>,
+    /// The frequency below which the signal has 99.9 % of its power, Hz; of a position that of its
+    /// acceleration.
+    pub ends: f64,
+}
+
+impl Density {
+    /// The median of the density between two parts of half the rate, as a mean of noise.
+    fn level(&self, band: [f64; 2]) -> f64 {
+        let last = self.values.len().saturating_sub(1) as f64;
+        #[allow(clippy::cast_sign_loss, reason = "parts are positive")]
+        let [from, to] = band.map(|part| (part * last) as usize);
+        let mut band = self.values.get(from..to).unwrap_or_default().to_vec();
+        band.sort_by(f64::total_cmp);
+        let median = band.get(band.len() / 2).copied().unwrap_or(0.0);
+        // the median of a chi-squared variable by Wilson and Hilferty; blocks that overlap by half
+        // are hardly dependent under the window
+        let m = self.blocks as f64;
+        median / (1.0 - 1.0 / (9.0 * m)).powi(3)
+    }
+
+    /// The mean density around a frequency's number.
+    fn around(&self, k: usize) -> f64 {
+        #[allow(clippy::cast_sign_loss, reason = "positive")]
+        let side = (SMOOTHING * k as f64) as usize + 1;
+        let band = k.saturating_sub(side)..(k + side + 1).min(self.values.len());
+        let count = band.len().max(1) as f64;
+        self.values
+            .get(band)
+            .unwrap_or_default()
+            .iter()
+            .sum::<f64>()
+            / count
+    }
+
+    /// - `order`: of the derivative whose power counts for the end of the signal.
+    pub(crate) fn judge(&self, order: i32) -> Spectrum {
+        let floor = self.level(FLOOR_BAND);
+        let middle = 0.5 * (FLOOR_BAND[0] + FLOOR_BAND[1]);
+        let low = self.level([FLOOR_BAND[0], middle]);
+        let high = self.level([middle, FLOOR_BAND[1]]);
+        let last = self.values.len().saturating_sub(1);
+        let quiet: Vec<bool> = (0..=last)
+            .map(|k| self.around(k) <= SIGNAL_OVER_FLOOR * floor)
+            .collect();
+        let stays = |k: &usize| {
+            #[allow(clippy::cast_sign_loss, reason = "positive")]
+            let end = ((QUIET_BAND * *k as f64) as usize + 2).min(last);
+            *k < last
+                && quiet
+                    .get(*k..end)
+                    .is_some_and(|band| band.iter().all(|q| *q))
+        };
+        let meets = (1..last).find(stays);
+        let until = meets.unwrap_or(last);
+        let power = |k: usize| {
+            let own = (self.values.get(k).copied().unwrap_or(0.0) - floor).max(0.0);
+            own * (k as f64).powi(2 * order)
+        };
+        let all: f64 = (1..=until).map(power).sum();
+        let mut sum = 0.0;
+        let end = (1..=until).find(|k| {
+            sum += power(*k);
+            sum >= SIGNAL_PART * all
+        });
+        Spectrum {
+            floor,
+            noise: (floor * self.step * last as f64).sqrt(),
+            flat: low <= MAX_FLOOR_SLOPE * high,
+            meets: meets.map(|k| k as f64 * self.step),
+            ends: end.unwrap_or(until) as f64 * self.step,
+        }
+    }
+
+    /// Frequencies and the square roots of the densities, averaged to what a picture shows.
+    pub(crate) fn picture(&self) -> Vec<(f64, f64)> {
+        let last = self.values.len().saturating_sub(1);
+        let ratio = libm::pow((last.max(2)) as f64, 1.0 / PICTURE_POINTS as f64);
+        let mut out = Vec::new();
+        let mut from = 1;
+        while from <= last {
+            #[allow(clippy::cast_sign_loss, reason = "positive")]
+            let to = ((from as f64 * ratio) as usize).max(from + 1).min(last + 1);
+            let band = self.values.get(from..to).unwrap_or_default();
+            let mean = band.iter().sum::<f64>() / band.len().max(1) as f64;
+            let middle = 0.5 * (from + to - 1) as f64;
+            out.push((middle * self.step, mean.sqrt()));
+            from = to;
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Noise;
+
+    /// The spectrum of a signal at 200 Hz.
+    fn spectrum(order: i32, signal: impl Fn(f64) -> f64, sigma: f64) -> Spectrum {
+        let rows = 12_000;
+        let mut welch = Welch::new(block_rows(rows, 5e-3));
+        let mut noise = Noise::new(3);
+        for k in 0..rows {
+            welch.push(signal(5e-3 * k as f64) + sigma * noise.normal());
+        }
+        welch.finish(200.0).unwrap().judge(order)
+    }
+
+    #[test]
+    fn noise_is_measured_beside_a_signal_and_both_meet_where_they_are_equal() {
+        // decays of 1/f^4 in density, and no signal above 12 Hz
+        let signal = |t: f64| {
+            let harmonics = (1..=60).map(|k| f64::from(k) * 0.2);
+            let one = |f: f64| (core::f64::consts::TAU * f * t + f * f).sin() / (f * f);
+            harmonics.map(one).sum::<f64>()
+        };
+        let found = spectrum(2, signal, 1e-4);
+        assert!((found.noise / 1e-4 - 1.0).abs() < 0.05, "{found:?}");
+        assert!(found.flat);
+        let meets = found.meets.unwrap();
+        // averages over a twentieth of the frequency, and the window, widen it
+        assert!((11.5..13.6).contains(&meets), "{found:?}");
+        assert!((11.0..=meets).contains(&found.ends), "{found:?}");
+        // stronger noise covers the end of the signal
+        let noisy = spectrum(2, signal, 1.0);
+        assert!((2.0..5.0).contains(&noisy.meets.unwrap()), "{noisy:?}");
+        assert!((noisy.noise - 1.0).abs() < 0.05, "{noisy:?}");
+    }
+
+    #[test]
+    fn a_strong_slow_motion_does_not_hide_the_noise_of_a_fine_encoder() {
+        let slow = |t: f64| 0.7 * (core::f64::consts::TAU * 0.31 * t).sin();
+        let found = spectrum(2, slow, 1e-7);
+        assert!((found.noise / 1e-7 - 1.0).abs() < 0.05, "{found:?}");
+        assert!(found.meets.unwrap() < 2.5 && found.ends < 1.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_block_is_a_power_of_two_within_its_bounds() {
+        assert_eq!(block_rows(12_000, 5e-3), 2048);
+        assert_eq!(block_rows(100, 5e-3), 64);
+        assert_eq!(block_rows(10_000_000, 1e-5), 16_384);
+        assert_eq!(block_rows(5000, f64::NAN), 64);
+    }
+}

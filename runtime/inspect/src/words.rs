@@ -1,0 +1,219 @@
+//! What is worth knowing of a log, as sentences.
+
+use regen_identify::text::figure_of;
+
+use crate::clock::ClockSource;
+use crate::log::LogFacts;
+use crate::names::Role;
+
+/// The least share of rows at an extreme that is told as saturation.
+const SATURATED_SHARE: f64 = 1e-3;
+/// The least number of consecutive rows at it.
+const SATURATED_ROWS: usize = 4;
+/// A delay is told that is more than this many deviations, and part of a step.
+const CERTAIN_DEVIATIONS: f64 = 4.0;
+const MIN_DELAY_STEPS: f64 = 0.5;
+/// Shares of rest that are told.
+const MUCH_REST: f64 = 0.05;
+/// A joint that rests in more of the rows never moves.
+const ALL_REST: f64 = 0.999;
+/// Units by the factor between a position and the integral of its velocity.
+const UNITS: [(f64, &str); 4] = [
+    (
+        180.0 / core::f64::consts::PI,
+        "degrees, its velocity in radians",
+    ),
+    (
+        core::f64::consts::PI / 180.0,
+        "radians, its velocity in degrees",
+    ),
+    (1e3, "mm, its velocity in m"),
+    (1e-3, "m, its velocity in mm"),
+];
+
+fn percent(share: f64) -> String {
+    format!("{} %", figure_of(2, 100.0 * share))
+}
+
+/// How a column is called.
+pub(crate) fn title(found: &LogFacts, number: usize) -> String {
+    match found.column(number) {
+        Some(column) if found.named => format!("`{}`", column.name),
+        _ => format!("column {number}"),
+    }
+}
+
+/// Everything that is worth telling.
+pub(crate) fn notes(found: &LogFacts) -> Vec<String> {
+    let mut out = Vec::new();
+    clock(found, &mut out);
+    columns(found, &mut out);
+    derivatives(found, &mut out);
+    efforts(found, &mut out);
+    out
+}
+
+fn clock(found: &LogFacts, out: &mut Vec<String>) {
+    let clock = &found.clock;
+    if found.unusable > 0 {
+        let first = found.problems.first().map_or("", String::as_str);
+        out.push(format!("{} rows cannot be read; {first}", found.unusable));
+    }
+    match clock.source {
+        ClockSource::Unknown => out.push(
+            "nothing gives the time: frequencies are per row; state the rate of the rows"
+                .to_owned(),
+        ),
+        ClockSource::Velocities => out.push(format!(
+            "there is no column of time; positions change as velocities say at {} Hz",
+            figure_of(4, clock.rate)
+        )),
+        ClockSource::Column | ClockSource::Rate => {}
+    }
+    if !clock.even {
+        out.push(format!(
+            "the clock is uneven, with steps of {} to {} ms: filters need an even grid",
+            figure_of(3, 1e3 * clock.steps[0]),
+            figure_of(3, 1e3 * clock.steps[1])
+        ));
+    }
+    if let Some(gap) = clock.first_gaps.first() {
+        out.push(format!(
+            "{} gaps, the first of {} s before row {}",
+            clock.gaps,
+            figure_of(3, gap.seconds),
+            gap.row
+        ));
+    }
+    if clock.backwards > 0 {
+        out.push(format!(
+            "the time of {} rows is not after that of the row before",
+            clock.backwards
+        ));
+    }
+}
+
+fn columns(found: &LogFacts, out: &mut Vec<String>) {
+    for column in &found.columns {
+        let name = title(found, column.number);
+        let constant = column.low.value >= column.high.value;
+        match column.role {
+            Role::Position if constant || column.resting > ALL_REST => {
+                out.push(format!("{name} never moves"));
+            }
+            Role::Position if column.resting > MUCH_REST => out.push(format!(
+                "{name} rests in {} of the rows, where friction is static",
+                percent(column.resting)
+            )),
+            Role::Effort | Role::Current if constant => {
+                out.push(format!("{name} is the same in all rows"));
+            }
+            Role::Effort | Role::Current | Role::Velocity => {
+                for extreme in [column.low, column.high] {
+                    if extreme.longest >= SATURATED_ROWS && extreme.share >= SATURATED_SHARE {
+                        out.push(format!(
+                            "{name} stands at its extreme {} in {} of the rows, up to {} one \
+                             behind the other: it may be saturated",
+                            figure_of(4, extreme.value),
+                            percent(extreme.share),
+                            extreme.longest
+                        ));
+                    }
+                }
+            }
+            _ => {}
+        }
+        let flat = column.spectrum.is_none_or(|s| s.flat);
+        if !flat && matches!(column.role, Role::Effort | Role::Current) {
+            out.push(format!(
+                "{name} has no even noise at high frequencies: it was filtered before it was \
+                 logged, or carries signal at all frequencies"
+            ));
+        }
+    }
+}
+
+fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
+    for joint in &found.joints {
+        let Some((column, position)) = joint
+            .velocity
+            .and_then(|v| found.column(v))
+            .zip(joint.position)
+        else {
+            continue;
+        };
+        let Some(derivative) = column.derivative else {
+            continue;
+        };
+        let (own, of) = (title(found, column.number), title(found, derivative.of));
+        if derivative.of != position {
+            let taken = title(found, position);
+            let other = found.column(derivative.of).map(|c| c.role);
+            if other == Some(Role::Position) {
+                out.push(format!(
+                    "{own} is the derivative of {of}, and not of {taken}"
+                ));
+            }
+        } else if derivative.factor < 0.0 {
+            out.push(format!(
+                "{own} has the opposite sign of the derivative of {of}"
+            ));
+        } else if let Some((_, words)) = UNITS
+            .iter()
+            .find(|(factor, _)| (derivative.factor / factor - 1.0).abs() < 0.1)
+        {
+            out.push(format!(
+                "{of} looks like one in {words}: a unit must be stated"
+            ));
+        } else if (derivative.factor - 1.0).abs() > 0.2 {
+            out.push(format!(
+                "{of} changes {} times as fast as {own} says: a unit or a gear differs",
+                figure_of(3, derivative.factor)
+            ));
+        }
+    }
+}
+
+fn efforts(found: &LogFacts, out: &mut Vec<String>) {
+    for effort in &found.efforts {
+        let name = title(found, effort.column);
+        let Some(joint) = &effort.follows else {
+            continue;
+        };
+        if *joint != effort.joint {
+            out.push(format!(
+                "{name} is taken for the effort of {} and follows the motion of {joint}",
+                effort.joint
+            ));
+        }
+        if effort.reversed {
+            out.push(format!(
+                "{name} has the opposite sign of the motion of {joint}"
+            ));
+        }
+    }
+    let rate = found.clock.rate;
+    let certain = found.efforts.iter().filter_map(|effort| {
+        let [seconds, sigma] = effort.delay?;
+        let seen = seconds.abs() > CERTAIN_DEVIATIONS * sigma;
+        (seen && seconds.abs() * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
+    });
+    let certain: Vec<(usize, f64)> = certain.collect();
+    // an effort before its motion shows what the regression lacks, and then nothing is certain
+    if certain.iter().any(|(_, seconds)| *seconds < 0.0) {
+        return;
+    }
+    let late: Vec<String> = certain
+        .iter()
+        .map(|(column, seconds)| {
+            let title = title(found, *column);
+            format!("{title} {} ms", figure_of(3, 1e3 * seconds))
+        })
+        .collect();
+    if !late.is_empty() && found.clock.source != ClockSource::Unknown {
+        out.push(format!(
+            "efforts are behind the motion: {}",
+            late.join(", ")
+        ));
+    }
+}

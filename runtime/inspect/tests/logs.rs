@@ -1,0 +1,267 @@
+//! Facts that were put into simulated logs are found again.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use regen_identify::data::{Run, Settings};
+use regen_inspect::{ClockSource, LogFacts, Role, inspect, proposal};
+
+/// What is put into a log of two coupled joints.
+#[derive(Clone)]
+struct Facts {
+    header: &'static str,
+    rate: f64,
+    seconds: f64,
+    /// Steps of the encoders, rad.
+    step: f64,
+    /// The highest frequency of the motion, Hz, whose lowest is a twentieth of it.
+    highest: f64,
+    /// By how much the efforts are behind the motion, s.
+    delay: f64,
+    /// The bound of the first effort.
+    bound: f64,
+    /// Time of rest at the beginning, s.
+    rest: f64,
+    /// Whether rows have times, and velocities.
+    timed: bool,
+    velocities: bool,
+    /// Factors of the efforts, and whether they are exchanged.
+    signs: [f64; 2],
+    exchanged: bool,
+}
+
+const PLAIN: Facts = Facts {
+    header: "t,a,b,tau_a,tau_b",
+    rate: 200.0,
+    seconds: 40.0,
+    step: 1e-5,
+    highest: 2.0,
+    delay: 0.0,
+    bound: f64::INFINITY,
+    rest: 0.0,
+    timed: true,
+    velocities: false,
+    signs: [1.0; 2],
+    exchanged: false,
+};
+
+/// Position, velocity and acceleration of a joint: four harmonics of a base frequency.
+fn motion(joint: usize, t: f64, highest: f64) -> [f64; 3] {
+    let mut out = [0.0; 3];
+    for k in [1, 5, 11, 20] {
+        let w = TAU * highest / 20.0 * f64::from(k);
+        let phase = 0.7 * f64::from(k) + 2.1 * joint as f64;
+        let size = 0.5 / f64::from(k).powf(1.2);
+        let (s, c) = (w * t + phase).sin_cos();
+        out[0] += size * s;
+        out[1] += size * w * c;
+        out[2] -= size * w * w * s;
+    }
+    out
+}
+
+/// The efforts of both joints of an arm in an upright plane, with friction.
+fn efforts(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
+    let friction = |v: f64| 0.8 * (v / 1e-2).tanh() + 0.4 * v;
+    let both = (a[0] + b[0]).cos();
+    [
+        1.1 * a[2] + 0.2 * b[2] + 6.0 * a[0].cos() + 1.5 * both + friction(a[1]),
+        0.2 * a[2] + 0.3 * b[2] + 1.5 * both + 0.5 * friction(b[1]),
+    ]
+}
+
+/// What is found in a log with these facts.
+fn found(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
+    let mut text = String::new();
+    if !facts.header.is_empty() {
+        text.push_str(facts.header);
+        text.push('\n');
+    }
+    let mut state = 9_u64;
+    let mut noise = || {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            sum += (state >> 33) as f64 / 2_f64.powi(31);
+        }
+        0.02 * sum
+    };
+    let rows = facts.rate * facts.seconds;
+    for k in 0.. {
+        let t = f64::from(k) / facts.rate;
+        if f64::from(k) >= rows {
+            break;
+        }
+        let moved = (t - facts.rest).max(0.0);
+        let at = |t: f64| {
+            [0, 1].map(|joint| {
+                let mut state = motion(joint, t, facts.highest);
+                if t <= 0.0 {
+                    (state[1], state[2]) = (0.0, 0.0);
+                }
+                state
+            })
+        };
+        let [a, b] = at(moved);
+        let [late_a, late_b] = at((moved - facts.delay).max(0.0));
+        let tau = efforts(late_a, late_b).map(|x| x + noise());
+        let mut tau = [
+            facts.signs[0] * tau[0].min(facts.bound),
+            facts.signs[1] * tau[1],
+        ];
+        if facts.exchanged {
+            tau.reverse();
+        }
+        let read = |q: f64| (q / facts.step).round() * facts.step;
+        let mut cells = Vec::new();
+        cells.extend(facts.timed.then_some(t));
+        cells.extend([read(a[0]), read(b[0])]);
+        if facts.velocities {
+            cells.extend([a[1], b[1]]);
+        }
+        cells.extend(tau);
+        let cells: Vec<String> = cells.iter().map(|x| format!("{x:.9}")).collect();
+        writeln!(text, "{}", cells.join(",")).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-{name}-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let out = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    (out, path)
+}
+
+fn told(found: &LogFacts, words: &str) -> bool {
+    found.notes.iter().any(|note| note.contains(words))
+}
+
+#[test]
+fn steps_noise_cutoff_and_period_are_those_of_the_log() {
+    let facts = Facts {
+        step: 1e-3,
+        ..PLAIN
+    };
+    let (found, _) = found("plain", &facts);
+    let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
+    assert_eq!(
+        roles[1..],
+        [Role::Position, Role::Position, Role::Effort, Role::Effort]
+    );
+    assert!((found.clock.rate - 200.0).abs() < 1e-6 && found.clock.even);
+    for column in &found.columns[1..3] {
+        assert!(
+            (column.encoder_step - 1e-3).abs() < 1e-8,
+            "{}",
+            column.encoder_step
+        );
+    }
+    for column in &found.columns[3..] {
+        assert!((column.noise / 0.02 - 1.0).abs() < 0.1, "{}", column.noise);
+        let floor = column.spectrum.unwrap();
+        // the steps of friction add a little at all frequencies
+        let noise = floor.noise / 0.02;
+        assert!((0.9..1.4).contains(&noise) && floor.flat, "{floor:?}");
+    }
+    // the highest frequency, widened by the window of the spectrum
+    let cutoff = found.cutoff.unwrap();
+    assert!((2.0..2.6).contains(&cutoff), "{cutoff}");
+    let period = found.period.unwrap();
+    assert!((period.seconds - 10.0).abs() < 0.02 && (period.repetitions - 4.0).abs() < 0.02);
+    for (effort, joint) in found.efforts.iter().zip(["a", "b"]) {
+        assert_eq!(
+            (effort.follows.as_deref(), effort.reversed),
+            (Some(joint), false)
+        );
+    }
+    assert!(found.notes.is_empty(), "{:?}", found.notes);
+}
+
+#[test]
+fn the_delay_of_efforts_is_found_within_its_deviation() {
+    for delay in [0.0, 0.012] {
+        let (found, _) = found("delay", &Facts { delay, ..PLAIN });
+        for effort in &found.efforts {
+            let [seconds, sigma] = effort.delay.unwrap();
+            assert!((seconds - delay).abs() < 4.0 * sigma, "{effort:?}");
+            assert!(sigma < 2e-3, "{effort:?}");
+        }
+        assert_eq!(told(&found, "efforts are behind the motion"), delay > 0.0);
+    }
+}
+
+#[test]
+fn exchanged_and_reversed_efforts_are_told_by_friction() {
+    let swapped = Facts {
+        exchanged: true,
+        ..PLAIN
+    };
+    let (swapped, _) = found("swapped", &swapped);
+    assert!(told(
+        &swapped,
+        "`tau_a` is taken for the effort of a and follows the motion of b"
+    ));
+    assert!(told(
+        &swapped,
+        "`tau_b` is taken for the effort of b and follows the motion of a"
+    ));
+    assert!(!told(&swapped, "opposite sign"));
+    let signs = [1.0, -1.0];
+    let (reversed, _) = found("reversed", &Facts { signs, ..PLAIN });
+    assert!(told(
+        &reversed,
+        "`tau_b` has the opposite sign of the motion of b"
+    ));
+    assert!(!told(&reversed, "`tau_a`"));
+}
+
+#[test]
+fn saturation_and_rest_are_told_with_their_shares() {
+    let facts = Facts {
+        bound: 8.0,
+        rest: 8.0,
+        ..PLAIN
+    };
+    let (found, _) = found("bounds", &facts);
+    let effort = &found.columns[3];
+    assert!((effort.high.value - 8.0).abs() < 1e-9 && effort.high.share > 0.05);
+    assert!(told(&found, "`tau_a` stands at its extreme 8.000"));
+    assert!(!told(&found, "`tau_b` stands"));
+    for column in &found.columns[1..3] {
+        assert!((column.resting - 0.2).abs() < 0.02, "{}", column.resting);
+    }
+    assert!(told(&found, "`a` rests in"));
+}
+
+#[test]
+fn a_log_without_header_and_time_is_understood_by_its_derivatives() {
+    let facts = Facts {
+        header: "",
+        timed: false,
+        velocities: true,
+        rate: 125.0,
+        ..PLAIN
+    };
+    let (found, path) = found("bare", &facts);
+    let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
+    let [p, v, e] = [Role::Position, Role::Velocity, Role::Effort];
+    assert_eq!(roles, [p, p, v, v, e, e]);
+    assert_eq!(found.columns[3].derivative.unwrap().of, 2);
+    assert_eq!(found.clock.source, ClockSource::Velocities);
+    assert!(
+        (found.clock.rate - 125.0).abs() < 1.5,
+        "{}",
+        found.clock.rate
+    );
+    let text = proposal(&[Run::from(path)], &[found], false).unwrap();
+    for line in [
+        "  \"*\": {column: 1..2}",
+        "  \"qd_*\": {column: 3..4}",
+        "  \"tau_*\": {column: 5..6}",
+        "rate: 1",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
