@@ -171,7 +171,7 @@ pub(crate) struct SimulatedArgs {
     pub(crate) loop_bandwidth: f64,
     /// Seconds at the start of each log that `didim` leaves out, where it
     /// follows columns of commands
-    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE)]
     pub(crate) settle: f64,
     /// Length of the windows of `response`, s, whose first states are estimated
     #[arg(long, value_name = "S", default_value_t = 1.0)]

@@ -1,0 +1,101 @@
+//! The scores of a rehearsal for people.
+
+use regen_rehearse::ParameterScore;
+
+use super::RehearseJson;
+use crate::table;
+
+/// The table of all parameters, and the scores over all of them.
+pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
+    let score = json.score;
+    let count = json.durations.len();
+    let seeds = match score.seeds {
+        1 => "1 seed".to_owned(),
+        seeds => format!("{seeds} seeds"),
+    };
+    let mut out = format!("{}, {seeds}, {}\n", json.robot, json.estimator);
+    let longest = json.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
+    let runs = match count {
+        1 => format!("1 of {} s", table::figure_of(4, longest)),
+        _ => format!("{count} of up to {} s", table::figure_of(4, longest)),
+    };
+    let runs = format!("{runs}, every {} s, {}", json.step, json.motion);
+    out.push_str(&table::field("runs", &runs));
+    if let Some(unmodelled) = &json.unmodelled {
+        out.push_str(&table::field("not modelled", unmodelled));
+    }
+    if let Some(first) = score.failed.first() {
+        let why = first.why.lines().next().unwrap_or_default();
+        let text = format!(
+            "{} of {}; seed {}: {why}",
+            score.failed.len(),
+            score.seeds,
+            first.seed
+        );
+        out.push_str(&table::field("failed", &text));
+    }
+    out.push('\n');
+    let estimates = score.seeds - score.failed.len();
+    let level = format!("in {} %", table::figure_of(3, score.level));
+    let head = [
+        "parameter", "truth", "mean", "rms %", "sigma %", &level, "3 sigma", "bias",
+    ];
+    let lines: Vec<Vec<String>> = score
+        .parameters
+        .iter()
+        .map(|parameter| line(parameter, estimates))
+        .collect();
+    out.push_str(&table::columns(&head, &lines));
+    out.push('\n');
+    if let (Some(within), Some(inside)) = (score.within, score.inside) {
+        let text = format!(
+            "{within:.2} % of all values; {:.1} % of the seeds in {}",
+            score.least, score.lowest
+        );
+        out.push_str(&table::field("in 3 sigma", &text));
+        let [low, high] = score.by_chance;
+        let text = format!(
+            "{inside:.1} % of all intervals; {low:.0} to {high:.0} % of a parameter's by chance"
+        );
+        out.push_str(&table::field(&level, &text));
+    }
+    if let Some(error) = score.relative_absolute {
+        let mut text = format!("{error:.3} % on a fresh run");
+        if let Some(of_truth) = score.relative_absolute_of_truth {
+            text += &format!(", {of_truth:.3} % with the true parameters");
+        }
+        out.push_str(&table::field("eps_RA", &text));
+    }
+    let verdict = if json.passed { "passed" } else { "not passed" };
+    let text = format!("{:.1} %, {} % needed: {verdict}", score.least, json.needed);
+    out.push_str(&table::field("score", &text));
+    out
+}
+
+/// The row of a parameter.
+fn line(parameter: &ParameterScore, estimates: usize) -> Vec<String> {
+    let figure = |digits: usize, value: Option<f64>| {
+        value.map_or_else(|| "-".to_owned(), |x| table::figure_of(digits, x))
+    };
+    let share = |count: usize| match estimates {
+        0 => "-".to_owned(),
+        all => format!("{:.0}", 100.0 * count as f64 / all as f64),
+    };
+    let of_truth = |x: f64| 100.0 * x / parameter.truth.abs();
+    let sigma = parameter.sigma.map(of_truth).filter(|x| x.is_finite());
+    let mark = if parameter.is_low && estimates > 0 {
+        "!"
+    } else {
+        ""
+    };
+    vec![
+        parameter.label.clone(),
+        table::figure_of(4, parameter.truth),
+        figure(4, parameter.mean),
+        figure(2, parameter.rms_percent),
+        figure(2, sigma),
+        share(parameter.inside) + mark,
+        share(parameter.within),
+        figure(2, parameter.bias),
+    ]
+}
