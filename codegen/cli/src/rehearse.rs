@@ -164,9 +164,18 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     if passed {
         return Ok(());
     }
+    let why = match score.failed.first() {
+        Some(first) if score.failed.len() == score.seeds => {
+            format!("no seed has an estimate, the first one because {}", first.why)
+        }
+        _ => format!(
+            "{} is within 3 sigma of the truth in too few seeds",
+            score.lowest
+        ),
+    };
     Err(Failure::Check(format!(
-        "the score is {:.1} %, below {} %: {} is within 3 sigma of the truth in too few seeds",
-        score.least, args.score, score.lowest
+        "the score is {:.1} %, below {} %: {why}",
+        score.least, args.score
     )))
 }
 

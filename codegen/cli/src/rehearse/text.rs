@@ -34,9 +34,21 @@ pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
         );
         out.push_str(&table::field("failed", &text));
     }
-    out.push('\n');
     let estimates = score.seeds - score.failed.len();
-    let level = format!("in {} %", table::figure_of(3, score.level));
+    if estimates > 0 {
+        out.push_str(&of_estimates(json, estimates));
+    }
+    let verdict = if json.passed { "passed" } else { "not passed" };
+    let text = format!("{:.1} %, {} % needed: {verdict}", score.least, json.needed);
+    out.push_str(&table::field("score", &text));
+    out
+}
+
+/// The table of the parameters and what it says in all, of so many seeds with an estimate.
+fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
+    let score = json.score;
+    let mut out = "\n".to_owned();
+    let level = format!("in {} %", (100.0 * score.level).round() / 100.0);
     let head = [
         "parameter", "truth", "mean", "rms %", "sigma %", &level, "3 sigma", "bias",
     ];
@@ -66,9 +78,6 @@ pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
         }
         out.push_str(&table::field("eps_RA", &text));
     }
-    let verdict = if json.passed { "passed" } else { "not passed" };
-    let text = format!("{:.1} %, {} % needed: {verdict}", score.least, json.needed);
-    out.push_str(&table::field("score", &text));
     out
 }
 
@@ -77,17 +86,10 @@ fn line(parameter: &ParameterScore, estimates: usize) -> Vec<String> {
     let figure = |digits: usize, value: Option<f64>| {
         value.map_or_else(|| "-".to_owned(), |x| table::figure_of(digits, x))
     };
-    let share = |count: usize| match estimates {
-        0 => "-".to_owned(),
-        all => format!("{:.0}", 100.0 * count as f64 / all as f64),
-    };
+    let share = |count: usize| format!("{:.0}", 100.0 * count as f64 / estimates as f64);
     let of_truth = |x: f64| 100.0 * x / parameter.truth.abs();
     let sigma = parameter.sigma.map(of_truth).filter(|x| x.is_finite());
-    let mark = if parameter.is_low && estimates > 0 {
-        "!"
-    } else {
-        ""
-    };
+    let mark = if parameter.is_low { "!" } else { "" };
     vec![
         parameter.label.clone(),
         table::figure_of(4, parameter.truth),
