@@ -166,7 +166,10 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     }
     let why = match score.failed.first() {
         Some(first) if score.failed.len() == score.seeds => {
-            format!("no seed has an estimate, the first one because {}", first.why)
+            format!(
+                "no seed has an estimate, the first one because {}",
+                first.why
+            )
         }
         _ => format!(
             "{} is within 3 sigma of the truth in too few seeds",
@@ -212,7 +215,10 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
         (own.friction && !is(&[ls]), "--friction"),
         (own.prior.is_some() && !physical, "--prior"),
         (own.reference && !is(&[iv, didim]), "--reference"),
-        (own.loop_bandwidth.is_some() && !is(&[didim]), "--loop-bandwidth"),
+        (
+            own.loop_bandwidth.is_some() && !is(&[didim]),
+            "--loop-bandwidth",
+        ),
         (reading.energy.is_some() && !is(&[ls, huber]), "--energy"),
         (reading.energy.is_some() && own.friction, "--energy"),
         (!reading.delay.is_empty() && simulates, "--delay"),

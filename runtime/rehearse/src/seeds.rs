@@ -196,7 +196,10 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
         return wrong("the duration of a run", "must be at least one time step");
     }
     if let Estimator::Physical { draws: 0, .. } = rehearsal.estimator {
-        return wrong("the number of draws", "must not be 0: there would be no interval");
+        return wrong(
+            "the number of draws",
+            "must not be 0: there would be no interval",
+        );
     }
     if let Estimator::Instrumental { along: Some(_) } = rehearsal.estimator {
         let periods = rehearsal.settle / rehearsal.motion.period();

@@ -75,7 +75,12 @@ where
         }
         let (fresh, runs) = match files.split_last() {
             Some((fresh, runs)) if !runs.is_empty() => (fresh.clone(), runs),
-            _ => return Err(RehearseError::Setting("durations", "must have one at least")),
+            _ => {
+                return Err(RehearseError::Setting(
+                    "durations",
+                    "must have one at least",
+                ));
+            }
         };
         let made = Made {
             motion: self.motion,
@@ -131,7 +136,9 @@ where
             return Ok(Err(text));
         }
         let text = log.csv(&info, &settings, self.settle, LogColumns::Commanded);
-        let file = self.folder.join(format!("seed{seed}-run{}.csv", number + 1));
+        let file = self
+            .folder
+            .join(format!("seed{seed}-run{}.csv", number + 1));
         fs::write(&file, text).map_err(|why| RehearseError::Io {
             file: file.display().to_string(),
             why,

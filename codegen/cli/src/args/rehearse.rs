@@ -142,7 +142,9 @@ impl FromStr for UnmodelledArg {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let Some(("stribeck", figures)) = text.split_once('=') else {
-            return Err(format!("`{text}` is not stribeck=PART or stribeck=PART,SPEED"));
+            return Err(format!(
+                "`{text}` is not stribeck=PART or stribeck=PART,SPEED"
+            ));
         };
         let number = |text: &str| match text.trim().parse::<f64>() {
             Ok(value) if value.is_finite() && value > 0.0 => Ok(value),

@@ -50,7 +50,14 @@ fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
     let mut out = "\n".to_owned();
     let level = format!("in {} %", (100.0 * score.level).round() / 100.0);
     let head = [
-        "parameter", "truth", "mean", "rms %", "sigma %", &level, "3 sigma", "bias",
+        "parameter",
+        "truth",
+        "mean",
+        "rms %",
+        "sigma %",
+        &level,
+        "3 sigma",
+        "bias",
     ];
     let lines: Vec<Vec<String>> = score
         .parameters

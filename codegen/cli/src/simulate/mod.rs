@@ -110,7 +110,8 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         let settings = twin.run(args.twin.seed, number, duration + settle);
         let from = number as f64 * settings.duration;
         let mut progress = |t: f64| bar.set_position(thousandths(from + t));
-        let found = simulate_with_progress(&model, &twin.parameters, &motion, &settings, &mut progress);
+        let found =
+            simulate_with_progress(&model, &twin.parameters, &motion, &settings, &mut progress);
         let found = found.map_err(|error| misuse(&error))?;
         if let Some(why) = reason(found.ended) {
             bar.finish_and_clear();

@@ -90,10 +90,7 @@ fn unknown(parameters: &[Parameter<'_>], values: &[Option<f64>]) -> impl Iterato
 }
 
 /// Parameters that have the base parameters of a file; all others are zero.
-fn identified(
-    source: Described<'_>,
-    path: &Path,
-) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
+fn identified(source: Described<'_>, path: &Path) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
     let robot = load::loaded_derived(&load::source(source.file)?, source.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
