@@ -293,7 +293,7 @@ fn huber(own: &SolvingArgs) -> Option<f64> {
 }
 
 /// The estimator of the options; `start` are the base parameters before they are perturbed.
-fn estimator(args: &RehearseArgs, start: Vec<f64>) -> Result<Estimator<'_>, Failure> {
+fn estimator(args: &RehearseArgs, start: Vec<f64>) -> Result<Estimator, Failure> {
     let own = &args.solving;
     Ok(match own.estimator {
         EstimatorArg::Ls | EstimatorArg::Huber if own.feasible || own.friction => {
@@ -316,7 +316,7 @@ fn estimator(args: &RehearseArgs, start: Vec<f64>) -> Result<Estimator<'_>, Fail
         }
         EstimatorArg::Ls | EstimatorArg::Huber => Estimator::LeastSquares,
         EstimatorArg::Iv => Estimator::Instrumental {
-            along: own.reference.then_some(args.twin.pid.as_slice()),
+            along: own.reference,
         },
         EstimatorArg::Didim => Estimator::Didim {
             along: own.reference,

@@ -44,29 +44,29 @@ fn run(dir: &Path, words: &str) -> Run {
 }
 
 /// The rehearsal that the tests change.
-const CRANE: &str = "rehearse crane.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 --duration 4 \
-                     --step 0.005 --bandwidth 6 --butterworth 4,15";
+const CRANE: &str = "rehearse crane.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 --duration 4 --bandwidth 6 \
+                     --butterworth 4,15";
 
 #[test]
 fn a_setting_that_fits_passes_and_every_figure_is_consistent() {
     let dir = prepared("rehearse_passes");
-    let words = format!("{CRANE} --seeds 12 --score 75");
-    let text = run(&dir, &words).ended(0).out;
+    let words = format!("{CRANE} --seeds 10 --score 75");
+    let text = run(&dir, &format!("{CRANE} --seeds 1")).ended(0).out;
     assert!(text.lines().all(|l| l.chars().count() <= 80), "{text}");
     assert!(text.contains("passed") && text.contains("eps_RA"), "{text}");
     let json = run(&dir, &format!("{words} --format json")).ended(0).json();
     assert_eq!(json["version"], 1);
     assert_eq!(
         (&json["seeds"], &json["failed"]),
-        (&12.into(), &Value::Array(vec![]))
+        (&10.into(), &Value::Array(vec![]))
     );
     let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
     let rows = json["parameters"].as_array().unwrap();
     let least = rows
         .iter()
         .map(|row| of(row, "within"))
-        .fold(12.0, f64::min);
-    assert!((of(&json, "least") - 100.0 * least / 12.0).abs() < 1e-9);
+        .fold(10.0, f64::min);
+    assert!((of(&json, "least") - 100.0 * least / 10.0).abs() < 1e-9);
     for row in rows {
         let sigma = of(row, "sigma");
         assert!(of(row, "rms") < 2.5 * sigma, "{row}");
@@ -75,10 +75,10 @@ fn a_setting_that_fits_passes_and_every_figure_is_consistent() {
     }
     // a fresh run has its noise, which the truth explains no better
     let [ours, truth] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
-    assert!(truth > 0.1 && ours < 1.1 * truth, "{ours} {truth}");
+    assert!(truth > 0.01 && ours < 1.1 * truth, "{ours} {truth}");
     // the true values are those of the log that `simulate` writes from the same seed
     let same = "simulate crane.yaml --trajectory m.json --perturb 0.1 --exact --out exact.csv \
-                --duration 4 --step 0.005 --bandwidth 6";
+                --duration 4 --bandwidth 6";
     run(&dir, same).ended(0);
     let exact = run(&dir, "identify crane.yaml exact.csv --format json")
         .ended(0)
@@ -95,7 +95,7 @@ fn a_setting_that_fits_passes_and_every_figure_is_consistent() {
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let dir = prepared("rehearse_threads");
-    let words = format!("{CRANE} --duration 2 --seeds 5 --score 0 --format json --threads");
+    let words = format!("{CRANE} --seeds 3 --score 0 --format json --threads");
     let [one, three] = ["1", "3"].map(|threads| run(&dir, &format!("{words} {threads}")).ended(0));
     assert_eq!(one.out, three.out);
 }
@@ -103,13 +103,25 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn a_setting_that_does_not_fit_ends_with_code_1() {
     let dir = prepared("rehearse_fails");
-    let stribeck = run(&dir, &format!("{CRANE} --seeds 4 --unmodelled stribeck=2")).ended(1);
+    let stribeck = run(
+        &dir,
+        &format!("{CRANE} --seeds 4 --unmodelled stribeck=2,1"),
+    )
+    .ended(1);
     assert!(stribeck.out.contains("not modelled"), "{}", stribeck.out);
     assert!(stribeck.err.contains("below 90 %: Fc("), "{}", stribeck.err);
     // positions of coarse encoders without any filter: velocities and accelerations are noise
     let bare = CRANE.replace("--butterworth 4,15", "--quantum 1e-3");
     let bare = run(&dir, &format!("{bare} --seeds 4 --format json")).ended(1);
     assert_eq!(bare.json()["passed"], false);
+    // a loop that is tuned to the estimate, not to what the robot was tuned to
+    let tuned = CRANE.replace("--butterworth 4,15", "--estimator didim --loop-bandwidth 6");
+    let tuned = run(&dir, &format!("{tuned} --seeds 2 --format json")).ended(1);
+    assert!(
+        tuned.json()["least"].as_f64().unwrap() < 50.0,
+        "{}",
+        tuned.out
+    );
     // a filter so low that no equation is left: every seed fails, and is counted
     let low = CRANE.replace("4,15", "4,0.5");
     let low = run(&dir, &format!("{low} --seeds 2 --format json")).ended(1);
@@ -126,20 +138,18 @@ fn every_estimator_is_rehearsed() {
         "--estimator iv --reference",
         "--feasible --draws 30",
     ] {
-        let words = format!("{CRANE} {more} --seeds 4 --score 75 --format json");
+        let words = format!("{CRANE} {more} --seeds 2 --score 50 --format json");
         let json = run(&dir, &words).ended(0).json();
-        assert_eq!(json["seeds"], 4, "{more}");
+        assert_eq!(json["failed"], serde_json::json!([]), "{more}");
     }
-    let simulated = CRANE.replace("--butterworth 4,15", "--duration 2 --score 50 --seeds 2");
+    let simulated = CRANE.replace("--butterworth 4,15", "--score 50 --seeds 2");
     for (more, name) in [
         ("didim", "DIDIM"),
-        ("didim --reference --settle 2 --loop-bandwidth 6", "DIDIM"),
+        ("didim --reference --settle 2", "DIDIM"),
         ("response", "responses to commands"),
     ] {
         let words = format!("{simulated} --estimator {more} --format json");
-        let json = run(&dir, &words.replacen("--duration 4", "", 1))
-            .ended(0)
-            .json();
+        let json = run(&dir, &words).ended(0).json();
         assert_eq!(json["estimator"], name, "{more}");
     }
 }
@@ -147,34 +157,36 @@ fn every_estimator_is_rehearsed() {
 #[test]
 fn a_closed_loop_is_found_in_every_seed() {
     let dir = scratch("rehearse_loop");
-    let folder = root().join("runtime/guide/fivebar");
-    for file in ["fivebar.yaml", "run1.csv", "run2.csv", "runs.yaml"] {
-        fs::copy(folder.join(file), dir.join(file)).unwrap();
-    }
-    // durations, step and filter are those of the experiment file and its log
-    let words = "rehearse fivebar.yaml runs.yaml --noise 1e-5,0.001 --bandwidth 10 --perturb 0.05 --seeds 2 \
-                 --keep logs --score 100 --format json";
+    let spec = root().join("runtime/guide/fivebar/fivebar.yaml");
+    fs::copy(spec, dir.join("fivebar.yaml")).unwrap();
+    let motion = r#"{"format":"regen-trajectory","robot":"picker","coordinates":["q1","q3"],
+        "base_frequency":0.5,"harmonics":2,"offset":[2.0,1.1],
+        "cosine":[[0.1,0.05],[0.05,-0.08]],"sine":[[0.15,0.05],[-0.12,0.06]]}"#;
+    fs::write(dir.join("m.json"), motion).unwrap();
+    let words = "rehearse fivebar.yaml --trajectory m.json --noise 1e-5,0.01 --bandwidth 10 --perturb 0.05 \
+                 --duration 8 --butterworth 4,20 --seeds 4 --score 100 --keep logs --format json";
     let json = run(&dir, words).ended(0).json();
-    let first = fs::read_to_string(dir.join("run1.csv")).unwrap();
-    let rows = first.lines().count() - 1;
-    let log = fs::read_to_string(dir.join("logs/seed1-run1.csv")).unwrap();
-    assert_eq!(log.lines().count() - 1, rows, "{}", json["durations"]);
+    assert_eq!(json["parameters"].as_array().unwrap().len(), 15);
+    let log = fs::read_to_string(dir.join("logs/seed3-run1.csv")).unwrap();
     assert!(log.starts_with("t,q1,q3,cmd_q1,cmd_q3,tau_q1,tau_q3\n"));
-    assert_eq!(json["lowest"], "Izz(1)", "all alike: the first one");
 }
 
 #[test]
-fn an_experiment_without_logs_says_how_long_runs_are() {
+fn an_experiment_says_how_long_runs_are_with_or_without_their_logs() {
     let dir = prepared("rehearse_planned");
     let runs = "rate: 250\nprocess:\n  filter: {butterworth: {order: 4, cutoff: 15}}\n  delay: auto\n\
                 columns: {x: {column: 2, unit: mm}}\nruns:\n  - {files: a.csv, rows: [1, 751]}\n  \
                 - {files: b.csv, times: [1, 3]}\n  - {files: c.csv}\n  \
+                - {files: there.csv}\n  \
                 - {files: d.csv, use: validate}\n";
     fs::write(dir.join("runs.yaml"), runs).unwrap();
+    let rows = (0..301).map(|k| format!("{},0.1,0.2\n", 5 * k));
+    let log = "n,place,q\n".to_owned() + &rows.collect::<String>();
+    fs::write(dir.join("there.csv"), log).unwrap();
     let words = "rehearse crane.yaml runs.yaml --trajectory m.json --noise 1e-5,0.02 --bandwidth 6 \
                  --seeds 1 --score 0 --format json";
     let json = run(&dir, words).ended(0).json();
-    assert_eq!(json["durations"], serde_json::json!([3.0, 2.0, 2.0]));
+    assert_eq!(json["durations"], serde_json::json!([3.0, 2.0, 2.0, 1.2]));
     assert_eq!(json["step"], 0.004);
     assert_eq!(json["failed"], serde_json::json!([]));
 }
@@ -186,11 +198,11 @@ fn what_is_wrong_is_said_with_the_remedy() {
         .replace(" friction: linear,", "")
         .replace(
             "nominal: {Fv: 4.0, Fc: 1.0}",
-            "rotor_inertia: true, nominal: {Ia: 0}",
+            "rotor_inertia: true, nominal: {J: 0}",
         )
         .replace(
             "nominal: {Fv: 0.3, Fc: 0.2}",
-            "rotor_inertia: true, nominal: {Ia: 0}",
+            "rotor_inertia: true, nominal: {J: 0}",
         );
     fs::write(dir.join("plain.yaml"), plain).unwrap();
     fs::write(dir.join("bare.yaml"), SPEC.split("bodies:").next().unwrap()).unwrap();

@@ -2,7 +2,7 @@
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_experiment::instruments::instrumental;
-use regen_experiment::simulate::{Gains, Reference, Settings as Simulated};
+use regen_experiment::simulate::{Gains, Pid, Reference, Settings as Simulated};
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{Run, Track, tracks};
 use regen_identify::feasibility::MAX_OPTIMAL_GAP;
@@ -21,7 +21,7 @@ use crate::error::RehearseError;
 
 /// The estimator that is rehearsed, with the settings that are its own.
 #[derive(Clone, Debug)]
-pub enum Estimator<'a> {
+pub enum Estimator {
     /// Least squares, with Huber's weights where the options of the solution say so.
     LeastSquares,
     /// Physically feasible parameters from least squares.
@@ -35,8 +35,8 @@ pub enum Estimator<'a> {
     },
     /// Instrumental variables, from the smoothed measured motion or from a simulated one.
     Instrumental {
-        /// The gains that replace tuned ones where the loop is simulated along the motion.
-        along: Option<&'a [Gains]>,
+        /// Whether the loop is simulated along the motion, with the gains of its controllers.
+        along: bool,
     },
     /// Efforts at the motion of the simulated loop.
     Didim {
@@ -58,7 +58,7 @@ pub enum Estimator<'a> {
     },
 }
 
-impl Estimator<'_> {
+impl Estimator {
     /// The estimator's name.
     pub fn name(&self) -> &'static str {
         match self {
@@ -92,7 +92,7 @@ pub(crate) struct Made<'a> {
 
 /// Identifies from the logs of a seed.
 pub(crate) fn estimate<M>(
-    estimator: &Estimator<'_>,
+    estimator: &Estimator,
     session: &mut Session<'_, M>,
     runs: &[Run],
     made: &Made<'_>,
@@ -124,7 +124,8 @@ where
         }
         Estimator::Instrumental { along } => {
             let start = least_squares(session, runs)?;
-            let reference = along.map(|gains| (made.motion, gains));
+            let gains = gains(&Model::<f64>::info(session.model), &made.settings.pid);
+            let reference = along.then_some((made.motion, gains.as_slice()));
             let found = instrumental(session, &start, runs, reference)?;
             Ok(settled(
                 found.model,
@@ -155,6 +156,15 @@ fn least_squares<M: BaseModel<f64> + ?Sized>(
 ) -> Result<LeastSquaresStart, RehearseError> {
     let mut logs = session.open(runs)?;
     Ok(from_logs(session, &mut logs)?)
+}
+
+/// The gains of controllers, by the names of their joints.
+fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
+    let named = info.actuated.iter().zip(pid).map(|(joint, pid)| Gains {
+        name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
+        values: [pid.kp, pid.ki, pid.kd],
+    });
+    named.collect()
 }
 
 fn settled(model: IdentifiedModel, is_settled: bool, rounds: usize) -> Estimated {

@@ -63,10 +63,12 @@ pub struct ParameterScore {
     pub mean: Option<f64>,
     /// The root mean square of the error, SI.
     pub rms: Option<f64>,
-    /// The same in percent of the truth; `None` where that is 0.
+    /// The same in percent of the truth; `None` where that is 0, up to rounding.
     pub rms_percent: Option<f64>,
     /// The mean standard deviation that the estimator states, SI.
     pub sigma: Option<f64>,
+    /// The same in percent of the truth; `None` where that is 0, up to rounding.
+    pub sigma_percent: Option<f64>,
     /// The mean error over the mean stated standard deviation.
     pub bias: Option<f64>,
     /// The number of seeds with an interval.
@@ -132,6 +134,13 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     mean.is_finite().then_some(mean)
 }
 
+/// The greatest percentage of the truth: of more, the truth is a rounding error of 0.
+const MOST_PERCENT: f64 = 1e9;
+
+fn is_percent(percent: &f64) -> bool {
+    *percent < MOST_PERCENT
+}
+
 /// The score of the base parameter with the index `k`; fewer than `fewest` intervals that hold the
 /// truth are too few.
 fn one(label: &str, truth: f64, k: usize, fits: &[&Fit], fewest: usize) -> ParameterScore {
@@ -155,10 +164,11 @@ fn one(label: &str, truth: f64, k: usize, fits: &[&Fit], fewest: usize) -> Param
         truth,
         mean: mean(values()),
         rms,
-        rms_percent: rms
-            .map(|rms| 100.0 * rms / truth.abs())
-            .filter(|x| x.is_finite()),
+        rms_percent: rms.map(|rms| 100.0 * rms / truth.abs()).filter(is_percent),
         sigma,
+        sigma_percent: sigma
+            .map(|sigma| 100.0 * sigma / truth.abs())
+            .filter(is_percent),
         bias: error
             .zip(sigma)
             .map(|(error, sigma)| error / sigma)

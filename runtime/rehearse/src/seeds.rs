@@ -41,7 +41,7 @@ pub struct Rehearsal<'a, M: ?Sized> {
     /// The level of the intervals, in (0, 1).
     pub confidence: f64,
     /// The estimator.
-    pub estimator: Estimator<'a>,
+    pub estimator: Estimator,
     /// The seed of the first trial; the others follow it.
     pub first: u64,
     /// The number of seeds.
@@ -201,7 +201,7 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
             "must not be 0: there would be no interval",
         );
     }
-    if let Estimator::Instrumental { along: Some(_) } = rehearsal.estimator {
+    if let Estimator::Instrumental { along: true } = rehearsal.estimator {
         let periods = rehearsal.settle / rehearsal.motion.period();
         if (periods - periods.round()).abs() > 1e-9 * periods.max(1.0) {
             return wrong(

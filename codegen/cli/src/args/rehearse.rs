@@ -38,7 +38,8 @@ period. A log in place of RUNS gives duration and rate too.
 
 `didim` and `response` know the controllers, and start from the parameters
 before --perturb; with --loop-bandwidth didim tunes its own. --reference tells
-iv and didim the trajectory, as the option of that name does in `identify`.
+iv (with the controllers' gains) and didim the trajectory, as the option of that
+name does in `identify`.
 
 --unmodelled stribeck=PART adds to joints with `friction: coulomb` or `linear`
 what the model has not: static friction exceeds Coulomb's by that part of it,

@@ -94,15 +94,13 @@ fn line(parameter: &ParameterScore, estimates: usize) -> Vec<String> {
         value.map_or_else(|| "-".to_owned(), |x| table::figure_of(digits, x))
     };
     let share = |count: usize| format!("{:.0}", 100.0 * count as f64 / estimates as f64);
-    let of_truth = |x: f64| 100.0 * x / parameter.truth.abs();
-    let sigma = parameter.sigma.map(of_truth).filter(|x| x.is_finite());
     let mark = if parameter.is_low { "!" } else { "" };
     vec![
         parameter.label.clone(),
         table::figure_of(4, parameter.truth),
         figure(4, parameter.mean),
         figure(2, parameter.rms_percent),
-        figure(2, sigma),
+        figure(2, parameter.sigma_percent),
         share(parameter.inside) + mark,
         share(parameter.within),
         figure(2, parameter.bias),
