@@ -34,7 +34,7 @@ pub struct Score {
     /// truth, in all but 0.2 % of such rehearsals, if intervals keep their level. That of all
     /// parameters varies no more.
     pub by_chance: [f64; 2],
-    /// The mean eps_RA (Eq. 33) on a fresh run, percent.
+    /// The mean eps_RA (Eq. 33) on a run that is not identified from, percent.
     pub relative_absolute: Option<f64>,
     /// The same of the true parameters: the part of noise, and of what the model does not have.
     pub relative_absolute_of_truth: Option<f64>,
@@ -89,6 +89,7 @@ impl Score {
         trials: &[Trial],
         asked: usize,
         confidence: f64,
+        error_of_truth: Option<f64>,
     ) -> Self {
         let fits = trials.iter().filter_map(|t| t.outcome.as_ref().ok());
         let fits: Vec<&Fit> = fits.collect();
@@ -103,7 +104,6 @@ impl Score {
         let percent = |count: usize, of: usize| (of > 0).then(|| 100.0 * count as f64 / of as f64);
         let all = parameters.len() * fits.len();
         let lowest = parameters.iter().min_by_key(|p| p.within);
-        let error = |k: usize| mean(fits.iter().map(|fit| fit.errors[k]));
         Self {
             seeds: trials.len(),
             asked,
@@ -116,8 +116,8 @@ impl Score {
             inside: percent(parameters.iter().map(|p| p.inside).sum(), all),
             level: 100.0 * confidence,
             by_chance: [fewest, most].map(|count| percent(count, fits.len()).unwrap_or(0.0)),
-            relative_absolute: error(0),
-            relative_absolute_of_truth: error(1),
+            relative_absolute: mean(fits.iter().filter_map(|fit| fit.error)),
+            relative_absolute_of_truth: error_of_truth,
             parameters,
         }
     }
@@ -197,7 +197,7 @@ mod tests {
             outcome: Ok(Fit {
                 values: vec![value],
                 intervals: vec![interval],
-                errors: [2.0, 1.0],
+                error: Some(2.0),
             }),
         }
     }
@@ -214,7 +214,7 @@ mod tests {
                 outcome: Err("no convergence".to_owned()),
             },
         ];
-        let score = Score::new(&["m(1)"], &[1.0], &trials, 6, 0.95);
+        let score = Score::new(&["m(1)"], &[1.0], &trials, 6, 0.95, Some(1.0));
         let one = &score.parameters[0];
         assert_eq!((one.intervals, one.within, one.inside), (3, 2, 1));
         assert!((score.least - 40.0).abs() < 1e-12, "2 of 5");
@@ -226,6 +226,7 @@ mod tests {
         assert!((one.rms_percent.unwrap_or(0.0) - 100.0 * rms).abs() < 1e-9);
         let bias = (0.3 / 3.0) / (0.31 / 3.0);
         assert!((one.bias.unwrap_or(0.0) - bias).abs() < 1e-9);
+        assert_eq!(score.relative_absolute, Some(2.0));
         assert_eq!(score.relative_absolute_of_truth, Some(1.0));
     }
 
@@ -235,7 +236,7 @@ mod tests {
             seed: 1,
             outcome: Err("no convergence".to_owned()),
         };
-        let score = Score::new(&["m(1)"], &[0.0], &[none], 1, 0.95);
+        let score = Score::new(&["m(1)"], &[0.0], &[none], 1, 0.95, None);
         assert_eq!((score.least, score.inside), (0.0, None));
         assert_eq!(score.parameters[0].rms_percent, None);
         assert_eq!(score.relative_absolute, None);

@@ -25,8 +25,8 @@ pub struct Rehearsal<'a, M: ?Sized> {
     pub twin: &'a Twin,
     /// The motion that its controllers follow.
     pub motion: &'a FourierReference,
-    /// The durations of the runs of each seed, s. One more run, as long as the longest, is predicted
-    /// only.
+    /// The durations of the runs of each seed, s. One more run, as long as the longest, is simulated
+    /// once and predicted with every estimate.
     pub durations: &'a [f64],
     /// Seconds at the start of each run that are left out of its log.
     pub settle: f64,
@@ -137,6 +137,9 @@ where
     let labels: Vec<&str> = base.base.iter().map(|b| b.label).collect();
     let mut truth = vec![0.0; labels.len()];
     BaseModel::<f64>::to_base(model, &rehearsal.twin.parameters, &mut truth)?;
+    let fresh = rehearsal.fresh(&truth)?;
+    let (fresh, error_of_truth) =
+        fresh.map_or((None, None), |(run, error)| (Some(run), Some(error)));
     let next = AtomicUsize::new(0);
     let failed = AtomicBool::new(false);
     let done: Mutex<Vec<(usize, Result<Trial, RehearseError>)>> = Mutex::new(Vec::new());
@@ -146,7 +149,7 @@ where
         if k >= rehearsal.seeds || ends {
             return;
         }
-        let trial = rehearsal.trial(rehearsal.first.wrapping_add(k as u64), &truth);
+        let trial = rehearsal.trial(rehearsal.first.wrapping_add(k as u64), fresh.as_ref());
         if trial.is_err() {
             failed.store(true, Ordering::Relaxed);
         }
@@ -164,6 +167,7 @@ where
             scope.spawn(work);
         }
     });
+    rehearsal.tidy(fresh.as_slice());
     let mut done = done
         .into_inner()
         .unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -176,6 +180,7 @@ where
         &trials?,
         rehearsal.seeds,
         rehearsal.confidence,
+        error_of_truth,
     ))
 }
 

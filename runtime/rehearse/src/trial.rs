@@ -20,8 +20,8 @@ pub(crate) struct Fit {
     pub(crate) values: Vec<f64>,
     /// Their intervals; `None` where the data do not determine a value.
     pub(crate) intervals: Vec<Option<Interval>>,
-    /// eps_RA on a fresh run, percent: of the estimate, and of the true parameters.
-    pub(crate) errors: [f64; 2],
+    /// eps_RA on the fresh run, percent; `None` without such a run.
+    pub(crate) error: Option<f64>,
 }
 
 /// What came of a seed: an estimate, or why there is none, in words.
@@ -36,15 +36,12 @@ where
     M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
 {
     /// Simulates and identifies one seed; failures that belong to the seed are part of the result.
-    pub(crate) fn trial(&self, seed: u64, truth: &[f64]) -> Result<Trial, RehearseError> {
+    ///
+    /// - `fresh`: a run that is predicted only.
+    pub(crate) fn trial(&self, seed: u64, fresh: Option<&Run>) -> Result<Trial, RehearseError> {
         let mut files = Vec::new();
-        let outcome = self.outcome(seed, truth, &mut files);
-        if !self.keep {
-            for file in files.iter().flat_map(|run: &Run| &run.files) {
-                // the folder goes too; what cannot be removed does no harm to the result
-                let _ = fs::remove_file(file);
-            }
-        }
+        let outcome = self.outcome(seed, fresh, &mut files);
+        self.tidy(&files);
         let outcome = match outcome {
             Err(why) if why.is_of_one_seed() => Err(why.to_string()),
             other => other?,
@@ -55,38 +52,22 @@ where
     fn outcome(
         &self,
         seed: u64,
-        truth: &[f64],
-        files: &mut Vec<Run>,
+        fresh: Option<&Run>,
+        runs: &mut Vec<Run>,
     ) -> Result<Result<Fit, String>, RehearseError> {
-        let mut session = Session {
-            model: self.model,
-            reading: self.reading.clone(),
-            kind: self.kind,
-            options: self.options,
-            confidence: self.confidence,
-            watch: &Silent,
-        };
-        // the last one is not identified from
-        let fresh = self.durations.iter().max_by(|a, b| a.total_cmp(b)).copied();
-        for (number, duration) in self.durations.iter().copied().chain(fresh).enumerate() {
-            if let Err(why) = self.log(seed, number, duration, files)? {
-                return Ok(Err(why));
+        for (number, duration) in self.durations.iter().enumerate() {
+            let name = format!("seed{seed}-run{}.csv", number + 1);
+            match self.log(seed, number, *duration, &name)? {
+                Ok(run) => runs.push(run),
+                Err(why) => return Ok(Err(why)),
             }
         }
-        let (fresh, runs) = match files.split_last() {
-            Some((fresh, runs)) if !runs.is_empty() => (fresh.clone(), runs),
-            _ => {
-                return Err(RehearseError::Setting(
-                    "durations",
-                    "must have one at least",
-                ));
-            }
-        };
         let made = Made {
             motion: self.motion,
             settle: self.settle,
             settings: &self.twin.settings,
         };
+        let mut session = self.session();
         let found = estimate(
             &self.estimator,
             &mut session,
@@ -98,25 +79,58 @@ where
             Ok(found) => found,
             Err(why) => return Ok(Err(why)),
         };
-        let true_model = IdentifiedModel {
-            beta: truth.to_vec(),
-            ..IdentifiedModel::default()
+        let error = match fresh {
+            Some(fresh) => error_of(&session, fresh, found.clone())?,
+            None => None,
         };
-        let models = [found, true_model];
-        let errors = compare(&session, &[fresh], &models)?;
-        let error = |k: usize| {
-            let log = errors.get(k).and_then(|logs| logs.first());
-            log.map_or(f64::NAN, |log| log.relative_absolute)
-        };
-        let errors = [error(0), error(1)];
-        let [found, _] = models;
         let mut intervals = found.intervals.base;
         intervals.resize(found.beta.len(), None);
         Ok(Ok(Fit {
             values: found.beta,
             intervals,
-            errors,
+            error,
         }))
+    }
+
+    /// Simulates the run that is predicted only, and predicts it with the true base parameters:
+    /// eps_RA, percent. `None` where it cannot be simulated or read to its end.
+    pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<(Run, f64)>, RehearseError> {
+        let longest = self.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let number = self.durations.len();
+        let Ok(run) = self.log(self.first, number, longest, "fresh.csv")? else {
+            return Ok(None);
+        };
+        let true_model = IdentifiedModel {
+            beta: truth.to_vec(),
+            ..IdentifiedModel::default()
+        };
+        match error_of(&self.session(), &run, true_model) {
+            Ok(error) => Ok(error.map(|error| (run, error))),
+            Err(why) if why.is_of_one_seed() => Ok(None),
+            Err(why) => Err(why),
+        }
+    }
+
+    /// Removes logs, unless they are kept.
+    pub(crate) fn tidy(&self, runs: &[Run]) {
+        if self.keep {
+            return;
+        }
+        for file in runs.iter().flat_map(|run| &run.files) {
+            // a log that cannot be removed does no harm to the result
+            let _ = fs::remove_file(file);
+        }
+    }
+
+    fn session(&self) -> Session<'_, M> {
+        Session {
+            model: self.model,
+            reading: self.reading.clone(),
+            kind: self.kind,
+            options: self.options,
+            confidence: self.confidence,
+            watch: &Silent,
+        }
     }
 
     /// Simulates a run and writes its log; the inner error says why the run ended early.
@@ -125,8 +139,8 @@ where
         seed: u64,
         number: usize,
         duration: f64,
-        files: &mut Vec<Run>,
-    ) -> Result<Result<(), String>, RehearseError> {
+        name: &str,
+    ) -> Result<Result<Run, String>, RehearseError> {
         let info = Model::<f64>::info(self.model);
         let settings = self.twin.run(seed, number, self.settle + duration);
         let log = simulate(self.model, &self.twin.parameters, self.motion, &settings)?;
@@ -136,14 +150,24 @@ where
             return Ok(Err(text));
         }
         let text = log.csv(&info, &settings, self.settle, LogColumns::Commanded);
-        let file = self
-            .folder
-            .join(format!("seed{seed}-run{}.csv", number + 1));
+        let file = self.folder.join(name);
         fs::write(&file, text).map_err(|why| RehearseError::Io {
             file: file.display().to_string(),
             why,
         })?;
-        files.push(file.into());
-        Ok(Ok(()))
+        Ok(Ok(file.into()))
     }
+}
+
+/// eps_RA of a model on a run, percent; `None` where it is not defined.
+fn error_of<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    run: &Run,
+    model: IdentifiedModel,
+) -> Result<Option<f64>, RehearseError> {
+    let errors = compare(session, std::slice::from_ref(run), &[model])?;
+    let error = errors.first().and_then(|logs| logs.first());
+    Ok(error
+        .map(|log| log.relative_absolute)
+        .filter(|error| error.is_finite()))
 }

@@ -22,7 +22,7 @@ The seeds differ in the noise. The table has for each parameter the truth, the
 mean estimate, the rms error and the mean sigma in percent of the truth, the
 percentage of seeds whose interval holds the truth and of those within 3 sigma,
 and the mean error in mean sigmas; ! marks intervals that hold the truth less
-often than chance explains. The last run of each seed is predicted only: eps_RA.
+often than chance explains. One run more is predicted only: eps_RA.
 
 The score is the percentage of seeds within 3 sigma of the truth in the
 parameter where it is lowest; a seed without an estimate counts as missed. The
