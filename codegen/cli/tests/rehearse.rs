@@ -132,25 +132,20 @@ fn a_setting_that_does_not_fit_ends_with_code_1() {
 #[test]
 fn every_estimator_is_rehearsed() {
     let dir = prepared("rehearse_estimators");
-    for more in [
-        "--huber 1.345 --estimator huber",
-        "--estimator iv",
-        "--estimator iv --reference",
-        "--feasible --draws 30",
-    ] {
-        let words = format!("{CRANE} {more} --seeds 2 --score 50 --format json");
-        let json = run(&dir, &words).ended(0).json();
-        assert_eq!(json["failed"], serde_json::json!([]), "{more}");
-    }
-    let simulated = CRANE.replace("--butterworth 4,15", "--score 50 --seeds 2");
+    let short = CRANE.replace("--duration 4", "--seeds 1 --score 0");
     for (more, name) in [
-        ("didim", "DIDIM"),
-        ("didim --reference --settle 2", "DIDIM"),
-        ("response", "responses to commands"),
+        ("--huber 1.345 --estimator huber", "least squares"),
+        ("--estimator iv --reference", "instrumental variables"),
+        ("--feasible --draws 10", "physically feasible least squares"),
+        ("--estimator didim --reference --settle 2", "DIDIM"),
+        ("--estimator response", "responses to commands"),
     ] {
-        let words = format!("{simulated} --estimator {more} --format json");
+        let words = format!("{short} {more} --format json");
         let json = run(&dir, &words).ended(0).json();
         assert_eq!(json["estimator"], name, "{more}");
+        assert_eq!(json["failed"], serde_json::json!([]), "{more}");
+        // most parameters, whatever one seed may give
+        assert!(json["within"].as_f64().unwrap() >= 50.0, "{more}: {json}");
     }
 }
 

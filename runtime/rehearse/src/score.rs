@@ -137,8 +137,11 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 /// The greatest percentage of the truth: of more, the truth is a rounding error of 0.
 const MOST_PERCENT: f64 = 1e9;
 
-fn is_percent(percent: &f64) -> bool {
-    *percent < MOST_PERCENT
+/// An error in percent of the truth; `None` where that is 0, up to rounding.
+fn percent_of(error: f64, truth: f64) -> Option<f64> {
+    let percent = 100.0 * error / truth.abs();
+    // false for NaN
+    (percent < MOST_PERCENT).then_some(percent)
 }
 
 /// The score of the base parameter with the index `k`; fewer than `fewest` intervals that hold the
@@ -164,11 +167,9 @@ fn one(label: &str, truth: f64, k: usize, fits: &[&Fit], fewest: usize) -> Param
         truth,
         mean: mean(values()),
         rms,
-        rms_percent: rms.map(|rms| 100.0 * rms / truth.abs()).filter(is_percent),
+        rms_percent: rms.and_then(|rms| percent_of(rms, truth)),
         sigma,
-        sigma_percent: sigma
-            .map(|sigma| 100.0 * sigma / truth.abs())
-            .filter(is_percent),
+        sigma_percent: sigma.and_then(|sigma| percent_of(sigma, truth)),
         bias: error
             .zip(sigma)
             .map(|(error, sigma)| error / sigma)

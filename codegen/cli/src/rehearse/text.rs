@@ -1,5 +1,7 @@
 //! The scores of a rehearsal for people.
 
+use std::fmt::Write as _;
+
 use regen_rehearse::ParameterScore;
 
 use super::RehearseJson;
@@ -81,7 +83,8 @@ fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
     if let Some(error) = score.relative_absolute {
         let mut text = format!("{error:.3} % on a fresh run");
         if let Some(of_truth) = score.relative_absolute_of_truth {
-            text += &format!(", {of_truth:.3} % with the true parameters");
+            // writing to a String cannot fail
+            let _ = write!(text, ", {of_truth:.3} % with the true parameters");
         }
         out.push_str(&table::field("eps_RA", &text));
     }
