@@ -26,7 +26,9 @@ use crate::identify_json::{EffortJson, IdentifyJson, Summary};
 use crate::{observe, parameters, path, predicted, table, terminal};
 
 /// Huber's bound where none is given.
-const HUBER_BOUND: f64 = 1.345;
+pub(crate) const HUBER_BOUND: f64 = 1.345;
+/// Seconds at the start of each log that DIDIM leaves out where none are given.
+pub(crate) const SETTLE: f64 = 0.5;
 
 /// What the simulating estimators add to the result.
 #[derive(Serialize)]

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// The exit code of an interrupted program: 128 plus the signal's number.
 const INTERRUPTED: i32 = 130;
 
-/// The temporary file that is being written, or `None`.
+/// The temporary file that is being written, or the folder of temporary files, or `None`.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// Whether the command ends by itself after the first interrupt.
 static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
@@ -25,7 +25,7 @@ pub(crate) fn listen() {
         if let Ok(unfinished) = UNFINISHED.lock()
             && let Some(path) = unfinished.as_ref()
         {
-            let _ = fs::remove_file(path);
+            let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
         }
         std::process::exit(INTERRUPTED);
     });
@@ -38,7 +38,7 @@ pub(crate) fn flag() -> &'static AtomicBool {
     &INTERRUPT_SEEN
 }
 
-/// Sets the temporary file that the handler removes; `None` once it is complete.
+/// Sets the temporary file or folder that the handler removes; `None` once it is complete.
 pub(crate) fn set_unfinished(path: Option<&Path>) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         *unfinished = path.map(Path::to_path_buf);

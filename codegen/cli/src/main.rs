@@ -38,6 +38,7 @@ mod physical;
 mod predicted;
 mod progress;
 mod reduce;
+mod rehearse;
 mod report;
 mod simulate;
 mod sources;
@@ -86,6 +87,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Validate(args)) => validate::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Rehearse(args)) => rehearse::run(&args),
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Report(args)) => report::run(&args),
         Some(Command::Schema { of }) => terminal::print(&match of {

@@ -3,13 +3,15 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use regen_identify::IdentifiedModel;
 use regen_identify::estimate::EffortError;
+use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
 use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, observe, parameters, predicted, table, terminal};
+use crate::{experiment, load, observe, parameters, predicted, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
@@ -66,6 +68,10 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
             },
         ));
     }
+    let mut predictions = args
+        .predict
+        .as_ref()
+        .map(|_| Predictions::new(&model, kind));
     for run in &args.logs {
         let mut log = observe::open(&model, std::slice::from_ref(run), &args.reading)?;
         let (set, left_out) = identify::observe(&model, kind, &mut log)?;
@@ -87,6 +93,13 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
                 efforts: found.efforts(),
             });
         }
+        if let Some(predictions) = &mut predictions {
+            let all: Vec<&IdentifiedModel> = models.iter().map(|(found, _)| found).collect();
+            predictions.add(&model, &mut log, &all)?;
+        }
+    }
+    if let (Some(out), Some(predictions)) = (&args.predict, &predictions) {
+        write::atomically(out, &predictions.csv())?;
     }
     let json = ValidateJson {
         robot: robot.name.clone(),
@@ -97,7 +110,11 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
         Format::Human => to_text(&json),
-    })
+    })?;
+    if let Some(out) = &args.predict {
+        terminal::note(&format!("{}: written", out.display()));
+    }
+    Ok(())
 }
 
 fn to_text(json: &ValidateJson) -> String {

@@ -137,6 +137,7 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert_eq!(follow("inspect").len(), 3);
     assert_eq!(follow("logs").len(), 4);
     assert_eq!(follow("response").len(), 4);
+    assert_eq!(follow("rehearse").len(), 3);
     let dir = scratch("guide_report");
     clone(&dir);
     let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \

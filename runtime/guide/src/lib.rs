@@ -29,6 +29,9 @@ pub mod inspect {}
 #[doc = include_str!("../pages/response.md")]
 pub mod response {}
 
+#[doc = include_str!("../pages/rehearse.md")]
+pub mod rehearse {}
+
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}

@@ -171,7 +171,7 @@ pub(crate) struct SimulatedArgs {
     pub(crate) loop_bandwidth: f64,
     /// Seconds at the start of each log that `didim` leaves out, where it
     /// follows columns of commands
-    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE)]
     pub(crate) settle: f64,
     /// Length of the windows of `response`, s, whose first states are estimated
     #[arg(long, value_name = "S", default_value_t = 1.0)]
@@ -206,6 +206,10 @@ if its name ends so) with the labels of all parameters or of all base parameters
 as keys. The table has a row for each PARAMS and a column for each log: eps_RA
 (Eq. 33) in percent.
 
+--predict writes the efforts as they are compared, filtered and only those that
+are used: t, tau_NAME and predicted_NAME for each independent coordinate, and
+predicted2_NAME and so on for --beside; with several logs their number in front.
+
 Examples:
   regen validate robots/3rps.yaml p.json run3.csv run4.csv --fourier 0.1333,11
   regen validate robots/3rps.yaml lsm.json run3.csv run4.csv \\
@@ -221,6 +225,9 @@ pub(crate) struct ValidateArgs {
     /// Further parameters to compare with
     #[arg(long, value_name = "PARAMS", num_args = 1..)]
     pub(crate) beside: Vec<PathBuf>,
+    /// Write measured and predicted efforts of all logs here, CSV
+    #[arg(long, value_name = "FILE")]
+    pub(crate) predict: Option<PathBuf>,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,

@@ -6,6 +6,7 @@ mod identify;
 mod inspect;
 mod physical;
 mod reading;
+mod rehearse;
 mod report;
 mod simulate;
 mod view;
@@ -24,8 +25,9 @@ pub(crate) use physical::{PhysicalArgs, PriorArg};
 pub(crate) use reading::{
     DelayArg, PayloadArg, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
 };
+pub(crate) use rehearse::{RehearseArgs, SolvingArgs, UnmodelledArg};
 pub(crate) use report::ReportArgs;
-pub(crate) use simulate::SimulateArgs;
+pub(crate) use simulate::{SimulateArgs, TwinArgs};
 pub(crate) use view::ViewArgs;
 
 use crate::exit::Failure;
@@ -34,7 +36,7 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  done; with --check: everything is up to date
   1  a check failed: generated source is not up to date or not verified, or the
-     base parameters are incomplete
+     base parameters are incomplete, or a rehearsal is below its score
   2  the command line is wrong
   3  the spec, the states or another file that was given is wrong
   4  a state could not be closed, or is singular; data that leave parameters
@@ -60,6 +62,7 @@ Examples:
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
+  regen rehearse robots/3rps.yaml --trajectory t.json --noise 1e-5,0.5
   regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
 
 A spec that does not parse is explained with line, column and what is allowed.
@@ -176,6 +179,9 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Run the robot under control, with friction and noise, and log what it does
     Simulate(SimulateArgs),
+    /// Identify simulated runs of known parameters, and score how often these are
+    /// found
+    Rehearse(Box<RehearseArgs>),
     /// Show the mechanism in 3D, on one page for a browser
     View(ViewArgs),
     /// Print the JSON Schema of specs or experiment files, for editors

@@ -37,9 +37,6 @@ Examples:
 pub(crate) struct SimulateArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// What to follow, as `regen excite` writes it
-    #[arg(long, value_name = "TRAJECTORY")]
-    pub(crate) trajectory: Option<PathBuf>,
     /// Whether the payloads of the description are carried; with a payload this must
     /// be said
     #[arg(long, value_enum)]
@@ -47,6 +44,33 @@ pub(crate) struct SimulateArgs {
     /// Where the log is written; with --runs, a number is put before .csv
     #[arg(long, value_name = "LOG")]
     pub(crate) out: PathBuf,
+    /// Runs that differ in their noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) runs: usize,
+    /// Log the commanded positions too, as cmd_NAME
+    #[arg(long, conflicts_with = "exact")]
+    pub(crate) commands: bool,
+    /// Write the controllers' gains here, for `identify --controller`: YAML if
+    /// FILE ends in .yaml, else JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) controller: Option<PathBuf>,
+    /// Log all coordinates as they are, with velocities and accelerations
+    #[arg(long)]
+    pub(crate) exact: bool,
+    /// How the summary is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+    #[command(flatten)]
+    pub(crate) twin: TwinArgs,
+}
+
+/// The options of a simulated robot and its runs, shared with `regen rehearse`.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "The simulated robot and its runs")]
+pub(crate) struct TwinArgs {
+    /// What to follow, as `regen excite` writes it
+    #[arg(long, value_name = "TRAJECTORY")]
+    pub(crate) trajectory: Option<PathBuf>,
     /// The robot's true parameters [default: the spec's nominal ones]
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: Option<PathBuf>,
@@ -59,9 +83,9 @@ pub(crate) struct SimulateArgs {
     /// Seconds at the start that are left out of the log
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub(crate) settle: f64,
-    /// Time between samples of the controller and of the log, s
-    #[arg(long, value_name = "S", default_value_t = 0.01)]
-    pub(crate) step: f64,
+    /// Time between samples of the controller and of the log, s [default: 0.01]
+    #[arg(long, value_name = "S")]
+    pub(crate) step: Option<f64>,
     /// Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
@@ -83,25 +107,9 @@ pub(crate) struct SimulateArgs {
     /// Steps of measured positions and, if given, of efforts
     #[arg(long, value_name = "Q[,TAU]", value_parser = one_or_two)]
     pub(crate) quantum: Option<[f64; 2]>,
-    /// Runs that differ in their noise
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(crate) runs: usize,
     /// For all that is by chance: the same seed gives the same logs
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Log the commanded positions too, as cmd_NAME
-    #[arg(long, conflicts_with = "exact")]
-    pub(crate) commands: bool,
-    /// Write the controllers' gains here, for `identify --controller`: YAML if
-    /// FILE ends in .yaml, else JSON
-    #[arg(long, value_name = "FILE")]
-    pub(crate) controller: Option<PathBuf>,
-    /// Log all coordinates as they are, with velocities and accelerations
-    #[arg(long)]
-    pub(crate) exact: bool,
-    /// How the summary is printed
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) format: Format,
 }
 
 /// Parses the controller gains of an option.

@@ -1,23 +1,29 @@
 //! `regen simulate`: simulates a controlled robot and writes the logs that it would record.
 
 mod parameters;
+mod twin;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use regen_experiment::simulate::{
-    Drive, Log, LogColumns, Noise, Sensors, Settings, SimulationError, Termination, TuningError,
-    control, perturb_parameters, simulate_with_progress,
+    Log, LogColumns, Settings, SimulationError, Termination, TuningError, simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::files::Format;
 use regen_runtime::Info;
 use serde::Serialize;
 
-use crate::args::{Format as OutputFormat, SimulateArgs};
+use crate::args::{Format as OutputFormat, SimulateArgs, TwinArgs};
 use crate::exit::Failure;
 use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
+
+pub(crate) use parameters::Described;
+pub(crate) use twin::of as twin;
+
+/// The time between samples where none is given, s.
+pub(crate) const STEP: f64 = 0.01;
 
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]
@@ -60,54 +66,23 @@ struct Run {
 
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
-    check(args)?;
+    if args.runs == 0 {
+        return Err(Failure::Input("--runs must be at least 1".to_owned()));
+    }
+    check(&args.twin)?;
     let robot = load::without_base(&args.file, args.payload)?;
     let model = Interpreted::new(&robot);
     let info = model.info();
-    let motion = path::of(args.trajectory.as_deref(), &model)?;
-    let (nominal, fitted) = parameters::read(args, &model)?;
-    let mut chance = Noise::new(args.seed);
-    let phi = if args.perturb > 0.0 {
-        perturb_parameters(&info, &nominal, args.perturb, &mut chance)
-    } else {
-        nominal.clone()
+    let motion = path::of(args.twin.trajectory.as_deref(), &model)?;
+    let step = args.twin.step.unwrap_or(STEP);
+    let source = Described {
+        file: &args.file,
+        payload: args.payload,
     };
-    let friction = if args.no_friction {
-        Vec::new()
-    } else {
-        parameters::friction(args, &info, &phi, &fitted, &mut chance)?
-    };
-    // the controllers are tuned to the nominal robot, not to the perturbed one
-    let control = control(
-        args.bandwidth,
-        &args.pid,
-        &model,
-        &nominal,
-        &motion.position(0.0),
-    )?;
-    let duration = args.duration.unwrap_or(motion.period());
-    let [position_noise, effort_noise] = args.noise.unwrap_or_default();
-    let [position_step, effort_step] = args.quantum.unwrap_or_default();
-    let drive = |joint: &usize| Drive {
-        lag: args.lag,
-        limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
-    };
-    let settings = Settings {
-        duration: duration + args.settle,
-        period: args.step,
-        pid: control.pid,
-        drives: info.actuated.iter().map(drive).collect(),
-        offset: control.offset,
-        friction,
-        friction_width: args.friction_width,
-        sensors: Sensors {
-            position_step,
-            position_noise,
-            effort_step,
-            effort_noise,
-        },
-        ..Settings::default()
-    };
+    let (twin, _) = twin::of(&args.twin, source, &model, &motion, step)?;
+    let duration = args.twin.duration.unwrap_or(motion.period());
+    let settle = args.twin.settle;
+    let settings = twin.run(args.twin.seed, 0, duration + settle);
     if let Some(file) = &args.controller {
         let text = Format::of(file).text(&gains_of(&info, &settings));
         let text = text.map_err(|why| Failure::Input(format!("{}: {why}", file.display())))?;
@@ -132,13 +107,11 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let mut texts = Vec::with_capacity(args.runs);
     let mut runs = Vec::with_capacity(args.runs);
     for number in 0..args.runs {
-        let settings = Settings {
-            seed: seed(args.seed, number),
-            ..settings.clone()
-        };
+        let settings = twin.run(args.twin.seed, number, duration + settle);
         let from = number as f64 * settings.duration;
         let mut progress = |t: f64| bar.set_position(thousandths(from + t));
-        let found = simulate_with_progress(&model, &phi, &motion, &settings, &mut progress);
+        let found =
+            simulate_with_progress(&model, &twin.parameters, &motion, &settings, &mut progress);
         let found = found.map_err(|error| misuse(&error))?;
         if let Some(why) = reason(found.ended) {
             bar.finish_and_clear();
@@ -159,7 +132,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
             (_, true) => LogColumns::Commanded,
             _ => LogColumns::Measured,
         };
-        texts.push((file, found.csv(&info, &settings, args.settle, columns)));
+        texts.push((file, found.csv(&info, &settings, settle, columns)));
     }
     bar.finish_and_clear();
     for (file, text) in &texts {
@@ -169,8 +142,8 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         robot: robot.name.clone(),
         motion: motion.name().to_owned(),
         duration,
-        step: args.step,
-        seed: args.seed,
+        step,
+        seed: args.twin.seed,
         controllers,
         runs,
     };
@@ -213,9 +186,9 @@ struct ControllerRow {
 }
 
 /// Refuses options that are wrong for every robot.
-fn check(args: &SimulateArgs) -> Result<(), Failure> {
+pub(crate) fn check(args: &TwinArgs) -> Result<(), Failure> {
     let positive = [
-        ("--step", Some(args.step)),
+        ("--step", args.step),
         ("--duration", args.duration),
         ("--bandwidth", Some(args.bandwidth)),
         ("--friction-width", Some(args.friction_width)),
@@ -235,15 +208,7 @@ fn check(args: &SimulateArgs) -> Result<(), Failure> {
         let text = "--perturb must be at least 0 and below 1, such as 0.05";
         return Err(Failure::Input(text.to_owned()));
     }
-    if args.runs == 0 {
-        return Err(Failure::Input("--runs must be at least 1".to_owned()));
-    }
     Ok(())
-}
-
-/// The seed of a run's sensor noise; it differs from those of other runs and other small seeds.
-fn seed(seed: u64, run: usize) -> u64 {
-    seed ^ ((run as u64 + 1) << 32)
 }
 
 fn misuse(error: &SimulationError) -> Failure {
@@ -359,15 +324,5 @@ mod tests {
         assert_eq!(name("a/log.csv", 5), Path::new("a/log-3.csv"));
         assert_eq!(name("a/log.csv", 1), Path::new("a/log.csv"));
         assert_eq!(name("log", 5), Path::new("log-3"));
-    }
-
-    #[test]
-    fn no_two_runs_of_small_seeds_share_a_seed() {
-        let mut all: Vec<u64> = (0..50)
-            .flat_map(|s| (0..50).map(move |run| seed(s, run)))
-            .collect();
-        all.sort_unstable();
-        all.dedup();
-        assert_eq!(all.len(), 2500);
     }
 }

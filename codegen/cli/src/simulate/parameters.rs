@@ -1,21 +1,29 @@
-//! The simulated robot's true parameters and friction.
+//! The simulated robot's parameters.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use regen_experiment::simulate::{Noise, fitted_friction, perturb_friction};
 use regen_identify::friction::JointFit;
-use regen_runtime::{Info, JointFriction, Parameter};
+use regen_runtime::{Info, Parameter};
 
-use crate::args::SimulateArgs;
+use crate::args::{PayloadArg, TwinArgs};
 use crate::exit::Failure;
 use crate::{load, parameters};
 use regen_interpreted::{BaseTerms, Interpreted};
+
+/// The description of a robot, and whether its payloads are carried.
+#[derive(Clone, Copy)]
+pub(crate) struct Described<'a> {
+    pub(crate) file: &'a Path,
+    pub(crate) payload: Option<PayloadArg>,
+}
 
 /// The standard parameters of the simulated robot, and the friction fits of the parameter file. A
 /// file of labels and values replaces nominal values; a file of identified parameters gives some
 /// parameters with the same base parameters.
 pub(super) fn read(
-    args: &SimulateArgs,
+    args: &TwinArgs,
+    source: Described<'_>,
     model: &Interpreted<'_>,
 ) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
     let info = model.info();
@@ -38,7 +46,7 @@ pub(super) fn read(
                     *slot = Some(value);
                 }
             }
-            None => return identified(args, path),
+            None => return identified(source, path),
         }
     }
     let missing = missing(&info, &values);
@@ -48,7 +56,7 @@ pub(super) fn read(
     Err(Failure::Input(format!(
         "{}: no nominal values of {}; state them under `bodies:` and at the joints, or give them \
          with --parameters",
-        args.file.display(),
+        source.file.display(),
         missing.join(", ")
     )))
 }
@@ -82,34 +90,10 @@ fn unknown(parameters: &[Parameter<'_>], values: &[Option<f64>]) -> impl Iterato
 }
 
 /// Parameters that have the base parameters of a file; all others are zero.
-fn identified(
-    args: &SimulateArgs,
-    path: &std::path::Path,
-) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
-    let robot = load::loaded_derived(&load::source(&args.file)?, args.payload)?;
+fn identified(source: Described<'_>, path: &Path) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
+    let robot = load::loaded_derived(&load::source(source.file)?, source.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let found = parameters::read(path, &model)?;
     Ok((found.parameters(&model)?, found.friction))
-}
-
-/// The friction law of each coordinate: coefficients of linear laws are among the parameters, those
-/// of other laws are fitted or else nominal ones, perturbed at random like the parameters.
-pub(super) fn friction(
-    args: &SimulateArgs,
-    info: &Info<'_>,
-    phi: &[f64],
-    fitted: &[JointFit],
-    chance: &mut Noise,
-) -> Result<Vec<JointFriction>, Failure> {
-    let mut laws = fitted_friction(info, phi, fitted).map_err(|why| {
-        Failure::Input(format!(
-            "{}: {why}; state it under `friction:`, or leave friction out with --no-friction",
-            args.file.display()
-        ))
-    })?;
-    if args.perturb > 0.0 {
-        perturb_friction(&mut laws, args.perturb, chance);
-    }
-    Ok(laws)
 }

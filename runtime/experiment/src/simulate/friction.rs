@@ -151,3 +151,39 @@ pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Nois
         *law = law.scaled(1.0 + part * (2.0 * chance.uniform() - 1.0));
     }
 }
+
+/// Adds the Stribeck effect to laws that do not have it: static friction exceeds Coulomb friction by
+/// `part` of it, and the excess decays as `exp(-(v/speed)^2)`. Laws `coulomb` and `linear` become
+/// `lugre` with the same Coulomb and viscous friction, all others stay. Returns how many have
+/// changed.
+///
+/// - `speed`: rad/s or m/s, above 0.
+///
+/// ```
+/// use regen_experiment::simulate::add_stribeck;
+/// use regen_runtime::{Friction, JointFriction};
+///
+/// let linear = JointFriction { law: Friction::Linear, values: [0.5, 2.0, 0.0, 0.0, 0.0] };
+/// let mut laws = [linear, JointFriction::NONE];
+/// assert_eq!(add_stribeck(&mut laws, 0.3, 0.1), 1);
+/// assert!((laws[0].effort(1e-9) - 2.6).abs() < 1e-6, "static friction");
+/// assert!((laws[0].effort(1.0) - linear.effort(1.0)).abs() < 1e-12, "far above the speed");
+/// ```
+pub fn add_stribeck(laws: &mut [JointFriction], part: f64, speed: f64) -> usize {
+    let mut changed = 0;
+    for joint in laws {
+        let (fc, fv) = match joint.law {
+            Friction::Coulomb => (joint.values[0], 0.0),
+            // the symbols of linear friction are in the order Fv, Fc
+            Friction::Linear => (joint.values[1], joint.values[0]),
+            _ => continue,
+        };
+        let (coefficients, shape) = ([fc, part * fc, fv], [speed, 0.0]);
+        *joint = JointFriction {
+            law: Friction::Lugre,
+            values: Friction::Lugre.join(&coefficients, shape),
+        };
+        changed += 1;
+    }
+    changed
+}

@@ -21,16 +21,19 @@ mod robot;
 mod run;
 mod settings;
 mod tuning;
+mod twin;
 
 pub use audit::Energy;
 pub use control::{Controller, ControllerInput, Drive, Pid};
 pub use csv::LogColumns;
 pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{
-    MissingNominal, fitted_friction, linear_friction, nominal_friction, perturb_friction,
+    MissingNominal, add_stribeck, fitted_friction, linear_friction, nominal_friction,
+    perturb_friction,
 };
 pub use log::{Log, Termination};
 pub use noise::{Noise, perturb_parameters};
 pub use run::{simulate, simulate_controlled, simulate_with_progress};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
 pub use tuning::{Control, Gains, TuningError, control};
+pub use twin::{Twin, TwinError, TwinOptions};

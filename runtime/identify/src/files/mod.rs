@@ -4,6 +4,7 @@
 mod constants;
 mod error;
 mod mistakes;
+mod predictions;
 mod rows;
 mod states;
 mod yaml;
@@ -17,6 +18,7 @@ use serde_json::Value;
 pub use constants::rust_constants;
 pub use error::FileError;
 pub use mistakes::{Mistake, Mistakes, Remedy};
+pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
 pub use states::{Motion, State, states};
 

@@ -1,0 +1,160 @@
+//! The options of `regen rehearse`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueHint};
+use regen_identify::data::Run;
+use regen_identify::intervals::DEFAULT_DRAWS;
+
+use super::format::Format;
+use super::identify::{EstimatorArg, WeightingArg};
+use super::physical::PriorArg;
+use super::reading::{ReadingArgs, at_least_one, run};
+use super::simulate::TwinArgs;
+
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Draws true parameters once (--perturb, --seed), then for each seed simulates the
+runs as `regen simulate` does, identifies from their logs as `regen identify`
+does with the same options, and compares every base parameter with the truth.
+The seeds differ in the noise. The table has for each parameter the truth, the
+mean estimate, the rms error and the mean sigma in percent of the truth, the
+percentage of seeds whose interval holds the truth and of those within 3 sigma,
+and the mean error in mean sigmas; ! marks intervals that hold the truth less
+often than chance explains. One run more is predicted only: eps_RA.
+
+The score is the percentage of seeds within 3 sigma of the truth in the
+parameter where it is lowest; a seed without an estimate counts as missed. The
+exit code is 1 if the score is below --score. Ctrl-C ends it with the seeds that
+are finished.
+
+RUNS is an experiment file: filter, standstill, delay and checks apply to the
+simulated logs, its runs to identify from give number, durations and rate, by
+their logs where these are there, else by rows, times and rate. The logs that
+are simulated have positions, commands and efforts under plain names, so its
+columns, units and gains have no effect. Without RUNS there is one run of one
+period. A log in place of RUNS gives duration and rate too.
+
+`didim` and `response` know the controllers, and start from the parameters
+before --perturb; with --loop-bandwidth didim tunes its own. --reference tells
+iv (with the controllers' gains) and didim the trajectory, as the option of that
+name does in `identify`.
+
+--unmodelled stribeck=PART adds to joints with `friction: coulomb` or `linear`
+what the model has not: static friction exceeds Coulomb's by that part of it,
+fading as exp(-(v/SPEED)^2) with the speed, 0.1 rad/s or m/s by default.
+
+Examples:
+  regen rehearse arm.yaml --trajectory t.json --noise 1e-5,0.01 --perturb 0.1 \\
+      --butterworth 4,20
+  regen rehearse arm.yaml runs.yaml --trajectory t.json --noise 1e-5,0.01 \\
+      --quantum 1e-4 --estimator iv --reference --seeds 200 --score 95
+  regen rehearse arm.yaml --trajectory t.json --noise 1e-5,0.01 \\
+      --butterworth 4,20 --unmodelled stribeck=0.3 --format json")]
+pub(crate) struct RehearseArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// An experiment file, YAML, whose runs are rehearsed; or logs
+    #[arg(value_name = "RUNS", value_parser = run(), value_hint = ValueHint::AnyPath)]
+    pub(crate) logs: Vec<Run>,
+    /// The number of seeds; the first one is --seed
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = at_least_one)]
+    pub(crate) seeds: usize,
+    /// The least score, percent, for exit code 0
+    #[arg(long, value_name = "PERCENT", default_value_t = 90.0)]
+    pub(crate) score: f64,
+    /// Runs of each seed to identify from [default: 1]
+    #[arg(long, value_name = "N", value_parser = at_least_one, conflicts_with = "logs")]
+    pub(crate) runs: Option<usize>,
+    /// What the simulated robot has and the model has not: stribeck=PART[,SPEED]
+    #[arg(long, value_name = "KIND")]
+    pub(crate) unmodelled: Option<UnmodelledArg>,
+    /// Keep the simulated logs in this folder
+    #[arg(long, value_name = "DIR")]
+    pub(crate) keep: Option<PathBuf>,
+    /// Threads, which change nothing in the result [default: all]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) threads: usize,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: Format,
+    #[command(flatten)]
+    pub(crate) solving: SolvingArgs,
+    #[command(flatten)]
+    pub(crate) twin: TwinArgs,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
+}
+
+/// How the simulated logs are solved; the options are those of `regen identify`.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Identifying, as `regen identify` does")]
+pub(crate) struct SolvingArgs {
+    /// The estimator
+    #[arg(long, value_enum, default_value = "ls")]
+    pub(crate) estimator: EstimatorArg,
+    /// How the efforts are weighted against each other
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) weighting: WeightingArg,
+    /// Residuals beyond K standard deviations count linearly [default: 1.345 with
+    /// --estimator huber]
+    #[arg(long, value_name = "K")]
+    pub(crate) huber: Option<f64>,
+    /// The level of the confidence intervals
+    #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
+    pub(crate) confidence: f64,
+    /// Physically feasible parameters
+    #[arg(long)]
+    pub(crate) feasible: bool,
+    /// Identify the nonlinear friction of the spec too
+    #[arg(long)]
+    pub(crate) friction: bool,
+    /// Believe in the spec's nominal values: weighted[:PERCENT] or
+    /// entropic[:WEIGHT]
+    #[arg(long, value_name = "KIND")]
+    pub(crate) prior: Option<PriorArg>,
+    /// Draws for the intervals of feasible parameters
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS)]
+    pub(crate) draws: usize,
+    /// The trajectory is known to iv and didim
+    #[arg(long)]
+    pub(crate) reference: bool,
+    /// Controllers of this bandwidth in Hz take the place of the robot's in didim
+    #[arg(long, value_name = "HZ")]
+    pub(crate) loop_bandwidth: Option<f64>,
+    /// Length of the windows of `response`, s
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub(crate) window: f64,
+}
+
+/// What the simulated robot has and the model has not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum UnmodelledArg {
+    /// Static friction above Coulomb friction by a part of it, up to a speed in rad/s or m/s.
+    Stribeck { part: f64, speed: f64 },
+}
+
+/// The speed over which the Stribeck effect fades where none is given, rad/s or m/s.
+const STRIBECK_SPEED: f64 = 0.1;
+
+impl FromStr for UnmodelledArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some(("stribeck", figures)) = text.split_once('=') else {
+            return Err(format!(
+                "`{text}` is not stribeck=PART or stribeck=PART,SPEED"
+            ));
+        };
+        let number = |text: &str| match text.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+            _ => Err(format!("`{text}` is not a finite number above 0")),
+        };
+        let (part, speed) = match figures.split_once(',') {
+            Some((part, speed)) => (number(part)?, number(speed)?),
+            None => (number(figures)?, STRIBECK_SPEED),
+        };
+        Ok(Self::Stribeck { part, speed })
+    }
+}

@@ -1,0 +1,291 @@
+//! The estimate of one seed, by the estimator that is rehearsed.
+
+use regen_experiment::closed_loop::{ClosedLoop, Controllers};
+use regen_experiment::instruments::instrumental;
+use regen_experiment::simulate::{Gains, Pid, Reference, Settings as Simulated};
+use regen_experiment::trajectory::FourierReference;
+use regen_identify::data::{Run, Track, tracks};
+use regen_identify::feasibility::MAX_OPTIMAL_GAP;
+use regen_identify::identify::Filtering;
+use regen_identify::model::IdentifiedModel;
+use regen_identify::session::{
+    LeastSquaresStart, PriorKnowledge, Session, from_logs, physical, settled_delays, with_friction,
+};
+use regen_response::{
+    Commanded, DidimOptions, EffortRun, Law, Number, Run as Response, Setup, Value, didim, efforts,
+    respond,
+};
+use regen_runtime::{BaseModel, Info, Model};
+
+use crate::error::RehearseError;
+
+/// The estimator that is rehearsed, with the settings that are its own.
+#[derive(Clone, Debug)]
+pub enum Estimator {
+    /// Least squares, with Huber's weights where the options of the solution say so.
+    LeastSquares,
+    /// Physically feasible parameters from least squares.
+    Physical {
+        /// What is known beforehand.
+        knowledge: PriorKnowledge,
+        /// The number of draws that intervals are computed from, not 0.
+        draws: usize,
+        /// Whether nonlinear friction of the description is identified.
+        friction: bool,
+    },
+    /// Instrumental variables, from the smoothed measured motion or from a simulated one.
+    Instrumental {
+        /// Whether the loop is simulated along the motion, with the gains of its controllers.
+        along: bool,
+    },
+    /// Efforts at the motion of the simulated loop.
+    Didim {
+        /// Whether the motion is known; else commands are those of the log.
+        along: bool,
+        /// The bandwidth of the simulated controllers, Hz; `None`: the robot's own are known.
+        bandwidth: Option<f64>,
+        /// Seconds at the start of each log that are left out where commands are those of the log.
+        settle: f64,
+        /// The base parameters to start from, r.
+        start: Vec<f64>,
+    },
+    /// Responses to commands under known controllers.
+    Response {
+        /// The length of windows, s.
+        window: f64,
+        /// The base parameters to start from, r.
+        start: Vec<f64>,
+    },
+}
+
+impl Estimator {
+    /// The estimator's name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::LeastSquares => "least squares",
+            Self::Physical {
+                friction: false, ..
+            } => "physically feasible least squares",
+            Self::Physical { friction: true, .. } => "feasible least squares with friction",
+            Self::Instrumental { .. } => "instrumental variables",
+            Self::Didim { .. } => "DIDIM",
+            Self::Response { .. } => "responses to commands",
+        }
+    }
+
+    /// Whether equations are set up from the measured motion.
+    pub(crate) fn reads_motion(&self) -> bool {
+        !matches!(self, Self::Didim { .. } | Self::Response { .. })
+    }
+}
+
+/// An estimate, or why there is none, in words.
+pub(crate) type Estimated = Result<IdentifiedModel, String>;
+
+/// What the runs of a seed were made with, of which an estimator may know a part.
+pub(crate) struct Made<'a> {
+    pub(crate) motion: &'a FourierReference,
+    /// The start of the logs in the motion's time, s.
+    pub(crate) settle: f64,
+    pub(crate) settings: &'a Simulated,
+}
+
+/// Identifies from the logs of a seed.
+pub(crate) fn estimate<M>(
+    estimator: &Estimator,
+    session: &mut Session<'_, M>,
+    runs: &[Run],
+    made: &Made<'_>,
+    finds_delays: bool,
+) -> Result<Estimated, RehearseError>
+where
+    M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+{
+    if finds_delays && estimator.reads_motion() {
+        session.reading.delays = settled_delays(session, runs)?;
+    }
+    match estimator {
+        Estimator::LeastSquares => Ok(Ok(least_squares(session, runs)?.model())),
+        Estimator::Physical {
+            knowledge,
+            draws,
+            friction,
+        } => {
+            let start = if *friction {
+                with_friction(session, runs)?
+            } else {
+                least_squares(session, runs)?
+            };
+            let found = physical(session, knowledge, &start, *draws)?;
+            Ok(match found.into_iter().last() {
+                Some(last) if last.gap.is_some_and(|gap| gap <= MAX_OPTIMAL_GAP) => Ok(last),
+                _ => Err("the physical fit is not proven to be the optimum".to_owned()),
+            })
+        }
+        Estimator::Instrumental { along } => {
+            let start = least_squares(session, runs)?;
+            let gains = gains(&Model::<f64>::info(session.model), &made.settings.pid);
+            let reference = along.then_some((made.motion, gains.as_slice()));
+            let found = instrumental(session, &start, runs, reference)?;
+            Ok(settled(
+                found.model,
+                found.instrumental.settled,
+                found.instrumental.rounds,
+            ))
+        }
+        Estimator::Didim {
+            along,
+            bandwidth,
+            settle,
+            start,
+        } => {
+            let all = read(session, runs)?;
+            let settle = if *along { 0.0 } else { *settle };
+            from_efforts(session, &all, made, (*along, *bandwidth, settle), start)
+        }
+        Estimator::Response { window, start } => {
+            let all = read(session, runs)?;
+            from_responses(session, &all, made, *window, start)
+        }
+    }
+}
+
+fn least_squares<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+) -> Result<LeastSquaresStart, RehearseError> {
+    let mut logs = session.open(runs)?;
+    Ok(from_logs(session, &mut logs)?)
+}
+
+/// The gains of controllers, by the names of their joints.
+fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
+    let named = info.actuated.iter().zip(pid).map(|(joint, pid)| Gains {
+        name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
+        values: [pid.kp, pid.ki, pid.kd],
+    });
+    named.collect()
+}
+
+fn settled(model: IdentifiedModel, is_settled: bool, rounds: usize) -> Estimated {
+    if is_settled {
+        return Ok(model);
+    }
+    Err(format!("no convergence in {rounds} rounds"))
+}
+
+/// The tracks of all runs.
+fn read<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    runs: &[Run],
+) -> Result<Vec<Track>, RehearseError> {
+    let info = session.model.info();
+    let mut all = Vec::new();
+    for run in runs {
+        let (own, _) = tracks(run, &info, &session.reading, &[])?;
+        all.extend(own.into_iter().filter(|track| track.times.len() > 1));
+    }
+    Ok(all)
+}
+
+fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
+    session: &Session<'_, M>,
+    all: &[Track],
+    made: &Made<'_>,
+    (along, bandwidth, settle): (bool, Option<f64>, f64),
+    start: &[f64],
+) -> Result<Estimated, RehearseError> {
+    let model = session.model;
+    let info = model.info();
+    let controllers = match bandwidth {
+        Some(bandwidth) => Controllers::Tuned {
+            bandwidth,
+            given: &[],
+        },
+        None => Controllers::Known {
+            pid: &made.settings.pid,
+            offset: &made.settings.offset,
+        },
+    };
+    let motion = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        made.motion.at(made.settle + t, q, qd, qdd);
+    };
+    let mut commanded = Vec::new();
+    let mut measured = Vec::with_capacity(all.len());
+    for track in all {
+        measured.push(efforts(track, &info)?);
+        if !along {
+            commanded.push(Commanded::new(model, track)?);
+        }
+    }
+    let runs = all.iter().zip(&measured).enumerate();
+    let runs: Vec<EffortRun<'_>> = runs
+        .map(|(k, (track, efforts))| {
+            let (reference, lead): (&(dyn Reference + Sync), f64) = match commanded.get(k) {
+                Some(commanded) => (commanded, 0.0),
+                None => (&motion, made.motion.period()),
+            };
+            EffortRun {
+                times: &track.times,
+                efforts,
+                closed_loop: ClosedLoop {
+                    reference,
+                    lead,
+                    controllers,
+                },
+            }
+        })
+        .collect();
+    let reading = &session.reading;
+    let options = DidimOptions {
+        least_squares: session.options,
+        filtering: Filtering {
+            smoothing: reading.method.smoothing(),
+            decimation: reading.decimation,
+            standstill: reading.standstill,
+        },
+        settle,
+        ..DidimOptions::default()
+    };
+    let found = didim(model, &runs, &options, start)?;
+    Ok(settled(
+        found.model(session.confidence),
+        found.settled,
+        found.rounds,
+    ))
+}
+
+fn from_responses<M>(
+    session: &Session<'_, M>,
+    all: &[Track],
+    made: &Made<'_>,
+    window: f64,
+    start: &[f64],
+) -> Result<Estimated, RehearseError>
+where
+    M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+{
+    let model = session.model;
+    let info: Info<'_> = Model::<f64>::info(model);
+    let settings = made.settings;
+    let laws = settings.pid.iter().enumerate().map(|(k, pid)| Law {
+        ki: Value::known(pid.ki),
+        offset: Value::known(settings.offset.get(k).copied().unwrap_or(0.0)),
+        limit: settings.drives.get(k).and_then(|drive| drive.limit),
+        ..Law::pd(pid.kp, pid.kd)
+    });
+    let setup = Setup {
+        window,
+        friction_width: settings.friction_width,
+        // seeds run beside each other already
+        threads: 1,
+        ..Setup::new(laws.collect())
+    };
+    let mut runs = Vec::with_capacity(all.len());
+    for track in all {
+        runs.push(Response::of_track(track, &info)?);
+    }
+    let level = session.confidence;
+    let found = respond(model, model, &runs, &setup, start, level, &mut |_, _| {})?;
+    Ok(settled(found.model, found.settled, found.steps))
+}

@@ -1,0 +1,22 @@
+//! Rehearsals: runs of a robot with known parameters are simulated and identified as real ones are,
+//! seed by seed, and every estimate is compared with the truth and its interval.
+//!
+//! [`rehearse`] does this for a [`Rehearsal`], [`Score`] is what it returns, and [`planned`] takes
+//! durations and rates from the runs of an experiment.
+//!
+//! The logs pass through the same files, readers and checks as those of a machine.
+
+mod chance;
+mod error;
+mod estimate;
+mod plan;
+mod score;
+mod seeds;
+mod trial;
+
+pub use chance::counts_by_chance;
+pub use error::RehearseError;
+pub use estimate::Estimator;
+pub use plan::{Planned, planned};
+pub use score::{FailedSeed, ParameterScore, Score};
+pub use seeds::{Rehearsal, rehearse};

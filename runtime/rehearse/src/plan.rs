@@ -1,0 +1,61 @@
+//! Durations and rates of simulated runs, from the runs of an experiment.
+
+use regen_identify::data::{Checks, DataError, Policy, Run, Settings, tracks};
+use regen_runtime::Info;
+
+/// How long a run lasts, and its time step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Planned {
+    /// The duration, s; `None` where nothing says it.
+    pub duration: Option<f64>,
+    /// The time between rows, s; `None` where nothing says it.
+    pub step: Option<f64>,
+}
+
+/// The decimals to which a measured time step is rounded, s.
+const DECIMALS: f64 = 1e9;
+
+/// The duration and time step of a run: those of its log if there is one, else what its rows, its
+/// times and the rate of the settings say.
+///
+/// - `settings`: how the run's log is read.
+///
+/// # Errors
+/// When the log is there and cannot be read.
+///
+/// ```
+/// use regen_identify::data::{Run, Settings};
+/// use regen_rehearse::planned;
+/// use regen_runtime::Info;
+///
+/// // a log that is not there yet
+/// let run = Run { files: vec!["absent.csv".into()], rows: Some((101, 601)), ..Run::default() };
+/// let settings = Settings { rate: Some(250.0), ..Settings::default() };
+/// let planned = planned(&run, &Info::EMPTY, &settings)?;
+/// assert_eq!((planned.duration, planned.step), (Some(2.0), Some(0.004)));
+/// # Ok::<(), regen_identify::data::DataError>(())
+/// ```
+pub fn planned(run: &Run, info: &Info<'_>, settings: &Settings) -> Result<Planned, DataError> {
+    if run.files.iter().all(|file| file.exists()) {
+        let lenient = Settings {
+            policy: Policy::Keep,
+            checks: Checks::default(),
+            ..settings.clone()
+        };
+        let (all, report) = tracks(run, info, &lenient, &[])?;
+        let times = || all.iter().flat_map(|track| &track.times);
+        let span = times().last().zip(times().next()).map(|(b, a)| b - a);
+        return Ok(Planned {
+            duration: span.filter(|s| *s > 0.0),
+            step: Some((report.step * DECIMALS).round() / DECIMALS).filter(|s| *s > 0.0),
+        });
+    }
+    let step = settings.rate.map(|rate| 1.0 / rate);
+    let by_rows = run.rows.zip(step);
+    let by_rows = by_rows.map(|((first, last), step)| last.saturating_sub(first) as f64 * step);
+    let by_times = run.times.map(|(first, last)| last - first);
+    Ok(Planned {
+        duration: by_rows.or(by_times).filter(|d| *d > 0.0),
+        step,
+    })
+}

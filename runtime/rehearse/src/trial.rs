@@ -1,0 +1,173 @@
+//! One seed: simulated logs, the estimate from them, and its prediction of a fresh run.
+
+use std::fs;
+
+use regen_experiment::simulate::{LogColumns, Termination, simulate};
+use regen_identify::data::Run;
+use regen_identify::model::{IdentifiedModel, Interval};
+use regen_identify::session::{Session, Silent, compare};
+use regen_response::Number;
+use regen_runtime::{BaseModel, Model};
+
+use crate::error::RehearseError;
+use crate::estimate::{Made, estimate};
+use crate::seeds::Rehearsal;
+
+/// The estimate of a seed.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    /// The base parameters, r.
+    pub(crate) values: Vec<f64>,
+    /// Their intervals; `None` where the data do not determine a value.
+    pub(crate) intervals: Vec<Option<Interval>>,
+    /// eps_RA on the fresh run, percent; `None` without such a run.
+    pub(crate) error: Option<f64>,
+}
+
+/// What came of a seed: an estimate, or why there is none, in words.
+#[derive(Clone, Debug)]
+pub(crate) struct Trial {
+    pub(crate) seed: u64,
+    pub(crate) outcome: Result<Fit, String>,
+}
+
+impl<M> Rehearsal<'_, M>
+where
+    M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+{
+    /// Simulates and identifies one seed; failures that belong to the seed are part of the result.
+    ///
+    /// - `fresh`: a run that is predicted only.
+    pub(crate) fn trial(&self, seed: u64, fresh: Option<&Run>) -> Result<Trial, RehearseError> {
+        let mut files = Vec::new();
+        let outcome = self.outcome(seed, fresh, &mut files);
+        self.tidy(&files);
+        let outcome = match outcome {
+            Err(why) if why.is_of_one_seed() => Err(why.to_string()),
+            other => other?,
+        };
+        Ok(Trial { seed, outcome })
+    }
+
+    fn outcome(
+        &self,
+        seed: u64,
+        fresh: Option<&Run>,
+        runs: &mut Vec<Run>,
+    ) -> Result<Result<Fit, String>, RehearseError> {
+        for (number, duration) in self.durations.iter().enumerate() {
+            let name = format!("seed{seed}-run{}.csv", number + 1);
+            match self.log(seed, number, *duration, &name)? {
+                Ok(run) => runs.push(run),
+                Err(why) => return Ok(Err(why)),
+            }
+        }
+        let made = Made {
+            motion: self.motion,
+            settle: self.settle,
+            settings: &self.twin.settings,
+        };
+        let mut session = self.session();
+        let found = estimate(
+            &self.estimator,
+            &mut session,
+            runs,
+            &made,
+            self.finds_delays,
+        )?;
+        let found = match found {
+            Ok(found) => found,
+            Err(why) => return Ok(Err(why)),
+        };
+        let error = match fresh {
+            Some(fresh) => error_of(&session, fresh, found.clone())?,
+            None => None,
+        };
+        let mut intervals = found.intervals.base;
+        intervals.resize(found.beta.len(), None);
+        Ok(Ok(Fit {
+            values: found.beta,
+            intervals,
+            error,
+        }))
+    }
+
+    /// Simulates the run that is predicted only, and predicts it with the true base parameters:
+    /// eps_RA, percent. `None` where it cannot be simulated or read to its end.
+    pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<(Run, f64)>, RehearseError> {
+        let longest = self.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let number = self.durations.len();
+        let Ok(run) = self.log(self.first, number, longest, "fresh.csv")? else {
+            return Ok(None);
+        };
+        let true_model = IdentifiedModel {
+            beta: truth.to_vec(),
+            ..IdentifiedModel::default()
+        };
+        match error_of(&self.session(), &run, true_model) {
+            Ok(error) => Ok(error.map(|error| (run, error))),
+            Err(why) if why.is_of_one_seed() => Ok(None),
+            Err(why) => Err(why),
+        }
+    }
+
+    /// Removes logs, unless they are kept.
+    pub(crate) fn tidy(&self, runs: &[Run]) {
+        if self.keep {
+            return;
+        }
+        for file in runs.iter().flat_map(|run| &run.files) {
+            // a log that cannot be removed does no harm to the result
+            let _ = fs::remove_file(file);
+        }
+    }
+
+    fn session(&self) -> Session<'_, M> {
+        Session {
+            model: self.model,
+            reading: self.reading.clone(),
+            kind: self.kind,
+            options: self.options,
+            confidence: self.confidence,
+            watch: &Silent,
+        }
+    }
+
+    /// Simulates a run and writes its log; the inner error says why the run ended early.
+    fn log(
+        &self,
+        seed: u64,
+        number: usize,
+        duration: f64,
+        name: &str,
+    ) -> Result<Result<Run, String>, RehearseError> {
+        let info = Model::<f64>::info(self.model);
+        let settings = self.twin.run(seed, number, self.settle + duration);
+        let log = simulate(self.model, &self.twin.parameters, self.motion, &settings)?;
+        if log.ended != Termination::Complete {
+            let at = log.t.last().copied().unwrap_or(0.0);
+            let text = format!("the simulated run ended after {at} s: {}", log.ended);
+            return Ok(Err(text));
+        }
+        let text = log.csv(&info, &settings, self.settle, LogColumns::Commanded);
+        let file = self.folder.join(name);
+        fs::write(&file, text).map_err(|why| RehearseError::Io {
+            file: file.display().to_string(),
+            why,
+        })?;
+        Ok(Ok(file.into()))
+    }
+}
+
+/// eps_RA of a model on a run, percent; `None` where it is not defined.
+fn error_of<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    run: &Run,
+    model: IdentifiedModel,
+) -> Result<Option<f64>, RehearseError> {
+    let errors = compare(session, std::slice::from_ref(run), &[model])?;
+    let error = errors.first().and_then(|logs| logs.first());
+    Ok(error
+        .map(|log| log.relative_absolute)
+        .filter(|error| error.is_finite()))
+}
