@@ -72,7 +72,7 @@ const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
 /// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N
 /// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
-fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
+pub(crate) fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         (squares / factor.rows().max(1) as f64).sqrt()
@@ -246,7 +246,7 @@ impl Estimate {
 
 /// The quantile of Student's distribution for two-sided intervals of this confidence level: NaN for
 /// a level outside of (0, 1), infinite without a degree of freedom.
-fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
+pub(crate) fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
     if !(level > 0.0 && level < 1.0) {
         return f64::NAN;
     }

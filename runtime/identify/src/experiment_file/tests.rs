@@ -4,6 +4,7 @@
 use regen_runtime::Info;
 
 use super::*;
+use crate::files::Mistake;
 use crate::data::{Checks, Decimal, Format, Header, Join, Policy, Separator};
 use crate::identify::Standstill;
 use crate::signals::Method;
@@ -158,17 +159,18 @@ runs:
         (Join::Time, Some((2, 7)), Some((-1.0, 2.5)))
     );
     assert_eq!(
-        (first.purpose, first.payload),
-        (Purpose::Identify, Payload::UNKNOWN)
+        (first.purpose, &first.payload),
+        (Purpose::Identify, &Payload::UNKNOWN)
     );
     let carried = Payload::Carried {
+        body: None,
         mass: Some(2.8),
         com: Some([0.0, 0.0, 0.05]),
         inertia: None,
     };
     assert_eq!(
-        (second.purpose, second.payload),
-        (Purpose::Validate, carried)
+        (second.purpose, &second.payload),
+        (Purpose::Validate, &carried)
     );
     assert_eq!(file.require_plain().unwrap_err().0.len(), 2);
 
