@@ -12,7 +12,7 @@ use regen_identify::gains::{
 use regen_identify::identify::{Recorded, StateSample};
 use regen_identify::model::Interval;
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_reference::random::Random;
+use regen_reference::Random;
 use regen_runtime::{BaseModel, LoopClosure, Model};
 
 const STEP: f64 = 0.02;
@@ -47,7 +47,7 @@ fn fivebar(more: &str) -> Robot {
 
 fn normal(random: &mut Random) -> f64 {
     let (u, v) = (random.uniform(1e-12, 1.0), random.uniform(0.0, 1.0));
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    (-2.0 * f64::ln(u)).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
 /// A simulated robot.

@@ -15,6 +15,7 @@ mod generate;
 mod identify;
 mod identify_iv;
 mod identify_json;
+mod identify_loads;
 mod identify_simulated;
 mod identify_table;
 #[cfg(test)]
@@ -23,6 +24,7 @@ mod import;
 mod info;
 mod interrupt;
 mod load;
+mod loads;
 mod man;
 mod mistakes;
 mod model;

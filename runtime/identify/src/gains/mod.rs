@@ -13,6 +13,7 @@
 mod error;
 mod payload;
 mod problem;
+mod robot;
 mod rows;
 mod statistics;
 
