@@ -16,8 +16,8 @@ use crate::exit::Failure;
 use crate::identify_json::{IdentifyJson, ModelJson, Summary};
 use crate::identify_table::to_text;
 use crate::{
-    delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs, parameters,
-    physical, predicted, reduce, report, suspect, table, terminal, write,
+    delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
+    parameters, physical, predicted, reduce, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.

@@ -50,7 +50,8 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     }
     if args.reading.delay.contains(&DelayArg::Auto) {
         return Err(Failure::Usage(
-            "delays are not found together with gains and payloads: give them in seconds".to_owned(),
+            "delays are not found together with gains and payloads: give them in seconds"
+                .to_owned(),
         ));
     }
     Ok(())
@@ -130,9 +131,9 @@ fn known_robot(
             let found = parameters::read(path, &bare)?;
             Ok(Some(KnownRobot::new(model, &bare, &found)?))
         }
-        Err(_) => Err(parameters::read(path, model).err().unwrap_or_else(|| {
-            Failure::Input(format!("{}: it cannot be read", path.display()))
-        })),
+        Err(_) => Err(parameters::read(path, model)
+            .err()
+            .unwrap_or_else(|| Failure::Input(format!("{}: it cannot be read", path.display())))),
     }
 }
 
@@ -169,7 +170,10 @@ pub(crate) fn solve(
     identified.provenance = Provenance {
         model: digest(model),
         logs: {
-            let names = args.logs.iter().map(|run| predicted::stem(&run.to_string()));
+            let names = args
+                .logs
+                .iter()
+                .map(|run| predicted::stem(&run.to_string()));
             let mut names: Vec<String> = names.collect();
             names.sort();
             names

@@ -195,7 +195,10 @@ fn loads(file: &ParameterFile) -> String {
             })
             .collect();
         out.push('\n');
-        out.push_str(&table::columns(&["gain", "value", "unit", "sigma", "sigma %"], &lines));
+        out.push_str(&table::columns(
+            &["gain", "value", "unit", "sigma", "sigma %"],
+            &lines,
+        ));
     }
     for payload in &file.payloads {
         let lines: Vec<Vec<String>> = payload
@@ -213,7 +216,10 @@ fn loads(file: &ParameterFile) -> String {
             .collect();
         let title = format!("payload {}", payload.body);
         out.push('\n');
-        out.push_str(&table::columns(&[&title, "value", "unit", "sigma", "sigma %"], &lines));
+        out.push_str(&table::columns(
+            &[&title, "value", "unit", "sigma", "sigma %"],
+            &lines,
+        ));
         if lines.len() < 10 {
             let text = "what is not listed has no effect of its own on the efforts";
             out.push_str(&table::field("", text));

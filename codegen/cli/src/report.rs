@@ -25,7 +25,12 @@ pub(crate) fn of_identified(
         return Ok(());
     };
     observe::require_consistent(&args.reading)?;
-    let runs: Vec<Run> = args.logs.iter().chain(&args.physical.against).cloned().collect();
+    let runs: Vec<Run> = args
+        .logs
+        .iter()
+        .chain(&args.physical.against)
+        .cloned()
+        .collect();
     let inputs = Inputs {
         robot,
         session: &loads::scaled(model, &args.reading, identified),

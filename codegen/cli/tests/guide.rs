@@ -37,6 +37,7 @@ fn clone(dir: &Path) {
     for folder in [
         "robots",
         "runtime/guide/fivebar",
+        "runtime/guide/loads",
         "tests/fixtures/import/airo-models",
         "tests/fixtures/mechanisms",
     ] {
@@ -118,6 +119,7 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert!(follow("experiment").len() < 10);
     assert!(follow("identify").len() < 10);
     assert_eq!(follow("logs").len(), 3);
+    assert_eq!(follow("loads").len(), 7);
     assert_eq!(follow("response").len(), 4);
     let dir = scratch("guide_report");
     clone(&dir);

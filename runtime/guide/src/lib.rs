@@ -20,6 +20,9 @@ pub mod identify {}
 #[doc = include_str!("../pages/logs.md")]
 pub mod logs {}
 
+#[doc = include_str!("../pages/loads.md")]
+pub mod loads {}
+
 #[doc = include_str!("../pages/response.md")]
 pub mod response {}
 

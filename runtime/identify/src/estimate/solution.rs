@@ -1,7 +1,7 @@
 //! The least-squares estimate with its covariance.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::{Deviations, EstimateError, FactorSet, QrFactor};
 use crate::qr_update::substitute;
@@ -245,10 +245,14 @@ impl Estimate {
 }
 
 /// The quantile of Student's distribution for two-sided intervals of this confidence level: NaN for
-/// a level outside of (0, 1), infinite without a degree of freedom.
+/// a level outside of (0, 1), infinite without a degree of freedom, the normal distribution's with
+/// infinitely many.
 pub(crate) fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
     if !(level > 0.0 && level < 1.0) {
         return f64::NAN;
+    }
+    if degrees_of_freedom == f64::INFINITY {
+        return Normal::standard().inverse_cdf(0.5 + 0.5 * level);
     }
     StudentsT::new(0.0, 1.0, degrees_of_freedom)
         .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))

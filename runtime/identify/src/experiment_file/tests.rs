@@ -4,8 +4,8 @@
 use regen_runtime::Info;
 
 use super::*;
-use crate::files::Mistake;
 use crate::data::{Checks, Decimal, Format, Header, Join, Policy, Separator};
+use crate::files::Mistake;
 use crate::identify::Standstill;
 use crate::signals::Method;
 

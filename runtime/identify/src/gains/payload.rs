@@ -353,7 +353,11 @@ mod tests {
                 let (plus, minus) = (moved(step), moved(-step));
                 for j in 0..10 {
                     let numeric = (plus[j] - minus[j]) / (2.0 * step);
-                    assert!((numeric - slope[j]).abs() < 1e-8, "{:?} {k} {j}", load.known);
+                    assert!(
+                        (numeric - slope[j]).abs() < 1e-8,
+                        "{:?} {k} {j}",
+                        load.known
+                    );
                 }
             }
         }

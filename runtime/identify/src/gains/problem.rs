@@ -308,7 +308,8 @@ impl Problem<'_> {
             Weighting::Equal => vec![1.0; self.gains.len()],
             Weighting::PerEffort => {
                 let sizes = self.set.factors().iter().map(rms);
-                sizes.map(|rms| if rms > 0.0 { 1.0 / rms } else { 1.0 })
+                sizes
+                    .map(|rms| if rms > 0.0 { 1.0 / rms } else { 1.0 })
                     .collect()
             }
         };

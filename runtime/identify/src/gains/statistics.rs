@@ -363,7 +363,10 @@ impl Solved<'_> {
         // the first columns of the triangle are those of the unknowns alone
         let (n, m) = (factor.columns(), columns.len());
         let top = |column: usize| whole.r().get(column * m..column * m + n);
-        let own: Vec<f64> = (0..n).flat_map(|k| top(k).unwrap_or_default()).copied().collect();
+        let own: Vec<f64> = (0..n)
+            .flat_map(|k| top(k).unwrap_or_default())
+            .copied()
+            .collect();
         let mut moved = Vec::with_capacity(fixed.len());
         for k in 0..fixed.len() {
             let step = substitute(&own, top(n + k).unwrap_or_default());
@@ -412,7 +415,7 @@ impl Solved<'_> {
     ) -> IdentifiedModel {
         let columns = &linear.columns;
         let n = linear.x.len();
-        // the gradient of each base parameter by the columns; nothing where it is known
+        // the gradient of each base parameter by the columns; nothing, or 0, where it is known
         let mut gradients: Vec<Vec<f64>> = vec![Vec::new(); n];
         for (k, column) in columns.iter().enumerate() {
             let mut add = |place: usize, by: f64| {
@@ -435,13 +438,13 @@ impl Solved<'_> {
         let labels = self.problem.set.labels();
         let base = gradients.iter().enumerate().map(|(k, gradient)| {
             let value = linear.x[k];
-            if !gradient.is_empty() {
+            if gradient.iter().any(|g| *g != 0.0) {
                 return uncertainty.interval(value, gradient);
             }
             let covariance = before.filter(|_| self.of_robot.contains(&k))?;
             let place = covariance.place(&labels[k])?;
             let sigma = covariance.entry(place, place).sqrt();
-            let half = quantile(1e9, self.options.confidence) * sigma;
+            let half = quantile(f64::INFINITY, self.options.confidence) * sigma;
             Some(Interval {
                 sigma,
                 sigma_white: f64::NAN,
@@ -532,7 +535,7 @@ impl Uncertainty<'_> {
         let sigma = form(&self.deviations.covariance, gradient, gradient).sqrt();
         let freedom = self.deviations.degrees_of_freedom.iter().zip(gradient);
         let freedom = freedom.filter(|(_, g)| **g != 0.0).map(|(f, _)| *f);
-        let half = quantile(freedom.fold(1e9, f64::min), self.confidence) * sigma;
+        let half = quantile(freedom.fold(f64::INFINITY, f64::min), self.confidence) * sigma;
         (sigma.is_finite() && half.is_finite()).then(|| Interval {
             sigma,
             sigma_white: form(&self.estimate.covariance, gradient, gradient).sqrt(),
@@ -545,7 +548,11 @@ impl Uncertainty<'_> {
     fn covariance(&self, labels: Vec<String>, gradients: &[Vec<f64>]) -> Covariance {
         let mut values = Vec::with_capacity(gradients.len() * gradients.len());
         for a in gradients {
-            values.extend(gradients.iter().map(|b| form(&self.deviations.covariance, a, b)));
+            values.extend(
+                gradients
+                    .iter()
+                    .map(|b| form(&self.deviations.covariance, a, b)),
+            );
         }
         Covariance { labels, values }
     }

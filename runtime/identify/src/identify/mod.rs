@@ -26,7 +26,11 @@ use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
 /// Returns an error unless a length is the expected one.
-pub(crate) fn require(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
+pub(crate) fn require(
+    what: &'static str,
+    expected: usize,
+    got: usize,
+) -> Result<(), EstimateError> {
     if expected == got {
         return Ok(());
     }
