@@ -43,6 +43,10 @@ pub enum GainError {
     },
     /// A gain is unknown of a coordinate that has no effort.
     NoEffort(String),
+    /// The current of this coordinate is 0 throughout, so that it has no gain.
+    NoCurrent(String),
+    /// The gain of this coordinate that another identification found is 0 or not finite.
+    NoGain(String),
     /// The base parameters of the model are not apart for a body of this label.
     NoPayload(String),
     /// There is nothing unknown.
@@ -92,6 +96,10 @@ impl fmt::Display for GainError {
                  identified where there are as many"
             ),
             Self::NoEffort(name) => write!(f, "`{name}` has no effort whose gain could be unknown"),
+            Self::NoCurrent(name) => {
+                write!(f, "the current of `{name}` is 0 throughout: it has no gain")
+            }
+            Self::NoGain(name) => write!(f, "the known gain of `{name}` is 0 or no number"),
             Self::NoPayload(label) => write!(
                 f,
                 "the model has no base parameters of the body `{label}` alone: it is no payload, \

@@ -11,8 +11,11 @@
 //! Robots", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014.
 
 mod error;
+mod linear;
 mod payload;
 mod problem;
+mod rank;
+mod result;
 mod robot;
 mod rows;
 mod statistics;
@@ -114,8 +117,9 @@ pub struct GainFit {
 ///
 /// # Errors
 /// [`GainError::Undetermined`] where the runs leave unknowns open, above all the scale: without a
-/// known gain or a payload of known mass; [`GainError::Drives`], [`GainError::NoEffort`] and
-/// [`GainError::NoPayload`] for a plan that does not fit the model; errors of reading the runs.
+/// known gain or a payload of known mass; [`GainError::Drives`], [`GainError::NoEffort`], [`GainError::NoGain`] and
+/// [`GainError::NoPayload`] for a plan that does not fit the model; [`GainError::NoCurrent`]; errors
+/// of reading the runs.
 ///
 /// ```
 /// # mod models {
@@ -195,6 +199,12 @@ where
         Ok(())
     })?;
     let set = all.finish()?;
+    for ((kind, factor), name) in gains.iter().zip(set.factors()).zip(&rows.efforts) {
+        let is_zero = factor.rss() == 0.0 && factor.z().iter().all(|z| *z == 0.0);
+        if is_zero && factor.rows() > 0 && *kind != GainKind::Known {
+            return Err(GainError::NoCurrent(name.clone()));
+        }
+    }
     let problem = Problem {
         set: &set,
         gains,
@@ -231,17 +241,21 @@ fn gain_kinds(plan: &Plan, efforts: &[String]) -> Result<Vec<GainKind>, GainErro
         gain.map(|(_, gain)| *gain)
     };
     let mut unknown = 0;
-    let kinds = efforts.iter().map(|name| {
-        if !plan.unknown_gains.contains(name) {
-            return GainKind::Known;
-        }
-        if let Some(gain) = found(name) {
-            return GainKind::Found(gain);
-        }
-        unknown += 1;
-        GainKind::Unknown(unknown - 1)
-    });
-    Ok(kinds.collect())
+    let mut kinds = Vec::with_capacity(efforts.len());
+    for name in efforts {
+        kinds.push(if !plan.unknown_gains.contains(name) {
+            GainKind::Known
+        } else if let Some(gain) = found(name) {
+            if !gain.is_normal() {
+                return Err(GainError::NoGain(name.clone()));
+            }
+            GainKind::Found(gain)
+        } else {
+            unknown += 1;
+            GainKind::Unknown(unknown - 1)
+        });
+    }
+    Ok(kinds)
 }
 
 /// The fit of an effort in SI.
