@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use regen_codegen::diag::Source;
 use regen_identify::data::{Run, Settings};
-use regen_identify::experiment_file::{Delay, ExperimentFile, Purpose};
+use regen_identify::experiment_file::{Delay, ExperimentFile, Loads, Purpose};
+use regen_identify::gains::KnownPayload;
 use regen_identify::identify::EquationKind;
 use regen_runtime::Info;
 
-use crate::args::{DelayArg, ReadingArgs};
+use crate::args::{DelayArg, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
 use crate::{load, mistakes};
 
@@ -18,6 +19,19 @@ use crate::{load, mistakes};
 pub(crate) struct Experiment {
     pub(crate) settings: Settings,
     pub(crate) kind: EquationKind,
+    /// The coordinates whose efforts are currents of unknown gain.
+    pub(crate) unknown_gains: Vec<String>,
+    /// The runs that are read, each with the payload that it carries.
+    pub(crate) carried: Vec<(Run, Option<usize>)>,
+    /// The payloads of the robot with what is known of them.
+    pub(crate) payloads: Vec<KnownPayload>,
+}
+
+impl Experiment {
+    /// Whether a run carries a payload.
+    pub(crate) fn carries(&self) -> bool {
+        self.carried.iter().any(|(_, payload)| payload.is_some())
+    }
 }
 
 /// The hint for a file that is no experiment.
@@ -26,6 +40,7 @@ const OTHER_FILE: &str = "an experiment file has the keys columns, process, runs
 
 /// Replaces the experiment file among the logs by its runs to identify from, and sets the reading
 /// options; returns its runs to validate on. Logs beside the file are read in place of all runs.
+/// Unknown gains and payloads are refused.
 ///
 /// - `spec`: the robot's description.
 pub(crate) fn resolve(
@@ -33,7 +48,7 @@ pub(crate) fn resolve(
     reading: &mut ReadingArgs,
     spec: &Source,
 ) -> Result<Vec<Run>, Failure> {
-    resolve_for(logs, reading, Some(spec))
+    resolved(logs, reading, Some(spec), true)
 }
 
 /// As [`resolve`]; without a robot, its coordinates are those that the file names.
@@ -41,6 +56,24 @@ pub(crate) fn resolve_for(
     logs: &mut Vec<Run>,
     reading: &mut ReadingArgs,
     spec: Option<&Source>,
+) -> Result<Vec<Run>, Failure> {
+    resolved(logs, reading, spec, true)
+}
+
+/// As [`resolve`], for commands that can use unknown gains and payloads.
+pub(crate) fn resolve_loaded(
+    logs: &mut Vec<Run>,
+    reading: &mut ReadingArgs,
+    spec: &Source,
+) -> Result<Vec<Run>, Failure> {
+    resolved(logs, reading, Some(spec), false)
+}
+
+fn resolved(
+    logs: &mut Vec<Run>,
+    reading: &mut ReadingArgs,
+    spec: Option<&Source>,
+    is_plain: bool,
 ) -> Result<Vec<Run>, Failure> {
     let files = logs.iter().filter_map(experiment_path);
     let path = match &files.collect::<Vec<PathBuf>>()[..] {
@@ -62,7 +95,7 @@ pub(crate) fn resolve_for(
             )));
         }
     };
-    let file = read(&path, spec)?;
+    let (file, mut loads) = read(&path, spec, is_plain)?;
     if let Some(run) = file
         .runs
         .iter()
@@ -77,7 +110,8 @@ pub(crate) fn resolve_for(
     let own = path.parent().unwrap_or(Path::new(""));
     let folder = reading.folder.as_deref().unwrap_or(own);
     logs.retain(|run| experiment_path(run).is_none());
-    let validation = if logs.is_empty() {
+    let planned = logs.is_empty();
+    let validation = if planned {
         *logs = file.runs_in(folder, Purpose::Identify);
         file.runs_in(folder, Purpose::Validate)
     } else {
@@ -89,12 +123,28 @@ pub(crate) fn resolve_for(
             path.display()
         )));
     }
+    if !planned {
+        loads.carried.clear();
+    } else if loads.carried.iter().any(Option::is_some) {
+        if reading.payload.is_some() {
+            let text = "the experiment file says what its runs carry: leave out --payload";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+    } else if !loads.payloads.is_empty() {
+        // a run of the file without `payload` carries nothing
+        reading.payload = reading.payload.or(Some(PayloadArg::None));
+    }
+    let runs = file.runs.iter().map(|run| run.placed(folder));
+    let carried = runs.zip(loads.carried).collect();
     if file.delay == Delay::Auto && reading.delay.is_empty() {
         reading.delay.push(DelayArg::Auto);
     }
     reading.experiment = Some(Box::new(Experiment {
         settings: file.settings,
         kind: file.kind,
+        unknown_gains: file.unknown_gains,
+        carried,
+        payloads: loads.payloads,
     }));
     Ok(validation)
 }
@@ -120,11 +170,17 @@ fn experiment_path(run: &Run) -> Option<PathBuf> {
     ["yaml", "yml"].contains(&extension).then(|| path.clone())
 }
 
-fn read(path: &Path, spec: Option<&Source>) -> Result<ExperimentFile, Failure> {
+fn read(
+    path: &Path,
+    spec: Option<&Source>,
+    is_plain: bool,
+) -> Result<(ExperimentFile, Loads), Failure> {
     let source = load::file(path)?;
+    let mut bodies: Vec<String> = Vec::new();
     let (coordinates, actuated) = match spec {
         Some(spec) => {
             let mechanism = load::mechanism(spec)?;
+            bodies.extend(mechanism.payloads().map(str::to_owned));
             let model = mechanism.model();
             let names = model.coordinates.iter().map(|c| c.name.clone());
             (names.collect(), model.actuated.clone())
@@ -145,6 +201,12 @@ fn read(path: &Path, spec: Option<&Source>) -> Result<ExperimentFile, Failure> {
         ..Info::EMPTY
     };
     let file = ExperimentFile::read(&source.text, &info);
-    let file = file.and_then(|file| file.require_plain().map(|()| file));
-    file.map_err(|mistakes| mistakes::failure(source, mistakes, OTHER_FILE))
+    let found = file.and_then(|file| {
+        let loads = file.loads(&bodies)?;
+        if is_plain {
+            file.require_plain()?;
+        }
+        Ok((file, loads))
+    });
+    found.map_err(|mistakes| mistakes::failure(source, mistakes, OTHER_FILE))
 }

@@ -4,7 +4,7 @@ use regen_identify::data::{DataError, Run};
 use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_constants};
 use regen_identify::identify::{Options, digest};
-use regen_identify::model::{IdentifiedModel, Provenance};
+use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
     self, LeastSquaresStart, Session, SessionError, from_factors, from_logs, with_friction,
 };
@@ -16,8 +16,8 @@ use crate::exit::Failure;
 use crate::identify_json::{IdentifyJson, ModelJson, Summary};
 use crate::identify_table::to_text;
 use crate::{
-    delay, experiment, identify_iv, identify_simulated, load, observe, outputs, parameters,
-    physical, predicted, reduce, report, suspect, table, terminal, write,
+    delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
+    parameters, physical, predicted, reduce, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.
@@ -50,9 +50,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let args = &chosen;
     let source = load::source(&args.file)?;
     let mut args = args.clone();
-    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    let planned = experiment::resolve_loaded(&mut args.logs, &mut args.reading, &source)?;
     if args.from.is_empty() {
         experiment::require_runs(&args.logs)?;
+    }
+    let has_loads = identify_loads::wanted(&args);
+    if has_loads {
+        identify_loads::require_options(&args)?;
     }
     if let Some(estimator @ (EstimatorArg::Didim | EstimatorArg::Response)) = args.estimator {
         identify_simulated::note_unused(estimator, &mut args.reading, &planned);
@@ -60,13 +64,21 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         args.physical.against.extend(planned);
     }
     let args = &args;
-    let robot = load::loaded_with_base(&source, args.reading.payload)?;
+    let robot = if has_loads {
+        identify_loads::robot(args, &source)?
+    } else {
+        load::loaded_with_base(&source, args.reading.payload)?
+    };
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
     let corrected = delay::corrected(args, &session(args, &model))?;
     let args = corrected.as_ref().unwrap_or(args);
-    let Outcome { json, identified } = solve(args, &model)?;
+    let Outcome { json, identified } = if has_loads {
+        identify_loads::solve(args, &robot, &session(args, &model), &source)?
+    } else {
+        solve(args, &model)?
+    };
     let mut written = Vec::new();
     if let Some(out) = &args.out {
         written.push((out, parameters::text(&json.file, out)?));
@@ -130,6 +142,9 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         logs,
         date: args.date.clone(),
     };
+    if args.covariance {
+        identified.covariance = Some(covariance(&start, more)?);
+    }
     physical::note_unbounded(&identified);
     let least = if more {
         LeastSquaresRow::all(&start.estimate, &start.intervals.base, &model.info())
@@ -140,6 +155,19 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
     let json = IdentifyJson { file, summary };
     Ok(Outcome { json, identified })
+}
+
+/// The covariance of the least-squares parameters; refused where another model was adopted.
+fn covariance(start: &LeastSquaresStart, more: bool) -> Result<Covariance, Failure> {
+    if more {
+        return Err(Failure::Usage(
+            "--covariance is that of least squares: leave out what adopts another model".to_owned(),
+        ));
+    }
+    Ok(Covariance {
+        labels: start.estimate.labels.clone(),
+        values: start.estimate_for_intervals.covariance.clone(),
+    })
 }
 
 /// The identification session with the settings of the options.
@@ -310,7 +338,7 @@ fn logs(
 
 /// Warns of efforts that the model hardly explains: their columns may be of another joint, in
 /// another unit or dead, however small the standard deviations of the parameters are.
-fn note_unexplained(errors: &[EffortError]) {
+pub(crate) fn note_unexplained(errors: &[EffortError]) {
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
         .map(|e| match e.relative_rms {

@@ -51,6 +51,7 @@ pub(crate) fn to_text(json: &IdentifyJson) -> String {
     out.push_str(&efforts(summary));
     out.push('\n');
     out.push_str(&parameters(file));
+    out.push_str(&loads(file));
     if let Some(simulated) = &summary.simulated {
         out.push_str(&simulated.to_tables());
     }
@@ -171,6 +172,58 @@ fn parameters(file: &ParameterFile) -> String {
         let text = "may be zero, and what its sigma leaves open is below 1 % of the efforts; or \
                     all that it may be is below 0.01 % of them";
         out.push_str(&table::field("zero", text));
+    }
+    out
+}
+
+/// The gains of drives, and what payloads are.
+fn loads(file: &ParameterFile) -> String {
+    let mut out = String::new();
+    let relative = |value: f64, sigma: f64| percent(100.0 * sigma / value.abs());
+    if !file.gains.is_empty() {
+        let lines: Vec<Vec<String>> = file
+            .gains
+            .iter()
+            .map(|gain| {
+                vec![
+                    gain.effort.clone(),
+                    table::figure(gain.value),
+                    gain.unit.clone(),
+                    deviation(gain.sigma),
+                    relative(gain.value, gain.sigma),
+                ]
+            })
+            .collect();
+        out.push('\n');
+        out.push_str(&table::columns(
+            &["gain", "value", "unit", "sigma", "sigma %"],
+            &lines,
+        ));
+    }
+    for payload in &file.payloads {
+        let lines: Vec<Vec<String>> = payload
+            .values
+            .iter()
+            .map(|row| {
+                let (sigma, part) = if row.known {
+                    ("given".to_owned(), "-".to_owned())
+                } else {
+                    (deviation(row.sigma), relative(row.value, row.sigma))
+                };
+                let value = table::figure(row.value);
+                vec![row.name.clone(), value, row.unit.clone(), sigma, part]
+            })
+            .collect();
+        let title = format!("payload {}", payload.body);
+        out.push('\n');
+        out.push_str(&table::columns(
+            &[&title, "value", "unit", "sigma", "sigma %"],
+            &lines,
+        ));
+        if lines.len() < 10 {
+            let text = "what is not listed has no effect of its own on the efforts";
+            out.push_str(&table::field("", text));
+        }
     }
     out
 }

@@ -95,6 +95,11 @@ pub(crate) fn loaded(source: &Source, payload: Option<PayloadArg>) -> Result<Mec
              --payload carried",
             labels.join(", ")
         ))),
+        Some(PayloadArg::Unknown) => Err(Failure::Usage(
+            "--payload unknown is for `regen identify`, with --parameters PARAMS of the robot \
+             without it"
+                .to_owned(),
+        )),
         Some(_) if labels.is_empty() => Err(Failure::Input(format!(
             "{name} has no payload: leave out --payload, or mark a body on a fixed joint \
              `payload: true`"

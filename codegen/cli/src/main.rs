@@ -15,6 +15,7 @@ mod generate;
 mod identify;
 mod identify_iv;
 mod identify_json;
+mod identify_loads;
 mod identify_simulated;
 mod identify_table;
 #[cfg(test)]
@@ -25,6 +26,7 @@ mod inspect;
 mod inspect_table;
 mod interrupt;
 mod load;
+mod loads;
 mod man;
 mod mistakes;
 mod model;

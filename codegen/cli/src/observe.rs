@@ -382,6 +382,7 @@ impl From<SessionError> for Failure {
         match error {
             SessionError::Data(error) => error.into(),
             SessionError::Feasibility(error) => error.into(),
+            SessionError::Gains(error) => error.into(),
             SessionError::TooFewLogs => Self::Input("--cross needs two logs or more".to_owned()),
             SessionError::DelaysFromEnergyBalance => Self::Input(
                 "--delay auto needs the equations of motion: leave out --energy".to_owned(),

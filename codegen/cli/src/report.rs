@@ -6,7 +6,8 @@ use regen_codegen::robot::Robot;
 
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, observe, parameters, terminal, write};
+use crate::{experiment, load, loads, observe, parameters, terminal, write};
+use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -24,9 +25,16 @@ pub(crate) fn of_identified(
         return Ok(());
     };
     observe::require_consistent(&args.reading)?;
+    let runs: Vec<Run> = args
+        .logs
+        .iter()
+        .chain(&args.physical.against)
+        .cloned()
+        .collect();
     let inputs = Inputs {
         robot,
-        session: &observe::session(model, &args.reading),
+        session: &loads::scaled(model, &args.reading, identified),
+        by_run: &loads::by_run(robot, model, &args.reading, &runs, identified)?,
         file,
         identified,
         logs: &args.logs,
@@ -49,15 +57,16 @@ struct Outputs<'a> {
 pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut args = args.clone();
-    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    let planned = experiment::resolve_loaded(&mut args.logs, &mut args.reading, &source)?;
     experiment::require_runs(&args.logs)?;
     args.against.extend(planned);
-    let robot = load::loaded_derived(&source, args.reading.payload)?;
+    let robot = loads::derived_for(&source, &args.reading, &args.params)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
     // `read` checks that the file belongs to this model, by its digest
     let identified = parameters::read(&args.params, &model)?;
+    loads::require_gains(&args.reading, &identified, &args.params)?;
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
         Failure::Input(format!(
@@ -66,9 +75,11 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
         ))
     })?;
     observe::require_consistent(&args.reading)?;
+    let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
     let inputs = Inputs {
         robot: &robot,
-        session: &observe::session(&model, &args.reading),
+        session: &loads::scaled(&model, &args.reading, &identified),
+        by_run: &loads::by_run(&robot, &model, &args.reading, &runs, &identified)?,
         file: &file,
         identified: &identified,
         logs: &args.logs,

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, observe, parameters, predicted, table, terminal, write};
+use crate::{experiment, load, loads, observe, parameters, predicted, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
@@ -43,7 +43,7 @@ struct LogError {
 pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut args = args.clone();
-    let planned = experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
+    let planned = experiment::resolve_loaded(&mut args.logs, &mut args.reading, &source)?;
     if !planned.is_empty() {
         args.logs = planned;
     } else if args.reading.experiment.is_some() {
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
              are named, or else all runs",
         );
     }
-    let robot = load::loaded_derived(&source, args.reading.payload)?;
+    let robot = loads::derived_for(&source, &args.reading, &args.params)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
@@ -60,8 +60,10 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let files: Vec<&PathBuf> = std::iter::once(&args.params).chain(&args.beside).collect();
     let mut models = Vec::with_capacity(files.len());
     for path in files {
+        let found = parameters::read(path, &model)?;
+        loads::require_gains(&args.reading, &found, path)?;
         models.push((
-            parameters::read(path, &model)?,
+            found,
             Predicted {
                 params: path.display().to_string(),
                 logs: Vec::new(),
@@ -73,9 +75,12 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         .as_ref()
         .map(|_| Predictions::new(&model, kind));
     for run in &args.logs {
-        let mut log = observe::open(&model, std::slice::from_ref(run), &args.reading)?;
+        let Some((first, _)) = models.first() else {
+            break;
+        };
+        let mut log = loads::open(&model, run, &args.reading, first)?;
         let (set, left_out) = identify::observe(&model, kind, &mut log)?;
-        let means = set.means();
+        let mut means = set.means();
         observe::note_problems(log.logs().reports());
         if observe::all_rest(&left_out) {
             terminal::note(&format!(
@@ -84,8 +89,14 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
                 run, left_out.samples
             ));
         }
-        for (identified, predicted) in &mut models {
-            let found = identified.residuals(&model, kind, &mut log, &means, 1)?;
+        for (k, (identified, predicted)) in models.iter_mut().enumerate() {
+            // currents have the gains of each model
+            if k > 0 && !identified.gains.is_empty() {
+                log = loads::open(&model, run, &args.reading, identified)?;
+                means = identify::observe(&model, kind, &mut log)?.0.means();
+            }
+            let own = loads::model_of(&robot, &model, &args.reading, run, identified)?;
+            let found = own.residuals(&model, kind, &mut log, &means, 1)?;
             predicted.logs.push(LogError {
                 relative_absolute: found.relative_absolute(),
                 relative_rms: found.relative_rms(),

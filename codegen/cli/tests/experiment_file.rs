@@ -197,7 +197,7 @@ fn mistakes_are_shown_in_the_file_before_the_robot_is_derived() {
 }
 
 #[test]
-fn what_no_estimate_uses_yet_is_refused_with_its_place_and_a_remedy() {
+fn what_a_command_cannot_use_is_refused_with_its_place_and_a_remedy() {
     let text = RUNS.replace("gain: 0.12", "gain: unknown").replace(
         "use: validate}",
         "use: validate, payload: {m: 2.8, com: unknown}}",
@@ -205,10 +205,27 @@ fn what_no_estimate_uses_yet_is_refused_with_its_place_and_a_remedy() {
     let dir = experiment("experiment_unused", &text);
     let found = regen(&dir, &["identify", &spec(), "runs.yaml", "--logs", "logs"]).ended(3);
     for words in [
-        "`columns`, the effort of q1: unknown gains cannot be identified yet",
+        "`runs`, entry 2, `payload`: the spec has no body that is a payload",
+        "mark the body `payload: true`",
+    ] {
+        assert!(found.err.contains(words), "{words}\n{}", found.err);
+    }
+    let text = RUNS.replace("gain: 0.12", "gain: unknown");
+    fs::write(dir.join("runs.yaml"), text).unwrap();
+    let line = [
+        "observe",
+        &spec(),
+        "runs.yaml",
+        "--logs",
+        "logs",
+        "--out",
+        "f.json",
+    ];
+    let found = regen(&dir, &line).ended(3);
+    for words in [
+        "`columns`, the effort of q1: unknown gains are found by least squares",
         "give the torque constant with the gear",
         "runs.yaml:4:39",
-        "`runs`, entry 2, `payload`: the spec has no body that is a payload",
     ] {
         assert!(found.err.contains(words), "{words}\n{}", found.err);
     }

@@ -38,6 +38,7 @@ fn clone(dir: &Path) {
         "robots",
         "runtime/guide/fivebar",
         "runtime/guide/recipes",
+        "runtime/guide/loads",
         "tests/fixtures/import/airo-models",
         "tests/fixtures/mechanisms",
     ] {
@@ -136,6 +137,7 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert!(follow("identify").len() < 10);
     assert_eq!(follow("inspect").len(), 3);
     assert_eq!(follow("logs").len(), 4);
+    assert_eq!(follow("loads").len(), 7);
     assert_eq!(follow("response").len(), 4);
     assert_eq!(follow("rehearse").len(), 3);
     let dir = scratch("guide_report");

@@ -1,4 +1,4 @@
-//! Payloads, from the description to parameters identified with and without them.
+//! Payloads, from the description to parameters identified with and without them, and gains of drives.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod common;
@@ -111,4 +111,157 @@ fn runs_say_whether_they_carry_the_payload() {
         3,
     );
     assert!(err.contains("none.json"), "{err}");
+}
+
+/// The currents of two joints are of unknown gain; the third effort is measured.
+const RUNS: &str = "\
+columns:
+  tau_q1: {column: tau_q1, unit: A, factor: 1/8, gain: unknown}
+  tau_q2: {column: tau_q2, unit: A, factor: -1/12, gain: unknown}
+  tau_q3: {column: tau_q3, unit: A, factor: 1/3, gain: unknown}
+process: {filter: {butterworth: {order: 4, cutoff: 20}}}
+runs:
+  - {files: none.csv}
+  - {files: carried.csv, payload: {m: 2.2}}
+  - {files: carried.csv, times: [0.5, 2.0], payload: unknown, use: validate}
+";
+
+fn json(dir: &Path, line: &str) -> Value {
+    let (out, _) = run(dir, &format!("{line} --format json"), 0);
+    serde_json::from_str(&out).unwrap()
+}
+
+/// The value of an entry, which has a deviation and is within five of them of the truth.
+fn close(row: &Value, truth: f64) -> f64 {
+    let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
+    let (value, sigma) = (number("value"), number("sigma"));
+    assert!(sigma > 0.0 && number("low") < number("high"), "{row}");
+    assert!(
+        (value - truth).abs() < 5.0 * sigma + 0.01 * truth.abs(),
+        "{row}"
+    );
+    sigma
+}
+
+#[test]
+fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_scale() {
+    let dir = scratch("payload_gains");
+    arm(&dir);
+    run(
+        &dir,
+        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4",
+        0,
+    );
+    for payload in ["none", "carried"] {
+        run(
+            &dir,
+            &format!(
+                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.01 --seed 3 --out {payload}.csv --payload {payload}"
+            ),
+            0,
+        );
+    }
+    fs::write(dir.join("runs.yaml"), RUNS).unwrap();
+    let fit = "identify arm.yaml runs.yaml --covariance --out fit.json --report page.html";
+    let found = json(&dir, fit);
+    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+        close(&found["gains"][k], gain);
+        assert_eq!(found["gains"][k]["unit"], "N m/A");
+    }
+    let load = &found["payloads"][0];
+    assert_eq!(load["body"], "load");
+    let value = |name: &str| {
+        let values = load["values"].as_array().unwrap();
+        values.iter().find(|row| row["name"] == name).unwrap()
+    };
+    assert_eq!(
+        (&value("m")["value"], &value("m")["known"]),
+        (&2.2.into(), &true.into())
+    );
+    close(value("cx"), 0.02);
+    close(value("cz"), 0.04);
+    let of_run = &found["models"][0]["logs"][0];
+    assert!(
+        of_run["relative_absolute"].as_f64().unwrap() < 10.0,
+        "{of_run}"
+    );
+    let page = fs::read_to_string(dir.join("page.html")).unwrap();
+    assert!(page.contains("Identification of payload"));
+
+    // the file predicts each run with what it carries, and the table says all of it
+    let validated = json(&dir, "validate arm.yaml fit.json runs.yaml");
+    let error = &validated["models"][0]["logs"][0];
+    assert_eq!(error["relative_absolute"], of_run["relative_absolute"]);
+    let (table, _) = run(&dir, "identify arm.yaml runs.yaml", 0);
+    for words in ["gain ", "payload load", "given"] {
+        assert!(table.contains(words), "{words}\n{table}");
+    }
+    let refused = run(&dir, "validate arm.yaml fit.json none.csv", 3).1;
+    assert!(refused.contains("say what is carried"), "{refused}");
+
+    let unknown = RUNS.replace("{m: 2.2}", "unknown");
+    fs::write(dir.join("unknown.yaml"), unknown).unwrap();
+    let (_, err) = run(&dir, "identify arm.yaml unknown.yaml", 4);
+    let words = "nothing fixes the scale of gain(q1), gain(q2), gain(q3)";
+    assert!(err.contains(words), "{err}");
+    for (line, words) in [
+        ("--huber 2", "--huber is not for unknown gains"),
+        ("--feasible", "--feasible is not for unknown gains"),
+        ("--estimator didim", "--estimator is not for unknown gains"),
+        ("--payload none", "leave out --payload"),
+        ("--delay auto", "give them in seconds"),
+    ] {
+        let (_, err) = run(&dir, &format!("identify arm.yaml runs.yaml {line}"), 2);
+        assert!(err.contains(words), "{line}: {err}");
+    }
+    let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
+    assert!(
+        err.contains("not by this") && err.contains("not for this"),
+        "{err}"
+    );
+}
+
+#[test]
+fn a_load_is_weighed_on_a_robot_that_was_identified_without_it() {
+    let dir = scratch("payload_weighed");
+    arm(&dir);
+    run(
+        &dir,
+        "excite arm.yaml --payload carried --out t.json --seed 2 --harmonics 3 --starts 1 --frequency 0.4",
+        0,
+    );
+    for payload in ["none", "carried"] {
+        run(
+            &dir,
+            &format!(
+                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.01 --seed 5 --out {payload}.csv --payload {payload}"
+            ),
+            0,
+        );
+    }
+    let line = "identify arm.yaml none.csv --payload none --butterworth 4,20 --out";
+    run(&dir, &format!("{line} exact.json"), 0);
+    run(&dir, &format!("{line} robot.json --covariance"), 0);
+    let line = "identify arm.yaml carried.csv --payload unknown --butterworth 4,20";
+    let (_, err) = run(&dir, line, 2);
+    assert!(
+        err.contains("--payload unknown needs the robot without it"),
+        "{err}"
+    );
+    let (_, err) = run(&dir, &format!("{line} --parameters exact.json"), 0);
+    assert!(err.contains("has no covariance"), "{err}");
+    let exact = json(&dir, &format!("{line} --parameters exact.json"));
+    let whole = json(
+        &dir,
+        &format!("{line} --parameters robot.json --out load.json"),
+    );
+    let mass = |found: &Value| close(&found["payloads"][0]["values"][0], 2.2);
+    assert!(mass(&whole) > mass(&exact));
+    // the load is in the base parameters that were written
+    let error = json(
+        &dir,
+        "validate arm.yaml load.json carried.csv --payload carried --butterworth 4,20",
+    );
+    let error = error["models"][0]["logs"][0]["relative_absolute"].as_f64();
+    assert!(error.unwrap() < 10.0);
 }

@@ -30,6 +30,8 @@ pub struct Inputs<'a> {
     pub logs: &'a [Run],
     /// Logs that were not used for identification.
     pub validation: &'a [Run],
+    /// The models of logs in which the robot carries something else; the others have `identified`.
+    pub by_run: &'a [(Run, IdentifiedModel)],
 }
 
 /// A report.
@@ -118,6 +120,7 @@ pub(crate) struct Content<'a> {
 ///     identified: &identified,
 ///     logs: &logs,
 ///     validation: &[],
+///     by_run: &[],
 /// })?;
 /// assert!(found.html.contains("<h1>Identification of arm</h1>"));
 /// assert!(found.figures.iter().any(|figure| figure.name == "forces-q1"));
@@ -128,12 +131,16 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
     let (session, identified) = (inputs.session, inputs.identified);
     let model = session.model;
     let first = inputs.logs.first().ok_or(ReportError::NoLog)?;
-    let seen = gather::read_log(session, first, identified)?;
+    let model_of = |log: &Run| {
+        let own = inputs.by_run.iter().find(|(run, _)| run == log);
+        own.map_or(identified, |(_, model)| model)
+    };
+    let seen = gather::read_log(session, first, model_of(first))?;
     let spectra = gather::spectra(model, &seen)?;
     let mut errors = Vec::new();
     let logs = inputs.logs.iter().map(|log| (log, true));
     for (log, used) in logs.chain(inputs.validation.iter().map(|log| (log, false))) {
-        errors.push(gather::errors(session, log, identified, used)?);
+        errors.push(gather::errors(session, log, model_of(log), used)?);
     }
     let stated = model.info().nominal;
     let of = |term: &BaseTerm<'_>| Some(term.value * (*stated.get(term.index)?)?);

@@ -26,6 +26,9 @@ pub mod logs {}
 #[doc = include_str!("../pages/inspect.md")]
 pub mod inspect {}
 
+#[doc = include_str!("../pages/loads.md")]
+pub mod loads {}
+
 #[doc = include_str!("../pages/response.md")]
 pub mod response {}
 

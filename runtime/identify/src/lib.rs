@@ -4,6 +4,7 @@
 //! motion, [`identify`] sets up the equations in the base parameters, [`estimate`] reduces them to
 //! a QR factor and solves for the parameters and their standard deviations. [`feasibility`] finds
 //! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
+//! [`gains`] fits unknown gains of drives and payloads with the parameters,
 //! [`identifiability`] says which parameters a motion can identify, and [`intervals`] computes
 //! confidence intervals of estimates under constraints, which no formula gives. [`observation`] is
 //! the observation matrix as a whole, for small samples.
@@ -30,6 +31,7 @@ pub mod experiment_file;
 pub mod feasibility;
 pub mod files;
 pub mod friction;
+pub mod gains;
 pub mod identifiability;
 pub mod identify;
 pub mod intervals;

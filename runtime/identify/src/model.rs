@@ -4,7 +4,7 @@ use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
 use crate::friction::{JointEfforts, JointFit};
 use crate::identify::{EquationBuilder, EquationKind, Source, equations};
-use regen_runtime::{BaseModel, SizeError};
+use regen_runtime::{BaseModel, Parameter, SizeError};
 
 /// Standard deviation and confidence interval of an estimated value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +61,68 @@ impl Intervals {
     }
 }
 
+/// The gain of a drive whose effort was measured as a current.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gain {
+    /// The coordinate of the effort.
+    pub effort: String,
+    /// The effort over the current, N m/A or N/A.
+    pub value: f64,
+    /// Its uncertainty; `None` where it was known.
+    pub interval: Option<Interval>,
+}
+
+/// A value of a payload.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PayloadValue {
+    /// `m`, `cx`, `cy`, `cz`, or `Ixx` to `Izz` about the centre of mass.
+    pub name: String,
+    /// kg, m or kg m^2.
+    pub unit: String,
+    /// The value.
+    pub value: f64,
+    /// Whether it was given, and not identified.
+    pub is_known: bool,
+    /// Its uncertainty; `None` where it was given.
+    pub interval: Option<Interval>,
+}
+
+/// A payload: the values that the runs determine, and those that were given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IdentifiedPayload {
+    /// The label of its body.
+    pub body: String,
+    /// Mass, centre of mass and inertia about it, in the frame of the body.
+    pub values: Vec<PayloadValue>,
+}
+
+/// A covariance of base parameters and gains.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Covariance {
+    /// The labels of the base parameters, and `gain(NAME)` of a coordinate's gain.
+    pub labels: Vec<String>,
+    /// The covariance, n x n, symmetric, in the products of the units.
+    pub values: Vec<f64>,
+}
+
+impl Covariance {
+    /// The label of a gain.
+    pub fn gain(effort: &str) -> String {
+        format!("gain({effort})")
+    }
+
+    /// The place of a label.
+    pub fn place(&self, label: &str) -> Option<usize> {
+        self.labels.iter().position(|own| own == label)
+    }
+
+    /// The covariance of two labels by their places; NaN for places that there are not.
+    pub fn entry(&self, i: usize, j: usize) -> f64 {
+        let entry = self.values.get(i * self.labels.len() + j);
+        entry.copied().unwrap_or(f64::NAN)
+    }
+}
+
 /// Where an identified model came from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Provenance {
@@ -95,6 +157,12 @@ pub struct IdentifiedModel {
     pub gap: Option<f64>,
     /// The confidence intervals of the values.
     pub intervals: Intervals,
+    /// The gains of drives whose efforts were measured as currents of unknown gain.
+    pub gains: Vec<Gain>,
+    /// The payloads that runs carried, whose base parameters are among `beta`.
+    pub payloads: Vec<IdentifiedPayload>,
+    /// The covariance of base parameters and gains, where it was asked for or came with the fit.
+    pub covariance: Option<Covariance>,
     /// The model and the logs that the values were identified from.
     pub provenance: Provenance,
 }
@@ -127,6 +195,41 @@ impl IdentifiedModel {
         let free = vec![0.0; model.base_info().free.len()];
         model.parameters_from_base(&self.beta, &free, &mut phi)?;
         Ok(phi)
+    }
+
+    /// The model of a run in which the robot carries one of these payloads, or none: the base
+    /// parameters of the others are 0.
+    ///
+    /// - `bodies`: the labels of all payloads of the model; `carried`: the one that is carried.
+    #[must_use]
+    pub fn carrying<M: BaseModel<f64> + ?Sized>(
+        &self,
+        model: &M,
+        bodies: &[String],
+        carried: Option<&str>,
+    ) -> Self {
+        let info = model.info();
+        let is_absent = |label: &str| {
+            let parameter = Parameter::read(label);
+            parameter.is_some_and(|own| {
+                let absent = carried != Some(own.owner);
+                own.is_inertial() && absent && bodies.iter().any(|body| body == own.owner)
+            })
+        };
+        let mut out = self.clone();
+        for (value, parameter) in out.beta.iter_mut().zip(model.base_info().base) {
+            if is_absent(parameter.label) {
+                *value = 0.0;
+            }
+        }
+        if let Some(phi) = &mut out.phi {
+            for (value, parameter) in phi.iter_mut().zip(info.parameters) {
+                if is_absent(&parameter.label()) {
+                    *value = 0.0;
+                }
+            }
+        }
+        out
     }
 
     /// Copies the intervals of another model if both have the same base parameters: where no

@@ -66,6 +66,7 @@ Examples:
   regen identify arm.yaml run.csv --iv --reference t.json --pid 50,20,3
   regen identify arm.yaml run.csv --estimator didim --controller gains.yaml
   regen identify arm.yaml run.csv --estimator response --controller gains.yaml
+  regen identify arm.yaml loaded.csv --payload unknown --parameters p.json
 
 With --iv the regressor at another motion takes the place of the regressor's
 transpose: that of the robot simulated under PID control along --reference with
@@ -83,6 +84,12 @@ controllers' file may be estimated too, `kp: {estimate: 40}`, and delay, gain
 and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. What commands
 cannot determine, such as the common scale of inertias and unknown gains, is
 named; the exit code is then 4.
+
+Currents of unknown gain (`gain: unknown` in an experiment file) and runs with a
+payload (`payload: unknown`, or what is known of it) are fitted together, in
+units of measurement; only a known gain or a payload of known mass tells the
+scale, and without it the fit is refused. --payload unknown weighs a load on a
+robot that --parameters knows.
 
 With --feasible the parameters of --out are physical: the semidefinite programme
 finds all ten of each body, friction and rotors that are not negative, offsets
@@ -132,6 +139,14 @@ pub(crate) struct IdentifyArgs {
     /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
+    /// Identified parameters of the robot without its load: payloads are identified,
+    /// and gains that PARAMS lacks. With `covariance` in it (--covariance), the
+    /// deviations include its own
+    #[arg(long, value_name = "PARAMS")]
+    pub(crate) parameters: Option<PathBuf>,
+    /// Write the covariance of base parameters and gains into PARAMS too
+    #[arg(long, requires = "out")]
+    pub(crate) covariance: bool,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]

@@ -55,7 +55,7 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "S")]
     pub(crate) period: Option<f64>,
     /// Whether the payloads of the description are carried in all these logs; with a
-    /// payload this must be said
+    /// payload this must be said, here or for each run of an experiment file
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// The standard deviation of a measured coordinate, where more are measured
@@ -107,6 +107,8 @@ pub(crate) enum PayloadArg {
     None,
     /// They are bodies like all others
     Carried,
+    /// Carried and to be identified, by `identify` with the robot's --parameters
+    Unknown,
 }
 
 /// What is done with rows that cannot be used

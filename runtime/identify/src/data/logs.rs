@@ -94,6 +94,34 @@ impl Settings {
         }
     }
 
+    /// Gives currents of unknown gain these gains, N m/A or N/A, by coordinate; those not named are
+    /// read in A.
+    ///
+    /// ```
+    /// use regen_identify::data::{Assignment, Settings};
+    ///
+    /// let current = Assignment { gain: None, .."tau_q1=i1:mA*1".parse()? };
+    /// let settings = Settings { columns: vec![current], ..Settings::default() };
+    /// let columns = settings.clone().with_gains(&[("q1".to_owned(), 4.0)]).columns;
+    /// assert_eq!((columns[0].gain, columns[0].factor), (Some(4.0), 4e-3));
+    /// let columns = settings.with_gains(&[]).columns;
+    /// assert_eq!((columns[0].gain, columns[0].factor), (Some(1.0), 1e-3));
+    /// # Ok::<(), regen_identify::data::AssignmentError>(())
+    /// ```
+    #[must_use]
+    pub fn with_gains(mut self, gains: &[(String, f64)]) -> Self {
+        for column in &mut self.columns {
+            if column.is_current() && column.gain.is_none() {
+                let name = column.quantity.coordinate();
+                let known = gains.iter().find(|(own, _)| Some(own.as_str()) == name);
+                let gain = known.map_or(1.0, |(_, gain)| *gain);
+                column.factor *= gain;
+                column.gain = Some(gain);
+            }
+        }
+        self
+    }
+
     pub(super) fn keeps(&self) -> Keeps {
         self.policies().keeps()
     }

@@ -337,7 +337,7 @@ impl QrFactor {
     }
 
     /// R x.
-    pub(super) fn times_r(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn times_r(&self, x: &[f64]) -> Vec<f64> {
         let n = self.columns();
         let mut out = vec![0.0; n];
         for (column, value) in self.r.chunks_exact(n.max(1)).zip(x) {

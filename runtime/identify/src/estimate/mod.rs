@@ -22,4 +22,5 @@ pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_err
 pub use scores::{BLOCKS, Blocks, Scores};
 pub use set::{Accumulator, FactorSet, FileError, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};
+pub(crate) use solution::{quantile, weights_from};
 pub use spectrum::{RANK_TOLERANCE, Spectrum};

@@ -1,7 +1,7 @@
 //! The least-squares estimate with its covariance.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::{Deviations, EstimateError, FactorSet, QrFactor};
 use crate::qr_update::substitute;
@@ -72,7 +72,7 @@ const MIN_RELATIVE_SIGMA: f64 = 1e-4;
 
 /// The weights 1/sigma of the efforts, given the standard deviations `sigmas` of their residuals, N
 /// or N m, or J, with the lower bound [`MIN_RELATIVE_SIGMA`].
-fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
+pub(crate) fn weights_from(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
     let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         (squares / factor.rows().max(1) as f64).sqrt()
@@ -245,10 +245,14 @@ impl Estimate {
 }
 
 /// The quantile of Student's distribution for two-sided intervals of this confidence level: NaN for
-/// a level outside of (0, 1), infinite without a degree of freedom.
-fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
+/// a level outside of (0, 1), infinite without a degree of freedom, the normal distribution's with
+/// infinitely many.
+pub(crate) fn quantile(degrees_of_freedom: f64, level: f64) -> f64 {
     if !(level > 0.0 && level < 1.0) {
         return f64::NAN;
+    }
+    if degrees_of_freedom == f64::INFINITY {
+        return Normal::standard().inverse_cdf(0.5 + 0.5 * level);
     }
     StudentsT::new(0.0, 1.0, degrees_of_freedom)
         .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))

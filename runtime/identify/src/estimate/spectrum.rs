@@ -63,6 +63,18 @@ impl Spectrum {
         (0..n).filter(|&c| part(c) > MIN_NULL_PART).collect()
     }
 
+    /// Orthonormal directions, columns scaled to unit length, whose singular values are below this
+    /// part of the largest: along them nothing changes.
+    pub(crate) fn null_directions(&self, tolerance: f64) -> Vec<Vec<f64>> {
+        let n = self.scaled.len();
+        let floor = tolerance * self.scaled.first().copied().unwrap_or(0.0);
+        let directions = self.vectors.chunks_exact(n.max(1)).zip(&self.scaled);
+        directions
+            .filter(|(_, value)| **value <= floor)
+            .map(|(direction, _)| direction.to_vec())
+            .collect()
+    }
+
     pub(super) fn require_full_rank(&self, factor: &QrFactor) -> Result<(), EstimateError> {
         let parameters = factor.columns();
         let labels = || -> Vec<String> {

@@ -415,6 +415,11 @@ static PAYLOAD: Record = record(
     "a payload",
     &[
         optional(
+            "body",
+            Shape::Text,
+            "The body of the spec that it is, where the spec has several payloads",
+        ),
+        optional(
             "m",
             Shape::Either(&[Shape::Number(Range::Positive), UNKNOWN]),
             "Its mass, kg; unknown if missing",

@@ -34,7 +34,8 @@ use regen_runtime::Info;
 use serde_json::{Value, json};
 
 use crate::data::{Run, Settings};
-use crate::files::{Mistake, Mistakes};
+use crate::files::Mistakes;
+use crate::gains::KnownPayload;
 use crate::identify::EquationKind;
 use shape::{Shape, Sink};
 use tree::Node;
@@ -56,8 +57,10 @@ pub struct ExperimentFile {
     pub runs: Vec<PlannedRun>,
     /// The coordinates whose efforts are currents of unknown gains.
     pub unknown_gains: Vec<String>,
-    /// The places of unknown gains and of payloads, with what they are.
-    unused: Vec<Mistake>,
+    /// The places of unknown gains.
+    gain_places: Vec<usize>,
+    /// For each run, the place of its payload.
+    payload_places: Vec<usize>,
 }
 
 /// Where the delays of efforts behind the motion come from.
@@ -92,13 +95,15 @@ pub enum Purpose {
 }
 
 /// What the robot carries in a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Payload {
     /// Nothing.
     #[default]
     None,
     /// A body; what is not known of it is `None`.
     Carried {
+        /// The label of its body in the spec; `None` where the spec has one payload only.
+        body: Option<String>,
         /// Its mass, kg.
         mass: Option<f64>,
         /// Its centre of mass in the frame of the body that carries it, m.
@@ -108,9 +113,30 @@ pub enum Payload {
     },
 }
 
+/// What the runs of a file carry, by the payloads of the robot.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Loads {
+    /// For each run of the file, the index of the payload that is carried.
+    pub carried: Vec<Option<usize>>,
+    /// The payloads of the robot with what the runs say of them.
+    pub payloads: Vec<KnownPayload>,
+}
+
+impl PlannedRun {
+    /// The run with its files looked up in a folder.
+    pub fn placed(&self, folder: &Path) -> Run {
+        let files = self.run.files.iter();
+        Run {
+            files: files.map(|file| folder.join(file)).collect(),
+            ..self.run.clone()
+        }
+    }
+}
+
 impl Payload {
     /// A payload of which nothing is known.
     pub const UNKNOWN: Self = Self::Carried {
+        body: None,
         mass: None,
         com: None,
         inertia: None,
@@ -180,22 +206,6 @@ impl ExperimentFile {
             mistakes.sort_by_key(|mistake| mistake.at);
             return Err(Mistakes(mistakes));
         }
-        let mut unused = Sink::default();
-        for (name, at) in &columns.unknown_gains {
-            let path = format!("`columns`, the effort of {name}");
-            let message = "unknown gains cannot be identified yet".to_owned();
-            let remedy = "give the torque constant with the gear, in N m/A or N/A";
-            unused.push(*at, &path, message, remedy);
-        }
-        for (k, (run, at)) in runs.iter().enumerate() {
-            if run.payload != Payload::None {
-                let path = format!("`runs`, entry {}, `payload`", k + 1);
-                let message = "the spec has no body that is a payload".to_owned();
-                let remedy = "leave the run out, or describe what the robot carries as a body of \
-                              a spec of its own";
-                unused.push(*at, &path, message, remedy);
-            }
-        }
         Ok(Self {
             settings: Settings {
                 columns: columns.assignments,
@@ -203,13 +213,14 @@ impl ExperimentFile {
             },
             kind: process.kind,
             delay: process.delay,
+            payload_places: runs.iter().map(|(_, at)| *at).collect(),
             runs: runs.into_iter().map(|(run, _)| run).collect(),
+            gain_places: columns.unknown_gains.iter().map(|gain| gain.1).collect(),
             unknown_gains: columns
                 .unknown_gains
                 .into_iter()
                 .map(|gain| gain.0)
                 .collect(),
-            unused: unused.mistakes,
         })
     }
 
@@ -229,11 +240,121 @@ impl ExperimentFile {
     /// # Ok::<(), regen_identify::files::Mistakes>(())
     /// ```
     pub fn require_plain(&self) -> Result<(), Mistakes> {
-        if self.unused.is_empty() {
-            Ok(())
-        } else {
-            Err(Mistakes(self.unused.clone()))
+        let mut unused = Sink::default();
+        for (name, at) in self.unknown_gains.iter().zip(&self.gain_places) {
+            let path = format!("`columns`, the effort of {name}");
+            let message = "unknown gains are found by least squares from all runs together, not \
+                           by this"
+                .to_owned();
+            let remedy = "give the torque constant with the gear, in N m/A or N/A";
+            unused.push(*at, &path, message, remedy);
         }
+        for (k, (run, at)) in self.runs.iter().zip(&self.payload_places).enumerate() {
+            if run.payload != Payload::None {
+                let path = format!("`runs`, entry {}, `payload`", k + 1);
+                let message = "runs with a payload are for least squares from all runs together, \
+                               not for this"
+                    .to_owned();
+                let remedy = "leave the run out";
+                unused.push(*at, &path, message, remedy);
+            }
+        }
+        unused.into_result()
+    }
+
+    /// Whether there are unknown gains, or runs with a payload.
+    pub fn has_unknowns(&self) -> bool {
+        !self.unknown_gains.is_empty() || self.runs.iter().any(|run| run.payload != Payload::None)
+    }
+
+    /// Which of the robot's payloads each run carries, and what is known of them. Runs that carry
+    /// the same body carry the same load.
+    ///
+    /// - `bodies`: the labels of the robot's payloads.
+    ///
+    /// # Errors
+    /// All runs whose payload is none of the robot's, or is not said of several, or of which
+    /// another run says otherwise.
+    ///
+    /// ```
+    /// use regen_identify::experiment_file::ExperimentFile;
+    /// use regen_runtime::Info;
+    ///
+    /// let text = "
+    /// runs:
+    ///   - {files: a.csv}
+    ///   - {files: b.csv, payload: unknown}
+    ///   - {files: c.csv, payload: {m: 2.8}}
+    /// ";
+    /// let file = ExperimentFile::read(text, &Info::EMPTY)?;
+    /// let found = file.loads(&["load".to_owned()])?;
+    /// assert_eq!(found.carried, [None, Some(0), Some(0)]);
+    /// assert_eq!(found.payloads[0].mass, Some(2.8));
+    /// let refused = file.loads(&[]).unwrap_err();
+    /// assert_eq!(refused.0[0].path, "`runs`, entry 2, `payload`");
+    /// # Ok::<(), regen_identify::files::Mistakes>(())
+    /// ```
+    pub fn loads(&self, bodies: &[String]) -> Result<Loads, Mistakes> {
+        let mut sink = Sink::default();
+        let mut out = Loads {
+            carried: Vec::new(),
+            payloads: bodies
+                .iter()
+                .map(|body| KnownPayload {
+                    body: body.clone(),
+                    ..KnownPayload::default()
+                })
+                .collect(),
+        };
+        for (k, (run, at)) in self.runs.iter().zip(&self.payload_places).enumerate() {
+            let Payload::Carried {
+                body,
+                mass,
+                com,
+                inertia,
+            } = &run.payload
+            else {
+                out.carried.push(None);
+                continue;
+            };
+            let path = format!("`runs`, entry {}, `payload`", k + 1);
+            let place = match (body, bodies.len()) {
+                (None, 1) => Some(0),
+                (None, _) => None,
+                (Some(body), _) => bodies.iter().position(|own| own == body),
+            };
+            out.carried.push(place);
+            let Some(own) = place.and_then(|place| out.payloads.get_mut(place)) else {
+                let listed = bodies.join(" ");
+                let (message, remedy) = match body {
+                    _ if bodies.is_empty() => (
+                        "the spec has no body that is a payload".to_owned(),
+                        "mark the body `payload: true`, on a fixed joint that ends its limb"
+                            .to_owned(),
+                    ),
+                    Some(body) => (
+                        format!("'{body}' is no payload of the spec"),
+                        format!("its payloads are {listed}"),
+                    ),
+                    None => (
+                        format!("the spec has several payloads: {listed}"),
+                        "say which it is, `payload: {body: NAME}`".to_owned(),
+                    ),
+                };
+                sink.push(*at, &path, message, &remedy);
+                continue;
+            };
+            let is_same = agree(&mut own.mass, *mass)
+                & agree(&mut own.com, *com)
+                & agree(&mut own.inertia, *inertia);
+            if !is_same {
+                let message = format!("another run says otherwise of '{}'", own.body);
+                let remedy = "runs with the same body carry the same load; another load is another \
+                              body of the spec";
+                sink.push(*at, &path, message, remedy);
+            }
+        }
+        sink.into_result().map(|()| out)
     }
 
     /// The coordinates that the columns of a file name, for reading it without a robot: a pattern
@@ -260,16 +381,19 @@ impl ExperimentFile {
     /// The runs for a purpose, with their files looked up in a folder.
     pub fn runs_in(&self, folder: &Path, purpose: Purpose) -> Vec<Run> {
         let runs = self.runs.iter().filter(|run| run.purpose == purpose);
-        let placed = runs.map(|planned| Run {
-            files: planned
-                .run
-                .files
-                .iter()
-                .map(|file| folder.join(file))
-                .collect(),
-            ..planned.run.clone()
-        });
-        placed.collect()
+        runs.map(|planned| planned.placed(folder)).collect()
+    }
+}
+
+/// Keeps what is said first; returns whether what is said next is the same.
+fn agree<T: PartialEq>(known: &mut Option<T>, said: Option<T>) -> bool {
+    match (&known, said) {
+        (_, None) => true,
+        (None, said) => {
+            *known = said;
+            true
+        }
+        (Some(known), Some(said)) => *known == said,
     }
 }
 

@@ -88,6 +88,7 @@ fn payload(node: &Node) -> Payload {
         node.get(key)?.items().iter().map(Node::number).collect()
     };
     Payload::Carried {
+        body: node.get("body").and_then(Node::text).map(str::to_owned),
         mass: node.get("m").and_then(Node::number),
         com: numbers("com").and_then(|list| list.try_into().ok()),
         inertia: numbers("inertia").and_then(|list| list.try_into().ok()),

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::tree::{Kind, Node, shorten};
 use crate::data::expression;
-use crate::files::Mistake;
+use crate::files::{Mistake, Mistakes};
 
 /// The shape of a value.
 pub(super) enum Shape {
@@ -77,6 +77,15 @@ impl Sink {
         } else {
             mistake.words(remedy)
         });
+    }
+
+    /// An error if there are mistakes.
+    pub(super) fn into_result(self) -> Result<(), Mistakes> {
+        if self.mistakes.is_empty() {
+            Ok(())
+        } else {
+            Err(Mistakes(self.mistakes))
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use regen_runtime::Info;
 
 use super::*;
 use crate::data::{Checks, Decimal, Format, Header, Join, Policy, Separator};
+use crate::files::Mistake;
 use crate::identify::Standstill;
 use crate::signals::Method;
 
@@ -160,17 +161,18 @@ runs:
         (Join::Time, Some((2, 7)), Some((-1.0, 2.5)))
     );
     assert_eq!(
-        (first.purpose, first.payload),
-        (Purpose::Identify, Payload::UNKNOWN)
+        (first.purpose, &first.payload),
+        (Purpose::Identify, &Payload::UNKNOWN)
     );
     let carried = Payload::Carried {
+        body: None,
         mass: Some(2.8),
         com: Some([0.0, 0.0, 0.05]),
         inertia: None,
     };
     assert_eq!(
-        (second.purpose, second.payload),
-        (Purpose::Validate, carried)
+        (second.purpose, &second.payload),
+        (Purpose::Validate, &carried)
     );
     assert_eq!(file.require_plain().unwrap_err().0.len(), 2);
 
@@ -389,4 +391,47 @@ fn the_schema_closes_every_record_and_describes_every_key() {
         keys, 48,
         "keys were added or lost: adjust this number knowingly"
     );
+}
+
+#[test]
+fn what_runs_carry_is_found_by_the_spec_s_payloads_and_contradictions_are_told() {
+    let file = read(
+        "runs:
+  - {files: a}
+  - {files: b, payload: {body: box, m: 2}}
+  - {files: c, payload: {body: ball}}
+  - {files: d, payload: {body: box, m: 2, com: [0, 0, 0.1]}}
+",
+    );
+    assert!(file.has_unknowns());
+    let bodies = ["box", "ball"].map(str::to_owned);
+    let found = file.loads(&bodies).unwrap();
+    assert_eq!(found.carried, [None, Some(0), Some(1), Some(0)]);
+    assert_eq!(found.payloads[0].mass, Some(2.0));
+    assert_eq!(found.payloads[0].com, Some([0.0, 0.0, 0.1]));
+    assert_eq!(found.payloads[1].mass, None);
+    for (text, why) in [
+        ("{body: lid}", "'lid' is no payload of the spec"),
+        ("unknown", "the spec has several payloads: box ball"),
+        ("{body: box, m: 3}", "another run says otherwise of 'box'"),
+    ] {
+        let text = format!(
+            "runs: [{{files: a, payload: {{body: box, m: 2}}}}, {{files: b, payload: {text}}}]"
+        );
+        let refused = read(&text).loads(&bodies).unwrap_err();
+        assert_eq!(refused.0.len(), 1);
+        assert_eq!(refused.0[0].message, why);
+        assert_eq!(refused.0[0].path, "`runs`, entry 2, `payload`");
+        assert!(refused.0[0].at > 40 && refused.0[0].remedy.is_some());
+    }
+    let arm = ["pan", "lift", "elbow", "w1", "w2", "w3"];
+    let info = Info {
+        coordinates: &arm,
+        actuated: &[0, 1, 2, 3, 4, 5],
+        ..Info::EMPTY
+    };
+    let text = include_str!("../../../../robots/measured/ur10e_gains.yaml");
+    let file = ExperimentFile::read(text, &info).unwrap();
+    assert_eq!(file.unknown_gains, arm);
+    assert_eq!(file.loads(&bodies[..1]).unwrap().carried, [None, Some(0)]);
 }

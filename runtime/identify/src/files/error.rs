@@ -33,6 +33,8 @@ pub enum FileError {
         /// The reason.
         why: String,
     },
+    /// The covariance is not a triangle of finite numbers with a row for each label.
+    Covariance,
     /// The model's parameters have labels that no body or joint has.
     ParameterLayout(FeasibilityError),
     /// The number of values does not fit the model.
@@ -56,6 +58,9 @@ impl fmt::Display for FileError {
                 f,
                 "these are parameters of {robot} with the digest {found}, the spec's model has \
                  {expected}: identify again with this spec"
+            ),
+            Self::Covariance => f.write_str(
+                "`covariance` is not a triangle of finite numbers with a row for each of its labels",
             ),
             Self::Missing(labels) => write!(f, "values are missing for {}", labels.join(", ")),
             Self::Friction { joint, why } => write!(f, "friction of {joint}: {why}"),

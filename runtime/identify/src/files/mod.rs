@@ -3,6 +3,7 @@
 
 mod constants;
 mod error;
+mod loads;
 mod mistakes;
 mod predictions;
 mod rows;
@@ -17,6 +18,7 @@ use serde_json::Value;
 
 pub use constants::rust_constants;
 pub use error::FileError;
+pub use loads::{CovarianceRows, GainRow, PayloadRow, PayloadValueRow};
 pub use mistakes::{Mistake, Mistakes, Remedy};
 pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
@@ -112,6 +114,15 @@ pub struct ParameterFile {
     /// Nonlinear friction, which is not among the base parameters.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub friction: Vec<FrictionRow>,
+    /// The gains of drives whose efforts were measured as currents.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gains: Vec<GainRow>,
+    /// The payloads that runs carried.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub payloads: Vec<PayloadRow>,
+    /// The covariance of base parameters and gains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CovarianceRows>,
     /// All parameters of a physically feasible model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub physical: Vec<PhysicalRow>,
@@ -165,6 +176,9 @@ impl ParameterFile {
             parameters: parameters.collect(),
             least_squares: least,
             friction: rows::friction(found),
+            gains: found.gains.iter().map(|g| GainRow::new(g, &info)).collect(),
+            payloads: found.payloads.iter().map(PayloadRow::new).collect(),
+            covariance: found.covariance.as_ref().map(CovarianceRows::new),
             physical: Vec::new(),
             bodies: BTreeMap::new(),
             joints: BTreeMap::new(),
@@ -203,6 +217,12 @@ struct Read {
     physical: Vec<ReadRow>,
     #[serde(default)]
     friction: Vec<FrictionRow>,
+    #[serde(default)]
+    gains: Vec<GainRow>,
+    #[serde(default)]
+    payloads: Vec<PayloadRow>,
+    #[serde(default)]
+    covariance: Option<CovarianceRows>,
 }
 
 #[derive(Deserialize)]
@@ -260,6 +280,10 @@ impl IdentifiedModel {
                 for row in &file.friction {
                     found.friction.push(row.joint()?);
                 }
+                found.gains = file.gains.iter().map(GainRow::gain).collect();
+                found.payloads = file.payloads.iter().map(PayloadRow::payload).collect();
+                let covariance = file.covariance.as_ref();
+                found.covariance = covariance.map(CovarianceRows::covariance).transpose()?;
                 let pair = |row: ReadRow| (row.label, row.value);
                 physical = file.physical.into_iter().map(pair).collect();
                 file.parameters.into_iter().map(pair).collect()

@@ -73,11 +73,11 @@ pub struct LeastSquaresRow {
 }
 
 /// Reads a number, or NaN for null.
-fn number_or_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+pub(super) fn number_or_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
-fn nan() -> f64 {
+pub(super) fn nan() -> f64 {
     f64::NAN
 }
 

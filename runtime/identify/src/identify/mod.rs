@@ -19,13 +19,18 @@ pub use instruments::{
 pub use motion::{Completed, Completion};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
+pub(crate) use replay::Replay;
 pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};
 
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
 /// Returns an error unless a length is the expected one.
-fn require(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
+pub(crate) fn require(
+    what: &'static str,
+    expected: usize,
+    got: usize,
+) -> Result<(), EstimateError> {
     if expected == got {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 use super::equation_builder::{EquationKind, Equations};
 use super::passes::Source;
-use super::stream::{LeftOut, NoColumns, equations};
+use super::stream::{Columns, LeftOut, NoColumns, equations};
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
@@ -11,10 +11,13 @@ use regen_runtime::BaseModel;
 const MAX_NUMBERS: usize = 1 << 23;
 
 /// The equations of a log: computed in the first pass and stored, unless there are too many.
-pub(super) struct Replay<'a, M: ?Sized, S: ?Sized> {
+pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     model: &'a M,
     kind: EquationKind,
     source: &'a mut S,
+    columns: Box<dyn Columns + 'a>,
+    /// The most numbers that are stored.
+    most: usize,
     kept: ReplayBlock,
     left: LeftOut,
 }
@@ -46,14 +49,14 @@ struct Sample {
 }
 
 impl ReplayBlock {
-    fn push(&mut self, equations: &Equations<'_>) {
+    fn push(&mut self, equations: &Equations<'_>, most: usize) {
         let Equations {
             w, tau, weights, ..
         } = equations;
         if self.state == State::TooMany {
             return;
         }
-        if self.values.len() + w.len() + 2 * tau.len() > MAX_NUMBERS {
+        if self.values.len() + w.len() + 2 * tau.len() > most {
             self.state = State::TooMany;
             (self.values, self.samples) = (vec![], vec![]);
             return;
@@ -71,31 +74,51 @@ impl ReplayBlock {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
-    pub(super) fn new(model: &'a M, kind: EquationKind, source: &'a mut S) -> Self {
+    pub(crate) fn new(model: &'a M, kind: EquationKind, source: &'a mut S) -> Self {
+        Self::with_columns(model, kind, source, Box::new(NoColumns))
+    }
+
+    /// Equations with columns in addition to those of the base parameters.
+    pub(crate) fn with_columns(
+        model: &'a M,
+        kind: EquationKind,
+        source: &'a mut S,
+        columns: Box<dyn Columns + 'a>,
+    ) -> Self {
         Self {
             model,
             kind,
             source,
+            columns,
+            most: MAX_NUMBERS,
             kept: ReplayBlock::default(),
             left: LeftOut::default(),
         }
     }
 
-    pub(super) fn model(&self) -> &'a M {
+    /// The same for one of several logs, which share the memory.
+    pub(crate) fn shared(self, logs: usize) -> Self {
+        Self {
+            most: MAX_NUMBERS / logs.max(1),
+            ..self
+        }
+    }
+
+    pub(crate) fn model(&self) -> &'a M {
         self.model
     }
 
-    pub(super) fn kind(&self) -> EquationKind {
+    pub(crate) fn kind(&self) -> EquationKind {
         self.kind
     }
 
     /// The samples and equations that the last pass over the log left out.
-    pub(super) fn left(&self) -> &LeftOut {
+    pub(crate) fn left(&self) -> &LeftOut {
         &self.left
     }
 
     /// Passes the equations of all samples to `each` in order of time.
-    pub(super) fn visit(
+    pub(crate) fn visit(
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), S::Error> {
@@ -116,14 +139,14 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             }
             return Ok(());
         }
-        let kept = &mut self.kept;
+        let (kept, most) = (&mut self.kept, self.most);
         self.left = equations(
             self.model,
             self.kind,
             self.source,
-            &mut NoColumns,
+            &mut *self.columns,
             &mut |found| {
-                kept.push(found);
+                kept.push(found, most);
                 each(found)
             },
         )?;

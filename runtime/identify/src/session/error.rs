@@ -7,6 +7,7 @@ use regen_runtime::{ClosureError, Friction, SizeError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
 use crate::feasibility::FeasibilityError;
+use crate::gains::GainError;
 
 /// Error of an identification session.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,8 @@ pub enum SessionError {
     Data(DataError),
     /// The physically feasible parameters were not found.
     Feasibility(FeasibilityError),
+    /// Unknown gains or payloads were not found.
+    Gains(GainError),
     /// The robot of this name has no nominal values that could be priors.
     NoNominal(String),
     /// The robot of this name has no joint with nonlinear friction that could be identified.
@@ -44,6 +47,7 @@ impl fmt::Display for SessionError {
         match self {
             Self::Data(why) => write!(f, "{why}"),
             Self::Feasibility(why) => write!(f, "{why}"),
+            Self::Gains(why) => write!(f, "{why}"),
             Self::NoNominal(robot) => write!(
                 f,
                 "{robot} has no nominal values to believe in: give `bodies:` and `nominal:` in the \
@@ -89,6 +93,7 @@ impl core::error::Error for SessionError {
         match self {
             Self::Data(why) => Some(why),
             Self::Feasibility(why) => Some(why),
+            Self::Gains(why) => Some(why),
             _ => None,
         }
     }
@@ -109,6 +114,16 @@ impl From<EstimateError> for SessionError {
 impl From<FeasibilityError> for SessionError {
     fn from(why: FeasibilityError) -> Self {
         Self::Feasibility(why)
+    }
+}
+
+impl From<GainError> for SessionError {
+    /// What is wrong with the logs alone is an error of the data.
+    fn from(why: GainError) -> Self {
+        match why {
+            GainError::Data(why) => Self::Data(why),
+            other => Self::Gains(other),
+        }
     }
 }
 

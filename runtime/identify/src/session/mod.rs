@@ -1,7 +1,8 @@
 //! An identification session: the steps from logs to the adopted model.
 //!
 //! [`Session`] holds the model and the settings that all steps share. [`from_logs`],
-//! [`from_factors`] or [`with_friction`] computes a least-squares estimate; the other estimators
+//! [`from_factors`] or [`with_friction`] computes a least-squares estimate, [`with_gains`] one with
+//! unknown gains and payloads; the other estimators
 //! ([`physical()`], [`reduction()`]) start from it. [`compare()`] and [`cross()`] compute errors of
 //! prediction.
 
@@ -10,6 +11,7 @@ mod cross;
 mod delays;
 mod error;
 mod knowledge;
+mod loads;
 mod physical;
 mod reduction;
 mod start;
@@ -25,6 +27,7 @@ pub use cross::{CrossValidation, cross};
 pub use delays::settled_delays;
 pub use error::SessionError;
 pub use knowledge::{NominalTrust, PriorKnowledge};
+pub use loads::{loaded_residuals, with_gains};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
 pub use start::{LeastSquaresStart, describe, from_factors, from_logs, with_friction};

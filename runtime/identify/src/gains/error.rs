@@ -1,0 +1,145 @@
+//! Errors of fits with unknown gains and payloads.
+
+use core::fmt;
+
+use crate::data::DataError;
+use crate::estimate::EstimateError;
+use regen_runtime::SizeError;
+
+/// Most names of unknowns that a message lists.
+const MAX_NAMED: usize = 12;
+
+/// A direction in which all unknowns may change together without any effect on the runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Free {
+    /// The unknowns that take part.
+    pub names: Vec<String>,
+    /// Whether gains take part: then it is a scale that nothing fixes.
+    pub is_scale: bool,
+}
+
+/// Error of a fit with unknown gains and payloads.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum GainError {
+    /// The logs cannot be used.
+    Data(DataError),
+    /// The runs leave unknowns undetermined.
+    Undetermined {
+        /// The number of independent combinations of unknowns that the runs determine.
+        rank: usize,
+        /// The number of unknowns.
+        unknowns: usize,
+        /// The directions that are left.
+        free: Vec<Free>,
+    },
+    /// Currents of more or fewer drives than the robot has degrees of freedom: their errors cannot
+    /// be told apart.
+    Drives {
+        /// The number of actuated coordinates.
+        actuated: usize,
+        /// The degrees of freedom.
+        dof: usize,
+    },
+    /// A gain is unknown of a coordinate that has no effort.
+    NoEffort(String),
+    /// The current of this coordinate is 0 throughout, so that it has no gain.
+    NoCurrent(String),
+    /// The gain of this coordinate that another identification found is 0 or not finite.
+    NoGain(String),
+    /// The base parameters of the model are not apart for a body of this label.
+    NoPayload(String),
+    /// There is nothing unknown.
+    NothingUnknown,
+    /// The search did not converge.
+    NotConverged,
+    /// The equations are energy balances, in which gains are not apart.
+    EnergyBalance,
+}
+
+impl fmt::Display for GainError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Data(why) => write!(f, "{why}"),
+            Self::Undetermined {
+                rank,
+                unknowns,
+                free,
+            } => {
+                write!(f, "the runs determine {rank} of {unknowns} unknowns")?;
+                for direction in free {
+                    let named = direction.names.iter().take(MAX_NAMED);
+                    let named: Vec<&str> = named.map(String::as_str).collect();
+                    let more = match direction.names.len().saturating_sub(MAX_NAMED) {
+                        0 => String::new(),
+                        count => format!(" and {count} more"),
+                    };
+                    let what = if direction.is_scale {
+                        "nothing fixes the scale of"
+                    } else {
+                        "undetermined:"
+                    };
+                    write!(f, "; {what} {}{more}", named.join(", "))?;
+                }
+                if free.iter().any(|direction| direction.is_scale) {
+                    f.write_str(
+                        ". A gain that is known would fix it, or a run with a payload of which at \
+                         least the mass is known",
+                    )
+                } else {
+                    f.write_str(". Excite these by another trajectory")
+                }
+            }
+            Self::Drives { actuated, dof } => write!(
+                f,
+                "{actuated} drives for {dof} degrees of freedom: unknown gains and payloads are \
+                 identified where there are as many"
+            ),
+            Self::NoEffort(name) => write!(f, "`{name}` has no effort whose gain could be unknown"),
+            Self::NoCurrent(name) => {
+                write!(f, "the current of `{name}` is 0 throughout: it has no gain")
+            }
+            Self::NoGain(name) => write!(f, "the known gain of `{name}` is 0 or no number"),
+            Self::NoPayload(label) => write!(
+                f,
+                "the model has no base parameters of the body `{label}` alone: it is no payload, \
+                 or no effort depends on it"
+            ),
+            Self::NothingUnknown => f.write_str("all is known: there is nothing to identify"),
+            Self::NotConverged => f.write_str(
+                "the search for gains and payload did not converge: give a gain or more of the \
+                 payload that is known",
+            ),
+            Self::EnergyBalance => f.write_str(
+                "gains and payloads are identified from the equations of motion, not from energy",
+            ),
+        }
+    }
+}
+
+impl core::error::Error for GainError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Data(why) => Some(why),
+            _ => None,
+        }
+    }
+}
+
+impl From<DataError> for GainError {
+    fn from(why: DataError) -> Self {
+        Self::Data(why)
+    }
+}
+
+impl From<EstimateError> for GainError {
+    fn from(why: EstimateError) -> Self {
+        Self::Data(why.into())
+    }
+}
+
+impl From<SizeError> for GainError {
+    fn from(why: SizeError) -> Self {
+        Self::Data(EstimateError::from(why).into())
+    }
+}

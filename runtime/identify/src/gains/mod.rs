@@ -1,0 +1,270 @@
+//! Unknown gains of drives and payloads: one fit over runs with and without payloads.
+//!
+//! Where efforts were measured as currents i = tau / k with unknown gains k (torque constants with
+//! their gears), least squares with i fits parameters and gains together, in the unit in which the
+//! noise is (Gautier and Briot, 2014). Runs in which the robot carries a payload have further base
+//! parameters, those of the payload alone; what is known of it is kept. Only a known part (a gain,
+//! or a payload's mass) tells the scale of gains and parameters: the rank of the equations at the
+//! solution says whether there is one.
+//!
+//! M. Gautier, S. Briot, "Global Identification of Joint Drive Gains and Dynamic Parameters of
+//! Robots", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014.
+
+mod error;
+mod linear;
+mod payload;
+mod problem;
+mod rank;
+mod result;
+mod robot;
+mod rows;
+mod statistics;
+
+pub use error::{Free, GainError};
+pub use payload::KnownPayload;
+
+use crate::data::DataError;
+use crate::estimate::{
+    Accumulator, Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
+};
+use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
+use crate::model::{Covariance, IdentifiedModel};
+use crate::status::EffortContributions;
+use payload::Load;
+use problem::{GainKind, Problem};
+use regen_runtime::BaseModel;
+use rows::Rows;
+
+/// A run, and the payload that the robot carries in it.
+#[derive(Debug)]
+pub struct CarriedRun<'a, S: ?Sized> {
+    /// The rows of the run. Efforts of unknown gain are currents, A.
+    pub source: &'a mut S,
+    /// The payload, as an index into [`Plan::payloads`].
+    pub carried: Option<usize>,
+}
+
+/// A robot that was identified before.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KnownRobot {
+    /// All base parameters, SI; those of payloads count for nothing.
+    pub beta: Vec<f64>,
+    /// The gains that were found, N m/A or N/A, by coordinate.
+    pub gains: Vec<(String, f64)>,
+    /// Their covariance, if it is known; otherwise they are taken as exact.
+    pub covariance: Option<Covariance>,
+}
+
+/// What is unknown in the runs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// The coordinates whose efforts are currents of unknown gain.
+    pub unknown_gains: Vec<String>,
+    /// All payloads of the model, with what is known of them. The base parameters of a payload that
+    /// no run carries are left out.
+    pub payloads: Vec<KnownPayload>,
+    /// The robot, if it is known: then only payloads, and gains that it lacks, are identified.
+    pub robot: Option<KnownRobot>,
+}
+
+/// How a fit is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GainOptions {
+    /// How efforts are weighted against each other, each in the unit in which it was measured.
+    pub weighting: Weighting,
+    /// The number of autocorrelations of the residuals to compute.
+    pub lags: usize,
+    /// The level of the confidence intervals, in (0, 1).
+    pub confidence: f64,
+}
+
+impl Default for GainOptions {
+    fn default() -> Self {
+        Self {
+            weighting: Weighting::PerEffort,
+            lags: 20,
+            confidence: 0.95,
+        }
+    }
+}
+
+/// The result of a fit.
+#[derive(Clone, Debug)]
+pub struct GainFit {
+    /// The base parameters, gains and payloads with their deviations, and the covariance of the
+    /// first two; it has none where the robot was known.
+    pub model: IdentifiedModel,
+    /// The unknowns of the fit as least squares of the linearised equations: parameters of the
+    /// robot, unknown parameters of the payloads, gains. Its `efforts` are in SI.
+    pub estimate: Estimate,
+    /// The deviations of these unknowns, for residuals correlated in time.
+    pub deviations: Deviations,
+    /// The contributions of the base parameters to the efforts.
+    pub shares: EffortContributions,
+    /// The errors of each effort in N m or N.
+    pub errors: Vec<EffortError>,
+    /// eps_RA over all efforts, percent (Eq. 33).
+    pub relative_absolute: f64,
+    /// The number of samples that count as correlated.
+    pub bandwidth: usize,
+    /// What was left out.
+    pub left_out: LeftOut,
+    /// Whether the parameters of a known robot were taken as exact, as their covariance is not known.
+    pub is_robot_exact: bool,
+}
+
+/// Fits base parameters, unknown gains and payloads to all runs.
+///
+/// # Errors
+/// [`GainError::Undetermined`] where the runs leave unknowns open, above all the scale: without a
+/// known gain or a payload of known mass; [`GainError::Drives`], [`GainError::NoEffort`], [`GainError::NoGain`] and
+/// [`GainError::NoPayload`] for a plan that does not fit the model; [`GainError::NoCurrent`]; errors
+/// of reading the runs.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_identify::gains::{CarriedRun, GainError, GainOptions, KnownRobot, Plan, fit};
+/// use regen_identify::identify::Recorded;
+///
+/// // a pendulum of 0.5 kg m^2 and 2 kg m whose motor gives 4 N m/A
+/// let mut log = Recorded::new();
+/// for k in 0..400 {
+///     let t = 0.05 * f64::from(k);
+///     let (q, qd, qdd) = (t.sin(), t.cos(), -t.sin());
+///     let noise = 1e-4 * (7.1 * f64::from(k * k % 101)).sin();
+///     let current = (0.5 * qdd + 2.0 * 9.81 * q.sin()) / 4.0 + noise;
+///     log.push(t, &[q], &[qd], &[qdd], &[current]);
+/// }
+/// let mut plan = Plan { unknown_gains: vec!["q1".to_owned()], ..Plan::default() };
+/// let options = GainOptions::default();
+/// let mut runs = [CarriedRun { source: &mut log, carried: None }];
+/// // a current alone does not tell a heavy pendulum with a strong motor from a light one
+/// let refused = fit(&Pendulum, &options, &plan, &mut runs).unwrap_err();
+/// assert!(matches!(refused, GainError::Undetermined { rank: 2, unknowns: 3, .. }));
+///
+/// plan.robot = Some(KnownRobot { beta: vec![0.5, 2.0], ..KnownRobot::default() });
+/// let found = fit(&Pendulum, &options, &plan, &mut runs)?;
+/// assert!((found.model.gains[0].value - 4.0).abs() < 1e-3);
+/// # Ok::<(), GainError>(())
+/// ```
+pub fn fit<M, S>(
+    model: &M,
+    options: &GainOptions,
+    plan: &Plan,
+    runs: &mut [CarriedRun<'_, S>],
+) -> Result<GainFit, GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
+    let loads: Result<Vec<Load>, GainError> =
+        plan.payloads.iter().map(|p| Load::new(model, p)).collect();
+    let loads = loads?;
+    let blocks: Vec<Vec<usize>> = loads.iter().map(|load| load.base.clone()).collect();
+    let is_carried = |k: usize| runs.iter().any(|run| run.carried == Some(k));
+    let carried: Vec<usize> = (0..loads.len()).filter(|k| is_carried(*k)).collect();
+    let mut rows = Rows::new(model, runs, &blocks)?;
+    let gains = gain_kinds(plan, &rows.efforts)?;
+    let n = model.base_info().base.len();
+    let of_robot: Vec<usize> = (0..n)
+        .filter(|k| !blocks.iter().any(|block| block.contains(k)))
+        .collect();
+    let mut known = vec![0.0; n];
+    let robot = match &plan.robot {
+        None => of_robot.clone(),
+        Some(robot) => {
+            crate::identify::require("beta", n, robot.beta.len())?;
+            for k in &of_robot {
+                known[*k] = robot.beta[*k];
+            }
+            Vec::new()
+        }
+    };
+    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
+    let efforts = rows.efforts.clone();
+    let mut all = Accumulator::new(&Origin { efforts, ..origin });
+    rows.visit(&mut |sample| {
+        let count = sample.measured.len();
+        for (effort, measured) in sample.measured.iter().enumerate() {
+            let weight = sample.weights[effort];
+            if weight != 0.0 {
+                all.push(effort, &sample.w[effort..], count, *measured, weight)?;
+            }
+        }
+        Ok(())
+    })?;
+    let set = all.finish()?;
+    for ((kind, factor), name) in gains.iter().zip(set.factors()).zip(&rows.efforts) {
+        let is_zero = factor.rss() == 0.0 && factor.z().iter().all(|z| *z == 0.0);
+        if is_zero && factor.rows() > 0 && *kind != GainKind::Known {
+            return Err(GainError::NoCurrent(name.clone()));
+        }
+    }
+    let problem = Problem {
+        set: &set,
+        gains,
+        robot,
+        known,
+        loads: carried.iter().map(|k| loads[*k].clone()).collect(),
+    };
+    if problem.unknowns() == 0 {
+        return Err(GainError::NothingUnknown);
+    }
+    let (point, weights) = problem.solve(options.weighting)?;
+    let solved = statistics::Solved {
+        problem: &problem,
+        point: &point,
+        weights: &weights,
+        of_robot: &of_robot,
+        plan,
+        options,
+    };
+    let mut found = solved.finish(&mut rows)?;
+    let idle = (0..loads.len()).filter(|k| !carried.contains(k));
+    found.model.left_out = idle.flat_map(|k| blocks[k].clone()).collect();
+    Ok(found)
+}
+
+/// What is known of the gain of each effort.
+fn gain_kinds(plan: &Plan, efforts: &[String]) -> Result<Vec<GainKind>, GainError> {
+    if let Some(name) = plan.unknown_gains.iter().find(|n| !efforts.contains(n)) {
+        return Err(GainError::NoEffort(name.clone()));
+    }
+    let found = |name: &String| {
+        let robot = plan.robot.as_ref()?;
+        let gain = robot.gains.iter().find(|(own, _)| own == name);
+        gain.map(|(_, gain)| *gain)
+    };
+    let mut unknown = 0;
+    let mut kinds = Vec::with_capacity(efforts.len());
+    for name in efforts {
+        kinds.push(if !plan.unknown_gains.contains(name) {
+            GainKind::Known
+        } else if let Some(gain) = found(name) {
+            if !gain.is_normal() {
+                return Err(GainError::NoGain(name.clone()));
+            }
+            GainKind::Found(gain)
+        } else {
+            unknown += 1;
+            GainKind::Unknown(unknown - 1)
+        });
+    }
+    Ok(kinds)
+}
+
+/// The fit of an effort in SI.
+fn in_si(name: &str, rows: usize, sigma: f64, gain: f64) -> EffortFit {
+    let sigma = sigma * gain.abs();
+    EffortFit {
+        name: name.to_owned(),
+        rows,
+        sigma,
+        weight: 1.0 / sigma,
+    }
+}

@@ -1,0 +1,80 @@
+//! Unknown gains and payloads from logs, and predictions of runs with payloads.
+
+use regen_runtime::BaseModel;
+
+use super::{Session, SessionError};
+use crate::data::{FileReport, Run};
+use crate::estimate::Residuals;
+use crate::gains::{self, CarriedRun, GainError, GainFit, GainOptions, Plan};
+use crate::identify::{self, EquationKind, LeftOut, Options};
+use crate::model::IdentifiedModel;
+
+/// Fits parameters, unknown gains and payloads to runs; also returns the summaries of the logs.
+///
+/// - `runs`: each with the index of the payload that it carries, see [`Plan::payloads`].
+///
+/// # Errors
+/// [`SessionError::Gains`], see [`gains::fit`]; when a log cannot be read.
+pub fn with_gains<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    plan: &Plan,
+    runs: &[(Run, Option<usize>)],
+) -> Result<(GainFit, Vec<FileReport>), SessionError> {
+    if session.kind != EquationKind::Forces {
+        return Err(GainError::EnergyBalance.into());
+    }
+    let measured = Session {
+        // currents in A
+        reading: session.reading.clone().with_gains(&[]),
+        ..*session
+    };
+    let mut logs = Vec::with_capacity(runs.len());
+    for (run, _) in runs {
+        logs.push(measured.open(std::slice::from_ref(run))?);
+    }
+    let mut sources: Vec<CarriedRun<'_, _>> = logs
+        .iter_mut()
+        .zip(runs)
+        .map(|(source, (_, carried))| CarriedRun {
+            source,
+            carried: *carried,
+        })
+        .collect();
+    let options = GainOptions {
+        weighting: session.options.weighting,
+        lags: session.options.lags,
+        confidence: session.confidence,
+    };
+    let found = gains::fit(session.model, &options, plan, &mut sources)?;
+    let reports = logs.iter().flat_map(|own| own.logs().reports().to_vec());
+    Ok((found, reports.collect()))
+}
+
+/// The residuals of a model on one run, efforts in N m or N: currents of unknown gain have the
+/// gains of the model.
+///
+/// - `bodies`: the labels of all payloads of the robot; `carried`: the one that is carried.
+///
+/// # Errors
+/// When a log cannot be read or predicted.
+pub fn loaded_residuals<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    run: &Run,
+    found: &IdentifiedModel,
+    bodies: &[String],
+    carried: Option<&str>,
+) -> Result<(Residuals, LeftOut, Vec<FileReport>), SessionError> {
+    let gains = found.gains.iter();
+    let gains: Vec<(String, f64)> = gains.map(|g| (g.effort.clone(), g.value)).collect();
+    let scaled = Session {
+        reading: session.reading.clone().with_gains(&gains),
+        ..*session
+    };
+    let model = session.model;
+    let mut log = scaled.open(std::slice::from_ref(run))?;
+    let (set, left_out) = identify::observe(model, session.kind, &mut log)?;
+    let own = found.carrying(model, bodies, carried);
+    let lags = Options::default().lags;
+    let residuals = own.residuals(model, session.kind, &mut log, &set.means(), lags)?;
+    Ok((residuals, left_out, log.logs().reports().to_vec()))
+}
