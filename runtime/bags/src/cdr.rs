@@ -118,13 +118,13 @@ mod tests {
         let mut cdr = Cdr::new(&little).unwrap();
         assert_eq!(cdr.primitive::<1>().unwrap(), [7]);
         assert_eq!(cdr.text().unwrap(), "a");
-        assert_eq!(cdr.primitive::<4>().unwrap_err().contains("ends"), true);
+        assert!(cdr.primitive::<4>().unwrap_err().contains("ends"));
         let big = [
             0, 0, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0x3f, 0xf0, 0, 0, 0, 0, 0, 0,
         ];
         let mut cdr = Cdr::new(&big).unwrap();
         assert_eq!(u16::from_le_bytes(cdr.primitive().unwrap()), 5);
-        assert_eq!(f64::from_le_bytes(cdr.primitive().unwrap()), 1.0);
+        assert_eq!(cdr.primitive().unwrap(), 1.0_f64.to_le_bytes());
         assert_eq!(cdr.finish(), Ok(()));
     }
 
