@@ -275,7 +275,7 @@ fn exchanged(efforts: &mut [Following]) {
                 .follows
                 .as_ref()
                 .is_some_and(|follows| *follows != own.joint);
-            (!moved).then(|| effort.column)
+            (!moved).then_some(effort.column)
         };
         let Some(column) = efforts.iter().find_map(other) else {
             return;
