@@ -37,6 +37,12 @@ pub(crate) fn text(found: &Found<'_>) -> String {
     if let Some(prediction) = found.prediction {
         predicted(&mut out, prediction, found.robot.unwrap_or_default());
     }
+    if !found.doubts.is_empty() {
+        out.push_str("\nWhat contradicts the robot\n");
+        for doubt in found.doubts {
+            out.push_str(&item(&doubt.to_string()));
+        }
+    }
     if let Some(why) = found.unpredicted {
         out.push_str("\nWhat these logs can identify\n");
         out.push_str(&item(why));
