@@ -14,7 +14,8 @@ use serde::Serialize;
 
 use crate::args::{Format, InspectArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::{experiment, inspect_table, load, mistakes, observe, table, terminal, write};
+use crate::suspect::Suspicion;
+use crate::{experiment, inspect_table, load, mistakes, observe, suspect, table, terminal, write};
 
 /// The JSON of `regen inspect`.
 #[derive(Serialize)]
@@ -23,6 +24,8 @@ struct InspectJson<'a> {
     robot: Option<&'a str>,
     logs: &'a [LogFacts],
     prediction: Option<&'a Prediction>,
+    /// What contradicts the robot.
+    doubts: &'a [Suspicion],
     /// Why there is no prediction although a robot is given.
     unpredicted: Option<&'a str>,
     /// The text of the proposed experiment file.
@@ -34,6 +37,7 @@ pub(crate) struct Found<'a> {
     pub(crate) robot: Option<&'a str>,
     pub(crate) logs: &'a [LogFacts],
     pub(crate) prediction: Option<&'a Prediction>,
+    pub(crate) doubts: &'a [Suspicion],
     pub(crate) unpredicted: Option<&'a str>,
 }
 
@@ -61,17 +65,18 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .collect::<Result<Vec<LogFacts>, _>>()?;
     let beside = beside(&args.logs, args.out.as_deref());
     let proposed = proposal(&beside, &logs, robot.is_some());
-    let (prediction, unpredicted) = match (&model, &robot) {
+    let (prediction, doubts, unpredicted) = match (&model, &robot) {
         (Some(model), Some(robot)) => match predicted(model, robot, &args, &logs)? {
-            Ok(found) => (Some(found), None),
-            Err(why) => (None, Some(why)),
+            Ok((found, doubts)) => (Some(found), doubts, None),
+            Err(why) => (None, Vec::new(), Some(why)),
         },
-        _ => (None, None),
+        _ => (None, Vec::new(), None),
     };
     let found = Found {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
         logs: &logs,
         prediction: prediction.as_ref(),
+        doubts: &doubts,
         unpredicted: unpredicted.as_deref(),
     };
     if let Some(out) = &args.report {
@@ -96,6 +101,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
             robot: found.robot,
             logs: &logs,
             prediction: found.prediction,
+            doubts: found.doubts,
             unpredicted: found.unpredicted,
             proposal: proposed.as_deref(),
         }),
@@ -161,13 +167,14 @@ fn reading(
     Ok(settings)
 }
 
-/// What the logs can identify; in words why not, where they cannot be read for this robot.
+/// What the logs can identify, and what contradicts the robot; in words why not, where they cannot be
+/// read for this robot.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,
     args: &InspectArgs,
     logs: &[LogFacts],
-) -> Result<Result<Prediction, String>, Failure> {
+) -> Result<Result<(Prediction, Vec<Suspicion>), String>, Failure> {
     if model.base_info().base.is_empty() {
         return Ok(Err(format!("{} has no base parameters", robot.name)));
     }
@@ -197,5 +204,10 @@ fn predicted(
     let reports = opened.logs().reports();
     let rows = reports.iter().map(|report| report.rows).sum();
     let step = reports.first().map_or(1.0, |report| report.step);
-    Ok(predict(model, session.kind, &mut opened, rows, step).map_err(|e| e.to_string()))
+    let found = match predict(model, session.kind, &mut opened, rows, step) {
+        Ok(found) => found,
+        Err(error) => return Ok(Err(error.to_string())),
+    };
+    let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns);
+    Ok(Ok((found, doubts)))
 }

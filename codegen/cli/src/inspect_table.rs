@@ -16,6 +16,11 @@ fn percent(share: f64) -> String {
     }
 }
 
+/// A name that fits into a table.
+fn short(name: &str) -> String {
+    name.chars().take(18).collect()
+}
+
 fn three(value: f64) -> String {
     figure_of(3, value)
 }
@@ -31,6 +36,12 @@ pub(crate) fn text(found: &Found<'_>) -> String {
     }
     if let Some(prediction) = found.prediction {
         predicted(&mut out, prediction, found.robot.unwrap_or_default());
+    }
+    if !found.doubts.is_empty() {
+        out.push_str("\nWhat contradicts the robot\n");
+        for doubt in found.doubts {
+            out.push_str(&item(&doubt.to_string()));
+        }
     }
     if let Some(why) = found.unpredicted {
         out.push_str("\nWhat these logs can identify\n");
@@ -81,7 +92,7 @@ fn line(column: &Column) -> Vec<String> {
         .map_or(String::new(), |d| d.of.to_string());
     vec![
         number,
-        name.chars().take(18).collect(),
+        short(name),
         column.role.name().to_owned(),
         of,
         if moving {
@@ -143,8 +154,8 @@ fn one(out: &mut String, log: &LogFacts) {
                 });
                 vec![
                     effort.column.to_string(),
-                    effort.joint.clone(),
-                    follows.to_owned(),
+                    short(&effort.joint),
+                    short(follows),
                     sign.to_owned(),
                     percent(effort.explained),
                     delay,
@@ -196,14 +207,14 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
                 format!("{} to {}", three(m.velocities[0]), three(m.velocities[1])),
                 three(m.acceleration),
                 percent(m.resting),
-                m.lacks.join(", "),
             ]
         })
         .collect();
-    let head = [
-        "joint", "position", "velocity", "acc. rms", "rests %", "lacks",
-    ];
+    let head = ["joint", "position", "velocity", "acc. rms", "rests %"];
     out.push_str(&columns(&head, &lines));
+    for m in found.motion.iter().filter(|m| !m.lacks.is_empty()) {
+        out.push_str(&item(&format!("{} {}", m.name, m.lacks.join(", "))));
+    }
     out.push('\n');
     let lines: Vec<Vec<String>> = found
         .parameters

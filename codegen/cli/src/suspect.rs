@@ -111,6 +111,29 @@ pub(crate) fn warn(
     out
 }
 
+/// What looks wrong with logs by the weights and inertias of the robot, without an estimate.
+///
+/// - `given`: how the columns are assigned.
+pub(crate) fn doubts(
+    model: &Interpreted<'_>,
+    logs: &Logs<'_, Interpreted<'_>>,
+    given: &[Assignment],
+) -> Vec<Suspicion> {
+    let working = progress::later("looking at the columns");
+    let mut out = Vec::new();
+    for (k, report) in logs.reports().iter().enumerate() {
+        let Ok(sample) = logs.sample(k) else { continue };
+        let columns = LogColumns {
+            file: &report.file,
+            given,
+            model,
+        };
+        out.extend(one(&columns, &sample, None, &mut |k, n| working.at(k, n)));
+    }
+    working.end();
+    out
+}
+
 /// The suspected mistakes in one log.
 fn one(
     columns: &LogColumns<'_, Interpreted<'_>>,

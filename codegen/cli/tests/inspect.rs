@@ -116,6 +116,33 @@ fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
 }
 
 #[test]
+fn with_the_robot_its_weights_tell_which_effort_is_reversed() {
+    let dir = scratch("inspect_doubts");
+    let text = fs::read_to_string(guide("run1.csv")).unwrap();
+    let rows: String = text
+        .lines()
+        .map(|line| {
+            let (before, last) = line.rsplit_once(',').unwrap();
+            let flipped = last.parse::<f64>().map(|x| (-x).to_string());
+            format!("{before},{}\n", flipped.unwrap_or_else(|_| last.to_owned()))
+        })
+        .collect();
+    fs::write(dir.join("flipped.csv"), rows).unwrap();
+    let spec = guide("fivebar.yaml");
+    let run = |log: &str| {
+        let args = ["inspect", log, "--spec", &spec, "--format", "json"];
+        regen(&dir, &args).ended(0).json()
+    };
+    let doubts = run("flipped.csv")["doubts"].clone();
+    let remedy = doubts[0]["remedy"].as_str().unwrap();
+    assert!(remedy.contains("tau_q3=tau_q3*-1"), "{doubts}");
+    assert_eq!(
+        run(&guide("run1.csv"))["doubts"],
+        Value::from(Vec::<Value>::new())
+    );
+}
+
+#[test]
 fn what_is_no_log_is_refused_with_its_place() {
     let dir = scratch("inspect_wrong");
     fs::write(dir.join("short.csv"), "t,q1\n0,1\n0.1,x\n").unwrap();

@@ -234,11 +234,22 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             } else {
                 (vec![first(j) + 2], first(j) + 2)
             };
-            let correlation = normal.correlation(&solved, &terms, with);
+            // weights and this joint alone: where joints move in step, the rest of the regression
+            // may share out their friction with any sign
+            let alone: Vec<usize> = (0..width)
+                .filter(|k| {
+                    let of_weight = *k > OF_JOINT * n || (*k - usize::from(*k > 0)) % OF_JOINT < 2;
+                    of_weight || (first(j)..first(j) + OF_JOINT).contains(k)
+                })
+                .collect();
+            let with_all = normal.correlation(&solved, &terms, with);
+            let with_own = normal
+                .restricted(&solved, &alone)
+                .map_or(0.0, |own| normal.correlation(&own, &terms, with));
             // friction is against the motion, and inertia against the acceleration
-            if correlation.abs() >= MIN_CORRELATION {
+            if with_all.abs().min(with_own.abs()) >= MIN_CORRELATION && with_all * with_own > 0.0 {
                 found.follows = motion.joints.get(j).map(|joint| joint.1.clone());
-                found.reversed = correlation < 0.0;
+                found.reversed = with_own < 0.0;
             }
         }
         if found.explained >= MIN_EXPLAINED {
@@ -264,7 +275,7 @@ fn exchanged(efforts: &mut [Following]) {
                 .follows
                 .as_ref()
                 .is_some_and(|follows| *follows != own.joint);
-            (!moved).then(|| effort.column)
+            (!moved).then_some(effort.column)
         };
         let Some(column) = efforts.iter().find_map(other) else {
             return;

@@ -145,6 +145,9 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
         }
     }
     by_relation(known, &found, &mut out);
+    if !known.named {
+        by_place(known, &found, &mut out);
+    }
     for (judged, derivative) in out.iter_mut().zip(&found) {
         // an effort may look like the rate of a position by accident
         if matches!(judged.role, Role::Velocity | Role::Acceleration) {
@@ -260,6 +263,40 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
     }
 }
 
+/// Joints that hardly move, among columns without names: where all velocities stand as far behind
+/// their positions, those of the joints between them do too.
+fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
+    let velocities = (0..out.len()).filter(|b| out[*b].role == Role::Velocity);
+    let pairs: Vec<(usize, usize)> = velocities
+        .filter_map(|b| Some((found.get(b).copied().flatten()?.0, b)))
+        .collect();
+    let Some((&(first, behind), &(last, _))) = pairs.first().zip(pairs.iter().max()) else {
+        return;
+    };
+    let count = behind.saturating_sub(first);
+    let low = pairs.iter().map(|pair| pair.0).min().unwrap_or(first);
+    let same = pairs.iter().all(|(a, b)| *b == a + count);
+    if !same || count == 0 || last - low >= count {
+        return;
+    }
+    // behind the time, if all of them are within reach of that
+    let earliest = known.time.map_or(0, |time| time + 1);
+    let start = if last < earliest + count && earliest <= low {
+        earliest
+    } else {
+        low
+    };
+    let free = |role: Role| matches!(role, Role::Other | Role::Constant);
+    for k in start..start + count {
+        if k + count < out.len() && free(out[k].role) && free(out[k + count].role) {
+            for (place, role) in [(k, Role::Position), (k + count, Role::Velocity)] {
+                out[place].role = role;
+                "it stands among others of its kind".clone_into(&mut out[place].reason);
+            }
+        }
+    }
+}
+
 /// Positions and efforts where nothing else tells them: smooth columns, and behind them as many
 /// rough ones.
 fn by_order(known: &Known<'_>, out: &mut [Judged]) {
@@ -297,10 +334,11 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
         return;
     };
     let free = |k: &usize| matches!(out[*k].role, Role::Other | Role::Constant);
-    // anywhere behind, but together
+    // anywhere behind, but together, and not all of them constant
     let start = (last + 1..out.len()).find(|k| {
-        let block = *k..k + count;
-        block.end <= out.len() && block.clone().all(|k| free(&k)) && !known.is_constant(*k)
+        let mut block = *k..k + count;
+        let fits = block.end <= out.len() && block.clone().all(|k| free(&k));
+        fits && block.any(|k| !known.is_constant(k))
     });
     let Some(start) = start else { return };
     for judged in &mut out[start..start + count] {

@@ -22,6 +22,8 @@ pub(crate) struct Normal {
 pub(crate) struct Solved {
     /// Of the scaled columns.
     values: Vec<f64>,
+    /// The products of the scaled columns with the right side.
+    side: Vec<f64>,
     mean: f64,
     variance: f64,
     left: f64,
@@ -153,9 +155,30 @@ impl Normal {
         Solved {
             left: (variance - explained).max(0.0),
             values: found,
+            side,
             mean,
             variance,
         }
+    }
+
+    /// The solution with some of the columns only.
+    pub(crate) fn restricted(&self, solved: &Solved, columns: &[usize]) -> Option<Solved> {
+        let m = columns.len();
+        let block = DMatrix::from_fn(m, m, |i, j| self.gram[(columns[i], columns[j])]);
+        let side: Vec<f64> = columns.iter().map(|k| solved.side[*k]).collect();
+        let found = block
+            .cholesky()?
+            .solve(&DMatrix::from_column_slice(m, 1, &side));
+        let mut values = vec![0.0; self.means.len()];
+        for (k, value) in columns.iter().zip(found.iter()) {
+            values[*k] = *value;
+        }
+        let explained: f64 = found.iter().zip(&side).map(|(x, s)| x * s).sum();
+        Some(Solved {
+            values,
+            left: (solved.variance - explained).max(0.0),
+            ..solved.clone()
+        })
     }
 
     /// The value that a solution gives in a row.
@@ -216,6 +239,8 @@ mod tests {
         assert!(normal.correlation(&solved, &[2], 2) < -0.99);
         assert!((normal.correlation(&solved, &[1, 2], 1) - 0.9_f64.sqrt()).abs() < 0.02);
         assert!(solved.scaled(2) < 0.0 && normal.share(&solved, &[3]).abs() < 1e-12);
+        let one = normal.restricted(&solved, &[2]).unwrap();
+        assert!((one.explained() - 0.1).abs() < 0.02 && one.scaled(1).abs() < 1e-12);
         assert!((normal.predict(&solved, &rows[7]) - values[7]).abs() < 1e-6);
     }
 }

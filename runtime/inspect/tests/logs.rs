@@ -24,6 +24,8 @@ struct Facts {
     bound: f64,
     /// Time of rest at the beginning, s.
     rest: f64,
+    /// Whether the second joint is locked.
+    locked: bool,
     /// Whether rows have times, and velocities.
     timed: bool,
     velocities: bool,
@@ -41,6 +43,7 @@ const PLAIN: Facts = Facts {
     delay: 0.0,
     bound: f64::INFINITY,
     rest: 0.0,
+    locked: false,
     timed: true,
     velocities: false,
     signs: [1.0; 2],
@@ -106,8 +109,9 @@ fn found(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
                 state
             })
         };
-        let [a, b] = at(moved);
-        let [late_a, late_b] = at((moved - facts.delay).max(0.0));
+        let lock = |[a, b]: [[f64; 3]; 2]| [a, if facts.locked { [0.3, 0.0, 0.0] } else { b }];
+        let [a, b] = lock(at(moved));
+        let [late_a, late_b] = lock(at((moved - facts.delay).max(0.0)));
         let tau = efforts(late_a, late_b).map(|x| x + noise());
         let mut tau = [
             facts.signs[0] * tau[0].min(facts.bound),
@@ -233,6 +237,24 @@ fn saturation_and_rest_are_told_with_their_shares() {
         assert!((column.resting - 0.2).abs() < 0.02, "{}", column.resting);
     }
     assert!(told(&found, "`a` rests in"));
+}
+
+#[test]
+fn a_locked_joint_of_a_log_without_header_is_one_of_its_joints() {
+    let facts = Facts {
+        header: "",
+        velocities: true,
+        locked: true,
+        ..PLAIN
+    };
+    let (found, _) = found("locked", &facts);
+    let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
+    let [t, p, v, e] = [Role::Time, Role::Position, Role::Velocity, Role::Effort];
+    assert_eq!(roles, [t, p, p, v, v, e, e]);
+    let locked = &found.joints[1];
+    let columns = [locked.position, locked.velocity, locked.effort];
+    assert_eq!(columns, [Some(3), Some(5), Some(7)]);
+    assert!(told(&found, "column 3 never moves"), "{:?}", found.notes);
 }
 
 #[test]
