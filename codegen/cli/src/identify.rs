@@ -142,7 +142,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         logs,
         date: args.date.clone(),
     };
-    if args.covariance {
+    if args.before.covariance {
         identified.covariance = Some(covariance(&start, more)?);
     }
     physical::note_unbounded(&identified);

@@ -22,7 +22,7 @@ pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
     let experiment = args.reading.experiment.as_ref();
     experiment.is_some_and(|e| !e.unknown_gains.is_empty() || e.carries())
         || args.reading.payload == Some(PayloadArg::Unknown)
-        || args.parameters.is_some()
+        || args.before.parameters.is_some()
 }
 
 /// Refuses options that the fit does not take.
@@ -89,7 +89,7 @@ fn loaded(args: &IdentifyArgs, bodies: &[String], source: &Source) -> Result<Loa
             };
             return Err(Failure::Input(text));
         };
-        if args.parameters.is_none() {
+        if args.before.parameters.is_none() {
             return Err(Failure::Usage(
                 "--payload unknown needs the robot without it, --parameters PARAMS; or an \
                  experiment file with runs that carry nothing beside those that do"
@@ -117,7 +117,7 @@ fn known_robot(
     model: &Interpreted<'_>,
     source: &Source,
 ) -> Result<Option<KnownRobot>, Failure> {
-    let Some(path) = &args.parameters else {
+    let Some(path) = &args.before.parameters else {
         return Ok(None);
     };
     let value = parameters::value(path)?;
@@ -159,7 +159,7 @@ pub(crate) fn solve(
     observe::note_problems(&reports);
     note_short(&found.deviations);
     note_unexplained(&found.errors);
-    if let (true, Some(path)) = (found.is_robot_exact, &args.parameters) {
+    if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(
             "note: {} has no covariance, so its parameters are taken as exact, and deviations are \
              too small; `regen identify --covariance --out` writes it",
@@ -180,7 +180,7 @@ pub(crate) fn solve(
         },
         date: args.date.clone(),
     };
-    if !args.covariance {
+    if !args.before.covariance {
         identified.covariance = None;
     } else if identified.covariance.is_none() {
         return Err(Failure::Usage(

@@ -123,7 +123,7 @@ process: {filter: {butterworth: {order: 4, cutoff: 20}}}
 runs:
   - {files: none.csv}
   - {files: carried.csv, payload: {m: 2.2}}
-  - {files: carried.csv, times: [0.5, 2.0], payload: unknown, use: validate}
+  - {files: carried.csv, payload: unknown, use: validate}
 ";
 
 fn json(dir: &Path, line: &str) -> Value {

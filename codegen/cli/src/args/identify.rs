@@ -139,14 +139,6 @@ pub(crate) struct IdentifyArgs {
     /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
-    /// Identified parameters of the robot without its load: payloads are identified,
-    /// and gains that PARAMS lacks. With `covariance` in it (--covariance), the
-    /// deviations include its own
-    #[arg(long, value_name = "PARAMS")]
-    pub(crate) parameters: Option<PathBuf>,
-    /// Write the covariance of base parameters and gains into PARAMS too
-    #[arg(long, requires = "out")]
-    pub(crate) covariance: bool,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
@@ -159,6 +151,8 @@ pub(crate) struct IdentifyArgs {
     pub(crate) format: Format,
     // clap would list options declared after these flattened ones under their headings
     #[command(flatten)]
+    pub(crate) before: BeforeArgs,
+    #[command(flatten)]
     pub(crate) simulated: SimulatedArgs,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
@@ -166,6 +160,21 @@ pub(crate) struct IdentifyArgs {
     pub(crate) physical: PhysicalArgs,
     #[command(flatten)]
     pub(crate) report: ReportOptions,
+}
+
+/// What is known of a robot that was identified before, and what is written for later.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Loads on an identified robot")]
+pub(crate) struct BeforeArgs {
+    /// Identified parameters of the robot without its load: payloads are identified,
+    /// and gains that PARAMS lacks. With `covariance` in it (--covariance), the
+    /// deviations include its own
+    #[arg(long, value_name = "PARAMS")]
+    pub(crate) parameters: Option<PathBuf>,
+    /// Write the covariance of base parameters and gains into the file of
+    /// --out too
+    #[arg(long, requires = "out")]
+    pub(crate) covariance: bool,
 }
 
 /// The options of estimators that simulate the robot under its controllers.

@@ -90,10 +90,10 @@ impl Linear<'_> {
     pub(super) fn factor(
         &self,
         columns: &[Column],
-        labels: Vec<String>,
+        labels: &[String],
     ) -> Result<QrFactor, EstimateError> {
         let set = self.solved.problem.set;
-        let mut whole = QrFactor::new(labels.clone());
+        let mut whole = QrFactor::new(labels.to_vec());
         for (effort, factor) in set.factors().iter().enumerate() {
             let g = self.inverse_gain(effort);
             // z - g R x + J values
@@ -116,7 +116,7 @@ impl Linear<'_> {
                 factor.rss(),
                 factor.rows(),
             )?;
-            let own = moved.transformed(labels.clone(), &all)?;
+            let own = moved.transformed(labels.to_vec(), &all)?;
             whole.merge(&own.scaled(self.solved.weights[effort]))?;
         }
         Ok(whole)

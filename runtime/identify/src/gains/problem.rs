@@ -281,7 +281,8 @@ impl Problem<'_> {
         let (robot, rest) = values.split_at(self.robot.len());
         let (mut of_loads, gains) = rest.split_at(count - self.robot.len());
         let largest = gains.iter().fold(0.0, |m: f64, k| m.max(k.abs()));
-        if gains.iter().any(|k| !(k.abs() > 1e-9 * largest)) {
+        let is_gain = |k: &f64| k.abs() > 1e-9 * largest;
+        if !gains.iter().all(is_gain) {
             return Ok(None);
         }
         let mut starts = Vec::new();

@@ -39,7 +39,7 @@ impl Solved<'_> {
         let (set, efforts) = (self.problem.set, rows.efforts.clone());
         let label = |column: &Column| linear.label(*column, set.labels(), &efforts);
         let labels: Vec<String> = linear.columns.iter().map(label).collect();
-        let factor = linear.factor(&linear.columns, labels)?;
+        let factor = linear.factor(&linear.columns, &labels)?;
         require_rank(&linear, &factor)?;
         let mut estimate = Estimate::of(&factor)?;
         let gains: Vec<f64> = (0..efforts.len())
@@ -197,7 +197,7 @@ impl Solved<'_> {
             .iter()
             .map(|column| covariance.place(&label(column)))
             .collect();
-        let whole = linear.factor(&columns, labels)?;
+        let whole = linear.factor(&columns, &labels)?;
         // the first columns of the triangle are those of the unknowns alone
         let (n, m) = (factor.columns(), columns.len());
         let top = |column: usize| whole.r().get(column * m..column * m + n);
