@@ -99,7 +99,7 @@ fn every_recipe_is_run_and_has_at_most_forty_lines() {
     for entry in fs::read_dir(root().join("runtime/guide/recipes")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
-        if name.ends_with(".yaml") {
+        if path.extension().is_some_and(|end| end == "yaml") {
             assert!(run.contains(name), "{name}");
             assert!(
                 fs::read_to_string(&path).unwrap().lines().count() <= 40,

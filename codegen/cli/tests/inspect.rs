@@ -119,15 +119,13 @@ fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
 fn with_the_robot_its_weights_tell_which_effort_is_reversed() {
     let dir = scratch("inspect_doubts");
     let text = fs::read_to_string(guide("run1.csv")).unwrap();
-    let rows: String = text
-        .lines()
-        .map(|line| {
-            let (before, last) = line.rsplit_once(',').unwrap();
-            let flipped = last.parse::<f64>().map(|x| (-x).to_string());
-            format!("{before},{}\n", flipped.unwrap_or_else(|_| last.to_owned()))
-        })
-        .collect();
-    fs::write(dir.join("flipped.csv"), rows).unwrap();
+    let flipped = |line: &str| {
+        let (before, last) = line.rsplit_once(',').unwrap();
+        let flipped = last.parse::<f64>().map(|x| (-x).to_string());
+        format!("{before},{}", flipped.unwrap_or_else(|_| last.to_owned()))
+    };
+    let rows: Vec<String> = text.lines().map(flipped).collect();
+    fs::write(dir.join("flipped.csv"), rows.join("\n") + "\n").unwrap();
     let spec = guide("fivebar.yaml");
     let run = |log: &str| {
         let args = ["inspect", log, "--spec", &spec, "--format", "json"];

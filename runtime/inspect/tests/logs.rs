@@ -9,6 +9,7 @@ use regen_identify::data::{Run, Settings};
 use regen_inspect::{ClockSource, LogFacts, Role, inspect, proposal};
 
 /// What is put into a log of two coupled joints.
+#[allow(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 #[derive(Clone)]
 struct Facts {
     header: &'static str,
