@@ -588,8 +588,10 @@ mod tests {
             let own = ["format", "out", "huber", "confidence", "cross"];
             for arg in command.get_arguments() {
                 if own.contains(&arg.get_id().as_str()) {
-                    let name = command.get_name();
-                    assert_eq!(arg.get_help_heading(), None, "{name}: {}", arg.get_id());
+                    // `rehearse` has those of identification under a heading of their own
+                    let heading = arg.get_help_heading();
+                    let fits = heading.is_none_or(|h| h.starts_with("Identifying"));
+                    assert!(fits, "{} {}: {heading:?}", command.get_name(), arg.get_id());
                 }
             }
         }
