@@ -67,7 +67,8 @@ pub(crate) struct RehearseArgs {
     /// Runs of each seed to identify from [default: 1]
     #[arg(long, value_name = "N", value_parser = at_least_one, conflicts_with = "logs")]
     pub(crate) runs: Option<usize>,
-    /// What the simulated robot has and the model has not: stribeck=PART[,SPEED]
+    /// What the simulated robot has and the model has not: stribeck=PART or
+    /// stribeck=PART,SPEED
     #[arg(long, value_name = "KIND")]
     pub(crate) unmodelled: Option<UnmodelledArg>,
     /// Keep the simulated logs in this folder
@@ -110,8 +111,8 @@ pub(crate) struct SolvingArgs {
     /// Identify the nonlinear friction of the spec too
     #[arg(long)]
     pub(crate) friction: bool,
-    /// Believe in the spec's nominal values: weighted[:PERCENT] or
-    /// entropic[:WEIGHT]
+    /// Believe in the spec's nominal values: weighted, weighted:PERCENT,
+    /// entropic or entropic:WEIGHT
     #[arg(long, value_name = "KIND")]
     pub(crate) prior: Option<PriorArg>,
     /// Draws for the intervals of feasible parameters
