@@ -207,7 +207,7 @@ fn step(values: &mut [f64]) -> f64 {
 }
 
 /// Whether the position rests, for each row: the row lies in a stretch of at least
-/// [`MIN_REST_SECONDS`] and [`MIN_REST_ROWS`] in which the raw values stay within the encoder's
+/// 0.2 s and eight rows in which the raw values stay within the encoder's
 /// step or noise.
 ///
 /// - `times`: s; `raw`: as many positions, rad or m.
