@@ -115,8 +115,8 @@ impl Didim {
 ///   squares.
 ///
 /// # Errors
-/// When lists do not fit the model, the loop cannot be simulated with an estimate, or the efforts
-/// leave parameters undetermined: see [`DidimError`].
+/// When lists do not fit the model, the loop cannot be simulated with an estimate or near the last
+/// one, or the efforts leave parameters undetermined: see [`DidimError`].
 ///
 /// ```
 /// # mod models {
@@ -201,8 +201,10 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         }
         if last || norms.len() == PLAIN_ROUNDS && moved < NEAR_DEVIATIONS {
             match rounds.differentiate(&found, &values) {
-                // the robot cannot be simulated nearby: the slopes stay unknown
-                Ok(()) | Err(DidimError::Loop(_)) => {}
+                Ok(()) => {}
+                // where the robot cannot be simulated nearby, rounds go on without slopes; a result
+                // without them would have deviations that are not its own
+                Err(DidimError::Loop(_)) if !last => {}
                 Err(other) => return Err(other),
             }
         }
