@@ -6,6 +6,7 @@
 //! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 pub mod base;
+mod bytes;
 mod checks;
 pub mod constraints;
 pub mod diag;
@@ -15,6 +16,7 @@ pub mod emit;
 pub mod explain;
 pub mod functions;
 pub mod interpret;
+pub mod kept;
 pub mod kinematics;
 pub mod model;
 pub mod numeric;

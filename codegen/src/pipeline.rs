@@ -5,6 +5,7 @@
 use std::cell::OnceCell;
 use std::error::Error;
 use std::fmt;
+use std::sync::Arc;
 
 use crate::base::{self, Analysis, StoreProblem};
 use crate::checks;
@@ -12,6 +13,7 @@ use crate::constraints::Closed;
 use crate::diag::{Report, Source};
 use crate::explain::{self, Explanation};
 use crate::functions::{Context, Symbols, request};
+use crate::kept::{self, Facts, Keeper, Key};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::{self, Model};
 use crate::optimize::lower;
@@ -48,10 +50,23 @@ pub struct Mechanism {
     source: Source,
     spec: Spec,
     model: Model,
+    /// Which runs the spec's payloads are for.
+    payloads: Payloads,
+    /// Where results are kept that were derived before, if anywhere.
+    keeper: Option<Arc<dyn Keeper>>,
     /// The loops closed at home, or the report why they cannot be.
     closed: OnceCell<Result<ClosedMechanism, Report>>,
     /// The base parameters, derived or read by [`Mechanism::load_base`].
     analysis: OnceCell<Analysis>,
+    /// Where the loops are closed, as far as [`Robot`] states it.
+    at_home: OnceCell<AtHome>,
+}
+
+/// The coordinates at home, rad or m, and the indices of the redundant closure rows.
+#[derive(Debug)]
+struct AtHome {
+    home: Vec<f64>,
+    redundant_rows: Vec<usize>,
 }
 
 /// The mechanism with its loops closed; the expressions of every function are built from this
@@ -83,9 +98,22 @@ impl Mechanism {
             source: source.clone(),
             spec,
             model,
+            payloads: Payloads::default(),
+            keeper: None,
             closed: OnceCell::new(),
             analysis: OnceCell::new(),
+            at_home: OnceCell::new(),
         })
+    }
+
+    /// The mechanism with a place where results are kept: what was derived before from the same
+    /// text, by the same generator, is read from there.
+    #[must_use]
+    pub fn with_keeper(self, keeper: Arc<dyn Keeper>) -> Self {
+        Self {
+            keeper: Some(keeper),
+            ..self
+        }
     }
 
     /// The mechanism whose payloads are always or never carried, for runs that are all of one kind;
@@ -124,8 +152,11 @@ impl Mechanism {
             source: self.source,
             model: model::build(&spec),
             spec,
+            payloads,
+            keeper: self.keeper,
             closed: OnceCell::new(),
             analysis: OnceCell::new(),
+            at_home: OnceCell::new(),
         }
     }
 
@@ -177,6 +208,8 @@ impl Mechanism {
     pub fn load_base(&mut self, stored: &str) -> Result<(), StoreProblem> {
         let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
         self.analysis = OnceCell::from(analysis);
+        // what follows depends on the stored text too, which keys do not contain
+        self.keeper = None;
         Ok(())
     }
 
@@ -186,12 +219,12 @@ impl Mechanism {
     /// As [`Mechanism::analysis`], except that `base: drop` is not checked.
     pub fn explanation(&self) -> Result<Explanation, Report> {
         let analysis = self.analysis_with_dropped()?;
-        let closed = &self.closed()?.closed;
+        let at_home = self.at_home()?;
         Ok(explain::explain(
             &self.spec,
             &self.model,
-            &closed.home,
-            &closed.redundant_rows(&self.model),
+            &at_home.home,
+            &at_home.redundant_rows,
             analysis,
         ))
     }
@@ -203,6 +236,50 @@ impl Mechanism {
     /// # Errors
     /// As [`Mechanism::analysis`], except that too many parameters are not an error here.
     pub fn robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
+        if kinds.is_empty() {
+            let at_home = self.at_home()?;
+            return Ok(without_functions(&self.spec, &self.model, at_home));
+        }
+        let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+        let key = self.key("robot", &names.join(" "));
+        if let Some(robot) = self.kept_robot(&key) {
+            return Ok(robot);
+        }
+        let robot = self.derive_robot(kinds)?;
+        if let Some(keeper) = &self.keeper {
+            keeper.keep(&key, &|| kept::robot_to_bytes(&robot));
+        }
+        Ok(robot)
+    }
+
+    /// The robot that was kept for a key.
+    fn kept_robot(&self, key: &Key) -> Option<Robot> {
+        let bytes = self.keeper.as_ref()?.find(key)?;
+        let (facts, functions) = kept::robot_from_bytes(&bytes)?;
+        let at_home = AtHome {
+            home: facts.home,
+            redundant_rows: facts.redundant_rows,
+        };
+        Some(Robot {
+            functions,
+            analysis: facts.analysis,
+            ..without_functions(&self.spec, &self.model, &at_home)
+        })
+    }
+
+    /// The key of a result of the given kind, with what distinguishes it from others of the text.
+    fn key(&self, kind: &str, which: &str) -> Key {
+        let payloads: &[u8] = match self.payloads {
+            Payloads::Apart => b"apart",
+            Payloads::Absent => b"absent",
+            Payloads::Carried => b"carried",
+        };
+        let text = self.source.text.as_bytes();
+        Key::new(kind, &[which.as_bytes(), payloads, text])
+    }
+
+    /// Derives the robot with a program for each function of `kinds` that the mechanism has.
+    fn derive_robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
         let mechanism = self.closed()?;
         let needs_base = kinds
             .iter()
@@ -233,7 +310,7 @@ impl Mechanism {
         Ok(Robot {
             functions,
             analysis: analysis.cloned(),
-            ..without_functions(&self.spec, &self.model, &mechanism.closed)
+            ..without_functions(&self.spec, &self.model, self.at_home()?)
         })
     }
 
@@ -246,10 +323,54 @@ impl Mechanism {
                 &self.model,
             ));
         }
-        let home = &self.closed()?.closed.home;
+        if let Some(known) = self.analysis.get() {
+            // loops that do not close are reported first
+            self.at_home()?;
+            return Ok(known);
+        }
+        let key = self.key("analysis", "");
+        if let Some(kept) = self.kept_facts(&key)
+            && let Some(analysis) = kept.analysis
+        {
+            self.at_home.get_or_init(|| AtHome {
+                home: kept.home,
+                redundant_rows: kept.redundant_rows,
+            });
+            return Ok(self.analysis.get_or_init(|| analysis));
+        }
+        let AtHome {
+            home,
+            redundant_rows,
+        } = self.at_home()?;
         // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
         let analyse = || base::analyse(&self.spec, &self.model, home);
-        Ok(self.analysis.get_or_init(analyse))
+        let analysis = self.analysis.get_or_init(analyse);
+        if let Some(keeper) = &self.keeper {
+            let facts = || Facts {
+                home: home.clone(),
+                redundant_rows: redundant_rows.clone(),
+                analysis: Some(analysis.clone()),
+            };
+            keeper.keep(&key, &|| facts().to_bytes());
+        }
+        Ok(analysis)
+    }
+
+    /// The facts that were kept for a key.
+    fn kept_facts(&self, key: &Key) -> Option<Facts> {
+        Facts::from_bytes(&self.keeper.as_ref()?.find(key)?)
+    }
+
+    /// Home and redundant rows, of the closed mechanism or as they were kept.
+    fn at_home(&self) -> Result<&AtHome, Report> {
+        if let Some(known) = self.at_home.get() {
+            return Ok(known);
+        }
+        let closed = &self.closed()?.closed;
+        Ok(self.at_home.get_or_init(|| AtHome {
+            home: closed.home.clone(),
+            redundant_rows: closed.redundant_rows(&self.model),
+        }))
     }
 
     /// The mechanism with its loops closed, computed at the first call.
@@ -404,7 +525,7 @@ pub fn functions_without_base() -> Vec<FunctionKind> {
 }
 
 /// The robot without functions and base parameters: names, sizes, limits and nominal values.
-fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
+fn without_functions(spec: &Spec, model: &Model, at_home: &AtHome) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
         rows: cut.kind.equations(),
@@ -431,9 +552,9 @@ fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
             .into_iter()
             .map(|value| value.map(|v| v.to_f64()))
             .collect(),
-        redundant_rows: closed.redundant_rows(model),
+        redundant_rows: at_home.redundant_rows.clone(),
         gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
-        home: closed.home.clone(),
+        home: at_home.home.clone(),
         functions: Vec::new(),
         analysis: None,
     }

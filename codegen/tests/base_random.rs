@@ -2,11 +2,9 @@
 //! random states show.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod base_support;
-
 use std::fmt::Write as _;
 
-use base_support::{base, evaluate};
+use crate::base_support::{base, evaluate};
 use proptest::prelude::*;
 use regen_codegen::base::certificate::certify;
 

@@ -2,13 +2,11 @@
 //! give.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod base_support;
-
 use regen_codegen::base::Provenance;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::derive;
 
-use base_support::{base, base_with, file};
+use crate::base_support::{base, base_with, file};
 
 fn rank(text: &str) -> usize {
     base(text).1.rank()

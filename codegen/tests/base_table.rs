@@ -1,9 +1,7 @@
 //! Table 1 of the chapter, its Models 2 and 3, and names that are equal only by value.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod base_support;
-
-use base_support::{base, evaluate, file, row};
+use crate::base_support::{base, evaluate, file, row};
 
 fn table(text: &str) -> Vec<String> {
     let (model, base) = base(text);

@@ -2,12 +2,10 @@
 //! debug-information writer overflows its stack at some thousands of variables in a scope.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod files;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use files::files;
+use crate::files::files;
 use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, digest, module};
 use regen_codegen::pipeline::{BaseSource, derive, derive_with};

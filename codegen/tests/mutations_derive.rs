@@ -1,11 +1,8 @@
 //! Mutated specs never make the derivation panic, from the text of the spec to Rust.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod files;
-mod mutations;
-
-use files::files;
-use mutations::{change, check_report, mutate, mutation};
+use crate::files::files;
+use crate::mutations::{change, check_report, mutate, mutation};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use regen_codegen::diag::Source;

@@ -6,10 +6,11 @@ use std::path::Path;
 
 /// The modules ("rooms"), and which others each may use. A module uses only modules above it.
 const ROOMS: &[(&str, &[&str])] = &[
+    ("bytes", &[]),
     ("numeric", &[]),
     ("diag", &[]),
     ("signature", &[]),
-    ("sym", &["numeric"]),
+    ("sym", &["bytes", "numeric"]),
     ("spec", &["diag", "sym"]),
     ("model", &["spec", "sym"]),
     ("kinematics", &["model", "spec", "sym"]),
@@ -47,6 +48,10 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("interpret", &["numeric", "optimize"]),
+    (
+        "kept",
+        &["base", "bytes", "optimize", "robot", "spec", "sym"],
+    ),
     ("scene", &["model", "spec", "sym"]),
     ("digest", &["interpret", "robot"]),
     (
@@ -87,6 +92,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "diag",
             "explain",
             "functions",
+            "kept",
             "kinematics",
             "model",
             "optimize",

@@ -1,13 +1,10 @@
 //! Specs mutated by bytes, lines and tokens never make the reader panic.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod files;
-mod mutations;
-
 use std::fmt::Write;
 
-use files::files;
-use mutations::{TOKENS, check_report, mutate, mutation};
+use crate::files::files;
+use crate::mutations::{TOKENS, check_report, mutate, mutation};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use regen_codegen::diag::Source;

@@ -21,7 +21,7 @@ fn the_schema_beside_the_robots_is_fresh() {
         .replace("\r\n", "\n");
     assert!(
         written == schema(),
-        "robots/spec.schema.json is stale: run `REGEN_UPDATE=1 cargo test -p regen-codegen --test spec_schema`"
+        "robots/spec.schema.json is stale: run `REGEN_UPDATE=1 cargo test -p regen-codegen --test all spec_schema`"
     );
 }
 

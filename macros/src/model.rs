@@ -9,9 +9,10 @@ use proc_macro2::{Ident, Span, TokenStream};
 use quote::quote;
 use regen_codegen::diag::{Report, Source};
 use regen_codegen::emit;
-use regen_codegen::pipeline::{self, BaseSource, DeriveError};
+use regen_codegen::pipeline::DeriveError;
 
 use crate::input::Input;
+use crate::kept;
 use crate::locate::locate;
 
 /// The robot's module, or an error at the literal.
@@ -34,8 +35,11 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
     let store = file.absolute.with_extension("base");
     let stored = fs::read_to_string(&store).ok();
     let command = format!("run: regen base {} --store", file.shown);
-    let robot = pipeline::derive_with(&source, BaseSource::Store(stored.as_deref())).map_err(
-        |problem| match problem {
+    let options = emit::Options {
+        runtime: runtime().map_err(error)?,
+    };
+    let module =
+        kept::module(&source, stored.as_deref(), &options).map_err(|problem| match problem {
             DeriveError::Spec(report) => error(report_message(&report)),
             DeriveError::Store(problem) => {
                 let name = Path::new(&file.shown)
@@ -48,17 +52,12 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
                 "the base parameters of this robot take long to derive in a macro; {command}"
             )),
             problem => error(format!("{problem}; {command}")),
-        },
-    )?;
-
-    let options = emit::Options {
-        runtime: runtime().map_err(error)?,
-    };
-    let inside = TokenStream::from_str(&emit::module(&robot, &options))
+        })?;
+    let inside = TokenStream::from_str(&module.source)
         .map_err(|e| error(format!("the generated source is no Rust: {e}")))?;
     let name = match &input.module {
         Some(name) => name.clone(),
-        None => module_name(&robot.name).map_err(error)?,
+        None => module_name(&module.robot).map_err(error)?,
     };
     let inputs = match store.to_str().filter(|_| stored.is_some()) {
         Some(store) => quote! { const _: &[u8] = ::core::include_bytes!(#store); },

@@ -312,6 +312,34 @@ impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
         }
     }
 
+    /// Makes the next `track` call start from a closed state `q` (n, rad or m) on home's branch,
+    /// for callers that have followed the branch themselves. Returns false, and changes nothing,
+    /// where `q` is not closed or is singular, or home is.
+    ///
+    /// # Errors
+    /// When `q` has a wrong length or an entry that is not finite.
+    pub fn resume(&mut self, q: &[f64]) -> Result<bool, ClosureError> {
+        check("q", q, self.home.q.len())?;
+        let Some((_, last)) = &mut self.starts else {
+            return Ok(false);
+        };
+        let scaled = self.newton.model.to_scaled(q);
+        let closes = self.newton.residual(&scaled)? <= self.newton.tolerance(&scaled)?;
+        let point = Point::new(&mut self.newton, scaled)?;
+        let usable = closes && point.worst_condition().status() != Status::Singular;
+        if usable {
+            *last = point;
+        }
+        Ok(usable)
+    }
+
+    /// The units in which steps and residuals are measured: of the n coordinates (1 rad,
+    /// [`length_unit`](Self::length_unit) or, for drives, about what one unit of their joints
+    /// takes), and of the rows of f.
+    pub fn units(&self) -> (&[f64], &[f64]) {
+        self.newton.model.units()
+    }
+
     /// As [`solve`](LoopClosure::solve), and computes all velocities and accelerations from the
     /// independent ones (dof each; rad/s or m/s, rad/s^2 or m/s^2).
     ///

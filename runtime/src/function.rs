@@ -191,11 +191,27 @@ impl Sizes {
         arguments: &Arguments<'_, T>,
         out: &[T],
     ) -> Result<(), SizeError> {
+        self.check_many(signature, 1, arguments, out)
+    }
+
+    /// As [`check`](Self::check) for the arguments and the output of `count` states in one
+    /// [`ManyStates`](crate::ManyStates) call.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn check_many<T>(
+        &self,
+        signature: &Signature,
+        count: usize,
+        arguments: &Arguments<'_, T>,
+        out: &[T],
+    ) -> Result<(), SizeError> {
         let inputs = signature.arguments.iter().map(|argument| {
             let got = arguments.get(*argument).len();
-            (argument.name(), self.length(argument.size()), got)
+            let states = if argument.is_parameter() { 1 } else { count };
+            (argument.name(), self.length(argument.size()) * states, got)
         });
-        let output = ("out", self.output(signature), out.len());
+        let output = ("out", self.output(signature) * count, out.len());
         for (argument, expected, got) in inputs.chain([output]) {
             if got != expected {
                 return Err(SizeError {

@@ -43,6 +43,7 @@ pub mod function;
 mod info;
 mod kernel;
 mod linear;
+mod many;
 mod model;
 mod parameter;
 mod scalar;
@@ -58,6 +59,7 @@ pub use function::{Arguments, BaseFunction, Function};
 pub use info::{Cut, Info, Joint, Limits, Motion, SwingLimit};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
+pub use many::ManyStates;
 pub use model::Model;
 pub use parameter::{INERTIAL, Parameter, Sign, Symbol};
 #[cfg(feature = "macros")]

@@ -1,6 +1,6 @@
 //! The interface of every robot model, generated or interpreted.
 
-use crate::{Arguments, Condition, Function, Info, Scalar, SizeError};
+use crate::{Arguments, Condition, Function, Info, ManyStates, Scalar, SizeError};
 
 /// A robot's kinematics and dynamics, with slices as arguments and results.
 ///
@@ -31,6 +31,11 @@ pub trait Model<T: Scalar = f64> {
         arguments: Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError>;
+
+    /// A faster way to compute many states in `f64`, if the model has one.
+    fn many(&self) -> Option<&dyn ManyStates> {
+        None
+    }
 
     /// The closure equations f(q) (Eq. 6), 0 where the loops are closed.
     ///

@@ -10,15 +10,9 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use proptest::prelude::*;
 use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError};
 
-#[path = "models/four_bars.rs"]
-mod four_bars;
-#[path = "models/pendulum.rs"]
-mod pendulum;
-#[path = "models/slider_crank.rs"]
-mod slider_crank;
-use four_bars::{FourBars, Loop};
-use pendulum::Pendulum;
-use slider_crank::SliderCrank;
+use crate::four_bars::{FourBars, Loop};
+use crate::pendulum::Pendulum;
+use crate::slider_crank::SliderCrank;
 
 /// The state of a slider-crank in closed form; `elbow` is the sign of the rod's cosine.
 fn exact(model: &SliderCrank, angle: f64, elbow: f64) -> [f64; 3] {

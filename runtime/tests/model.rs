@@ -8,9 +8,7 @@
 use proptest::prelude::*;
 use regen_runtime::{Condition, LoopClosure, Model, Scalar, SizeError, State};
 
-#[path = "models/slider_crank.rs"]
-mod slider_crank;
-use slider_crank::SliderCrank;
+use crate::slider_crank::SliderCrank;
 
 const MODEL: SliderCrank = SliderCrank {
     crank: 1.0,

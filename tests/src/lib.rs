@@ -17,6 +17,7 @@ pub mod engine;
 pub mod files;
 pub mod platform;
 pub mod random;
+pub mod random_checks;
 pub mod random_spec;
 pub use regen_reference as reference;
 

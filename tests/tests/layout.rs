@@ -96,3 +96,34 @@ fn every_folder_of_fixtures_and_tools_has_its_row() {
         }
     }
 }
+
+#[test]
+fn every_file_of_a_test_program_is_a_module_of_it() {
+    let root = files::package().join("..");
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let members = manifest
+        .lines()
+        .find(|line| line.starts_with("members"))
+        .unwrap();
+    let mut programs = 0;
+    for member in members.split('"').skip(1).step_by(2) {
+        let package = std::fs::read_to_string(root.join(member).join("Cargo.toml")).unwrap();
+        if !package.contains("autotests = false") {
+            continue;
+        }
+        programs += 1;
+        let folder = root.join(member).join("tests");
+        let program = std::fs::read_to_string(folder.join("all.rs")).unwrap();
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            if let Some(module) = name.strip_suffix(".rs").filter(|module| *module != "all") {
+                let line = format!("mod {module};");
+                assert!(
+                    program.lines().any(|l| l == line),
+                    "{member}/tests/all.rs lacks `{line}`, so that its tests do not run"
+                );
+            }
+        }
+    }
+    assert_eq!(programs, 5);
+}

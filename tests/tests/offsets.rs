@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_codegen::signature::FunctionKind;
-use regen_tests::base::{Derivation, states_for};
+use regen_tests::base::Derivation;
 use regen_tests::derived::Derived;
-use regen_tests::engine::{Engine, check_engine};
-use regen_tests::random_spec;
+use regen_tests::engine::Engine;
+use regen_tests::random_checks::{agrees_with_reference, has_numeric_rank, trees_and_loops};
 use regen_tests::reference::Mechanism;
 
 /// A slide with a geared motor beside it: m = 3 x, with offsets of both.
@@ -71,45 +71,25 @@ fn with_offsets(text: &str) -> String {
 
 #[test]
 fn random_mechanisms_with_offsets_agree_with_the_second_derivation() {
-    let trees = (0..8).map(random_spec::tree);
-    let loops = (0..8).map(|seed| random_spec::closed_loop(seed).unwrap());
     let mut offsets = 0;
-    for (seed, text) in (0..).zip(trees.chain(loops)) {
-        let text = with_offsets(&text);
+    for (seed, random) in trees_and_loops(8, 8).unwrap() {
+        let text = with_offsets(&random.text);
         let mechanism = Mechanism::from_yaml(&text).unwrap();
         offsets += mechanism.offset.iter().filter(|o| **o).count();
-        let derived = Derived::without_base("random.yaml", &text).unwrap();
-        let judged = check_engine(&derived, &mechanism, seed, 2);
-        judged.unwrap_or_else(|e| panic!("{e}\n{text}"));
+        agrees_with_reference(&mechanism, &text, seed).unwrap_or_else(|e| panic!("{e}"));
     }
     assert!(offsets > 10, "{offsets}");
 }
 
 #[test]
 fn the_base_of_random_mechanisms_with_offsets_has_the_rank_of_singular_values() {
-    let trees = (0..10).map(|seed| (random_spec::tree(seed), true));
-    let loops = (0..5).map(|seed| (random_spec::closed_loop(seed).unwrap(), false));
-    for (seed, (text, complete)) in (0..).zip(trees.chain(loops)) {
-        let text = with_offsets(&text);
-        let mechanism = Mechanism::from_yaml(&text).unwrap();
-        if mechanism.dof() == 0 {
-            continue;
-        }
-        let derivation = if complete {
-            Derivation::new(&text).unwrap()
+    for (seed, mut random) in trees_and_loops(10, 5).unwrap() {
+        random.text = with_offsets(&random.text);
+        let derivation = if random.is_tree {
+            Derivation::new(&random.text).unwrap()
         } else {
-            Derivation::completed(&text).unwrap()
+            Derivation::completed(&random.text).unwrap()
         };
-        let states = mechanism
-            .random_states(seed, states_for(&mechanism))
-            .unwrap();
-        let found = derivation
-            .agreement(&mechanism, &states, &Derivation::value)
-            .unwrap();
-        assert!(found.error < 1e-10, "{found:?}\n{text}");
-        // a loop that hardly moves has no gap in its singular values that tells the rank
-        if complete || found.gap > 1e3 {
-            assert_eq!(derivation.kept().len(), found.rank, "{found:?}\n{text}");
-        }
+        has_numeric_rank(&derivation, &random, seed, 1e-10).unwrap_or_else(|e| panic!("{e}"));
     }
 }

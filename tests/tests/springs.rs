@@ -5,10 +5,10 @@
 use std::fmt::Write as _;
 
 use regen_codegen::signature::FunctionKind;
-use regen_tests::base::{Derivation, states_for};
+use regen_tests::base::Derivation;
 use regen_tests::derived::Derived;
-use regen_tests::engine::{Engine, check_engine};
-use regen_tests::random_spec;
+use regen_tests::engine::Engine;
+use regen_tests::random_checks::{agrees_with_reference, has_numeric_rank, trees_and_loops};
 use regen_tests::reference::Mechanism;
 
 /// A pendulum with a spring from its tip to a point above its pivot, as in a desk lamp.
@@ -101,41 +101,21 @@ fn with_springs(text: &str, rates: bool) -> String {
 
 #[test]
 fn random_mechanisms_with_springs_agree_with_the_second_derivation() {
-    let trees = (0..6).map(random_spec::tree);
-    let loops = (0..6).map(|seed| random_spec::closed_loop(seed).unwrap());
     let mut springs = 0;
-    for (seed, text) in (0..).zip(trees.chain(loops)) {
-        let text = with_springs(&text, seed % 2 == 0);
+    for (seed, random) in trees_and_loops(6, 6).unwrap() {
+        let text = with_springs(&random.text, seed % 2 == 0);
         let mechanism = Mechanism::from_yaml(&text).unwrap();
         springs += mechanism.springs.len() + mechanism.terms.len();
-        let derived = Derived::without_base("random.yaml", &text).unwrap();
-        let judged = check_engine(&derived, &mechanism, seed, 2);
-        judged.unwrap_or_else(|e| panic!("{e}\n{text}"));
+        agrees_with_reference(&mechanism, &text, seed).unwrap_or_else(|e| panic!("{e}"));
     }
     assert!(springs > 40, "{springs}");
 }
 
 #[test]
 fn the_base_of_random_mechanisms_with_springs_has_the_rank_of_singular_values() {
-    let trees = (0..3).map(|seed| (random_spec::tree(seed), true));
-    let loops = (0..2).map(|seed| (random_spec::closed_loop(seed).unwrap(), false));
-    for (seed, (text, complete)) in (0..).zip(trees.chain(loops)) {
-        let text = with_springs(&text, seed % 2 == 0);
-        let mechanism = Mechanism::from_yaml(&text).unwrap();
-        if mechanism.dof() == 0 {
-            continue;
-        }
-        let derivation = Derivation::completed(&text).unwrap();
-        let states = mechanism
-            .random_states(seed, states_for(&mechanism))
-            .unwrap();
-        let found = derivation
-            .agreement(&mechanism, &states, &Derivation::value)
-            .unwrap();
-        assert!(found.error < 1e-9, "{found:?}\n{text}");
-        // a loop that hardly moves has no gap in its singular values that tells the rank
-        if complete || found.gap > 1e3 {
-            assert_eq!(derivation.kept().len(), found.rank, "{found:?}\n{text}");
-        }
+    for (seed, mut random) in trees_and_loops(3, 2).unwrap() {
+        random.text = with_springs(&random.text, seed % 2 == 0);
+        let derivation = Derivation::completed(&random.text).unwrap();
+        has_numeric_rank(&derivation, &random, seed, 1e-9).unwrap_or_else(|e| panic!("{e}"));
     }
 }

@@ -4,10 +4,12 @@
 use std::path::{Path, PathBuf};
 
 use regen_codegen::diag::Source;
-use regen_identify::data::{Run, Settings};
-use regen_identify::experiment_file::{Delay, ExperimentFile, Loads, Purpose};
+use regen_identify::data::{Assignment, Run, Settings};
+use regen_identify::experiment_file::{Delay, ExperimentFile, Loads, PlannedRun, Purpose};
+use regen_identify::files::Mistakes;
 use regen_identify::gains::KnownPayload;
 use regen_identify::identify::EquationKind;
+use regen_response::{Setup, controllers};
 use regen_runtime::Info;
 
 use crate::args::{DelayArg, PayloadArg, ReadingArgs};
@@ -25,12 +27,29 @@ pub(crate) struct Experiment {
     pub(crate) carried: Vec<(Run, Option<usize>)>,
     /// The payloads of the robot with what is known of them.
     pub(crate) payloads: Vec<KnownPayload>,
+    /// The runs that are read, each with its commands and controllers.
+    pub(crate) controlled: Vec<(Run, Controlled)>,
+}
+
+/// What an experiment file says of the loop of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Controlled {
+    /// The columns of commanded positions.
+    pub(crate) commands: Vec<Assignment>,
+    /// The controllers; `None` where the file does not say them.
+    pub(crate) setup: Option<Setup>,
 }
 
 impl Experiment {
     /// Whether a run carries a payload.
     pub(crate) fn carries(&self) -> bool {
         self.carried.iter().any(|(_, payload)| payload.is_some())
+    }
+
+    /// The commands and controllers of a run.
+    pub(crate) fn controlled(&self, run: &Run) -> Option<&Controlled> {
+        let found = self.controlled.iter().find(|(own, _)| own == run);
+        found.map(|(_, controlled)| controlled)
     }
 }
 
@@ -95,7 +114,7 @@ fn resolved(
             )));
         }
     };
-    let (file, mut loads) = read(&path, spec, is_plain)?;
+    let (file, mut loads, mut controlled) = read(&path, spec, is_plain)?;
     if let Some(run) = file
         .runs
         .iter()
@@ -125,6 +144,7 @@ fn resolved(
     }
     if !planned {
         loads.carried.clear();
+        controlled.clear();
     } else if loads.carried.iter().any(Option::is_some) {
         if reading.payload.is_some() {
             let text = "the experiment file says what its runs carry: leave out --payload";
@@ -135,7 +155,8 @@ fn resolved(
         reading.payload = reading.payload.or(Some(PayloadArg::None));
     }
     let runs = file.runs.iter().map(|run| run.placed(folder));
-    let carried = runs.zip(loads.carried).collect();
+    let carried = runs.clone().zip(loads.carried).collect();
+    let controlled = runs.zip(controlled).collect();
     if file.delay == Delay::Auto && reading.delay.is_empty() {
         reading.delay.push(DelayArg::Auto);
     }
@@ -145,6 +166,7 @@ fn resolved(
         unknown_gains: file.unknown_gains,
         carried,
         payloads: loads.payloads,
+        controlled,
     }));
     Ok(validation)
 }
@@ -174,7 +196,7 @@ fn read(
     path: &Path,
     spec: Option<&Source>,
     is_plain: bool,
-) -> Result<(ExperimentFile, Loads), Failure> {
+) -> Result<(ExperimentFile, Loads, Vec<Controlled>), Failure> {
     let source = load::file(path)?;
     let mut bodies: Vec<String> = Vec::new();
     let (coordinates, actuated) = match spec {
@@ -206,7 +228,30 @@ fn read(
         if is_plain {
             file.require_plain()?;
         }
-        Ok((file, loads))
+        // without the robot it is not known which joints need a controller
+        let controlled = match spec {
+            Some(_) => controlled(&file, &info)?,
+            None => Vec::new(),
+        };
+        Ok((file, loads, controlled))
     });
     found.map_err(|mistakes| mistakes::failure(source, mistakes, OTHER_FILE))
+}
+
+/// The commands and controllers of all runs.
+fn controlled(file: &ExperimentFile, info: &Info<'_>) -> Result<Vec<Controlled>, Mistakes> {
+    let one = |(k, planned): (usize, &PlannedRun)| {
+        let setup = match &planned.controller {
+            Some(said) => Some(
+                controllers(said, info)
+                    .map_err(|wrong| file.controller_mistake(k, &wrong.place, wrong.why))?,
+            ),
+            None => None,
+        };
+        Ok(Controlled {
+            commands: planned.commands.clone(),
+            setup,
+        })
+    };
+    file.runs.iter().enumerate().map(one).collect()
 }

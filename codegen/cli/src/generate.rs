@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::args::{Format, GenerateArgs};
+use regen_codegen::robot::Robot;
+
+use crate::args::{Format, GenerateArgs, TargetArg};
 use crate::exit::Failure;
 use crate::modules::Module;
 use crate::sources::{self, Manifest};
 use crate::workspace::{self, Workspace};
-use crate::{load, modules, progress, table, terminal, write};
+use crate::{c_files, load, modules, progress, table, terminal, write};
 
 /// The state of a generated file, compared with what regen would write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +68,10 @@ impl Entry {
 /// Runs the command.
 pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let (files, dir, whole) = sources(args)?;
-    let entries = compare(derive(&files)?, &dir, whole)?;
+    let entries = match args.target {
+        TargetArg::Rust => compare(derive(&files, modules::module)?, &dir, whole)?,
+        TargetArg::C => c_files::compare(derive(&files, c_files::files)?, &dir, whole)?,
+    };
     if !args.check {
         for entry in &entries {
             entry.write()?;
@@ -92,6 +97,16 @@ fn sources(args: &GenerateArgs) -> Result<(Vec<PathBuf>, PathBuf, bool), Failure
     if let (false, Some(out)) = (args.files.is_empty(), &args.out) {
         return Ok((args.files.clone(), out.clone(), false));
     }
+    if args.target == TargetArg::C {
+        let robots = || Workspace::current()?.robots();
+        return match (&args.out, args.files.is_empty()) {
+            (Some(out), true) => Ok((robots()?, out.clone(), true)),
+            (None, true) => Err(Failure::Usage(
+                "name the directory of the C files of all robots with --out".to_owned(),
+            )),
+            (_, false) => Ok((args.files.clone(), PathBuf::from("."), false)),
+        };
+    }
     let workspace = Workspace::current()?;
     let dir = args.out.clone().unwrap_or_else(|| workspace.generated());
     if args.files.is_empty() {
@@ -111,14 +126,21 @@ fn update_command(args: &GenerateArgs) -> String {
     for file in &args.files {
         let _ = write!(command, " {}", file.display());
     }
+    if args.target == TargetArg::C {
+        command.push_str(" --target c");
+    }
     if let Some(out) = &args.out {
         let _ = write!(command, " --out {}", out.display());
     }
     command
 }
 
-/// Derives each robot and returns its module by name; errors of all files are reported together.
-fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, Module>, Failure> {
+/// Derives each robot and returns what `make` writes of it by the robot's name; errors of all files
+/// are reported together.
+fn derive<M>(
+    files: &[PathBuf],
+    make: impl Fn(&Robot, &Path) -> Result<M, Failure>,
+) -> Result<BTreeMap<String, M>, Failure> {
     let bar = match files.len() {
         0 | 1 => ProgressBar::hidden(),
         many => progress::bar(many as u64, "{bar:24} {pos}/{len} {msg}"),
@@ -129,7 +151,7 @@ fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, Module>, Failure> {
         bar.set_message(file.display().to_string());
         match load::robot(file) {
             Ok(robot) => {
-                let module = modules::module(&robot, file)?;
+                let module = make(&robot, file)?;
                 if modules.insert(robot.name.clone(), module).is_some() {
                     return Err(Failure::Input(format!(
                         "{}: another of these files has `name: {}` too; modules need names of \
@@ -176,33 +198,45 @@ pub(crate) fn compare(
     }
     let mut names: BTreeSet<String> = modules.keys().cloned().collect();
     for (name, Module { text, .. }) in modules {
-        let path = dir.join(format!("{name}.rs"));
-        let found = read_if_there(&path)?;
-        if let Some(found) = &found
-            && !modules::generated(found)
-        {
-            return Err(Failure::Input(format!(
-                "{} was not written by regen and is left alone; move it away, or name another \
-                 directory with --out",
-                path.display()
-            )));
-        }
-        entries.push(Entry {
-            state: state(found.as_deref(), &text),
-            path,
-            text: Some(text),
-        });
+        entries.push(entry(dir.join(format!("{name}.rs")), text)?);
     }
     if whole {
-        entries.extend(stale(dir, &names)?);
+        entries.extend(stale(dir, &["rs"], &names)?);
     }
     entries.extend(list(dir, &mut names, whole)?);
     entries.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(entries)
 }
 
-/// Generated modules in the directory whose names are not among these.
-fn stale(dir: &Path, names: &BTreeSet<String>) -> Result<Vec<Entry>, Failure> {
+/// The entry of a file that shall have this text.
+///
+/// # Errors
+///
+/// A file of that name that regen did not write.
+pub(crate) fn entry(path: PathBuf, text: String) -> Result<Entry, Failure> {
+    let found = read_if_there(&path)?;
+    if let Some(found) = &found
+        && !modules::generated(found)
+    {
+        return Err(Failure::Input(format!(
+            "{} was not written by regen and is left alone; move it away, or name another \
+             directory with --out",
+            path.display()
+        )));
+    }
+    Ok(Entry {
+        state: state(found.as_deref(), &text),
+        path,
+        text: Some(text),
+    })
+}
+
+/// Generated files with these extensions in the directory whose names are not among these.
+pub(crate) fn stale(
+    dir: &Path,
+    extensions: &[&str],
+    names: &BTreeSet<String>,
+) -> Result<Vec<Entry>, Failure> {
     let mut found = Vec::new();
     let paths = match workspace::entries(dir) {
         Ok(paths) => paths,
@@ -210,11 +244,12 @@ fn stale(dir: &Path, names: &BTreeSet<String>) -> Result<Vec<Entry>, Failure> {
         Err(error) => return Err(Failure::io("read", dir, &error)),
     };
     for path in paths {
-        let rust = path.extension().is_some_and(|e| e == "rs") && path.is_file();
+        let extension = path.extension().and_then(|e| e.to_str());
+        let ours = extension.is_some_and(|e| extensions.contains(&e)) && path.is_file();
         let expected = path
             .file_stem()
             .is_some_and(|stem| names.contains(stem.to_string_lossy().as_ref()));
-        if rust && !expected && modules::generated(&load::text(&path)?) {
+        if ours && !expected && modules::generated(&load::text(&path)?) {
             found.push(Entry {
                 path,
                 state: State::Stale,

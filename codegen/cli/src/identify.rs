@@ -10,25 +10,29 @@ use regen_identify::session::{
 };
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_report::results::{
+    Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
+};
 
 use crate::args::{EstimatorArg, Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identify_json::{IdentifyJson, ModelJson, Summary};
-use crate::identify_table::to_text;
 use crate::{
     delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
-    parameters, physical, predicted, reduce, report, suspect, table, terminal, write,
+    parameters, physical, report, suspect, table, terminal, write,
 };
 
 /// The result of the command.
 pub(crate) struct Outcome {
-    pub(crate) json: IdentifyJson,
+    pub(crate) json: Identification,
     pub(crate) identified: IdentifiedModel,
 }
 
 /// The smallest bound of Huber's loss in standard deviations: below it nearly all residuals would
 /// count linearly.
 const MIN_HUBER_BOUND: f64 = 0.1;
+
+/// What the table says below delays that are significant.
+pub(crate) const DELAY_REMEDY: &str = "--delay auto corrects it";
 
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
@@ -72,7 +76,12 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let corrected = delay::corrected(args, &session(args, &model))?;
+    let corrected = if has_loads {
+        // found together with gains and payloads
+        None
+    } else {
+        delay::corrected(args, &session(args, &model))?
+    };
     let args = corrected.as_ref().unwrap_or(args);
     let Outcome { json, identified } = if has_loads {
         identify_loads::solve(args, &robot, &session(args, &model), &source)?
@@ -100,7 +109,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     report::of_identified(args, &robot, &model, &json.file, &identified)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => to_text(&json),
+        Format::Human => identification_text(&json, DELAY_REMEDY),
     })?;
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
@@ -133,7 +142,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     let (mut identified, more) = models(args, &session, &start, &mut summary)?;
     let logs = args.logs.iter().map(ToString::to_string);
     let factors = args.from.iter().map(|path| path.display().to_string());
-    let logs = logs.chain(factors).map(|name| predicted::stem(&name));
+    let logs = logs.chain(factors).map(|name| stem(&name));
     let mut logs: Vec<String> = logs.collect();
     // sorted, so that the order of the logs on the command line does not change the file
     logs.sort();
@@ -153,7 +162,7 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     };
     let shares = EffortContributions::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
-    let json = IdentifyJson { file, summary };
+    let json = Identification { file, summary };
     Ok(Outcome { json, identified })
 }
 
@@ -217,7 +226,7 @@ fn models(
         }
         if args.physical.reduce {
             let reduction = session::reduction(session, start, &args.physical.against)?;
-            summary.reduction = reduce::json(&reduction, &start.estimate.labels);
+            summary.reduction = reduction_steps(&reduction, &start.estimate.labels);
             let columns = start.estimate.labels.len();
             let correlated = start.score_blocks.is_some();
             found.push(session::adopt(
@@ -240,7 +249,7 @@ fn models(
         summary.models = found
             .iter()
             .zip(errors)
-            .map(|(f, logs)| ModelJson {
+            .map(|(f, logs)| ModelErrors {
                 name: f.name.clone(),
                 feasibility: f.feasibility.clone(),
                 gap: f.gap,

@@ -5,17 +5,20 @@ use regen_codegen::robot::Robot;
 use regen_identify::data::Run;
 use regen_identify::files::{FileError, ParameterFile};
 use regen_identify::gains::{GainError, GainFit, KnownPayload, KnownRobot, Plan};
-use regen_identify::identify::{Delays, digest};
+use regen_identify::identify::digest;
 use regen_identify::model::{IdentifiedModel, Provenance};
-use regen_identify::session::{LogError, Session, loaded_residuals, with_gains};
+use regen_identify::session::{LogError, Session, loaded_residuals, settled_delays, with_gains};
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_report::results::{Identification, LogFile, ModelErrors, Summary, stem};
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg};
 use crate::exit::Failure;
 use crate::identify::{Outcome, note_short, note_unexplained};
-use crate::identify_json::{EffortJson, IdentifyJson, ModelJson, Summary};
-use crate::observe::FileJson;
-use crate::{load, loads, observe, parameters, physical, predicted, terminal};
+use crate::{load, loads, observe, parameters, physical, terminal};
+
+/// How often delays and gains are found from each other: gains at wrong delays are off, and delays at
+/// wrong gains.
+const DELAY_ROUNDS: usize = 3;
 
 /// Whether gains or payloads are to be identified.
 pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
@@ -47,12 +50,6 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
             "{option} is not for unknown gains and payloads, which least squares identifies from \
              all runs: leave it out"
         )));
-    }
-    if args.reading.delay.contains(&DelayArg::Auto) {
-        return Err(Failure::Usage(
-            "delays are not found together with gains and payloads: give them in seconds"
-                .to_owned(),
-        ));
     }
     Ok(())
 }
@@ -145,7 +142,10 @@ pub(crate) fn solve(
     source: &Source,
 ) -> Result<Outcome, Failure> {
     let model = session.model;
-    observe::require_consistent(&args.reading)?;
+    let finds_delays = args.reading.delay.contains(&DelayArg::Auto);
+    let mut stated = args.reading.clone();
+    stated.delay.retain(|delay| *delay != DelayArg::Auto);
+    observe::require_consistent(&stated)?;
     physical::note_friction(model);
     let bodies = loads::bodies(robot);
     let (runs, payloads) = loaded(args, &bodies, source)?;
@@ -155,7 +155,18 @@ pub(crate) fn solve(
         payloads,
         robot: known_robot(args, model, source)?,
     };
-    let (found, reports) = with_gains(session, &plan, &runs)?;
+    let (mut found, mut reports) = with_gains(session, &plan, &runs)?;
+    let mut settled = Session {
+        reading: session.reading.clone(),
+        ..*session
+    };
+    let mut corrected_delays = Vec::new();
+    for _ in 0..if finds_delays { DELAY_ROUNDS } else { 0 } {
+        corrected_delays = delays(args, session, source, (&runs, &found))?;
+        settled.reading.delays.clone_from(&corrected_delays);
+        (found, reports) = with_gains(&settled, &plan, &runs)?;
+    }
+    let session = &settled;
     observe::note_problems(&reports);
     note_short(&found.deviations);
     note_unexplained(&found.errors);
@@ -170,10 +181,7 @@ pub(crate) fn solve(
     identified.provenance = Provenance {
         model: digest(model),
         logs: {
-            let names = args
-                .logs
-                .iter()
-                .map(|run| predicted::stem(&run.to_string()));
+            let names = args.logs.iter().map(|run| stem(&run.to_string()));
             let mut names: Vec<String> = names.collect();
             names.sort();
             names
@@ -188,8 +196,9 @@ pub(crate) fn solve(
                 .to_owned(),
         ));
     }
-    let mut summary = summary(&found, session.kind.name());
-    summary.files = reports.iter().map(FileJson::new).collect();
+    let mut summary = Summary::of_gains(&found, session.kind.name());
+    summary.files = reports.iter().map(LogFile::new).collect();
+    summary.corrected_delays = corrected_delays;
     let mut logs = Vec::new();
     for run in &args.physical.against {
         let carried = loads::of_run(&args.reading, run).and_then(|k| bodies.get(k));
@@ -201,7 +210,7 @@ pub(crate) fn solve(
         });
     }
     if !logs.is_empty() {
-        summary.models = vec![ModelJson {
+        summary.models = vec![ModelErrors {
             name: identified.name.clone(),
             feasibility: identified.feasibility.clone(),
             gap: None,
@@ -212,41 +221,39 @@ pub(crate) fn solve(
     }
     let shares = &found.shares;
     let file = ParameterFile::new(model, &identified, shares, Vec::new(), args.confidence)?;
-    let json = IdentifyJson { file, summary };
+    let json = Identification { file, summary };
     Ok(Outcome { json, identified })
 }
 
-fn summary(found: &GainFit, kind: String) -> Summary {
-    let estimate = &found.estimate;
-    let efforts = estimate.efforts.iter().zip(&found.errors);
-    let efforts = efforts.map(|(e, error)| EffortJson {
-        name: e.name.clone(),
-        equations: e.rows,
-        sigma: e.sigma,
-        weight: e.weight,
-        error: Some(error.clone()),
-    });
-    Summary {
-        kind,
-        equations: estimate.efforts.iter().map(|e| e.rows).sum(),
-        degrees_of_freedom: estimate.degrees_of_freedom,
-        condition: estimate.condition,
-        scaled_condition: estimate.scaled_condition,
-        efforts: efforts.collect(),
-        relative_absolute: Some(found.relative_absolute),
-        bandwidth: Some(found.bandwidth),
-        singular: found.left_out.singular,
-        left_out: Some(found.left_out.clone()),
-        delays: Delays::default(),
-        corrected_delays: Vec::new(),
-        cross: Vec::new(),
-        reduction: Vec::new(),
-        models: Vec::new(),
-        files: Vec::new(),
-        instruments: None,
-        simulated: None,
-        suspicions: Vec::new(),
+/// The delays of the efforts, from the runs without a payload in the units that the gains of a first
+/// fit give them.
+fn delays(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    source: &Source,
+    (runs, found): (&[(Run, Option<usize>)], &GainFit),
+) -> Result<Vec<(String, f64)>, Failure> {
+    let bare = runs.iter().filter(|(_, carried)| carried.is_none());
+    let bare: Vec<Run> = bare.map(|(run, _)| run.clone()).collect();
+    if bare.is_empty() {
+        return Err(Failure::Usage(
+            "delays are found from runs without a payload, and there is none: give them in seconds"
+                .to_owned(),
+        ));
     }
+    let has_payloads = load::mechanism(source)?.payloads().next().is_some();
+    let robot = load::loaded_with_base(source, has_payloads.then_some(PayloadArg::None))?;
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let gains = found.model.gains.iter();
+    let gains: Vec<(String, f64)> = gains.map(|g| (g.effort.clone(), g.value)).collect();
+    let in_newtons = Session {
+        reading: session.reading.clone().with_gains(&gains),
+        options: session.options,
+        confidence: args.confidence,
+        ..observe::session(&model, &args.reading)
+    };
+    Ok(settled_delays(&in_newtons, &bare)?)
 }
 
 impl From<GainError> for Failure {

@@ -1,79 +1,34 @@
 //! `regen identify --estimator`: the choice, and the estimators that simulate the controlled robot.
 
-use std::fmt::Write as _;
-
-use regen_experiment::closed_loop::{ClosedLoop, Controllers};
-use regen_experiment::simulate::{Pid, Reference};
-use regen_identify::data::{FileReport, Run as LogRun, Track, tracks};
-use regen_identify::estimate::Spectrum;
+use regen_experiment::closed_loop::{ClosedLoop, Controllers, nearest_bandwidth};
+use regen_experiment::simulate::{Gains, Pid, Reference};
+use regen_identify::data::{Assignment, FileReport, Run as LogRun, Track, tracks};
 use regen_identify::files::ParameterFile;
 use regen_identify::identify::{EquationKind, Filtering, digest};
-use regen_identify::model::{IdentifiedModel, Interval, Provenance};
+use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::Session;
 use regen_identify::status::EffortContributions;
 use regen_interpreted::Interpreted;
+use regen_report::results::{Identification, LogFile, Simulated, Summary, stem};
 use regen_response::{
-    Commanded, DidimError, DidimOptions, EffortRun, Responded, ResponseError, Run, Setup,
-    TrackError, controllers, didim, efforts, respond,
+    Action, Commanded, Damping, Departure, DidimError, DidimOptions, EffortRun, Law, ResponseError,
+    Run, Setup, TrackError, controllers, departures, didim, efforts, respond,
 };
-use regen_runtime::BaseModel;
-use serde::Serialize;
+use regen_runtime::{BaseModel, Info};
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
+use crate::experiment::Controlled;
 use crate::identify::Outcome;
-use crate::identify_json::{EffortJson, IdentifyJson, Summary};
-use crate::{observe, parameters, path, predicted, table, terminal};
+use crate::{observe, parameters, path, table, terminal};
 
 /// Huber's bound where none is given.
 pub(crate) const HUBER_BOUND: f64 = 1.345;
 /// Seconds at the start of each log that DIDIM leaves out where none are given.
 pub(crate) const SETTLE: f64 = 0.5;
 
-/// What the simulating estimators add to the result.
-#[derive(Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum SimulatedJson {
-    Didim(DidimJson),
-    Response(ResponseJson),
-}
-
-/// The rounds of `didim`.
-#[derive(Serialize)]
-pub(crate) struct DidimJson {
-    rounds: usize,
-    /// eps_RA of each round, percent.
-    relative_absolute: Vec<f64>,
-}
-
-/// The search of `response`.
-#[derive(Serialize)]
-pub(crate) struct ResponseJson {
-    windows: usize,
-    steps: usize,
-    /// Candidates that could not be simulated.
-    refused: usize,
-    /// Gains and values of signals that were estimated.
-    estimated: Vec<EstimatedJson>,
-    undetermined: Vec<DirectionJson>,
-}
-
-#[derive(Serialize)]
-struct EstimatedJson {
-    label: String,
-    value: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sigma: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    interval: Option<[f64; 2]>,
-}
-
-/// A direction along which nothing changes the responses.
-#[derive(Serialize)]
-struct DirectionJson {
-    words: String,
-    terms: Vec<(String, f64)>,
-}
+/// The bandwidth of controllers where neither gains nor measured positions are known, Hz.
+const BANDWIDTH_HZ: f64 = 3.0;
 
 /// The options with the estimator that they choose; refuses options that it does not take.
 pub(crate) fn with_estimator(args: &IdentifyArgs) -> Result<IdentifyArgs, Failure> {
@@ -164,19 +119,18 @@ pub(crate) fn solve(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
 ) -> Result<Outcome, Failure> {
-    let (all, reports) = read(args, session)?;
+    let setups = setups(args, session.model)?;
+    let (all, places, reports) = read(args, session)?;
     observe::note_problems(&reports);
     let start = start(args, session.model)?;
     let (mut identified, summary, shares) = if args.estimator == Some(EstimatorArg::Didim) {
-        of_efforts(args, session, &all, &start)?
+        let of_track = |place: &usize| setups.get(*place).and_then(Option::as_ref);
+        let known: Vec<Option<&Setup>> = places.iter().map(of_track).collect();
+        of_efforts(args, session, (&all, &known), &start)?
     } else {
-        of_responses(args, session, &all, &start)?
+        of_responses(args, session, &all, common(args, setups)?, &start)?
     };
-    let mut logs: Vec<String> = args
-        .logs
-        .iter()
-        .map(|run| predicted::stem(&run.to_string()))
-        .collect();
+    let mut logs: Vec<String> = args.logs.iter().map(|run| stem(&run.to_string())).collect();
     logs.sort();
     identified.provenance = Provenance {
         model: digest(session.model),
@@ -184,7 +138,7 @@ pub(crate) fn solve(
         date: args.date.clone(),
     };
     let summary = Summary {
-        files: reports.iter().map(observe::FileJson::new).collect(),
+        files: reports.iter().map(LogFile::new).collect(),
         ..summary
     };
     let file = ParameterFile::new(
@@ -194,25 +148,104 @@ pub(crate) fn solve(
         Vec::new(),
         args.confidence,
     )?;
-    let json = IdentifyJson { file, summary };
+    let json = Identification { file, summary };
     Ok(Outcome { json, identified })
 }
 
-/// The tracks of all logs.
-fn read(
-    args: &IdentifyArgs,
-    session: &Session<'_, Interpreted<'_>>,
-) -> Result<(Vec<Track>, Vec<FileReport>), Failure> {
+/// The tracks of all logs, the place of each one's log among the options, and what was found in the
+/// logs.
+type Tracks = (Vec<Track>, Vec<usize>, Vec<FileReport>);
+
+fn read(args: &IdentifyArgs, session: &Session<'_, Interpreted<'_>>) -> Result<Tracks, Failure> {
     let info = session.model.info();
-    let (mut all, mut reports) = (Vec::new(), Vec::new());
+    let (mut all, mut places, mut reports) = (Vec::new(), Vec::new(), Vec::new());
     let reading = &session.reading;
-    for run in &args.logs {
-        let (own, report) = tracks(run, &info, reading, &args.simulated.command)?;
+    for (place, run) in args.logs.iter().enumerate() {
+        // options win over the experiment file
+        let mut commands = args.simulated.command.clone();
+        let said = controlled(args, run).map(|own| own.commands.as_slice());
+        let more = said.unwrap_or_default().iter();
+        let more = more.filter(|own| !commands.iter().any(|a| a.quantity == own.quantity));
+        let more: Vec<Assignment> = more.cloned().collect();
+        commands.extend(more);
+        let (own, report) = tracks(run, &info, reading, &commands)?;
         let usable = own.into_iter().filter(|track| track.times.len() > 1);
         all.extend(usable);
+        places.resize(all.len(), place);
         reports.push(report);
     }
-    Ok((all, reports))
+    Ok((all, places, reports))
+}
+
+/// What the experiment file says of the loop of a run.
+fn controlled<'a>(args: &'a IdentifyArgs, run: &LogRun) -> Option<&'a Controlled> {
+    args.reading.experiment.as_ref()?.controlled(run)
+}
+
+/// The controllers of each log: those of the options, else those of the experiment file.
+fn setups(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Vec<Option<Setup>>, Failure> {
+    if let Some(own) = setup(args, model)? {
+        return Ok(vec![Some(own); args.logs.len()]);
+    }
+    if !args.pid.is_empty() {
+        return Ok(vec![None; args.logs.len()]);
+    }
+    let of_run = |run: &LogRun| controlled(args, run).and_then(|own| own.setup.clone());
+    Ok(args.logs.iter().map(of_run).collect())
+}
+
+/// The controllers that all logs have in common.
+fn common(args: &IdentifyArgs, setups: Vec<Option<Setup>>) -> Result<Setup, Failure> {
+    let mut found: Option<(usize, Setup)> = None;
+    for (k, setup) in setups.into_iter().enumerate() {
+        let Some(setup) = setup else {
+            let run = args.logs.get(k).map(ToString::to_string);
+            return Err(Failure::Usage(format!(
+                "--estimator response needs the gains of the controllers of {}: --controller FILE \
+                 with `q1: {{kp: 40, kd: 2}}` for each actuated joint, `kp: {{estimate: 40}}` where \
+                 they are not known, or the same as `controller` of the run in an experiment file",
+                run.unwrap_or_default()
+            )));
+        };
+        match &found {
+            Some((first, own)) if *own != setup => {
+                let run = |k: usize| args.logs.get(k).map(ToString::to_string);
+                return Err(Failure::Input(format!(
+                    "{} and {} have different controllers, and responses are fitted with one: \
+                     fit them apart",
+                    run(*first).unwrap_or_default(),
+                    run(k).unwrap_or_default()
+                )));
+            }
+            Some(_) => {}
+            None => found = Some((k, setup)),
+        }
+    }
+    found
+        .map(|(_, setup)| setup)
+        .ok_or_else(|| Failure::Input("there is no log".to_owned()))
+}
+
+/// The gains that the experiment file says of the controllers, where all runs have the same and all
+/// are known: for instruments.
+pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<Gains>> {
+    let mut found: Option<&Setup> = None;
+    for run in &args.logs {
+        let own = controlled(args, run)?.setup.as_ref()?;
+        if found.is_some_and(|other| other.laws != own.laws) {
+            return None;
+        }
+        found = Some(own);
+    }
+    let laws = &found?.laws;
+    let is_known = laws
+        .iter()
+        .all(|law| !law.gains().iter().any(|g| g.is_estimated()));
+    let named = info.actuated.iter().zip(laws).map(|(joint, law)| Gains {
+        name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
+        values: [law.kp.value, law.ki.value, law.kd.value],
+    });
+    is_known.then(|| named.collect())
 }
 
 /// The base parameters to start from.
@@ -245,55 +278,66 @@ fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, 
     }
 }
 
+/// Refuses controllers that `didim` does not simulate.
+fn require_known(setup: &Setup) -> Result<(), Failure> {
+    let is_any = |is: fn(&Law) -> bool| setup.laws.iter().any(is);
+    let wrong = if is_any(|law| law.gains().iter().any(|g| g.is_estimated())) {
+        "gains as they are: leave `estimate` out, or say no controllers, then the loop keeps the \
+         bandwidth of --loop-bandwidth"
+    } else if is_any(|law| law.damping != Damping::OfError) {
+        "controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, or \
+         choose --estimator response"
+    } else if setup.action != Action::Sampled {
+        "controllers that act at the rows of the log: leave out `action: continuous`, or choose \
+         --estimator response"
+    } else if !setup.signals.is_empty() {
+        "signals as they are logged: leave `signals` out, or choose --estimator response"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::Input(format!("didim takes {wrong}")))
+}
+
 /// DIDIM from the efforts of the tracks.
+///
+/// - `all`: the tracks, each with its controllers, if they are known.
 fn of_efforts(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
-    all: &[Track],
+    (all, known): (&[Track], &[Option<&Setup>]),
     start: &[f64],
 ) -> Result<(IdentifiedModel, Summary, EffortContributions), Failure> {
     let model = session.model;
     let info = model.info();
-    let bandwidth = args.simulated.loop_bandwidth;
-    if !(bandwidth > 0.0 && bandwidth.is_finite()) {
+    let wanted = args.simulated.loop_bandwidth;
+    if wanted.is_some_and(|bandwidth| !(bandwidth > 0.0 && bandwidth.is_finite())) {
         let text = "--loop-bandwidth must be above 0";
         return Err(Failure::Input(text.to_owned()));
     }
-    let known = setup(args, model)?;
-    let laws = known.as_ref().map(|known| known.laws.as_slice());
-    if laws.is_some() && !args.pid.is_empty() {
+    if args.simulated.controller.is_some() && !args.pid.is_empty() {
         let text = "--pid and --controller say the same: give one of them";
         return Err(Failure::Usage(text.to_owned()));
     }
-    let laws = laws.unwrap_or_default();
-    if laws
-        .iter()
-        .any(|law| law.gains().iter().any(|g| g.is_estimated()))
-    {
-        let text = "didim takes gains as they are: leave `estimate` out, or give no --controller, \
-                    then the loop keeps the bandwidth of --loop-bandwidth";
-        return Err(Failure::Input(text.to_owned()));
+    for setup in known.iter().copied().flatten() {
+        require_known(setup)?;
     }
-    let pid: Vec<Pid> = laws
+    let laws = |setup: Option<&Setup>| setup.map_or(Vec::new(), |own| own.laws.clone());
+    let pids: Vec<Vec<Pid>> = known
         .iter()
-        .map(|law| Pid {
-            kp: law.kp.value,
-            ki: law.ki.value,
-            kd: law.kd.value,
-        })
+        .map(|setup| laws(*setup).iter().map(pid_of).collect())
         .collect();
-    let offset: Vec<f64> = laws.iter().map(|law| law.offset.value).collect();
-    let loop_controllers = if known.is_some() {
-        Controllers::Known {
-            pid: &pid,
-            offset: &offset,
-        }
-    } else {
-        Controllers::Tuned {
-            bandwidth,
-            given: &args.pid,
-        }
-    };
+    let offsets: Vec<Vec<f64>> = known
+        .iter()
+        .map(|setup| laws(*setup).iter().map(|law| law.offset.value).collect())
+        .collect();
+    let controllers_of =
+        |k: usize, bandwidth: f64| match (known.get(k), pids.get(k), offsets.get(k)) {
+            (Some(Some(_)), Some(pid), Some(offset)) => Controllers::Known { pid, offset },
+            _ => Controllers::Tuned {
+                bandwidth,
+                given: &args.pid,
+            },
+        };
     let file = args.reference.as_deref();
     let trajectory = file.map(|file| path::read(file, model)).transpose()?;
     let mut references: Vec<Commanded> = Vec::new();
@@ -305,24 +349,28 @@ fn of_efforts(
     let measured: Result<Vec<Vec<Vec<f64>>>, TrackError> =
         all.iter().map(|track| efforts(track, &info)).collect();
     let measured = measured?;
-    let mut runs: Vec<EffortRun<'_>> = Vec::with_capacity(all.len());
-    for (k, (track, efforts)) in all.iter().zip(&measured).enumerate() {
-        let (reference, lead): (&(dyn Reference + Sync), f64) =
-            match (&trajectory, references.get(k)) {
-                (Some(series), _) => (series, series.period()),
-                (None, Some(commanded)) => (commanded, 0.0),
-                (None, None) => continue,
-            };
-        runs.push(EffortRun {
-            times: &track.times,
-            efforts,
-            closed_loop: ClosedLoop {
-                reference,
-                lead,
-                controllers: loop_controllers,
-            },
-        });
-    }
+    let runs_at = |bandwidth: f64| -> Vec<EffortRun<'_>> {
+        let mut runs = Vec::with_capacity(all.len());
+        for (k, (track, efforts)) in all.iter().zip(&measured).enumerate() {
+            let (reference, lead): (&(dyn Reference + Sync), f64) =
+                match (&trajectory, references.get(k)) {
+                    (Some(series), _) => (series, series.period()),
+                    (None, Some(commanded)) => (commanded, 0.0),
+                    (None, None) => continue,
+                };
+            runs.push(EffortRun {
+                times: &track.times,
+                efforts,
+                positions: &track.positions,
+                closed_loop: ClosedLoop {
+                    reference,
+                    lead,
+                    controllers: controllers_of(k, bandwidth),
+                },
+            });
+        }
+        runs
+    };
     let reading = &session.reading;
     let options = DidimOptions {
         least_squares: session.options,
@@ -339,29 +387,72 @@ fn of_efforts(
         ..DidimOptions::default()
     };
     session.watch.work("simulating the controlled robot");
-    let found = didim(model, &runs, &options, start);
+    let is_tuned = known.iter().any(Option::is_none);
+    let step = all.first().and_then(|track| {
+        let [first, second, ..] = track.times[..] else {
+            return None;
+        };
+        Some(second - first)
+    });
+    let chosen = match (wanted, step) {
+        (None, Some(step)) if is_tuned => nearest_bandwidth(step, &mut |bandwidth| {
+            let found = departures(model, &runs_at(bandwidth), options.settle, start).ok()?;
+            (!found.is_empty()).then(|| found.iter().map(|own| own.percent * own.percent).sum())
+        }),
+        _ => None,
+    };
+    let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);
+    let found = didim(model, &runs_at(bandwidth), &options, start);
     session.watch.rest();
     let found = found?;
+    note_departures(&found.departures, known.iter().all(Option::is_some));
     if !found.settled {
         return Err(Failure::Numeric(format!(
             "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
-             estimate: take a motion that excites more, give the robot's own gains with \
-             --controller, or start nearer with --start",
+             estimate: take a motion that excites more, give the robot's own gains \
+             (--controller, or `controller` in an experiment file), or start nearer with --start",
             found.rounds,
             found.norms.last().copied().unwrap_or(f64::NAN)
         )));
     }
     let identified = found.model(args.confidence);
-    let json = DidimJson {
-        rounds: found.rounds,
-        relative_absolute: found.norms.clone(),
-    };
+    let simulated = Simulated::didim(&found, is_tuned.then_some(bandwidth));
     let start = found.start(args.confidence);
     let summary = Summary {
-        simulated: Some(SimulatedJson::Didim(json)),
+        simulated: Some(simulated),
         ..Summary::of(&start)
     };
     Ok((identified, summary, EffortContributions::of(&start.factor)))
+}
+
+fn pid_of(law: &Law) -> Pid {
+    Pid {
+        kp: law.kp.value,
+        ki: law.ki.value,
+        kd: law.kd.value,
+    }
+}
+
+/// Warns where the simulated motion is not the measured one: then the regressor is not at the motion
+/// to which the efforts belong.
+fn note_departures(found: &[Departure], is_known: bool) {
+    let far = found.iter().filter(|own| own.is_far());
+    let far: Vec<String> = far
+        .map(|own| format!("{} ({} %)", own.name, table::figure_of(2, own.percent)))
+        .collect();
+    if far.is_empty() {
+        return;
+    }
+    let remedy = if is_known {
+        "check the controllers' gains, or that they followed these commands"
+    } else {
+        "give the robot's own gains (--controller, or `controller` in an experiment file)"
+    };
+    terminal::note(&format!(
+        "warning: the simulated motion differs from the measured one in {}: parameters are biased \
+         by more than their deviations say; {remedy}, or choose --estimator ls or iv",
+        far.join(", ")
+    ));
 }
 
 /// A fit to the responses of the tracks.
@@ -369,16 +460,11 @@ fn of_responses(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
     all: &[Track],
+    mut setup: Setup,
     start: &[f64],
 ) -> Result<(IdentifiedModel, Summary, EffortContributions), Failure> {
     let model = session.model;
     let info = model.info();
-    let Some(mut setup) = setup(args, model)? else {
-        let text = "--estimator response needs the gains of the controllers: --controller FILE \
-                    with `q1: {kp: 40, kd: 2}` for each actuated joint, `kp: {estimate: 40}` where \
-                    they are not known";
-        return Err(Failure::Usage(text.to_owned()));
-    };
     setup.window = args.simulated.window;
     setup.friction_width = args.simulated.friction_width;
     let runs: Result<Vec<Run>, TrackError> = all
@@ -406,140 +492,23 @@ fn of_responses(
             found.steps
         )));
     }
-    let summary = summary(&found);
+    let summary = Summary::of_responses(&found);
     let shares = EffortContributions::of(&found.factor);
     Ok((found.model, summary, shares))
-}
-
-fn summary(found: &Responded) -> Summary {
-    let spectrum = found.factor.spectrum().ok();
-    let equations: usize = found.errors.iter().map(|e| e.samples).sum();
-    let efforts = found.errors.iter().map(|e| EffortJson {
-        name: e.name.clone(),
-        equations: e.samples,
-        sigma: e.rms,
-        weight: if e.rms > 0.0 { 1.0 / e.rms } else { 1.0 },
-        error: Some(e.clone()),
-    });
-    let estimated = found.estimated.iter().map(|e| EstimatedJson {
-        label: e.label.clone(),
-        value: e.value,
-        sigma: e.interval.map(|i| i.sigma),
-        interval: e.interval.map(|i: Interval| [i.low, i.high]),
-    });
-    let undetermined = found.undetermined.iter().map(|d| DirectionJson {
-        words: d.to_string(),
-        terms: d.terms.clone(),
-    });
-    Summary {
-        kind: "responses to commands".to_owned(),
-        equations,
-        degrees_of_freedom: found.factor.rows().saturating_sub(found.factor.columns()),
-        condition: spectrum.as_ref().map_or(f64::NAN, Spectrum::condition),
-        scaled_condition: spectrum
-            .as_ref()
-            .map_or(f64::NAN, Spectrum::scaled_condition),
-        efforts: efforts.collect(),
-        relative_absolute: None,
-        bandwidth: None,
-        singular: 0,
-        left_out: None,
-        delays: regen_identify::identify::Delays::default(),
-        corrected_delays: Vec::new(),
-        cross: Vec::new(),
-        reduction: Vec::new(),
-        models: Vec::new(),
-        files: Vec::new(),
-        instruments: None,
-        simulated: Some(SimulatedJson::Response(ResponseJson {
-            windows: found.windows,
-            steps: found.steps,
-            refused: found.refused,
-            estimated: estimated.collect(),
-            undetermined: undetermined.collect(),
-        })),
-        suspicions: Vec::new(),
-    }
 }
 
 /// Fails where commands alone left something undetermined; the result is printed and written
 /// already.
 pub(crate) fn require_determined(summary: &Summary) -> Result<(), Failure> {
-    let Some(SimulatedJson::Response(found)) = &summary.simulated else {
-        return Ok(());
-    };
-    if found.undetermined.is_empty() {
+    let words = summary.undetermined();
+    if words.is_empty() {
         return Ok(());
     }
-    let words: Vec<&str> = found
-        .undetermined
-        .iter()
-        .map(|d| d.words.as_str())
-        .collect();
     Err(Failure::Numeric(format!(
         "responses to these commands do not determine {}: the values stay where they started along \
          this; give a gain that is known, or move what is at rest",
         words.join("; nor ")
     )))
-}
-
-impl SimulatedJson {
-    /// The lines above the tables.
-    pub(crate) fn to_text(&self) -> String {
-        match self {
-            Self::Didim(found) => {
-                let errors: Vec<String> = found
-                    .relative_absolute
-                    .iter()
-                    .map(|e| format!("{e:.3}"))
-                    .collect();
-                let text = format!("{}; eps_RA {} %", found.rounds, errors.join(", "));
-                table::field("rounds", &text)
-            }
-            Self::Response(found) => {
-                let mut text = format!("{} in {} windows", found.steps, found.windows);
-                if found.refused > 0 {
-                    let _ = write!(
-                        text,
-                        "; {} candidates could not be simulated",
-                        found.refused
-                    );
-                }
-                table::field("steps", &text)
-            }
-        }
-    }
-
-    /// The tables behind that of the parameters.
-    pub(crate) fn to_tables(&self) -> String {
-        let Self::Response(found) = self else {
-            return String::new();
-        };
-        let mut out = String::new();
-        if !found.estimated.is_empty() {
-            let lines: Vec<Vec<String>> = found
-                .estimated
-                .iter()
-                .map(|e| {
-                    vec![
-                        e.label.clone(),
-                        table::figure(e.value),
-                        e.sigma
-                            .map_or_else(|| "-".to_owned(), |s| table::figure_of(3, s)),
-                    ]
-                })
-                .collect();
-            out.push('\n');
-            out.push_str(&table::columns(
-                &["estimated too", "value", "sigma"],
-                &lines,
-            ));
-        }
-        for direction in &found.undetermined {
-            out.push_str(&table::field("undetermined", &direction.words));
-        }
-        out
-    }
 }
 
 impl From<TrackError> for Failure {
@@ -549,8 +518,8 @@ impl From<TrackError> for Failure {
                 what: "command",
                 joint,
             } => format!(
-                "{error}: name its column with --command {joint}=COLUMN, or give what the \
-                 controllers followed to didim by --reference"
+                "{error}: name its column with --command {joint}=COLUMN or with `commands` in an \
+                 experiment file, or give what the controllers followed to didim by --reference"
             ),
             TrackError::Missing { joint, .. } => {
                 format!("{error}: name its column with --column tau_{joint}=COLUMN")

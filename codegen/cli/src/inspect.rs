@@ -9,13 +9,13 @@ use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::signals::Method;
 use regen_inspect::{ClockSource, LogFacts, Prediction, VERSION, inspect, predict, proposal};
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_report::results::{Inspection, Suspected, inspection_text};
 use regen_runtime::Info;
 use serde::Serialize;
 
 use crate::args::{Format, InspectArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::suspect::Suspicion;
-use crate::{experiment, inspect_table, load, mistakes, observe, suspect, table, terminal, write};
+use crate::{experiment, load, mistakes, observe, suspect, table, terminal, write};
 
 /// The JSON of `regen inspect`.
 #[derive(Serialize)]
@@ -25,20 +25,11 @@ struct InspectJson<'a> {
     logs: &'a [LogFacts],
     prediction: Option<&'a Prediction>,
     /// What contradicts the robot.
-    doubts: &'a [Suspicion],
+    doubts: &'a [Suspected],
     /// Why there is no prediction although a robot is given.
     unpredicted: Option<&'a str>,
     /// The text of the proposed experiment file.
     proposal: Option<&'a str>,
-}
-
-/// What was found, to be printed.
-pub(crate) struct Found<'a> {
-    pub(crate) robot: Option<&'a str>,
-    pub(crate) logs: &'a [LogFacts],
-    pub(crate) prediction: Option<&'a Prediction>,
-    pub(crate) doubts: &'a [Suspicion],
-    pub(crate) unpredicted: Option<&'a str>,
 }
 
 /// Runs the command.
@@ -72,11 +63,12 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         },
         _ => (None, Vec::new(), None),
     };
-    let found = Found {
+    let told: Vec<String> = doubts.iter().map(suspect::describe).collect();
+    let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
         logs: &logs,
         prediction: prediction.as_ref(),
-        doubts: &doubts,
+        doubts: &told,
         unpredicted: unpredicted.as_deref(),
     };
     if let Some(out) = &args.report {
@@ -101,11 +93,11 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
             robot: found.robot,
             logs: &logs,
             prediction: found.prediction,
-            doubts: found.doubts,
+            doubts: &doubts,
             unpredicted: found.unpredicted,
             proposal: proposed.as_deref(),
         }),
-        Format::Human => inspect_table::text(&found),
+        Format::Human => inspection_text(&found),
     })
 }
 
@@ -174,7 +166,7 @@ fn predicted(
     robot: &Robot,
     args: &InspectArgs,
     logs: &[LogFacts],
-) -> Result<Result<(Prediction, Vec<Suspicion>), String>, Failure> {
+) -> Result<Result<(Prediction, Vec<Suspected>), String>, Failure> {
     if model.base_info().base.is_empty() {
         return Ok(Err(format!("{} has no base parameters", robot.name)));
     }

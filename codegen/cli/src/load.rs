@@ -3,7 +3,9 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
+use regen_cache::Cache;
 use regen_codegen::Mechanism;
 use regen_codegen::base::{self, Analysis};
 use regen_codegen::diag::Source;
@@ -74,9 +76,23 @@ pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
 const WITHOUT_BASE: &str =
     "what does not need them works: `regen info`, `eval`, `simulate` and `view`";
 
+/// The user's cache, where the run may use one.
+static CACHE: OnceLock<Arc<Cache>> = OnceLock::new();
+
+/// Lets this run use robots that were derived before, and keep those that it derives.
+pub(crate) fn use_kept() {
+    if let Some(cache) = Cache::of_user() {
+        CACHE.get_or_init(|| Arc::new(cache));
+    }
+}
+
 /// Opens the mechanism of a spec.
 pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
-    Ok(Mechanism::open(source)?)
+    let mechanism = Mechanism::open(source)?;
+    Ok(match CACHE.get() {
+        Some(cache) => mechanism.with_keeper(cache.clone()),
+        None => mechanism,
+    })
 }
 
 /// Opens the mechanism of a spec for runs in which its payloads are, or are not, carried; refuses to
@@ -148,7 +164,8 @@ pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
 
 /// Derives one robot.
 pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
-    Ok(deriving(source, || pipeline::derive(source))?)
+    let mechanism = mechanism(source)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
 /// Derives one robot, or refuses it where its base parameters cannot be derived.

@@ -3,6 +3,7 @@
 
 mod args;
 mod base;
+mod c_files;
 mod check;
 mod closed;
 mod delay;
@@ -14,16 +15,13 @@ mod export;
 mod generate;
 mod identify;
 mod identify_iv;
-mod identify_json;
 mod identify_loads;
 mod identify_simulated;
-mod identify_table;
 #[cfg(test)]
 mod identify_tests;
 mod import;
 mod info;
 mod inspect;
-mod inspect_table;
 mod interrupt;
 mod load;
 mod loads;
@@ -37,9 +35,7 @@ mod outputs;
 mod parameters;
 mod path;
 mod physical;
-mod predicted;
 mod progress;
-mod reduce;
 mod rehearse;
 mod report;
 mod simulate;
@@ -73,6 +69,9 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<(), Failure> {
+    if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_kept) {
+        load::use_kept();
+    }
     match cli.command {
         Some(Command::New(args)) => new::run(&args),
         Some(Command::Generate(args)) => generate::run(&args),

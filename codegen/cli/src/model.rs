@@ -3,20 +3,21 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use regen_report::results::{self, BaseSummary, Info};
+use regen_verify::print::{self, CheckJson};
 use serde::Serialize;
 
 use crate::args::{Format, ModelArgs};
 use crate::exit::Failure;
 use crate::generate::{self, State};
-use crate::info;
-use crate::verify::{self, CheckJson};
-use crate::{base, load, modules, sources, table, terminal, workspace};
+use crate::verify;
+use crate::{load, modules, sources, table, terminal, workspace};
 
 #[derive(Serialize)]
 struct Summary<'a> {
     #[serde(flatten)]
-    info: info::Info<'a>,
-    base: Option<base::Summary>,
+    info: Info<'a>,
+    base: Option<BaseSummary>,
     source: String,
     states: usize,
     checks: Vec<CheckJson>,
@@ -54,21 +55,21 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     terminal::print(&match args.format {
         Format::Human => format!(
             "{}{}\n{} {} ({lines} lines)\n\n{}",
-            info::to_text(&robot),
+            results::info_text(&robot),
             robot
                 .analysis
                 .as_ref()
-                .map_or_else(String::new, base::lines),
+                .map_or_else(String::new, results::base_lines),
             if changed { "wrote" } else { "up to date:" },
             source.display(),
-            verify::identities(&verified)
+            print::identities_text(&verified)
         ),
         Format::Json => table::json(&Summary {
-            info: info::info(&robot),
-            base: robot.analysis.as_ref().map(base::summary),
+            info: results::info(&robot),
+            base: robot.analysis.as_ref().map(results::base_summary),
             source: source.display().to_string(),
             states: verified.states,
-            checks: verify::check_json(&verified),
+            checks: print::checks(&verified),
         }),
     })?;
     let failed: Vec<&str> = verified.failed().collect();

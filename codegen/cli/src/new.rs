@@ -22,6 +22,7 @@ impl Kind {
             Self::Serial => include_str!("new/serial.yaml"),
             Self::Planar => include_str!("new/planar.yaml"),
             Self::Parallel => include_str!("new/parallel.yaml"),
+            Self::Drives => include_str!("new/drives.yaml"),
         }
     }
 }

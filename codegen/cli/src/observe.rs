@@ -7,6 +7,7 @@ use regen_identify::estimate::{EstimateError, FactorSet};
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError};
 use regen_identify::signals::{Method, SignalError};
+use regen_report::results::{LogFile, corrected_delays_text, resting};
 use serde::Serialize;
 
 use crate::args::{
@@ -14,7 +15,7 @@ use crate::args::{
 };
 use crate::exit::Failure;
 use crate::watch::TERMINAL;
-use crate::{experiment, load, table, terminal, write};
+use crate::{delay, experiment, load, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen observe`.
@@ -27,48 +28,16 @@ struct ObserveJson<'a> {
     efforts: Vec<Rows<'a>>,
     singular: usize,
     left_out: &'a LeftOut,
-    files: Vec<FileJson>,
+    /// The delays of efforts that were found and corrected, s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    corrected_delays: Vec<(String, f64)>,
+    files: Vec<LogFile>,
 }
 
 #[derive(Serialize)]
 struct Rows<'a> {
     name: &'a str,
     rows: usize,
-}
-
-/// The statistics of one log file that was read.
-#[derive(Serialize)]
-pub(crate) struct FileJson {
-    file: String,
-    rows: usize,
-    step: f64,
-    states: usize,
-    problems: Vec<String>,
-    dropped: usize,
-}
-
-impl FileJson {
-    /// The JSON of a file's report.
-    pub(crate) fn new(report: &FileReport) -> Self {
-        Self {
-            file: report.file.clone(),
-            rows: report.rows,
-            step: report.step,
-            states: report.states,
-            problems: report
-                .problems
-                .first
-                .iter()
-                .map(ToString::to_string)
-                .collect(),
-            dropped: report
-                .problems
-                .left_out(&report.policies)
-                .iter()
-                .map(|(_, count)| count)
-                .sum(),
-        }
-    }
 }
 
 /// Runs the command.
@@ -81,6 +50,9 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;
+    let (reading, corrected_delays) =
+        delay::found_for(&args.reading, &session(&model, &args.reading), &args.logs)?;
+    args.reading = reading;
     let mut logs = open(&model, &args.logs, &args.reading)?;
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
@@ -93,7 +65,8 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
         efforts: rows(&set),
         singular: left_out.singular,
         left_out: &left_out,
-        files: logs.logs().reports().iter().map(FileJson::new).collect(),
+        corrected_delays,
+        files: logs.logs().reports().iter().map(LogFile::new).collect(),
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
@@ -122,24 +95,10 @@ fn to_text(json: &ObserveJson<'_>) -> String {
     if json.singular > 0 {
         out.push_str(&table::field("singular", &json.singular.to_string()));
     }
+    out.push_str(&corrected_delays_text(&json.corrected_delays));
     out.push_str(&resting(json.left_out));
     out.push_str(&table::columns(&["effort", "equations"], &lines));
     out
-}
-
-/// The share of equations that were left out because their coordinates were at rest, for people;
-/// empty where there were none.
-pub(crate) fn resting(left: &LeftOut) -> String {
-    let rest: usize = left.resting.iter().sum();
-    let all = left.samples * left.resting.len();
-    if rest == 0 || all == 0 {
-        return String::new();
-    }
-    let share = 100.0 * rest as f64 / all as f64;
-    table::field(
-        "at rest",
-        &format!("{share:.2} % of the equations left out"),
-    )
 }
 
 /// Whether every equation was left out because its coordinate was at rest.
@@ -160,8 +119,8 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
 /// Refuses combinations of reading options that contradict each other.
 pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
-        let text = "delays that are found (auto) are for `identify`: give the values that it \
-                    printed, --delay NAME=S";
+        let text = "delays are not found here (auto): give the values that `identify` printed, \
+                    --delay NAME=S";
         return Err(Failure::Input(text.to_owned()));
     }
     let settings = settings(reading);

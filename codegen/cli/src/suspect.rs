@@ -8,65 +8,48 @@ use regen_identify::data::{Assignment, Logs};
 use regen_identify::estimate::Estimate;
 use regen_identify::identify::suspect::{self, LogColumns, Remedy, Sample};
 use regen_interpreted::Interpreted;
-use serde::Serialize;
+use regen_report::results::Suspected;
 
 use crate::args::IdentifyArgs;
 use crate::{observe, progress, terminal};
 
-/// A suspected mistake in a log.
-#[derive(Serialize)]
-pub(crate) struct Suspicion {
-    #[serde(flatten)]
-    found: suspect::Suspicion,
-    /// The options that read the log correctly, or other advice.
-    remedy: String,
-}
-
-impl Suspicion {
-    /// Converts a suspicion of the library to the command's terms: its remedy becomes options.
-    fn new(found: suspect::Suspicion) -> Self {
-        let remedy = match &found.remedy {
-            Remedy::Read { advice, columns } => {
-                let options: Vec<String> = columns.iter().map(option).collect();
-                let options = options.join(" ");
-                let mut advice = advice.clone();
-                match (advice.is_empty(), columns.is_empty()) {
-                    (true, _) => advice.push(options),
-                    (false, false) => advice.push(format!("Read it with {options}")),
-                    (false, true) => {}
-                }
-                if columns.iter().any(|column| column.offset != 0.0) {
-                    advice.push(
-                        "In the experiment file, where the offsets of these columns stay"
-                            .to_owned(),
-                    );
-                }
-                advice.join(". ")
+/// Converts a suspicion of the library to the command's terms: its remedy becomes options.
+fn with_options(found: suspect::Suspicion) -> Suspected {
+    let remedy = match &found.remedy {
+        Remedy::Read { advice, columns } => {
+            let options: Vec<String> = columns.iter().map(option).collect();
+            let options = options.join(" ");
+            let mut advice = advice.clone();
+            match (advice.is_empty(), columns.is_empty()) {
+                (true, _) => advice.push(options),
+                (false, false) => advice.push(format!("Read it with {options}")),
+                (false, true) => {}
             }
-            Remedy::Series => {
-                "The frequency is not that of the motion, the harmonics are too few, \
-                               or parts of the log are not periodic: give --fourier the motion's \
-                               own, or use --butterworth"
-                    .to_owned()
+            if columns.iter().any(|column| column.offset != 0.0) {
+                advice.push(
+                    "In the experiment file, where the offsets of these columns stay".to_owned(),
+                );
             }
-            _ => {
-                "The sign or the delay of an effort, an offset, or a motion that does not tell it \
-                  from the rest may be the cause; --feasible keeps it at 0 or above"
-                    .to_owned()
-            }
-        };
-        Self { found, remedy }
-    }
-}
-
-impl std::fmt::Display for Suspicion {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { found, remedy } = self;
-        if remedy.starts_with("--column") {
-            write!(f, "{found}. If that is so, read it with {remedy}")
-        } else {
-            write!(f, "{found}. {remedy}")
+            advice.join(". ")
         }
+        Remedy::Series => "The frequency is not that of the motion, the harmonics are too few, \
+                           or parts of the log are not periodic: give --fourier the motion's \
+                           own, or use --butterworth"
+            .to_owned(),
+        _ => "The sign or the delay of an effort, an offset, or a motion that does not tell it \
+              from the rest may be the cause; --feasible keeps it at 0 or above"
+            .to_owned(),
+    };
+    Suspected { found, remedy }
+}
+
+/// A suspicion and its remedy in words.
+pub(crate) fn describe(suspected: &Suspected) -> String {
+    let Suspected { found, remedy } = suspected;
+    if remedy.starts_with("--column") {
+        format!("{found}. If that is so, read it with {remedy}")
+    } else {
+        format!("{found}. {remedy}")
     }
 }
 
@@ -88,7 +71,7 @@ pub(crate) fn warn(
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
     found: Option<&Estimate>,
-) -> Vec<Suspicion> {
+) -> Vec<Suspected> {
     if args.no_suspicion {
         return Vec::new();
     }
@@ -106,7 +89,7 @@ pub(crate) fn warn(
     }
     working.end();
     for suspicion in &out {
-        terminal::note(&format!("warning: {suspicion}"));
+        terminal::note(&format!("warning: {}", describe(suspicion)));
     }
     out
 }
@@ -118,7 +101,7 @@ pub(crate) fn doubts(
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
     given: &[Assignment],
-) -> Vec<Suspicion> {
+) -> Vec<Suspected> {
     let working = progress::later("looking at the columns");
     let mut out = Vec::new();
     for (k, report) in logs.reports().iter().enumerate() {
@@ -140,7 +123,7 @@ fn one(
     sample: &Sample,
     found: Option<&Estimate>,
     step: &mut dyn FnMut(usize, usize),
-) -> Vec<Suspicion> {
+) -> Vec<Suspected> {
     let found = suspect::suspicions(columns, sample, found, step);
-    found.into_iter().map(Suspicion::new).collect()
+    found.into_iter().map(with_options).collect()
 }

@@ -7,11 +7,12 @@ use regen_identify::IdentifiedModel;
 use regen_identify::estimate::EffortError;
 use regen_identify::files::Predictions;
 use regen_identify::identify::{self, LeftOut};
+use regen_report::results::{corrected_delays_text, resting, stem};
 use serde::Serialize;
 
-use crate::args::{Format, ValidateArgs};
+use crate::args::{DelayArg, Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, loads, observe, parameters, predicted, table, terminal, write};
+use crate::{delay, experiment, load, loads, observe, parameters, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
@@ -20,6 +21,9 @@ struct ValidateJson {
     robot: String,
     kind: String,
     logs: Vec<String>,
+    /// The delays of efforts that were found and corrected, s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    corrected_delays: Vec<(String, f64)>,
     models: Vec<Predicted>,
 }
 
@@ -56,6 +60,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    let corrected_delays = corrected(&mut args, &model)?;
     let kind = observe::kind(&args.reading);
     let files: Vec<&PathBuf> = std::iter::once(&args.params).chain(&args.beside).collect();
     let mut models = Vec::with_capacity(files.len());
@@ -116,6 +121,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         robot: robot.name.clone(),
         kind: kind.name(),
         logs: args.logs.iter().map(ToString::to_string).collect(),
+        corrected_delays,
         models: models.into_iter().map(|(_, predicted)| predicted).collect(),
     };
     terminal::print(&match args.format {
@@ -128,9 +134,33 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Finds the delays of the logs where that is asked for.
+fn corrected(
+    args: &mut ValidateArgs,
+    model: &Interpreted<'_>,
+) -> Result<Vec<(String, f64)>, Failure> {
+    let has_unknowns = args
+        .reading
+        .experiment
+        .as_ref()
+        .is_some_and(|e| !e.unknown_gains.is_empty() || e.carries());
+    if has_unknowns && args.reading.delay.contains(&DelayArg::Auto) {
+        return Err(Failure::Usage(
+            "delays are not found from logs with unknown gains or payloads: give them in seconds, \
+             --delay NAME=S"
+                .to_owned(),
+        ));
+    }
+    let session = observe::session(model, &args.reading);
+    let (reading, found) = delay::found_for(&args.reading, &session, &args.logs)?;
+    args.reading = reading;
+    Ok(found)
+}
+
 fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
-    let name = predicted::stem;
+    out.push_str(&corrected_delays_text(&json.corrected_delays));
+    let name = stem;
     // the number of logs whose columns fit side by side
     const BLOCK: usize = 5;
     let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
@@ -152,7 +182,7 @@ fn to_text(json: &ValidateJson) -> String {
     for model in &json.models {
         for (log, found) in json.logs.iter().zip(&model.logs) {
             let _ = writeln!(out, "\n  {} on {}", name(&model.params), name(log));
-            out.push_str(&observe::resting(&found.left_out));
+            out.push_str(&resting(&found.left_out));
             let lines: Vec<Vec<String>> = found
                 .efforts
                 .iter()

@@ -1,24 +1,18 @@
 //! `regen verify`: checks the identities of a robot and compares its base parameters with the
 //! numeric path; with `--all`, runs the independent checks of any number of robots.
 
-mod one;
-mod several;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use regen_codegen::robot::Robot;
+use regen_verify::print::{self, OfFile};
 use regen_verify::{Check, Report, Statement, Vectors, VerifyError};
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
 use crate::{closed, load, modules, progress, sources, terminal};
-
-use several::Independent;
-
-pub(crate) use one::{CheckJson, check_json, identities};
 
 /// The check that the source on disk equals what the emitter writes now.
 const SAME_SOURCE: Statement = Statement::identity("source on disk is what was emitted");
@@ -40,10 +34,10 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         VerifyFormat::Markdown => {
             return Err(Failure::Usage("--format markdown needs --all".to_owned()));
         }
-        VerifyFormat::Human => one::to_text(&report, &numeric, robot.analysis.as_ref()),
-        VerifyFormat::Json => one::json(&report, &numeric),
+        VerifyFormat::Human => print::one_text(&report, &numeric, robot.analysis.as_ref()),
+        VerifyFormat::Json => print::one_json(&report, &numeric),
     })?;
-    let failed: Vec<&str> = one::failed(&report, &numeric).collect();
+    let failed: Vec<&str> = report.failed().chain(numeric.report.failed()).collect();
     if failed.is_empty() {
         Ok(())
     } else {
@@ -106,9 +100,9 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
     terminal::print(&match args.format {
-        VerifyFormat::Human => several::to_text(&all),
-        VerifyFormat::Markdown => several::markdown(&all),
-        VerifyFormat::Json => several::json(&all),
+        VerifyFormat::Human => print::several_text(&all),
+        VerifyFormat::Markdown => print::several_markdown(&all),
+        VerifyFormat::Json => print::several_json(&all),
     })?;
     let failed: Vec<String> = all
         .iter()
@@ -147,12 +141,12 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn independent(file: &Path) -> Result<Independent, Failure> {
+fn independent(file: &Path) -> Result<OfFile, Failure> {
     let source = load::source(file)?;
     let robot = load::with_base(&source)?;
     let vectors = vectors(file)?;
     let report = regen_verify::independent(&robot, &source.text, vectors.as_ref());
-    Ok(Independent {
+    Ok(OfFile {
         file: file.display().to_string(),
         report: report.map_err(|error| match error {
             VerifyError::UnreadableSpec(_) => {

@@ -1,11 +1,9 @@
 //! `regen base`: tables, JSON, and bases that are not certified.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{mechanism, oracle, regen, regen_with, scratch};
+use crate::common::{self, mechanism, oracle, regen, regen_with, scratch};
 use serde_json::{Value, json};
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -314,4 +312,41 @@ fn a_stored_base_is_told_of_and_the_same_every_time() {
     assert!(!first.is_empty());
     regen(&dir, &print).ended(0);
     assert_eq!(fs::read(dir.join("f.base")).unwrap(), first);
+}
+
+/// What is kept is found again, and gives the same bytes; a run that may not use it keeps nothing.
+#[test]
+fn the_cache_changes_no_output() {
+    let dir = scratch("base-cache");
+    let cache = dir.join("cache");
+    let file = common::root().join("robots/delta.yaml");
+    let file = file.to_str().unwrap();
+    let entries = || fs::read_dir(&cache).into_iter().flatten().count();
+    let run = |args: &[&str]| {
+        let mut command = common::command(&dir, args);
+        let output = command.env("REGEN_CACHE", &cache).output().unwrap();
+        assert!(output.status.success(), "{args:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let base = ["base", file, "--format", "json"];
+    let derived = regen(&dir, &base).ended(0).out;
+    let without = [&base[..], &["--no-cache"]].concat();
+    assert_eq!(run(&without), derived);
+    assert_eq!(entries(), 0);
+    assert_eq!(run(&base), derived);
+    let kept = entries();
+    assert!(kept > 0);
+    assert_eq!(run(&base), derived);
+    assert_eq!(entries(), kept);
+    // what is damaged is derived again, and replaced
+    for entry in fs::read_dir(&cache).unwrap().flatten() {
+        fs::write(entry.path(), "no entry").unwrap();
+    }
+    assert_eq!(run(&base), derived);
+    assert!(
+        fs::read_dir(&cache)
+            .unwrap()
+            .flatten()
+            .all(|e| e.metadata().unwrap().len() > 100)
+    );
 }

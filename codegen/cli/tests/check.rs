@@ -1,9 +1,7 @@
 //! `regen check`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{mechanism, oracle, regen, scratch};
+use crate::common::{mechanism, oracle, regen, scratch};
 
 #[test]
 fn a_mechanism_is_explained_in_80_columns() {

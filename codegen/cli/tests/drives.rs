@@ -1,12 +1,10 @@
 //! Drives, from the description to identified parameters, as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 use serde_json::Value;
 
 fn wrist(dir: &Path) {

@@ -1,12 +1,10 @@
 //! `regen excite` as a user sees it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::regen;
+use crate::common::{self, regen};
 
 /// Options of a small search.
 const SMALL: [&str; 12] = [

@@ -1,12 +1,10 @@
 //! Exit codes, and the distribution of output on the two streams.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::process::Stdio;
 
-use common::{command, oracle, pendulum, regen, scratch, workspace};
+use crate::common::{command, oracle, pendulum, regen, scratch, workspace};
 
 #[test]
 fn results_go_to_standard_output_and_messages_to_standard_error() {

@@ -1,12 +1,10 @@
 //! Experiment files in place of logs and options.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 use serde_json::Value;
 
 /// The spec of the guide's five-bar.
@@ -254,6 +252,6 @@ fn the_schema_of_experiment_files_beside_the_robots_is_fresh() {
     let written = fs::read_to_string(&path).unwrap().replace("\r\n", "\n");
     assert!(
         written == printed,
-        "robots/runs.schema.json is stale: run `REGEN_UPDATE=1 cargo test -p regen-cli --test experiment_file`"
+        "robots/runs.schema.json is stale: run `REGEN_UPDATE=1 cargo test -p regen-cli --test all experiment_file`"
     );
 }

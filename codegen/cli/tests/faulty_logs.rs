@@ -2,12 +2,10 @@
 //! columns, and logs without faults give no warning.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{Run, regen, root, scratch};
+use crate::common::{Run, regen, root, scratch};
 
 /// A log as cells; the header is the first row.
 #[derive(Clone)]

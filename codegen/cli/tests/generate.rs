@@ -1,11 +1,9 @@
 //! `regen generate`: the files, the list of modules, and `--check`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{pendulum, regen, scratch, workspace};
+use crate::common::{pendulum, regen, scratch, workspace};
 
 #[test]
 fn what_was_generated_passes_the_check_and_is_left_untouched() {
@@ -234,4 +232,56 @@ fn the_same_bytes_come_from_every_directory() {
     )
     .ended(0);
     assert_eq!(fs::read(dir.join("other/arm.rs")).unwrap(), here);
+}
+
+#[test]
+fn files_in_c_are_kept_up_to_date_as_modules_are() {
+    let dir = workspace("c-files", &["one", "two"]);
+    let all = ["generate", "--target", "c", "--out", "c"];
+    regen(&dir, &all).ended(0);
+    let check = ["generate", "--target", "c", "--out", "c", "--check"];
+    regen(&dir, &check).ended(0);
+    let header = fs::read_to_string(dir.join("c/one.h")).unwrap();
+    assert!(header.contains("double one_regressor("), "{header}");
+    assert!(header.contains("float one_regressor_f("), "{header}");
+
+    let source = dir.join("c/one.c");
+    let good = fs::read_to_string(&source).unwrap();
+    fs::write(&source, good.replacen("double", "long double", 1)).unwrap();
+    fs::remove_file(dir.join("robots/two.yaml")).unwrap();
+    let run = regen(&dir, &check).ended(1);
+    assert!(run.out.contains("c/one.c: differs"), "{}", run.out);
+    assert!(run.out.contains("c/two.h: stale"), "{}", run.out);
+    assert!(
+        run.err.contains("regen generate --target c --out c\n"),
+        "{}",
+        run.err
+    );
+    regen(&dir, &all).ended(0);
+    assert_eq!(fs::read_to_string(&source).unwrap(), good);
+    assert!(!dir.join("c/two.c").exists());
+
+    fs::write(&source, "int main(void) { return 0; }\n").unwrap();
+    let run = regen(&dir, &all).ended(3);
+    assert!(run.err.contains("was not written by regen"), "{}", run.err);
+    // without a directory the files of one robot are written here, those of all nowhere
+    regen(&dir, &["generate", "robots/one.yaml", "--target", "c"]).ended(0);
+    assert_eq!(fs::read_to_string(dir.join("one.c")).unwrap(), good);
+    let run = regen(&dir, &["generate", "--target", "c"]).ended(2);
+    assert!(run.err.contains("--out"), "{}", run.err);
+}
+
+#[test]
+fn robots_whose_names_meet_in_c_are_refused() {
+    let dir = workspace("c-names", &["arm", "arm_base", "math"]);
+    let c = ["--target", "c"];
+    let pair = ["generate", "robots/arm.yaml", "robots/arm_base.yaml"];
+    let run = regen(&dir, &[&pair[..], &c].concat()).ended(3);
+    assert!(
+        run.err.contains("`arm` and `arm_base` would both have"),
+        "{}",
+        run.err
+    );
+    let run = regen(&dir, &[&["generate", "robots/math.yaml"][..], &c].concat()).ended(3);
+    assert!(run.err.contains("one of the C library's"), "{}", run.err);
 }

@@ -2,12 +2,10 @@
 //! the repository.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 
 /// The commands of a page, in order.
 fn commands(page: &str) -> Vec<String> {

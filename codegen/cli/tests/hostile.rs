@@ -2,8 +2,6 @@
 //! a bound of memory, never a panic, a stack overflow or a hang.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -11,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{root, scratch};
+use crate::common::{root, scratch};
 
 /// Time limit of an answer. It takes a second on an idle machine; tests run at the same time.
 const MAX_ANSWER_TIME: Duration = Duration::from_secs(10);

@@ -1,13 +1,11 @@
 //! The commands from a log to identified parameters and their validation, as a user runs them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use common::{Run, regen, regen_with, root, scratch};
+use crate::common::{Run, regen, regen_with, root, scratch};
 use serde_json::{Value, json};
 
 /// A cart on a rail with a pendulum: both coordinates are measured and have efforts.

@@ -1,11 +1,9 @@
 //! `regen import` and `regen export`, as a user runs them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 
 fn published(file: &str) -> String {
     let path = root().join("tests/fixtures/import").join(file);

@@ -1,11 +1,13 @@
 //! What logs hold, before anything is fitted.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
+use std::sync::Arc;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
+use parquet::data_type::DoubleType;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
 use serde_json::Value;
 
 /// The guide's five-bar, and a log of it.
@@ -166,4 +168,50 @@ fn what_is_no_log_is_refused_with_its_place() {
             assert!(run.err.contains(word), "{args:?}: {word}\n{}", run.err);
         }
     }
+}
+
+/// Writes the log of a CSV text as Parquet, in groups of rows.
+fn as_parquet(text: &str, path: &std::path::Path) {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| line.split(',').map(|x| x.parse().unwrap()).collect())
+        .collect();
+    let fields = header.iter().map(|name| format!("required double {name};"));
+    let message = format!("message log {{ {} }}", fields.collect::<String>());
+    let schema = Arc::new(parse_message_type(&message).unwrap());
+    let file = fs::File::create(path).unwrap();
+    let mut writer = SerializedFileWriter::new(file, schema, Arc::default()).unwrap();
+    for rows in rows.chunks(700) {
+        let mut out = writer.next_row_group().unwrap();
+        let mut column = 0;
+        while let Some(mut to) = out.next_column().unwrap() {
+            let values: Vec<f64> = rows.iter().map(|row| row[column]).collect();
+            to.typed::<DoubleType>()
+                .write_batch(&values, None, None)
+                .unwrap();
+            to.close().unwrap();
+            column += 1;
+        }
+        out.close().unwrap();
+    }
+    writer.close().unwrap();
+}
+
+#[test]
+fn a_log_holds_the_same_as_csv_and_as_parquet() {
+    let dir = scratch("inspect_parquet");
+    let text = fs::read_to_string(guide("run1.csv")).unwrap();
+    fs::write(dir.join("run.csv"), &text).unwrap();
+    as_parquet(&text, &dir.join("run.parquet"));
+    let spec = guide("fivebar.yaml");
+    let found = |log: &str| {
+        let args = ["inspect", log, "--spec", &spec, "--format", "json"];
+        let mut found = regen(&dir, &args).ended(0).json();
+        assert_eq!(found["logs"][0]["log"], log);
+        found["logs"][0]["log"] = Value::Null;
+        found["proposal"] = Value::Null;
+        found
+    };
+    assert_eq!(found("run.parquet"), found("run.csv"));
 }

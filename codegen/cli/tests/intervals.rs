@@ -2,13 +2,11 @@
 //! differentiation of positions.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 use serde_json::Value;
 
 /// The parameters that `regen identify` prints.

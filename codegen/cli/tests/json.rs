@@ -1,12 +1,10 @@
 //! The JSON output of `info`, `eval` and the identification.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{oracle, regen, regen_with, scratch, workspace};
+use crate::common::{oracle, regen, regen_with, scratch, workspace};
 use serde_json::{Value, json};
 
 fn keys(value: &Value) -> Vec<&str> {

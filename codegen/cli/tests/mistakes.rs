@@ -2,13 +2,11 @@
 //! snapshot, to be read by a person.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 
 /// The first error of a run: its message, its place and the remedy.
 fn first_error(name: &str, code: i32, err: &str) -> String {

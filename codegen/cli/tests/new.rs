@@ -1,16 +1,19 @@
 //! `regen new` and `regen man`, as a user runs them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 
 #[test]
 fn every_kind_of_new_spec_is_a_robot_with_certified_base_parameters() {
     let dir = scratch("new");
-    for (kind, dof, rank) in [("serial", 3, 21), ("planar", 2, 15), ("parallel", 3, 31)] {
+    for (kind, dof, rank) in [
+        ("serial", 3, 21),
+        ("planar", 2, 15),
+        ("parallel", 3, 31),
+        ("drives", 3, 24),
+    ] {
         let name = format!("my_{kind}");
         let run = regen(&dir, &["new", &name, "--kind", kind]).ended(0);
         assert!(

@@ -1,12 +1,10 @@
 //! Constant efforts of joints from a simulated log to identified parameters, as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 use serde_json::Value;
 
 /// An arm in a vertical plane with offsets of both signs; `FRICTION` stands for the law and the

@@ -4,14 +4,12 @@
 //! that need a browser print that they were left out.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 
 fn robot(name: &str) -> String {
     root().join("robots").join(name).display().to_string()

@@ -1,12 +1,10 @@
 //! Payloads, from the description to parameters identified with and without them, and gains of drives.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 use serde_json::Value;
 
 fn arm(dir: &Path) {
@@ -143,6 +141,29 @@ fn close(row: &Value, truth: f64) -> f64 {
     sigma
 }
 
+/// Writes the runs with every effort in the row after its own; returns the time of a row.
+fn late(dir: &Path) -> f64 {
+    let mut step = 0.0;
+    for name in ["none", "carried"] {
+        let text = fs::read_to_string(dir.join(format!("{name}.csv"))).unwrap();
+        let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+        let mut out = rows[0].join(",") + "\n";
+        for pair in rows[1..].windows(2) {
+            let cells = rows[0].iter().enumerate().map(|(k, title)| {
+                let before = title.starts_with("tau_");
+                pair[usize::from(!before)][k]
+            });
+            out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+        }
+        let time = |row: usize| rows[row][0].parse::<f64>().unwrap();
+        step = time(2) - time(1);
+        fs::write(dir.join(format!("late_{name}.csv")), out).unwrap();
+    }
+    let runs = RUNS.replace("files: ", "files: late_");
+    fs::write(dir.join("late.yaml"), runs).unwrap();
+    step
+}
+
 #[test]
 fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_scale() {
     let dir = scratch("payload_gains");
@@ -209,10 +230,17 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
         ("--feasible", "--feasible is not for unknown gains"),
         ("--estimator didim", "--estimator is not for unknown gains"),
         ("--payload none", "leave out --payload"),
-        ("--delay auto", "give them in seconds"),
     ] {
         let (_, err) = run(&dir, &format!("identify arm.yaml runs.yaml {line}"), 2);
         assert!(err.contains(words), "{line}: {err}");
+    }
+    // efforts that are a row late in all runs: the delay is found, and gains stay
+    let step = late(&dir);
+    let delayed = json(&dir, "identify arm.yaml late.yaml --delay auto");
+    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+        close(&delayed["gains"][k], gain);
+        let found = delayed["corrected_delays"][k][1].as_f64().unwrap();
+        assert!((found - step).abs() < 0.1 * step, "{found} {step}");
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
     assert!(

@@ -1,11 +1,9 @@
 //! `regen validate --predict` as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 
 /// A cart with nonlinear friction.
 const SPEC: &str = "\

@@ -1,13 +1,11 @@
 //! Recordings of robots in place of CSV logs: MCAP files, ROS 2 bags, episodes of LeRobot.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 use regen_identify::data::{Assignment, DataError, Run, Settings, Track, tracks};
 use regen_runtime::Info;
 

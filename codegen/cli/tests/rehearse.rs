@@ -1,12 +1,10 @@
 //! `regen rehearse` as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{Run, regen, root, scratch};
+use crate::common::{Run, regen, root, scratch};
 use serde_json::Value;
 
 /// A cart with a pendulum.

@@ -1,12 +1,10 @@
 //! `regen simulate` as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 
 fn robot(name: &str) -> String {
     root().join("robots").join(name).display().to_string()

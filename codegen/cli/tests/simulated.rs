@@ -2,12 +2,10 @@
 //! them, and the aliases of the others.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{Run, regen, scratch};
+use crate::common::{Run, regen, scratch};
 use serde_json::Value;
 
 /// An upright pendulum with friction.
@@ -130,7 +128,7 @@ fn rounds_that_do_not_converge_leave_no_estimate() {
 }
 
 #[test]
-fn an_experiment_file_says_how_commands_are_read() {
+fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() {
     let dir = prepared("simulated_experiment");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
@@ -143,14 +141,18 @@ fn an_experiment_file_says_how_commands_are_read() {
         let row = |line: &str| {
             let cells: Vec<&str> = line.split(',').collect();
             let own: Vec<&str> = titles.iter().map(|t| cells[place(t)]).collect();
-            own.join(";").replace('.', ",") + "\n"
+            own.join(";").replace('.', ",").replace("cmd_q1", "goal") + "\n"
         };
         fs::write(dir.join(file), text.lines().map(row).collect::<String>()).unwrap();
     }
-    let runs = "process: {delay: auto}\nruns:\n  - {files: [a.csv, b.csv]}\n  \
-                - {files: run.csv, use: validate}\n";
+    let gains = fs::read_to_string(dir.join("gains.yaml")).unwrap();
+    let gains = format!("      {}\n", gains.trim_end().replace('\n', "\n      "));
+    let runs = format!(
+        "process: {{delay: auto}}\nruns:\n  - files: [a.csv, b.csv]\n    \
+         commands: {{q*: goal}}\n    controller:\n{gains}  - {{files: run.csv, use: validate}}\n"
+    );
     fs::write(dir.join("runs.yaml"), runs).unwrap();
-    let words = "--controller gains.yaml --window 0.5 --format json --estimator";
+    let words = "--window 0.5 --format json --estimator";
     for estimator in ["response", "didim"] {
         let identify = |log: &str| {
             run(
@@ -161,9 +163,75 @@ fn an_experiment_file_says_how_commands_are_read() {
         let found = identify("runs.yaml").ended(0);
         let says = "leaves out of the experiment file: delay, runs to validate on";
         assert!(found.err.contains(says), "{}", found.err);
-        let plain = identify("run.csv").ended(0).json();
+        let plain = identify("run.csv --controller gains.yaml").ended(0).json();
         assert_eq!(found.json()["parameters"], plain["parameters"]);
     }
+    // instruments follow the trajectory with the same gains; those of the options win
+    let iv = |more: &str| {
+        let words = "identify swing.yaml runs.yaml --delay q1=0 --no-suspicion --format json --iv";
+        let found = run(&dir, &format!("{words} --reference m.json {more}"));
+        found.ended(0).json()["parameters"].clone()
+    };
+    assert_ne!(iv(""), iv("--pid 900,3000,40"));
+}
+
+#[test]
+fn wrong_controllers_of_an_experiment_file_are_told_with_their_place() {
+    let dir = prepared("simulated_wrong");
+    let told = |run_of: &str, estimator: &str, code: i32| {
+        fs::write(dir.join("runs.yaml"), format!("runs:\n  - {run_of}\n")).unwrap();
+        let words = format!("identify swing.yaml runs.yaml --estimator {estimator}");
+        run(&dir, &words).ended(code).err
+    };
+    let missing = told("{files: run.csv, controller: {}}", "didim", 3);
+    assert!(
+        missing.contains("runs.yaml:2:") && missing.contains("`q1`: this actuated joint has no"),
+        "{missing}"
+    );
+    let unsaid = told("{files: run.csv}", "response", 2);
+    assert!(
+        unsaid.contains("run.csv: --controller") && unsaid.contains("`controller` of the run"),
+        "{unsaid}"
+    );
+    let estimated = "{files: run.csv, controller: {q1: {kp: {estimate: 1}}}}";
+    assert!(told(estimated, "didim", 3).contains("leave `estimate` out"));
+    let damped = "{files: run.csv, controller: {q1: {kp: 1, damping: velocity}}}";
+    assert!(told(damped, "didim", 3).contains("--estimator response"));
+}
+
+#[test]
+fn a_simulated_motion_unlike_the_measured_one_is_told() {
+    let dir = prepared("simulated_departure");
+    let words = "identify swing.yaml run.csv --estimator didim --format json";
+    let known = run(&dir, &format!("{words} --controller gains.yaml")).ended(0);
+    assert!(
+        !known.err.contains("differs from the measured"),
+        "{}",
+        known.err
+    );
+    let percent = |found: &Run| {
+        let found = found.json();
+        let own = &found["simulated"]["didim"]["departures"][0];
+        assert_eq!(own["name"], "q1");
+        own["percent"].as_f64().unwrap()
+    };
+    assert!(percent(&known) < 0.1, "{}", percent(&known));
+    // without gains, the bandwidth is that of the controllers, from the motion: 8 Hz
+    let found = run(&dir, words).ended(0);
+    assert!(percent(&found) < 0.3, "{}", percent(&found));
+    let bandwidth = found.json()["simulated"]["didim"]["bandwidth"]
+        .as_f64()
+        .unwrap();
+    assert!((bandwidth - 8.0).abs() < 0.5, "{bandwidth}");
+    let tuned = run(&dir, &format!("{words} --loop-bandwidth 5")).ended(0);
+    assert!(percent(&tuned) > 1.0, "{}", percent(&tuned));
+    assert!(
+        tuned
+            .err
+            .contains("the simulated motion differs from the measured one in q1"),
+        "{}",
+        tuned.err
+    );
 }
 
 #[test]

@@ -1,12 +1,10 @@
 //! Springs and effort terms from a simulated log to identified parameters, as a user runs it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, scratch};
+use crate::common::{regen, scratch};
 use serde_json::Value;
 
 /// A parallel arm in a vertical plane: a five-bar whose drives have springs, cogging and drag, with a

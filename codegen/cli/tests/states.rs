@@ -1,9 +1,7 @@
 //! Errors in states, with their places.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{oracle, regen, regen_with, scratch};
+use crate::common::{oracle, regen, regen_with, scratch};
 
 fn complaint(test: &str, states: &str) -> String {
     let dir = scratch(test);

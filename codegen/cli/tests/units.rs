@@ -2,12 +2,10 @@
 //! results must be the same after scaling back.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{regen, root, scratch};
+use crate::common::{regen, root, scratch};
 use serde_json::{Value, json};
 
 /// Multiplies a scalar of the file by a power of ten, exactly.

@@ -1,11 +1,9 @@
 //! `regen verify`: the numeric method compared with the analytic one.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 
-use common::{mechanism, oracle, regen, root, scratch, workspace};
+use crate::common::{mechanism, oracle, regen, root, scratch, workspace};
 
 #[test]
 fn the_oracles_robots_are_verified_beside_the_numeric_path() {

@@ -2,15 +2,13 @@
 //! moment, with a full disk, in a directory without write permission, or with two runs at once.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Instant;
 
-use common::{command, pendulum, regen, root, scratch, workspace};
+use crate::common::{command, pendulum, regen, root, scratch, workspace};
 
 /// A robot of one joint that can be simulated.
 fn weighed(name: &str) -> String {

@@ -1,11 +1,9 @@
 //! Loops given on the command line: a tree in URDF becomes the four-bar of `robots/`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::path::Path;
 
-use common::{assert_has, imported_with, refused_with};
+use crate::common::{assert_has, imported_with, refused_with};
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
 use regen_codegen::pipeline::{BaseSource, derive_with};

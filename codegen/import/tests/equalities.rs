@@ -1,9 +1,7 @@
 //! Equality constraints of MJCF: loops and couplings.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{assert_has, imported, refused};
+use crate::common::{assert_has, imported, refused};
 
 fn spec(text: &str) -> String {
     imported(text).spec

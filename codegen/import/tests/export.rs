@@ -2,9 +2,7 @@
 //! changed.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{assert_has, attempt, imported, imported_with, parsed, published};
+use crate::common::{assert_has, attempt, imported, imported_with, parsed, published};
 use regen_codegen::diag::Source;
 use regen_import::{BodyParameters, Exported, JointParameters, Options, Parameters, export};
 

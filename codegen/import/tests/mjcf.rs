@@ -2,9 +2,7 @@
 //! full, and a different one from a file without it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{assert_has, imported, imported_with, notes, parsed, refused};
+use crate::common::{assert_has, imported, imported_with, notes, parsed, refused};
 use regen_codegen::diag::Source;
 use regen_import::{Base, Options, import};
 

@@ -2,9 +2,7 @@
 //! spec.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{attempt, parsed, published};
+use crate::common::{attempt, parsed, published};
 use regen_codegen::diag::Source;
 use regen_import::Options;
 

@@ -1,9 +1,7 @@
 //! Imports of published files: the specs look as if a person had written them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{attempt, notes, published};
+use crate::common::{attempt, notes, published};
 use regen_import::Options;
 
 fn whole(file: &str) -> String {

@@ -1,9 +1,7 @@
 //! URDF, feature by feature, and the errors for invalid files.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
+use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::spec::JointKind;

@@ -1,24 +1,35 @@
-//! The functions of the runtime's traits, executed by the interpreter.
+//! The functions of the runtime's traits, executed from tapes: a robot's programs as lists of
+//! instructions.
 
-use regen_codegen::interpret;
 use regen_codegen::optimize::Program;
 use regen_codegen::robot::Robot;
-use regen_runtime::function::Signature;
+use regen_runtime::function::{Argument, Signature};
 use regen_runtime::{
-    Arguments, BaseFunction, BaseInfo, BaseModel, BaseParameter, Condition, Function, Info, Model,
-    Scalar, SizeError,
+    Arguments, BaseFunction, BaseInfo, BaseModel, BaseParameter, Condition, Function, Info,
+    ManyStates, Model, Scalar, SizeError,
 };
+use std::cell::RefCell;
+use std::sync::OnceLock;
 
 use crate::Interpreted;
+use crate::machine::{Input, Run};
+use crate::tape::Tape;
 
 /// A scalar of the runtime in which programs can be executed.
 pub trait Interpret: Scalar {
     /// The number of a constant.
+    #[doc(hidden)]
     fn constant(value: f64) -> Self;
 
-    /// Runs a program: its outputs for the given arguments, and its conditioning, as
-    /// [`interpret::run`].
-    fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self);
+    /// Runs a program at one state: fills `out` and returns the conditioning, as
+    /// [`interpret::run`](regen_codegen::interpret::run).
+    #[doc(hidden)]
+    fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self;
+}
+
+thread_local! {
+    /// The registers of the last run, whose memory is used again.
+    static REGISTERS: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
 }
 
 impl Interpret for f64 {
@@ -26,15 +37,55 @@ impl Interpret for f64 {
         value
     }
 
-    fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self) {
-        interpret::run(program, inputs)
+    fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self {
+        let mut own = [Input {
+            entries: &[][..],
+            is_parameter: false,
+        }; Argument::ALL.len()];
+        for (own, entries) in own.iter_mut().zip(inputs) {
+            own.entries = entries;
+        }
+        let mut pivot = [1.0];
+        let run = Run {
+            tape,
+            count: 1,
+            inputs: &own,
+            out,
+            pivots: &mut pivot,
+        };
+        REGISTERS.with_borrow_mut(|registers| run.run_in::<f64>((), registers));
+        let [pivot] = pivot;
+        pivot
+    }
+}
+
+/// A program, and its tapes once they were run.
+pub(super) struct Entry<'a> {
+    program: Option<&'a Program>,
+    /// For one state.
+    one: OnceLock<Tape>,
+    /// For many.
+    many: OnceLock<Tape>,
+}
+
+impl Entry<'_> {
+    /// The program for one state; `None` if there is no program.
+    fn one(&self) -> Option<&Tape> {
+        let program = self.program?;
+        Some(self.one.get_or_init(|| Tape::by_code(program)))
+    }
+
+    /// The program for many states; `None` if there is no program.
+    fn many(&self) -> Option<&Tape> {
+        let program = self.program?;
+        Some(self.many.get_or_init(|| Tape::in_order(program)))
     }
 }
 
 /// The programs of a robot, in the order of the runtime's functions.
 pub(super) struct Programs<'a> {
-    model: [Option<&'a Program>; Function::ALL.len()],
-    base: [Option<&'a Program>; BaseFunction::ALL.len()],
+    model: [Entry<'a>; Function::ALL.len()],
+    base: [Entry<'a>; BaseFunction::ALL.len()],
 }
 
 impl<'a> Programs<'a> {
@@ -42,7 +93,11 @@ impl<'a> Programs<'a> {
         let program = |signature: &Signature| {
             let mut functions = robot.functions.iter();
             let found = functions.find(|f| f.kind.name() == signature.name);
-            found.map(|f| &f.program)
+            Entry {
+                program: found.map(|f| &f.program),
+                one: OnceLock::new(),
+                many: OnceLock::new(),
+            }
         };
         Self {
             model: Function::ALL.map(|function| program(function.signature())),
@@ -56,7 +111,7 @@ impl Interpreted<'_> {
     fn run<T: Interpret>(
         &self,
         signature: &Signature,
-        program: Option<&Program>,
+        entry: &Entry<'_>,
         arguments: &Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
@@ -65,18 +120,85 @@ impl Interpreted<'_> {
             return Ok(Condition::regular(T::constant(1.0)));
         }
         let nan = T::constant(f64::NAN);
-        let Some(program) = program else {
+        let Some(tape) = entry.one() else {
             // Every robot has every function; if one is missing, the result is NaN.
             out.fill(nan);
             return Ok(Condition { pivot: nan });
         };
-        let inputs = signature.arguments.iter().map(|a| arguments.get(*a));
-        let (results, pivot) = T::run(program, &inputs.collect::<Vec<_>>());
-        let entries = results.into_iter().chain(std::iter::repeat(nan));
-        for (slot, value) in out.iter_mut().zip(entries) {
-            *slot = value;
+        let mut inputs: [&[T]; Argument::ALL.len()] = [&[]; Argument::ALL.len()];
+        for (input, argument) in inputs.iter_mut().zip(signature.arguments) {
+            *input = arguments.get(*argument);
         }
+        let pivot = T::run(tape, &inputs, out);
         Ok(Condition { pivot })
+    }
+
+    /// Runs one function at many states after checking the lengths of the arguments.
+    fn run_many(
+        &self,
+        signature: &Signature,
+        entry: &Entry<'_>,
+        count: usize,
+        arguments: &Arguments<'_, f64>,
+        out: &mut [f64],
+        pivots: &mut [f64],
+    ) -> Result<(), SizeError> {
+        self.sizes.check_many(signature, count, arguments, out)?;
+        if pivots.len() != count {
+            return Err(SizeError {
+                argument: "pivots",
+                expected: count,
+                got: pivots.len(),
+            });
+        }
+        if out.is_empty() {
+            pivots.fill(1.0);
+            return Ok(());
+        }
+        let Some(tape) = entry.many() else {
+            out.fill(f64::NAN);
+            pivots.fill(f64::NAN);
+            return Ok(());
+        };
+        let inputs = signature.arguments.iter().map(|argument| Input {
+            entries: arguments.get(*argument),
+            is_parameter: argument.is_parameter(),
+        });
+        let run = Run {
+            tape,
+            count,
+            inputs: &inputs.collect::<Vec<_>>(),
+            out,
+            pivots,
+        };
+        run.run();
+        Ok(())
+    }
+}
+
+impl ManyStates for Interpreted<'_> {
+    fn eval_many(
+        &self,
+        function: Function,
+        count: usize,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+        pivots: &mut [f64],
+    ) -> Result<(), SizeError> {
+        let entry = &self.programs.model[function as usize];
+        self.run_many(function.signature(), entry, count, &arguments, out, pivots)
+    }
+
+    fn eval_base_many(
+        &self,
+        function: BaseFunction,
+        count: usize,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+        pivots: &mut [f64],
+    ) -> Result<(), SizeError> {
+        let entry = &self.programs.base[function as usize];
+        self.run_many(function.signature(), entry, count, &arguments, out, pivots)
     }
 }
 
@@ -85,14 +207,18 @@ impl<T: Interpret> Model<T> for Interpreted<'_> {
         self.info()
     }
 
+    fn many(&self) -> Option<&dyn ManyStates> {
+        Some(self)
+    }
+
     fn eval(
         &self,
         function: Function,
         arguments: Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
-        let program = self.programs.model[function as usize];
-        self.run(function.signature(), program, &arguments, out)
+        let entry = &self.programs.model[function as usize];
+        self.run(function.signature(), entry, &arguments, out)
     }
 }
 
@@ -111,7 +237,7 @@ impl<T: Interpret> BaseModel<T> for Interpreted<'_> {
         arguments: Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
-        let program = self.programs.base[function as usize];
-        self.run(function.signature(), program, &arguments, out)
+        let entry = &self.programs.base[function as usize];
+        self.run(function.signature(), entry, &arguments, out)
     }
 }

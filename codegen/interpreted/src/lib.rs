@@ -1,4 +1,5 @@
-//! A derived robot as a model that needs no compilation: the interpreter executes its programs.
+//! A derived robot as a model that needs no compilation: its programs are executed as lists of
+//! instructions, at one state or at blocks of states in vector registers.
 //!
 //! ```
 //! use regen_codegen::{diag::Source, pipeline};
@@ -18,8 +19,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod block;
 mod eval;
+mod machine;
+mod schedule;
 mod tangent;
+mod tape;
 
 use std::sync::OnceLock;
 

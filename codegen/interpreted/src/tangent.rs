@@ -1,69 +1,40 @@
 //! Execution of programs with numbers that carry derivatives.
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
-
-use regen_codegen::interpret::{self, Number};
-use regen_codegen::optimize::Program;
-use regen_runtime::{Scalar, Tangent};
+use pulp::{Arch, Simd, WithSimd};
+use regen_runtime::Tangent;
 
 use crate::Interpret;
+use crate::machine::{Input, Number, Register, Run, flag, one_state, sign};
+use crate::tape::Tape;
 
-/// A [`Tangent`] that implements the interpreter's number.
-#[derive(Clone, Copy)]
-struct TangentNumber<const N: usize>(Tangent<N>);
-
-macro_rules! tangent_operator {
-    ($trait:ident, $method:ident) => {
-        impl<const N: usize> $trait for TangentNumber<N> {
-            type Output = Self;
-            fn $method(self, other: Self) -> Self {
-                Self(self.0.$method(other.0))
-            }
-        }
-    };
-}
-tangent_operator!(Add, add);
-tangent_operator!(Sub, sub);
-tangent_operator!(Mul, mul);
-tangent_operator!(Div, div);
-
-impl<const N: usize> Neg for TangentNumber<N> {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self(-self.0)
-    }
-}
-
-impl<const N: usize> Number for TangentNumber<N> {
+impl<const N: usize> Number for Tangent<N> {
     fn constant(value: f64) -> Self {
-        Self(Tangent::constant(value))
+        Tangent::constant(value)
     }
 
     fn value(self) -> f64 {
-        self.0.value
+        self.value
     }
 
-    fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = self.0.sin_cos();
-        (Self(sin), Self(cos))
-    }
-
-    fn sqrt(self) -> Self {
-        Self(Scalar::sqrt(self.0))
+    fn opposite(self) -> Self {
+        -self
     }
 
     /// Solves for X with the values, then for its derivatives from `A dX = dB - dA X`.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let part = |rows: &[Vec<Self>], of: &dyn Fn(&Tangent<N>) -> f64| -> Vec<Vec<f64>> {
             let rows = rows.iter();
-            rows.map(|row| row.iter().map(|x| of(&x.0)).collect())
-                .collect()
+            rows.map(|row| row.iter().map(of).collect()).collect()
         };
         let a = part(matrix, &|x| x.value);
-        let (values, ratio) = f64::solve(&a, &part(rhs, &|x| x.value));
+        let (values, ratio) = <f64 as Number>::solve(&a, &part(rhs, &|x| x.value));
         let mut out: Vec<Vec<Self>> = values
             .iter()
-            .map(|row| row.iter().map(|x| Self::constant(*x)).collect())
+            .map(|row| row.iter().map(|x| Tangent::constant(*x)).collect())
             .collect();
         for direction in 0..N {
             let rate = |x: &Tangent<N>| x.rates.get(direction).copied().unwrap_or(0.0);
@@ -74,9 +45,9 @@ impl<const N: usize> Number for TangentNumber<N> {
                     *entry -= row.iter().zip(column).map(|(a, x)| a * x).sum::<f64>();
                 }
             }
-            let (rates, _) = f64::solve(&a, &side);
+            let (rates, _) = <f64 as Number>::solve(&a, &side);
             for (out, rates) in out.iter_mut().flatten().zip(rates.iter().flatten()) {
-                if let Some(slot) = out.0.rates.get_mut(direction) {
+                if let Some(slot) = out.rates.get_mut(direction) {
                     *slot = *rates;
                 }
             }
@@ -85,18 +56,120 @@ impl<const N: usize> Number for TangentNumber<N> {
     }
 }
 
+/// The chain rule for a function of one number.
+#[inline(always)]
+fn chain<const N: usize>(mut x: Tangent<N>, value: f64, slope: f64) -> Tangent<N> {
+    x.value = value;
+    for rate in &mut x.rates {
+        *rate *= slope;
+    }
+    x
+}
+
+/// A function of two numbers: its value, and `rate` of the derivatives in each direction.
+#[inline(always)]
+fn both<const N: usize>(
+    mut a: Tangent<N>,
+    b: &Tangent<N>,
+    value: f64,
+    rate: impl Fn(f64, f64) -> f64,
+) -> Tangent<N> {
+    a.value = value;
+    for direction in 0..N {
+        a.rates[direction] = rate(a.rates[direction], b.rates[direction]);
+    }
+    a
+}
+
+/// The rules of [`Tangent`], so written that the directions fill vector registers.
+impl<const N: usize> Register for Tangent<N> {
+    #[inline(always)]
+    fn splat((): (), value: f64) -> Self {
+        Tangent {
+            value,
+            rates: [0.0; N],
+        }
+    }
+    #[inline(always)]
+    fn neg(self, (): ()) -> Self {
+        chain(self, -self.value, -1.0)
+    }
+    #[inline(always)]
+    fn sqrt(self, (): ()) -> Self {
+        let root = f64::sqrt(self.value);
+        chain(self, root, 0.5 / root)
+    }
+    #[inline(always)]
+    fn sign(self, (): ()) -> Self {
+        <Self as Register>::splat((), sign(self.value))
+    }
+    #[inline(always)]
+    fn positive(self, (): ()) -> Self {
+        <Self as Register>::splat((), flag(self.value > 0.0))
+    }
+    #[inline(always)]
+    fn negative(self, (): ()) -> Self {
+        <Self as Register>::splat((), flag(self.value < 0.0))
+    }
+    #[inline(always)]
+    fn sin_cos(self, (): ()) -> (Self, Self) {
+        let (sin, cos) = (libm::sin(self.value), libm::cos(self.value));
+        (chain(self, sin, cos), chain(self, cos, -sin))
+    }
+    #[inline(always)]
+    fn add(self, b: Self, (): ()) -> Self {
+        both(self, &b, self.value + b.value, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, b: Self, (): ()) -> Self {
+        both(self, &b, self.value - b.value, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, b: Self, (): ()) -> Self {
+        let (x, y) = (self.value, b.value);
+        both(self, &b, x * y, |a, b| a * y + x * b)
+    }
+    #[inline(always)]
+    fn div(self, b: Self, (): ()) -> Self {
+        let y = b.value;
+        let quotient = self.value / y;
+        both(self, &b, quotient, |a, b| (a - quotient * b) / y)
+    }
+    one_state!();
+}
+
+/// A run as a task for one instruction set.
+struct OneState<'a, const N: usize>(Run<'a, Tangent<N>>);
+
+impl<const N: usize> WithSimd for OneState<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.0.run_in::<Tangent<N>>((), &mut Vec::new());
+    }
+}
+
 impl<const N: usize> Interpret for Tangent<N> {
     fn constant(value: f64) -> Self {
         Tangent::constant(value)
     }
 
-    fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self) {
-        let numbers: Vec<Vec<TangentNumber<N>>> = inputs
-            .iter()
-            .map(|input| input.iter().map(|x| TangentNumber(*x)).collect())
-            .collect();
-        let slices: Vec<&[TangentNumber<N>]> = numbers.iter().map(Vec::as_slice).collect();
-        let (results, condition) = interpret::run(program, &slices);
-        (results.into_iter().map(|x| x.0).collect(), condition.0)
+    fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self {
+        let inputs = inputs.iter().map(|entries| Input {
+            entries,
+            is_parameter: false,
+        });
+        let mut pivots = [Tangent::constant(f64::NAN)];
+        let run = Run {
+            tape,
+            count: 1,
+            inputs: &inputs.collect::<Vec<_>>(),
+            out,
+            pivots: &mut pivots,
+        };
+        Arch::new().dispatch(OneState(run));
+        let [pivot] = pivots;
+        pivot
     }
 }

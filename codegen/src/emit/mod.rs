@@ -1,12 +1,18 @@
-//! Emits programs as Rust text; independent of how they were derived.
+//! Emits programs as text of a programming language; independent of how they were derived.
+//!
+//! What all languages share: `plan` cuts a program into blocks and names its values, `body` walks
+//! through the plan, and `elements` names what sizes count. A `Language` spells operations and
+//! statements. `rust` and `c` write the files around the functions.
 
-mod base;
 mod body;
+pub mod c;
 mod digest;
-mod module;
+mod elements;
+mod language;
 mod names;
-mod stated;
-mod trait_impl;
+mod plan;
+mod rust;
+mod text;
 
 pub use digest::digest;
-pub use module::{Options, module};
+pub use rust::{Options, module};

@@ -18,7 +18,7 @@ pub(super) const PRECISION: usize = 320;
 pub(super) const AGREEMENT: i64 = 260;
 
 /// Largest exponent, so that sums of a few exponents do not overflow.
-const EXPONENT_LIMIT: i64 = 1 << 60;
+pub(super) const EXPONENT_LIMIT: i64 = 1 << 60;
 
 /// Angles with more integer bits are not reduced.
 const ANGLE_LIMIT: i64 = 1 << 13;
@@ -72,6 +72,11 @@ impl BigFloat {
             magnitude,
             exponent: exponent.clamp(-EXPONENT_LIMIT, EXPONENT_LIMIT),
         }
+    }
+
+    /// Sign, magnitude and exponent, from which [`BigFloat::new`] makes the same value.
+    pub(super) fn parts(&self) -> (Sign, &UBig, i64) {
+        (self.sign, &self.magnitude, self.exponent)
     }
 
     pub(super) fn is_zero(&self) -> bool {

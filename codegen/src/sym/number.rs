@@ -1,5 +1,6 @@
 //! Real constants, exact wherever possible.
 
+mod bytes;
 mod display;
 #[cfg(test)]
 mod tests;

@@ -53,6 +53,11 @@ impl Surd {
         Self { terms: Vec::new() }
     }
 
+    /// The sum of terms that are in order and fit [`Term`].
+    pub(super) fn of_terms(terms: Vec<Term>) -> Self {
+        Self { terms }
+    }
+
     pub(super) fn rational(value: RBig) -> Self {
         Self::monomial(value, 1, 0)
     }

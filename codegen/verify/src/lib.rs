@@ -35,6 +35,7 @@ mod identities;
 mod independent;
 mod numeric;
 mod numeric_path;
+pub mod print;
 mod states;
 mod svd;
 mod vector;

@@ -13,9 +13,16 @@ use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use regen_runtime::{BaseKernel, Condition, Scalar, SizeError};
 
+mod closure;
+mod inverse;
 mod lane;
+mod sines;
+mod states;
 
+pub use closure::{TrackedStates, TrajectoryClosure};
 pub use lane::{Lane, LaneMask};
+pub use sines::sin_cos_portable;
+pub use states::{eval_base_many, eval_many};
 
 /// States of a model with N coordinates, one series per coordinate; consecutive samples fill the
 /// lanes of a register.

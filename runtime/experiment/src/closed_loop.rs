@@ -177,6 +177,69 @@ pub fn motion<M: Model<f64> + ?Sized>(
     Ok(out)
 }
 
+/// The bandwidths between which the one of a robot's controllers is looked for, Hz; the upper one is
+/// at most a tenth of the rate of the samples.
+const BANDWIDTHS_HZ: [f64; 2] = [0.5, 100.0];
+/// The number of bandwidths in equal proportions that are tried first.
+const TRIED: usize = 9;
+/// The steps of the golden section between the neighbours of the best of them.
+const SECTIONS: usize = 8;
+
+/// Looks for the bandwidth of tuned controllers with which the simulated motion is nearest to the
+/// measured one; `None` where none can be simulated.
+///
+/// - `step`: the time between samples, s;
+/// - `difference`: of the motions at a bandwidth in Hz, in any measure; `None` where it cannot be
+///   simulated.
+///
+/// ```
+/// use regen_experiment::closed_loop::nearest_bandwidth;
+///
+/// let found = nearest_bandwidth(0.002, &mut |hz| Some((hz - 7.0).abs()));
+/// assert!(found.is_some_and(|hz| (hz - 7.0).abs() < 0.1));
+/// assert_eq!(nearest_bandwidth(0.002, &mut |_| None), None);
+/// ```
+pub fn nearest_bandwidth(step: f64, difference: &mut dyn FnMut(f64) -> Option<f64>) -> Option<f64> {
+    let [low, high] = BANDWIDTHS_HZ;
+    let high = high.min(0.1 / step).max(2.0 * low);
+    let ratio = libm::log(high / low);
+    let at = |part: f64| low * libm::exp(ratio * part);
+    let mut measure = |part: f64| {
+        let found = difference(at(part)).filter(|x| x.is_finite());
+        found.unwrap_or(f64::INFINITY)
+    };
+    let mut best = (f64::INFINITY, 0.0);
+    let width = 1.0 / (TRIED - 1) as f64;
+    for k in 0..TRIED {
+        let part = k as f64 * width;
+        let found = measure(part);
+        if found < best.0 {
+            best = (found, part);
+        }
+    }
+    if best.0 == f64::INFINITY {
+        return None;
+    }
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let (mut from, mut to) = ((best.1 - width).max(0.0), (best.1 + width).min(1.0));
+    let inner = |from: f64, to: f64| [to - GOLDEN * (to - from), from + GOLDEN * (to - from)];
+    let [mut a, mut b] = inner(from, to);
+    let (mut at_a, mut at_b) = (measure(a), measure(b));
+    for _ in 0..SECTIONS {
+        if at_a < at_b {
+            (to, b, at_b) = (b, a, at_a);
+            [a, _] = inner(from, to);
+            at_a = measure(a);
+        } else {
+            (from, a, at_a) = (a, b, at_b);
+            [_, b] = inner(from, to);
+            at_b = measure(b);
+        }
+    }
+    let inner = if at_a < at_b { (at_a, a) } else { (at_b, b) };
+    Some(at(if inner.0 < best.0 { inner.1 } else { best.1 }))
+}
+
 /// Why a loop cannot be simulated with an estimate.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

@@ -15,7 +15,7 @@ use crate::closed_loop::{self, ClosedLoop, Controllers, LoopError};
 use crate::simulate::Gains;
 use crate::trajectory::FourierReference;
 
-/// The bandwidth of simulated controllers whose gains are not given, Hz.
+/// The bandwidth of simulated controllers whose gains are not given, Hz, where none can be found.
 const BANDWIDTH_HZ: f64 = 3.0;
 
 /// The result of identification by instrumental variables.
@@ -26,6 +26,9 @@ pub struct Found {
     /// The cut-off frequency at which the measured motion was smoothed, Hz; `None` where the motion
     /// was simulated.
     pub cutoff: Option<f64>,
+    /// The bandwidth of simulated controllers without given gains, Hz: that with which the simulated
+    /// motion is nearest to the measured one. `None` where nothing was simulated.
+    pub bandwidth: Option<f64>,
     /// The identified model; its intervals include the uncertainty that sampling leaves in the
     /// motion.
     pub model: IdentifiedModel,
@@ -75,16 +78,19 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         Ok::<_, DataError>(smooth.take())
     })?;
     let mut cutoff = Some(cutoff);
+    let mut bandwidth = None;
     if let Some((reference, gains)) = reference {
         // least squares may be too biased for a simulation; this estimate is less biased
         let first = found.estimate.values.clone();
+        let near = nearest(model, reference, gains, &measured, &first).unwrap_or(BANDWIDTH_HZ);
+        bandwidth = Some(near);
         let mut failed = None;
         let simulation = identify::instrumental(
             model,
             &options,
             &mut logs,
             &first,
-            &mut |values| match simulated(model, reference, gains, &measured, values) {
+            &mut |values| match simulated(model, (reference, near), gains, &measured, values) {
                 Ok(motion) => Ok(Some(motion)),
                 Err(why) => {
                     failed = Some(why);
@@ -101,6 +107,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     Ok(Found {
         instrumental: found,
         cutoff,
+        bandwidth,
         model,
     })
 }
@@ -137,11 +144,60 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     }
 }
 
+/// The bandwidth with which the simulated motion is nearest to the measured one; `None` where gains
+/// are given for all joints, or no bandwidth can be simulated.
+fn nearest<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    reference: &FourierReference,
+    gains: &[Gains],
+    measured: &Motion,
+    values: &[f64],
+) -> Option<f64> {
+    let info = model.info();
+    let mut names = info.actuated.iter().map(|k| info.coordinates.get(*k));
+    let is_given = |name: Option<&&str>| gains.iter().any(|g| g.name.as_deref() == name.copied());
+    if gains.iter().any(|g| g.name.is_none()) || names.all(is_given) {
+        return None;
+    }
+    let run = measured.runs().into_iter().find(|run| run.len() > 1)?;
+    let times = measured.times().get(run)?;
+    let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
+    closed_loop::nearest_bandwidth(step, &mut |bandwidth| {
+        let found = simulated(model, (reference, bandwidth), gains, measured, values).ok()?;
+        Some(distance(&found, measured, info.dof()))
+    })
+}
+
+/// The squared differences of two motions' positions, each coordinate relative to how far it moves.
+fn distance(simulated: &Motion, measured: &Motion, dof: usize) -> f64 {
+    let rows: Vec<usize> = measured
+        .runs()
+        .into_iter()
+        .filter(|run| run.len() > 1)
+        .flatten()
+        .collect();
+    let position = |motion: &Motion, row: usize, c: usize| {
+        let [q, ..] = motion.state(row);
+        q.get(c).copied().unwrap_or(0.0)
+    };
+    let one = |c: usize| {
+        let own: Vec<f64> = rows.iter().map(|row| position(measured, *row, c)).collect();
+        let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+        let motion: f64 = own.iter().map(|x| (x - mean) * (x - mean)).sum();
+        let off = own.iter().enumerate().map(|(k, x)| {
+            let off = position(simulated, k, c) - x;
+            off * off
+        });
+        off.sum::<f64>() / motion.max(f64::MIN_POSITIVE)
+    };
+    (0..dof).map(one).sum()
+}
+
 /// The motion of the robot with these base parameters under PID control along a reference. Each run
 /// begins one period earlier, so that the initial transient has decayed.
 fn simulated<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    reference: &FourierReference,
+    (reference, bandwidth): (&FourierReference, f64),
     gains: &[Gains],
     measured: &Motion,
     values: &[f64],
@@ -153,7 +209,7 @@ fn simulated<M: BaseModel<f64> + ?Sized>(
         reference,
         lead: reference.period(),
         controllers: Controllers::Tuned {
-            bandwidth: BANDWIDTH_HZ,
+            bandwidth,
             given: gains,
         },
     };

@@ -113,3 +113,18 @@ fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
     let _ = spoilt.scale_columns();
     assert!((0..clean.columns).all(|j| spoilt.column(j)[1].is_nan()));
 }
+
+/// A robot without loops has none to keep closed: it grew beyond all bounds.
+#[test]
+fn an_open_chain_that_runs_away_is_not_told_of_loops() {
+    let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
+    let settings = Settings {
+        duration: 20.0,
+        ..Settings::default()
+    };
+    let mut pushed = |now: &ControllerInput<'_>, efforts: &mut [f64]| {
+        efforts[0] = 1e5 * now.measured[0];
+    };
+    let log = simulate_controlled(&Pendulum, &PHI, &start, &mut pushed, &settings).unwrap();
+    assert_eq!(log.ended, Termination::Diverged);
+}

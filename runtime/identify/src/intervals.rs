@@ -325,6 +325,7 @@ pub(crate) fn replicate(
         rough: true,
         ..options.clone()
     };
+    let mut draws = Vec::with_capacity(replicates);
     for k in 0..replicates {
         // every other draw mirrors the one before it, so that the mean of the draws is exact
         if k.is_multiple_of(2) {
@@ -335,19 +336,36 @@ pub(crate) fn replicate(
             }
         }
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
-        let factor = factor_with_solution(factor, &moved)?;
-        match identify(&factor, combinations, layout, options) {
-            Ok(found) => {
-                out.phi.push(found.phi);
-                out.beta.push(found.beta);
-                out.unprojected.push(moved);
+        draws.push((factor_with_solution(factor, &moved)?, moved));
+    }
+    // as many at a time as there are processors; the draws do not depend on each other
+    let threads = std::thread::available_parallelism().map_or(1, core::num::NonZero::get);
+    let mut done = 0;
+    for some in draws.chunks(threads) {
+        let found = std::thread::scope(|scope| {
+            let started: Vec<_> = some
+                .iter()
+                .map(|(factor, _)| scope.spawn(|| identify(factor, combinations, layout, options)))
+                .collect();
+            let ended = started.into_iter().map(std::thread::ScopedJoinHandle::join);
+            ended.collect::<Vec<_>>()
+        });
+        for ((_, moved), found) in some.iter().zip(found) {
+            match found {
+                Ok(Ok(found)) => {
+                    out.phi.push(found.phi);
+                    out.beta.push(found.beta);
+                    out.unprojected.push(moved.clone());
+                }
+                Ok(Err(why)) => {
+                    out.failed += 1;
+                    error.get_or_insert(why);
+                }
+                Err(panic) => std::panic::resume_unwind(panic),
             }
-            Err(why) => {
-                out.failed += 1;
-                error.get_or_insert(why);
-            }
+            done += 1;
+            progress(done);
         }
-        progress(k + 1);
     }
     out.snap_to_limits(combinations, layout, options, deviations);
     match error {

@@ -1,4 +1,10 @@
 //! Updates a QR factor by further rows with Householder reflections.
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
 
 /// Rows reduced at a time: with some 40 columns they fit the second-level cache.
 pub(crate) const BLOCK: usize = 256;
@@ -13,6 +19,42 @@ pub(crate) const BLOCK: usize = 256;
 /// The reflection for column k changes only row k of the triangle and the block, so the zeros of
 /// the triangle cost nothing.
 pub(crate) fn reduce(
+    r: &mut [f64],
+    z: &mut [f64],
+    block: &mut [f64],
+    side: &mut [f64],
+    rows: usize,
+) -> f64 {
+    Arch::new().dispatch(Reduce {
+        r,
+        z,
+        block,
+        side,
+        rows,
+    })
+}
+
+/// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
+/// do not depend on it.
+struct Reduce<'a> {
+    r: &'a mut [f64],
+    z: &'a mut [f64],
+    block: &'a mut [f64],
+    side: &'a mut [f64],
+    rows: usize,
+}
+
+impl WithSimd for Reduce<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        reduce_rows(self.r, self.z, self.block, self.side, self.rows)
+    }
+}
+
+#[inline(always)]
+fn reduce_rows(
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -85,6 +127,7 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
 /// Number of independent sums, which the compiler keeps in vector registers.
 const LANES: usize = 8;
 
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
@@ -99,6 +142,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The dot products of `v` with two columns, reading `v` once.
+#[inline(always)]
 fn dots(v: &[f64], a: &[f64], b: &[f64]) -> (f64, f64) {
     let (v, v_rest) = v.as_chunks::<LANES>();
     let (a, a_rest) = a.as_chunks::<LANES>();
@@ -119,12 +163,14 @@ fn dots(v: &[f64], a: &[f64], b: &[f64]) -> (f64, f64) {
     sums
 }
 
+#[inline(always)]
 fn subtract(v: &[f64], a: &mut [f64], s: f64) {
     for (x, y) in v.iter().zip(a) {
         *y -= s * x;
     }
 }
 
+#[inline(always)]
 fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
     for ((x, y), z) in v.iter().zip(a).zip(b) {
         *y -= sa * x;

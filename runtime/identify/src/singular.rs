@@ -1,5 +1,12 @@
 //! Singular values and right singular vectors of a tall matrix, the same on every machine.
 
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::qr_update::reduce;
 
 /// Singular values and right singular vectors of a matrix with n columns, the largest value first.
@@ -29,22 +36,26 @@ impl SingularValues {
         let mut r = vec![0.0; n * n];
         let (mut z, mut side) = (vec![0.0; n], vec![0.0; rows]);
         reduce(&mut r, &mut z, &mut w.to_vec(), &mut side, rows);
-        Self::of_square(r, n)
+        Self::of_square(&r, n)
     }
 
     /// Decomposes a square matrix of n columns, column-major.
-    pub(crate) fn of_square(mut r: Vec<f64>, n: usize) -> Self {
-        let mut v = vec![0.0; n * n];
+    pub(crate) fn of_square(r: &[f64], n: usize) -> Self {
+        // columns are padded by zeros, which rotations do not change
+        let stride = n.next_multiple_of(LANES);
+        let mut u = vec![0.0; n * stride];
+        let mut v = vec![0.0; n * stride];
         for k in 0..n {
-            v[k * n + k] = 1.0;
+            u[k * stride..k * stride + n].copy_from_slice(&r[k * n..(k + 1) * n]);
+            v[k * stride + k] = 1.0;
         }
         for _ in 0..60 {
-            if !sweep(&mut r, &mut v, n) {
+            if !Arch::new().dispatch(Sweep(&mut u, &mut v, stride)) {
                 break;
             }
         }
-        let lengths: Vec<f64> = r
-            .chunks_exact(n.max(1))
+        let lengths: Vec<f64> = u
+            .chunks_exact(stride.max(1))
             .map(|column| column.iter().map(|x| x * x).sum::<f64>().sqrt())
             .collect();
         let mut order: Vec<usize> = (0..n).collect();
@@ -53,7 +64,7 @@ impl SingularValues {
             values: order.iter().map(|k| lengths[*k]).collect(),
             vectors: order
                 .iter()
-                .flat_map(|k| v[k * n..(k + 1) * n].iter().copied())
+                .flat_map(|k| v[k * stride..k * stride + n].iter().copied())
                 .collect(),
         }
     }
@@ -68,18 +79,33 @@ impl SingularValues {
     }
 }
 
+/// The number of parts of each sum, the same for every instruction set.
+const LANES: usize = 8;
+
+/// A sweep as a task for one instruction set: the matrix, the rotations, and the padded length of
+/// their columns.
+struct Sweep<'a>(&'a mut [f64], &'a mut [f64], usize);
+
+impl WithSimd for Sweep<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        sweep(self.0, self.1, self.2)
+    }
+}
+
 /// Makes each pair of columns orthogonal in turn; returns whether any pair was not.
-fn sweep(u: &mut [f64], v: &mut [f64], n: usize) -> bool {
+#[inline(always)]
+fn sweep(u: &mut [f64], v: &mut [f64], stride: usize) -> bool {
     let mut turned = false;
-    for p in 0..n {
-        for q in p + 1..n {
-            let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
-            for i in 0..n {
-                let (x, y) = (u[p * n + i], u[q * n + i]);
-                a += x * x;
-                b += y * y;
-                c += x * y;
-            }
+    let columns = u.len().checked_div(stride).unwrap_or(0);
+    for p in 0..columns {
+        for q in p + 1..columns {
+            let (a, b, c) = products(
+                &u[p * stride..(p + 1) * stride],
+                &u[q * stride..(q + 1) * stride],
+            );
             if c * c <= 1e-30 * a * b || c == 0.0 || !c.is_finite() {
                 continue;
             }
@@ -89,15 +115,36 @@ fn sweep(u: &mut [f64], v: &mut [f64], n: usize) -> bool {
             let cos = 1.0 / (1.0 + tan * tan).sqrt();
             let sin = cos * tan;
             for matrix in [&mut *u, &mut *v] {
-                for i in 0..n {
-                    let (x, y) = (matrix[p * n + i], matrix[q * n + i]);
-                    matrix[p * n + i] = cos * x - sin * y;
-                    matrix[q * n + i] = sin * x + cos * y;
+                let (first, second) = matrix.split_at_mut(q * stride);
+                let (x, y) = (
+                    &mut first[p * stride..(p + 1) * stride],
+                    &mut second[..stride],
+                );
+                for i in 0..x.len().min(y.len()) {
+                    let (a, b) = (x[i], y[i]);
+                    x[i] = cos * a - sin * b;
+                    y[i] = sin * a + cos * b;
                 }
             }
         }
     }
     turned
+}
+
+/// The squared lengths of two columns, and their product.
+#[inline(always)]
+fn products(x: &[f64], y: &[f64]) -> (f64, f64, f64) {
+    let (mut a, mut b, mut c) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let ((x, _), (y, _)) = (x.as_chunks::<LANES>(), y.as_chunks::<LANES>());
+    for k in 0..x.len().min(y.len()) {
+        for l in 0..LANES {
+            let (x, y) = (x[k][l], y[k][l]);
+            a[l] += x * x;
+            b[l] += y * y;
+            c[l] += x * y;
+        }
+    }
+    (a.iter().sum(), b.iter().sum(), c.iter().sum())
 }
 
 #[cfg(test)]

@@ -228,6 +228,7 @@ fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
             EffortRun {
                 times: &track.times,
                 efforts,
+                positions: &track.positions,
                 closed_loop: ClosedLoop {
                     reference,
                     lead,

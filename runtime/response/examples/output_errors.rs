@@ -124,6 +124,7 @@ where
             let run = EffortRun {
                 times: &log.t,
                 efforts: &efforts,
+                positions: &[],
                 closed_loop: ClosedLoop {
                     reference: &reference,
                     lead: 0.0,

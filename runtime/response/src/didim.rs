@@ -8,26 +8,25 @@
 //!
 //! An estimate is a function G of the parameters that are simulated; the result is where both are
 //! equal. Repeating finds it in a few rounds where the loop is stiff; where it is so soft that this
-//! takes many, Newton's method with the slopes of G by differences takes over. The same slopes
-//! belong into the deviations.
+//! takes many, Newton's method with the slopes of G by differences takes over, with steps that are
+//! halved until the estimate differs less from what was simulated. The same slopes belong into the
+//! deviations.
+//!
+//! Efforts of a loop that is not the robot's are compared with those of another motion, which biases
+//! the estimate; measured positions, which the estimate does not use, tell how far the simulated
+//! motion is from the robot's.
 
 use core::fmt;
 
-use nalgebra::{DMatrix, DVector};
-use regen_experiment::closed_loop::{ClosedLoop, LoopError, follow};
-use regen_experiment::simulate::Settings;
+use regen_experiment::closed_loop::{ClosedLoop, LoopError};
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, Source as _, StateSample, identify,
-    observe,
-};
+use regen_identify::identify::{EquationKind, Filtering, Identified, Options, identify};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
 use regen_runtime::{BaseModel, SizeError};
 
-/// Velocities below this many widths of the simulated friction count as rest: the sign that the
-/// regressor takes is not what acted there.
-const REST_WIDTHS: f64 = 4.0;
+use crate::departure::Departure;
+use crate::rounds::{Rounds, is_same, moved};
 
 /// The efforts of a run, and the loop that made them.
 #[derive(Clone, Copy)]
@@ -37,6 +36,9 @@ pub struct EffortRun<'a> {
     /// The efforts of all actuated joints, N m or N, in the order of `Info::actuated`; one list for
     /// each.
     pub efforts: &'a [Vec<f64>],
+    /// Measured positions by coordinate, rad or m; empty for none. They tell how near the simulated
+    /// motion is, and do not change the estimate.
+    pub positions: &'a [(usize, Vec<f64>)],
     /// The loop of the run.
     pub closed_loop: ClosedLoop<'a>,
 }
@@ -59,13 +61,13 @@ pub struct DidimOptions {
 }
 
 impl Default for DidimOptions {
-    /// Twelve rounds at most, until changes are below 2 %.
+    /// Twenty rounds at most, until changes are below 2 %.
     fn default() -> Self {
         Self {
             least_squares: Options::default(),
             filtering: Filtering::default(),
             settle: 0.0,
-            rounds: 12,
+            rounds: 20,
             tolerance: 0.02,
         }
     }
@@ -84,6 +86,8 @@ pub struct Didim {
     /// Whether the last round changed the estimate as little as the tolerance says. If not, the values
     /// solve nothing, and their deviations are of no use.
     pub settled: bool,
+    /// How far the last simulated motion is from measured positions, where there are any.
+    pub departures: Vec<Departure>,
 }
 
 impl Didim {
@@ -140,10 +144,15 @@ impl Didim {
 /// let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
 /// // the log of a pendulum of 0.5 kg m^2 and 2 kg m; the estimate starts 30 % off
 /// let log = follow(&models::Pendulum, &closed_loop, &[0.5, 2.0], &times)?;
-/// let run = EffortRun { times: &times, efforts: &[log.effort.clone()], closed_loop };
+/// let run = EffortRun {
+///     times: &times,
+///     efforts: &[log.effort.clone()],
+///     positions: &[(0, log.q.clone())],
+///     closed_loop,
+/// };
 /// let found = didim(&models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
 /// assert!((found.identified.estimate.values[0] - 0.5).abs() < 1e-3);
-/// assert!(found.settled);
+/// assert!(found.settled && !found.departures[0].is_far());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
@@ -179,6 +188,7 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
     let mut values = start.to_vec();
     let mut log = rounds.simulated(&values)?;
     let mut norms: Vec<f64> = Vec::new();
+    let mut best: Option<Best> = None;
     loop {
         let found = identify(
             model,
@@ -196,11 +206,32 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         let settled =
             quiet && moved <= options.tolerance || is_same(&found.estimate.values, &values);
         let last = settled || norms.len() >= options.rounds.max(1);
+        if let Some(best) = &mut best
+            && !last
+            && best.halvings < MAX_HALVINGS
+            && rounds.slopes.is_some()
+            && moved > best.moved
+        {
+            // Newton's step was too long
+            best.halvings += 1;
+            let between = best.values.iter().zip(&values);
+            let between = between.map(|(a, b)| f64::midpoint(*a, *b)).collect();
+            (values, log) = rounds.simulable(&best.values, between)?;
+            continue;
+        }
         if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
             rounds.rest(&mut log)?;
         }
-        if last || norms.len() == PLAIN_ROUNDS && moved < NEAR_DEVIATIONS {
-            match rounds.differentiate(&found, &values) {
+        let is_slow = best
+            .as_ref()
+            .is_some_and(|best| moved > SLOW_PART * best.moved);
+        let (has_slopes, has_near) = match &rounds.slopes {
+            Some(slopes) => (true, slopes.moved < VALID_DEVIATIONS),
+            None => (false, false),
+        };
+        let for_next = norms.len() >= PLAIN_ROUNDS && (is_slow || has_slopes && !has_near);
+        if last && !has_near || !last && for_next && moved > options.tolerance {
+            match rounds.differentiate(&found, &values, moved) {
                 Ok(()) => {}
                 // where the robot cannot be simulated nearby, rounds go on without slopes; a result
                 // without them would have deviations that are not its own
@@ -210,6 +241,7 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         }
         if last {
             return Ok(Didim {
+                departures: rounds.departures(&values)?,
                 identified: rounds.propagated(found),
                 rounds: norms.len(),
                 norms,
@@ -217,237 +249,35 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
             });
         }
         let wanted = rounds.next(&found, &values);
+        best = Some(Best {
+            values: values.clone(),
+            moved,
+            halvings: 0,
+        });
         (values, log) = rounds.simulable(&values, wanted)?;
     }
 }
 
+/// The parameters from which the last step began.
+struct Best {
+    values: Vec<f64>,
+    /// By how many standard deviations their estimate differs from them.
+    moved: f64,
+    /// How often the step from them was halved.
+    halvings: usize,
+}
+
 /// Below this change in standard deviations the rows that rest are those of the result.
-const NEAR_DEVIATIONS: f64 = 1.0;
-/// The relative change at which values count as the same; simulated motion has a few digits more.
-const SAME_DIGITS: f64 = 1e-5;
-/// The number of rounds that take the estimate as it is; later ones take Newton's step.
-const PLAIN_ROUNDS: usize = 7;
-/// The change of the efforts of all rows together, in standard deviations of one, over which slopes
-/// are computed.
-const STEP_DEVIATIONS: f64 = 5.0;
+pub(super) const NEAR_DEVIATIONS: f64 = 1.0;
+/// Slopes hold as far as this change in standard deviations.
+const VALID_DEVIATIONS: f64 = 5.0;
+/// The number of rounds that take the estimate as it is; later ones take Newton's step, if rounds
+/// are slow.
+const PLAIN_ROUNDS: usize = 3;
+/// The part of the last change above which a round is slow.
+const SLOW_PART: f64 = 0.5;
 /// How often a change of the estimate is halved until the robot can be simulated with it.
-const MAX_HALVINGS: usize = 8;
-
-/// The rounds of one identification.
-struct Rounds<'a, 'r, M: ?Sized> {
-    model: &'a M,
-    runs: &'a [EffortRun<'r>],
-    options: &'a DidimOptions,
-    /// `1 - dG/dbeta`, r x r, where G is the estimate as a function of the parameters that are
-    /// simulated: column-major.
-    slopes: Option<DMatrix<f64>>,
-    /// For each row, which coordinates rest, once the slopes are known: rows that come and go would
-    /// make the estimate jump.
-    resting: Option<Vec<Vec<bool>>>,
-}
-
-impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
-    /// The log of the measured efforts at the motion of the loop simulated with these parameters.
-    fn simulated(&self, values: &[f64]) -> Result<Recorded, DidimError> {
-        let (model, options) = (self.model, self.options);
-        let info = model.info();
-        let (n, dof) = (info.coordinates.len(), info.dof());
-        let mut phi = vec![0.0; info.parameters.len()];
-        let free = vec![0.0; model.base_info().free.len()];
-        model.parameters_from_base(values, &free, &mut phi)?;
-        let slow = REST_WIDTHS * Settings::default().friction_width;
-        let mut out = Recorded::new().filtered(options.filtering);
-        let weights = vec![1.0; dof];
-        let mut tau = vec![0.0; dof];
-        for run in self.runs {
-            let log = follow(model, &run.closed_loop, &phi, run.times)?;
-            let first = run.times.first().copied().unwrap_or(0.0);
-            let mut follows = false;
-            for (k, time) in run.times.iter().enumerate() {
-                if time - first < options.settle {
-                    continue;
-                }
-                let row = |all: &[f64]| all.get(k * n..(k + 1) * n).unwrap_or_default().to_vec();
-                let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
-                let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
-                let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
-                let known = self.resting.as_ref().and_then(|all| all.get(out.len()));
-                let still = match known {
-                    Some(known) => known.clone(),
-                    None => qd.iter().map(|v| v.abs() < slow).collect(),
-                };
-                out.push_row(&StateSample {
-                    time: *time,
-                    q: &q,
-                    qd: &qd,
-                    qdd: &qdd,
-                    tau: &tau,
-                    efforts: &efforts,
-                    at_standstill: &still,
-                    weights: &weights,
-                    follows,
-                });
-                follows = true;
-            }
-        }
-        Ok(out)
-    }
-
-    /// The parameters to simulate next: the estimate, or once the slopes are known, Newton's step
-    /// to the parameters that are their own estimate.
-    fn next(&self, found: &Identified, values: &[f64]) -> Vec<f64> {
-        let estimate = &found.estimate.values;
-        let change = estimate.iter().zip(values).map(|(a, b)| a - b);
-        let change = DVector::from_iterator(values.len(), change);
-        let step = self
-            .slopes
-            .as_ref()
-            .and_then(|s| s.clone().lu().solve(&change));
-        let step = step.unwrap_or(change);
-        values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
-    }
-
-    /// Simulates with these parameters, or with some between them and the last ones if that cannot
-    /// be simulated.
-    fn simulable(
-        &self,
-        values: &[f64],
-        mut wanted: Vec<f64>,
-    ) -> Result<(Vec<f64>, Recorded), DidimError> {
-        for _ in 0..MAX_HALVINGS {
-            match self.simulated(&wanted) {
-                Ok(log) => return Ok((wanted, log)),
-                Err(DidimError::Loop(_)) => {
-                    for (x, old) in wanted.iter_mut().zip(values) {
-                        *x = f64::midpoint(*x, *old);
-                    }
-                }
-                Err(other) => return Err(other),
-            }
-        }
-        let log = self.simulated(&wanted)?;
-        Ok((wanted, log))
-    }
-
-    /// Keeps the rows that rest in a log for all later ones.
-    fn rest(&mut self, log: &mut Recorded) -> Result<(), DidimError> {
-        let mut resting = Vec::new();
-        log.visit(&mut |row| {
-            resting.push(row.at_standstill.to_vec());
-            Ok(())
-        })?;
-        self.resting = Some(resting);
-        Ok(())
-    }
-
-    /// Computes the slopes by differences.
-    fn differentiate(&mut self, found: &Identified, values: &[f64]) -> Result<(), DidimError> {
-        let n = values.len();
-        let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-        if self.resting.is_none() {
-            let mut log = self.simulated(values)?;
-            self.rest(&mut log)?;
-        }
-        let this = &*self;
-        let estimate = |values: &[f64]| -> Result<Vec<f64>, DidimError> {
-            let mut log = this.simulated(values)?;
-            let (set, _) = observe(this.model, EquationKind::Forces, &mut log)?;
-            Ok(set.combined(&weights)?.solve()?)
-        };
-        let here = estimate(values)?;
-        // so much that the efforts of all rows together change by a few standard deviations
-        let norms = found.factor.column_norms();
-        let step = |k: usize| {
-            let norm = norms.get(k).copied().unwrap_or(0.0);
-            if norm > 0.0 {
-                STEP_DEVIATIONS / norm
-            } else {
-                1e-6
-            }
-        };
-        let column = |k: usize| -> Result<Vec<f64>, DidimError> {
-            let moved = |by: f64| {
-                let mut moved = values.to_vec();
-                moved[k] += by;
-                estimate(&moved)
-            };
-            // the other direction where this one cannot be simulated
-            let (h, there) = match moved(step(k)) {
-                Ok(there) => (step(k), there),
-                Err(_) => (-step(k), moved(-step(k))?),
-            };
-            Ok(there.iter().zip(&here).map(|(a, b)| (a - b) / h).collect())
-        };
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let threads = threads.min(n).max(1);
-        let work = |first: usize| -> Vec<(usize, Result<Vec<f64>, DidimError>)> {
-            (first..n)
-                .step_by(threads)
-                .map(|k| (k, column(k)))
-                .collect()
-        };
-        let work = &work;
-        let mut columns = std::thread::scope(|scope| {
-            let all: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
-            let mut out = Vec::new();
-            for thread in all {
-                match thread.join() {
-                    Ok(part) => out.extend(part),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            out
-        });
-        columns.sort_by_key(|(k, _)| *k);
-        let mut slopes = DMatrix::identity(n, n);
-        for (k, column) in columns {
-            for (i, slope) in column?.iter().enumerate() {
-                slopes[(i, k)] -= slope;
-            }
-        }
-        self.slopes = Some(slopes);
-        Ok(())
-    }
-
-    /// The estimate whose deviations know that the simulated motion follows from it: an error of the
-    /// efforts moves the parameters, these move the motion, and that moves the parameters again.
-    fn propagated(&self, mut found: Identified) -> Identified {
-        let Some(inverse) = self.slopes.as_ref().and_then(|s| s.clone().try_inverse()) else {
-            return found;
-        };
-        let n = inverse.nrows();
-        let through = |covariance: &[f64]| -> Vec<f64> {
-            let inner = DMatrix::from_column_slice(n, n, covariance);
-            let whole = &inverse * inner * inverse.transpose();
-            (0.5 * (&whole + whole.transpose())).as_slice().to_vec()
-        };
-        found.estimate.covariance = through(&found.estimate.covariance);
-        let freedom = found.deviations.degrees_of_freedom.clone();
-        let whole = through(&found.deviations.covariance);
-        found.deviations = found.deviations.with_covariance(whole, 0);
-        found.deviations.degrees_of_freedom = freedom;
-        found
-    }
-}
-
-/// Whether two lists of values agree to the digits that simulation gives. Efforts without noise leave
-/// hardly any deviations, which changes could be compared with.
-fn is_same(found: &[f64], values: &[f64]) -> bool {
-    let largest = found.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let mut both = found.iter().zip(values);
-    both.all(|(a, b)| (a - b).abs() <= SAME_DIGITS * a.abs().max(SAME_DIGITS * largest))
-}
-
-/// By how many standard deviations an estimate differs from values: the root mean square over all
-/// directions.
-fn moved(found: &Identified, values: &[f64]) -> Result<f64, DidimError> {
-    let n = values.len().max(1) as f64;
-    let (rows, factor) = (found.factor.rows(), &found.factor);
-    let spare = rows.saturating_sub(values.len()).max(1) as f64;
-    let variance = (factor.rss() / spare).max(f64::MIN_POSITIVE);
-    let more = factor.squared_residual(values)? - factor.rss();
-    Ok((more.max(0.0) / variance / n).sqrt())
-}
+pub(super) const MAX_HALVINGS: usize = 8;
 
 /// Why DIDIM found no parameters.
 #[derive(Clone, Debug, PartialEq)]

@@ -15,6 +15,7 @@
 )]
 
 mod control;
+mod departure;
 mod didim;
 mod error;
 mod files;
@@ -24,12 +25,14 @@ mod parameters;
 mod plant;
 mod rank;
 mod residuals;
+mod rounds;
 mod search;
 mod setup;
 mod start;
 mod statistics;
 mod window;
 
+pub use departure::{Departure, departures};
 pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};

@@ -112,7 +112,7 @@ impl Lu {
                 *sum += x.abs();
             }
         }
-        let largest = |m: f64, x: f64| if x <= m { m } else { x };
+        let largest = |m: f64, x: f64| if x <= m || m.is_nan() { m } else { x };
         let norms = sums.into_iter().fold(0.0, largest) * sizes.into_iter().fold(0.0, largest);
         if n == 0 { 1.0 } else { 1.0 / norms }
     }
@@ -180,7 +180,7 @@ impl Lu {
         }
         // a fold that keeps NaN: it must not count as a small distance
         sums.into_iter()
-            .fold(0.0, |m, sum| if sum <= m { m } else { sum })
+            .fold(0.0, |m, sum| if sum <= m || m.is_nan() { m } else { sum })
     }
 }
 

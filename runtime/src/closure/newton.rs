@@ -275,7 +275,7 @@ pub(super) fn largest(values: &[f64]) -> f64 {
     values
         .iter()
         .map(|x| x.abs())
-        .fold(0.0, |m, x| if x <= m { m } else { x })
+        .fold(0.0, |m, x| if x <= m || m.is_nan() { m } else { x })
 }
 
 /// The largest absolute value of the coordinates at these indices.

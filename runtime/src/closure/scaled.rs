@@ -123,6 +123,11 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         sizes.into_iter().map(unit).collect()
     }
 
+    /// The units of the coordinates and of the rows of f.
+    pub(super) fn units(&self) -> (&[f64], &[f64]) {
+        (&self.coordinates, &self.rows)
+    }
+
     /// Converts a state or rates to the model's own units.
     pub(super) fn to_model_units(&self, scaled: &[f64]) -> Vec<f64> {
         let both = scaled.iter().zip(&self.coordinates);

@@ -29,6 +29,13 @@ macro_rules! arguments {
             }
         }
 
+        impl Argument {
+            /// Whether it holds parameters of the robot, which do not change with the state.
+            pub fn is_parameter(self) -> bool {
+                matches!(self.size(), Size::Parameters | Size::Base | Size::Free)
+            }
+        }
+
         /// The arguments of a function by name. A function reads those that its signature lists;
         /// the others may stay empty.
         ///

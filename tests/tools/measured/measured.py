@@ -112,6 +112,50 @@ class Cases:
         self.figure("UR10e id40, rms of all efforts in percent", f"{on40:.2f}", "<= 4.00", on40 <= 4.0)
         self.rests(spec, fit)
 
+    def ur10e_best(self):
+        """The runs as the robot logged them, by one experiment file: each estimator on the run not used."""
+        folder = self.folder / "ur10e"
+        text = (folder / "ur10e_off.yaml").read_text()
+        out, file = self.scratch / "best.json", ROOT / "robots/measured/ur10e.yaml"
+        smooth = ("coulomb_asymmetric", "atan")
+        best = math.inf
+        for name, friction, more in (
+            ("least squares", None, ["--estimator", "ls"]),
+            ("Huber", None, ["--estimator", "huber"]),
+            ("instrumental variables", None, ["--estimator", "iv"]),
+            ("feasible", None, ["--feasible"]),
+            ("feasible, atan friction", smooth, ["--friction"]),
+        ):
+            spec = self.scratch / "best.yaml"
+            spec.write_text(text.replace(*friction) if friction else text)
+            words = [file, "--logs", folder]
+            identify(spec, *words, *more, "--no-suspicion", "--out", out)
+            found = json.loads(regen("validate", spec, out, *words, "--format", "json")[0])
+            log = found["models"][0]["logs"][0]
+            each = ", ".join(f"{effort['relative_rms']:.2f}" for effort in log["efforts"])
+            best = min(best, log["relative_rms"])
+            self.figure(f"UR10e raw, {name}: id40", f"{log['relative_rms']:.2f} ({each})", "", True)
+        self.figure("UR10e raw, id40 with the best estimator", f"{best:.2f}", "<= 3.80", best <= 3.80)
+
+    def med7(self):
+        """The KUKA with constants of its sensors, its torques read as those that hold the arm."""
+        folder = self.folder / "med7"
+        joints = [f"A{k}" for k in range(1, 8)]
+        reading = [word for j in joints for word in ("--column", f"tau_{j}=tau_{j}*-1")]
+        text = (folder / "med7.yaml").read_text()
+        spec, out = self.scratch / "med7.yaml", self.scratch / "med7.json"
+        spec.write_text(re.sub(r"^( *)actuated: true", r"\1actuated: true\n\1offset: true", text, flags=re.M))
+        errors = []
+        for more in ([], ["--feasible"]):
+            fit = identify(spec, folder / "train.csv", *reading, *more, "--no-suspicion", "--out", out)
+            words = [folder / "test.csv", *reading, "--format", "json"]
+            found = json.loads(regen("validate", spec, out, *words)[0])
+            errors.append(found["models"][0]["logs"][0]["relative_rms"])
+        above = rise(fit)
+        self.figure("KUKA feasible, rise of the rms in percent", f"{above:.1f}", "<= 45", above <= 45)
+        shown = f"{errors[1]:.2f} ({errors[0]:.2f} by least squares)"
+        self.figure("KUKA feasible, rms on the test log in percent", shown, "<= 7.3", errors[1] <= 7.3)
+
     def rests(self, spec, cropped):
         """The log with phases at rest gives the parameters of the cropped log, within its intervals."""
         raw = self.folder / "ur10e" / "ur-20_02_12-50sec_12harm.csv"
@@ -401,7 +445,9 @@ def main():
     wanted = sys.argv[1:] or [
         "small",
         "ur10e",
+        "ur10e_best",
         "ur10e_intervals",
+        "med7",
         "dvrk",
         "experiments",
         "suspicion_planted",

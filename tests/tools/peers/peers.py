@@ -10,6 +10,7 @@ C++. All times include sines and cosines. Columns are compared at random states
 before anything is timed. Each program also times the C library's sine and cosine of as many
 angles; figures are compared as ratios to that time, in interleaved rounds.
 """
+import functools
 import json
 import math
 import os
@@ -24,7 +25,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 WORK = Path(os.environ.get("PEERS_DIR", ROOT / "target" / "peers"))
-NEEDS = ["pin==4.1.0", "cmeel-eigen==3.4.1", "casadi==3.8.2", "pyyaml==6.0.3", "matplotlib"]
+NEEDS = ["pin==4.1.0", "cmeel-eigen==3.4.1", "casadi==3.8.2", "pyyaml==6.0.3", "pandas==3.1.1", "matplotlib"]
 SERIAL = ["puma560", "ur5e", "rx90", "panda", "iiwa14"]
 # Earlier measurements: the time of CasADi's base regressor over that of the C library's sines and
 # cosines; a peer must not be slower than that by more than 15 %.
@@ -74,12 +75,20 @@ def links(robot):
     return rows, [number(g, names) for g in data["gravity"]]
 
 
+@functools.cache
+def regen():
+    """The command, built for release, or the file that PEERS_REGEN names."""
+    if "PEERS_REGEN" in os.environ:
+        return Path(os.environ["PEERS_REGEN"])
+    subprocess.run(["cargo", "build", "--release", "--bin", "regen"], cwd=ROOT, check=True)
+    return Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release" / "regen"
+
+
 def module(robot):
     """The generated module of a robot; the first call runs regen for all robots."""
     folder = WORK / "modules"
     if not folder.is_dir():
-        command = ["cargo", "run", "--release", "--bin", "regen", "--", "generate", "--out", str(folder)]
-        subprocess.run(command, cwd=ROOT, check=True)
+        run([regen(), "generate", "--out", str(folder)], cwd=ROOT)
     return (folder / f"{robot}.rs").read_text()
 
 
@@ -171,16 +180,21 @@ def fixed(rpy):
     return np.vectorize(exact)(m)
 
 
+def closure_rps3():
+    """The coordinates' names, and which are independent and dependent, from the generated module."""
+    source = module("rps3")
+    order = re.findall(r'"([^"]+)"', re.search(r"pub const COORDINATES[^=]*= \[(.*?)\];", source, re.S)[1])
+    independent = [int(i) for i in re.search(r"INDEPENDENT[^=]*= \[(.*?)\]", source)[1].split(",")]
+    return order, independent, [i for i in range(len(order)) if i not in independent]
+
+
 def casadi_rps3(ca):
     """K_i - X^T K_e of the 3-RPS, base columns: the closure written in the frame of the leg that each
     cut is on, X by CasADi's own solve."""
     import numpy as np
 
     data, names = spec("rps3")
-    source = module("rps3")
-    order = re.findall(r'"([^"]+)"', re.search(r"pub const COORDINATES[^=]*= \[(.*?)\];", source, re.S)[1])
-    independent = [int(i) for i in re.search(r"INDEPENDENT[^=]*= \[(.*?)\]", source)[1].split(",")]
-    dependent = [i for i in range(len(order)) if i not in independent]
+    order, independent, dependent = closure_rps3()
     n = len(order)
     q, qd, qdd = (ca.SX.sym(s, n) for s in ("q", "qd", "qdd"))
     gravity = np.array([number(g, names) for g in data["gravity"]])
@@ -363,22 +377,26 @@ static void printed() {
 """
 
 
-def pinocchio_columns():
-    """Body and entry of each base column of the 3-RPS, in Pinocchio's order of a body's ten."""
+def pinocchio_columns(robot):
+    """Body, from 0, and entry of each base column, in Pinocchio's order of a body's ten."""
     order = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
-    pairs = (re.fullmatch(r"(\w+)\((\d+)\)", label).groups() for label in kept("rps3"))
-    return ", ".join(f"{{{int(body) - 1}, {order.index(name)}}}" for name, body in pairs)
+    pairs = (re.fullmatch(r"(\w+)\((\d+)\)", label).groups() for label in kept(robot))
+    return [(int(body) - 1, order.index(name)) for name, body in pairs]
 
 
 def run(command, **more):
     return subprocess.run(command, check=True, text=True, capture_output=True, **more).stdout
 
 
-def compile_casadi(ca, functions, flags, tag):
-    generator = ca.CodeGenerator("peers.c", {"with_header": True, "casadi_int": "int"})
+def write_casadi(ca, functions, file, options):
+    generator = ca.CodeGenerator(file, options)
     for f in functions:
         generator.add(f)
     generator.generate(str(WORK) + "/")
+
+
+def compile_casadi(ca, functions, flags, tag):
+    write_casadi(ca, functions, "peers.c", {"with_header": True, "casadi_int": "int"})
     main = TIMER + '#include "peers.h"\nint main(void) {\n'
     main += " static double in[3][32], out[4096], w[65536]; static int iw[64];\n"
     main += " for (int i = 0; i < 96; i++) in[i / 32][i % 32] = sin(0.3 + 1.7 * i) * 0.3 + (i < 32 ? 0.6 : 0);\n"
@@ -411,7 +429,7 @@ def compile_pinocchio(models):
     code += " double ca = cos(t[i][0]), sa = sin(t[i][0]); Eigen::Matrix3d R; R << 1, 0, 0, 0, ca, -sa, 0, sa, ca;\n"
     code += " SE3 p(R, Eigen::Vector3d(t[i][1], -sa * t[i][2], ca * t[i][2]));\n"
     code += " JointIndex j = m.addJoint(i, JointModelRZ(), p, \"j\" + std::to_string(i)); m.appendBodyToJoint(j, Inertia::Random(), SE3::Identity()); }\n return m; }\n"
-    code += PINOCCHIO_RPS3.replace("COLUMNS", pinocchio_columns())
+    code += PINOCCHIO_RPS3.replace("COLUMNS", ", ".join(f"{{{body}, {entry}}}" for body, entry in pinocchio_columns("rps3")))
     code += "int main(int argc, char**) {\n if (argc > 1) { printed(); return 0; }\n double best_s = 1e30; double x[8] = {.3, -.4, .5, 1.1, -.7, .2, .9}, y[16];\n"
     for name, (rows, _) in models.items():
         table = ", ".join("{" + ", ".join(repr(v) for v in row) + "}" for row in rows)

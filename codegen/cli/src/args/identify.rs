@@ -81,7 +81,8 @@ along --reference or the columns cmd_NAME, in rounds until nothing changes.
 `response` takes positions alone, with commands in the columns cmd_NAME: it fits
 what the robot answered, from --start or nominal values on. Numbers of the
 controllers' file may be estimated too, `kp: {estimate: 40}`, and delay, gain
-and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. What commands
+and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. Runs of experiment
+files state `commands` and `controller` themselves. What commands
 cannot determine, such as the common scale of inertias and unknown gains, is
 named; the exit code is then 4.
 
@@ -136,7 +137,8 @@ pub(crate) struct IdentifyArgs {
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) reference: Option<PathBuf>,
     /// Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD
-    /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
+    /// (may be repeated) [default: by the robot's inertia, for the bandwidth with
+    /// which the motion is nearest to the measured one]
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
@@ -190,9 +192,10 @@ pub(crate) struct SimulatedArgs {
     /// joint; `regen simulate --controller` writes such a file
     #[arg(long, value_name = "FILE")]
     pub(crate) controller: Option<PathBuf>,
-    /// The bandwidth of controllers without gains in `didim`, Hz
-    #[arg(long, value_name = "HZ", default_value_t = 3.0)]
-    pub(crate) loop_bandwidth: f64,
+    /// The bandwidth of controllers without gains in `didim`, Hz [default: that with
+    /// which the motion is nearest to measured positions; 3 without any]
+    #[arg(long, value_name = "HZ")]
+    pub(crate) loop_bandwidth: Option<f64>,
     /// Seconds at the start of each log that `didim` leaves out, where it
     /// follows columns of commands
     #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE)]

@@ -68,6 +68,8 @@ Examples:
 A spec that does not parse is explained with line, column and what is allowed.
 It has at most 256 coordinates, 384 bodies, 640 equations of cuts and couplings,
 and 1 MiB of text.
+What was derived is kept in the user's cache folder, by the digests of the spec
+and of this program; REGEN_CACHE names another folder, or is `off`.
 Results go to standard output, messages to standard error. Colour is used only
 on a terminal, and never when NO_COLOR is set.";
 
@@ -142,6 +144,9 @@ pub(crate) struct Cli {
     pub(crate) command: Option<Command>,
     #[command(flatten)]
     pub(crate) model: ModelArgs,
+    /// Derive anew, and keep nothing of it for later runs
+    #[arg(long, global = true)]
+    pub(crate) no_cache: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -207,6 +212,14 @@ pub(crate) enum Command {
     },
 }
 
+impl Command {
+    /// Whether robots that were derived before may be used: not by commands whose result is
+    /// evidence of the derivation itself, or source that others build.
+    pub(crate) fn may_use_kept(&self) -> bool {
+        !matches!(self, Self::New(_) | Self::Generate(_) | Self::Verify(_))
+    }
+}
+
 /// What the new spec describes, to begin with
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Kind {
@@ -216,6 +229,8 @@ pub(crate) enum Kind {
     Planar,
     /// A platform on legs
     Parallel,
+    /// An arm whose motors move its joints through gears, belts or a differential
+    Drives,
 }
 
 #[derive(Debug, Args)]
@@ -255,6 +270,16 @@ pub(crate) struct ModelArgs {
     pub(crate) format: Format,
 }
 
+/// A language that robots are written in
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TargetArg {
+    /// A module, generic over the type of numbers
+    #[default]
+    Rust,
+    /// A header and a source in C99, on double and on float
+    C,
+}
+
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Without FILES, every robots/*.yaml of the workspace is generated into its
@@ -270,10 +295,15 @@ If the directory above DIR has a sources.txt, a robot's name per line, modules
 of these robots alone are written. Of the others digests.txt beside it says what
 they would be: lines, SHA-256 and the operations of each function.
 
+With --target c a robot's functions are two files, NAME.h and NAME.c, in C99
+with functions on double and, ending in _f, on float; they are written to the
+current directory, or to DIR.
+
 Examples:
   regen generate
   regen generate --check
-  regen generate my_arm.yaml --out src/robots")]
+  regen generate my_arm.yaml --out src/robots
+  regen generate my_arm.yaml --target c --out firmware/src")]
 pub(crate) struct GenerateArgs {
     /// Specs to generate [default: robots/*.yaml of the workspace]
     pub(crate) files: Vec<PathBuf>,
@@ -281,7 +311,11 @@ pub(crate) struct GenerateArgs {
     /// and exit with 1 if there is one
     #[arg(long)]
     pub(crate) check: bool,
-    /// Where the modules are written [default: generated/src of the workspace]
+    /// The language of the files
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) target: TargetArg,
+    /// Where the files are written [default: generated/src of the workspace; for
+    /// C the current directory]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// How the list of files is printed

@@ -74,7 +74,8 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "V", value_parser = not_negative)]
     pub(crate) rest_speed: Option<f64>,
     /// By how many seconds an effort is logged after the motion that it belongs to:
-    /// NAME=S. Every `identify` estimates it; `auto` corrects what it finds
+    /// NAME=S. Every `identify` estimates it; `auto` corrects what least squares
+    /// of these logs finds
     #[arg(long, value_name = "NAME=S|auto")]
     pub(crate) delay: Vec<DelayArg>,
     /// Use the balance of energy over windows of this length in s instead of

@@ -16,11 +16,12 @@ use super::{
     FREQUENCY, HARMONICS, Made, csv, made, normal, recorded, scratch, series, truth, worst,
 };
 use crate::args::{Cli, Command, IdentifyArgs};
-use crate::identify::{Outcome, solve};
-use crate::{identify_table, load, observe, outputs, parameters, table};
+use crate::identify::{DELAY_REMEDY, Outcome, solve};
+use crate::{load, observe, outputs, parameters, table};
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
+use regen_report::results::identification_text;
 
 /// The largest difference of base and physical predictions, relative to the largest effort.
 const MAX_RELATIVE_DIFFERENCE: f64 = 1e-9;
@@ -124,7 +125,7 @@ impl RobotWithLog {
         let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
-        let human = identify_table::to_text(&json);
+        let human = identification_text(&json, DELAY_REMEDY);
         let adopted = human.split("what least squares found").next().unwrap();
         assert!(
             !human.contains("NaN") && !human.contains("inf "),

@@ -11,7 +11,7 @@ use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{LoopClosure, Model};
 
-use super::{LogColumns, Suspicion, one};
+use super::{LogColumns, Suspected, describe, one};
 use crate::load;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
@@ -77,7 +77,7 @@ impl Log {
 }
 
 /// The warnings about a log, read with these settings.
-fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
+fn warnings(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspected> {
     let dir = std::env::temp_dir().join(format!("regen-suspicion-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();
     let path = dir.join(format!("{}.csv", model.info().name));
@@ -106,11 +106,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
     let mut missed = Vec::new();
     for (name, log, words) in mistakes {
         let found = warnings(model, log, settings);
-        let text = found
-            .iter()
-            .map(ToString::to_string)
-            .collect::<Vec<_>>()
-            .join("\n");
+        let text = found.iter().map(describe).collect::<Vec<_>>().join("\n");
         println!("{name}: {text}");
         if !words.iter().all(|word| text.contains(word)) {
             missed.push(format!("{name}: wanted {words:?}, told:\n{text}"));
@@ -129,7 +125,8 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
         if !again.is_empty() {
             missed.push(format!(
                 "{name}: the remedy {} leaves {}",
-                first.remedy, again[0]
+                first.remedy,
+                describe(&again[0])
             ));
         }
     }
@@ -152,7 +149,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
     };
     for run in ["run1.csv", "run2.csv"] {
         let clean = warnings(&model, &Log::read(&guide.join(run)), &settings);
-        assert!(clean.is_empty(), "{}", clean[0]);
+        assert!(clean.is_empty(), "{}", describe(&clean[0]));
     }
     let log = Log::read(&guide.join("run1.csv"));
     let both = ["tau_q1", "tau_q3"];
@@ -267,11 +264,11 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     let other = Log::read(&guide.join("run2.csv"));
     for clean in [&log, &other] {
         let clean = warnings(&model, clean, &settings);
-        assert!(clean.is_empty(), "{}", clean[0]);
+        assert!(clean.is_empty(), "{}", describe(&clean[0]));
     }
     // an offset of the size of friction cannot be distinguished from slightly different friction
     let little = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
-    assert!(little.is_empty(), "{}", little[0]);
+    assert!(little.is_empty(), "{}", describe(&little[0]));
     are_named(
         &model,
         &settings,
@@ -361,7 +358,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         ..Settings::default()
     };
     let clean = warnings(&model, &log, &settings);
-    assert!(clean.is_empty(), "{}", clean[0]);
+    assert!(clean.is_empty(), "{}", describe(&clean[0]));
     let all = ["tau_q2", "tau_q7", "tau_q9"];
     are_named(
         &model,

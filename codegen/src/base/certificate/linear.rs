@@ -1,9 +1,11 @@
 //! Linear algebra in multiple precision. Rows are not scaled, so that a row of rounding errors
 //! remains recognisable as one.
 
-use std::collections::BTreeMap;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 use super::float320::Float320;
+use super::sparse::Row;
 
 /// Exponent of the threshold for rounding: entries below 2^-200, or 1e-60, of the largest pivot
 /// count as zero. That is far from both the rounding of 96 digits and any entry that a mechanism of
@@ -14,7 +16,7 @@ const ROUNDING_BITS: i32 = 200;
 #[derive(Clone, Debug)]
 pub(super) struct Eliminated {
     /// Pivot rows, in the order of elimination: each has zeros in the columns of earlier pivots.
-    pub(super) rows: Vec<Vec<Float320>>,
+    pub(super) rows: Vec<Row>,
     /// The pivots' columns.
     pub(super) columns: Vec<usize>,
     /// The largest entry of the matrix before elimination.
@@ -27,7 +29,7 @@ impl Eliminated {
     /// The magnitudes of the pivots.
     pub(super) fn pivots(&self) -> impl Iterator<Item = Float320> {
         let pairs = self.rows.iter().zip(&self.columns);
-        pairs.map(|(row, c)| row[*c].abs())
+        pairs.map(|(row, c)| row.get(*c).abs())
     }
 }
 
@@ -36,7 +38,7 @@ const SHORT_ROWS_MIN_COLUMNS: usize = 200;
 
 /// A row that has not become a pivot row yet, with the data that the choice of a pivot needs.
 struct OpenRow {
-    row: Vec<Float320>,
+    row: Row,
     /// The column of its largest entry, and that entry.
     column: usize,
     largest: Float320,
@@ -45,24 +47,21 @@ struct OpenRow {
 }
 
 impl OpenRow {
-    fn new(row: Vec<Float320>, free: &[usize]) -> OpenRow {
+    fn new(row: Row, width: usize) -> OpenRow {
         let mut open = OpenRow {
             row,
             column: 0,
             largest: Float320::ZERO,
             entries: 0,
         };
-        open.update(free);
+        open.update(width);
         open
     }
 
-    fn update(&mut self, free: &[usize]) {
+    /// Counts and compares the entries of the first `width` columns.
+    fn update(&mut self, width: usize) {
         (self.column, self.largest, self.entries) = (0, Float320::ZERO, 0);
-        for &c in free {
-            let x = &self.row[c];
-            if x.is_zero() {
-                continue;
-            }
+        for (c, x) in self.row.entries().take_while(|(c, _)| *c < width) {
             self.entries += 1;
             if x.cmp_abs(&self.largest).is_gt() {
                 (self.column, self.largest) = (c, *x);
@@ -71,45 +70,127 @@ impl OpenRow {
     }
 }
 
-/// Row and column of the largest entry; the first of equal ones.
-fn largest_entry(rows: &[OpenRow]) -> Option<(usize, usize)> {
-    let mut best: Option<(usize, &OpenRow)> = None;
-    for (i, row) in rows.iter().enumerate() {
-        if best.is_none_or(|(_, b)| row.largest.cmp_abs(&b.largest).is_gt()) {
-            best = Some((i, row));
-        }
-    }
-    best.map(|(i, row)| (i, row.column))
+/// The rows that are not pivot rows yet.
+struct OpenRows {
+    /// All rows by number; those that are closed are empty.
+    rows: Vec<OpenRow>,
+    /// The numbers of the open rows.
+    open: Vec<usize>,
+    /// For each column, the numbers of all open rows that have an entry there, and of some others.
+    with_entry: Vec<Vec<usize>>,
+    /// The exponents of the largest entries of columns, where they were needed and hold still.
+    exponents: Vec<Option<i32>>,
+    /// The columns that are eliminated.
+    width: usize,
 }
 
-/// Returns an entry of the shortest row that has one whose binary exponent equals that of the
-/// largest entry in its column: other rows are then reduced with factors below 2, so that rounding
-/// errors do not grow. Entries up to `floor` are rounding.
-fn entry_of_a_short_row(
-    rows: &[OpenRow],
-    free: &[usize],
-    floor: &Float320,
-) -> Option<(usize, usize)> {
-    let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by_key(|&i| rows[i].entries);
-    let mut columns: BTreeMap<usize, Float320> = BTreeMap::new();
-    for &i in &order {
-        let row = &rows[i].row;
-        for &c in free {
-            let x = &row[c];
-            if x.cmp_abs(floor).is_le() {
-                continue;
-            }
-            let largest = columns.entry(c).or_insert_with(|| {
-                let entries = rows.iter().map(|r| r.row[c].abs());
-                entries.fold(Float320::ZERO, Float320::max)
-            });
-            if x.exponent() == largest.exponent() {
-                return Some((i, c));
+impl OpenRows {
+    fn new(rows: Vec<Row>, width: usize) -> OpenRows {
+        let mut with_entry = vec![Vec::new(); width];
+        for (number, row) in rows.iter().enumerate() {
+            for (c, _) in row.entries().take_while(|(c, _)| *c < width) {
+                with_entry[c].push(number);
             }
         }
+        let rows = rows.into_iter().map(|row| OpenRow::new(row, width));
+        let rows: Vec<OpenRow> = rows.collect();
+        OpenRows {
+            open: (0..rows.len()).collect(),
+            rows,
+            with_entry,
+            exponents: vec![None; width],
+            width,
+        }
     }
-    None
+
+    fn largest(&self) -> Float320 {
+        let entries = self.open.iter().map(|&i| self.rows[i].largest.abs());
+        entries.fold(Float320::ZERO, Float320::max)
+    }
+
+    /// Place in `open` and column of the largest entry; the first of equal ones.
+    fn largest_entry(&self) -> Option<(usize, usize)> {
+        let mut best: Option<(usize, &OpenRow)> = None;
+        for (place, &number) in self.open.iter().enumerate() {
+            let row = &self.rows[number];
+            if best.is_none_or(|(_, b)| row.largest.cmp_abs(&b.largest).is_gt()) {
+                best = Some((place, row));
+            }
+        }
+        best.map(|(place, row)| (place, row.column))
+    }
+
+    /// Returns an entry of the shortest row that has one whose binary exponent equals that of the
+    /// largest entry in its column: other rows are then reduced with factors below 2, so that
+    /// rounding errors do not grow. Entries up to `floor` are rounding.
+    fn entry_of_a_short_row(&mut self, floor: &Float320) -> Option<(usize, usize)> {
+        let places = self.open.iter().enumerate();
+        let mut shortest: BinaryHeap<_> = places
+            .map(|(place, &number)| Reverse((self.rows[number].entries, place)))
+            .collect();
+        while let Some(Reverse((_, place))) = shortest.pop() {
+            let row = &self.rows[self.open[place]].row;
+            for (c, x) in row.entries().take_while(|(c, _)| *c < self.width) {
+                if x.cmp_abs(floor).is_le() {
+                    continue;
+                }
+                let largest = self.exponents[c].get_or_insert_with(|| {
+                    let rows = self.with_entry[c].iter();
+                    let entries = rows.filter_map(|&i| self.rows[i].row.entry(c));
+                    entries.map(Float320::exponent).max().unwrap_or(i32::MIN)
+                });
+                if x.exponent() == *largest {
+                    return Some((place, c));
+                }
+            }
+        }
+        None
+    }
+
+    /// Takes out the row at a place in `open`, and reduces the others such that their entries in
+    /// the given column become 0.
+    fn eliminate(&mut self, place: usize, column: usize, inverse: Float320) -> Row {
+        let pivot_row = core::mem::take(&mut self.rows[self.open.swap_remove(place)].row);
+        // of the columns of this row alone, entries change
+        for (c, _) in pivot_row.entries() {
+            if let Some(exponent) = self.exponents.get_mut(c) {
+                *exponent = None;
+            }
+        }
+        let mut space = Row::default();
+        for number in core::mem::take(&mut self.with_entry[column]) {
+            let open = &mut self.rows[number];
+            let Some(entry) = open.row.entry(column) else {
+                continue;
+            };
+            let factor = *entry * inverse;
+            let filled = |c: usize| {
+                if let Some(rows) = self.with_entry.get_mut(c) {
+                    rows.push(number);
+                }
+            };
+            open.row
+                .reduce(factor, &pivot_row, column, &mut space, filled);
+            open.update(self.width);
+        }
+        pivot_row
+    }
+
+    /// Closes the rows that have only rounding left, and returns the largest entry of these.
+    fn drop_rounding(&mut self, floor: &Float320) -> Float320 {
+        let mut dropped = Float320::ZERO;
+        let rows = &mut self.rows;
+        self.open.retain(|&number| {
+            let row = &mut rows[number];
+            let kept = row.largest.cmp_abs(floor).is_gt();
+            if !kept {
+                dropped = dropped.max(row.largest.abs());
+                row.row = Row::default();
+            }
+            kept
+        });
+        dropped
+    }
 }
 
 /// Eliminates the first `width` columns.
@@ -118,101 +199,65 @@ fn entry_of_a_short_row(
 /// the largest of its column, from a row that is as short as possible: in a chain the energies of
 /// the last bodies depend on few parameters, and rows eliminated in that order stay short, while
 /// pivoting on the largest entries would fill all of them.
-pub(super) fn eliminate(rows: Vec<Vec<Float320>>, width: usize) -> Eliminated {
+pub(super) fn eliminate(rows: Vec<Row>, width: usize) -> Eliminated {
     eliminate_in_order(rows, width, width >= SHORT_ROWS_MIN_COLUMNS)
 }
 
-fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool) -> Eliminated {
-    let mut free = (0..width).collect::<Vec<_>>();
-    let mut rows: Vec<OpenRow> = rows
-        .into_iter()
-        .map(|row| OpenRow::new(row, &free))
-        .collect();
-    let largest = |rows: &[OpenRow]| {
-        let entries = rows.iter().map(|r| r.largest.abs());
-        entries.fold(Float320::ZERO, Float320::max)
-    };
+fn eliminate_in_order(rows: Vec<Row>, width: usize, short_first: bool) -> Eliminated {
+    let mut rows = OpenRows::new(rows, width);
     let mut done = Eliminated {
         rows: Vec::new(),
         columns: Vec::new(),
-        largest: largest(&rows),
+        largest: rows.largest(),
         dropped: Float320::ZERO,
     };
     let floor = done.largest.scaled(-ROUNDING_BITS);
     loop {
         let chosen = if short_first {
-            entry_of_a_short_row(&rows, &free, &floor)
+            rows.entry_of_a_short_row(&floor)
         } else {
-            largest_entry(&rows)
+            rows.largest_entry()
         };
-        let able = chosen.filter(|&(i, c)| rows[i].row[c].cmp_abs(&floor).is_gt());
-        let inverse = able.and_then(|(i, c)| Some((i, c, rows[i].row[c].reciprocal()?)));
-        let Some((i, column, inverse)) = inverse else {
-            done.dropped = done.dropped.max(largest(&rows));
+        let pivot = chosen.and_then(|(place, column)| {
+            let pivot = rows.rows[rows.open[place]].row.get(column);
+            let able = pivot.cmp_abs(&floor).is_gt();
+            Some((place, column, pivot.reciprocal().filter(|_| able)?))
+        });
+        let Some((place, column, inverse)) = pivot else {
+            done.dropped = done.dropped.max(rows.largest());
             return done;
         };
-        let pivot_row = rows.swap_remove(i).row;
-        free.retain(|&c| c != column);
-        let carried: Vec<usize> = free
-            .iter()
-            .copied()
-            .chain(width..pivot_row.len())
-            .filter(|&c| !pivot_row[c].is_zero())
-            .collect();
-        for open in &mut rows {
-            let row = &mut open.row;
-            if row[column].is_zero() {
-                continue;
-            }
-            let factor = row[column] * inverse;
-            row[column] = Float320::ZERO;
-            for &c in &carried {
-                row[c] = row[c] - factor * pivot_row[c];
-            }
-            open.update(&free);
-        }
+        done.rows.push(rows.eliminate(place, column, inverse));
+        done.columns.push(column);
         if short_first {
             // a row of rounding errors has no zeros, and would cost time in every further step
-            rows.retain(|r| {
-                let kept = r.largest.cmp_abs(&floor).is_gt();
-                if !kept {
-                    done.dropped = done.dropped.max(r.largest.abs());
-                }
-                kept
-            });
+            done.dropped = done.dropped.max(rows.drop_rounding(&floor));
         }
-        done.rows.push(pivot_row);
-        done.columns.push(column);
     }
 }
 
 impl Eliminated {
     /// The largest entry that remains when further rows are reduced by the pivot rows, and whether
     /// it is more than rounding: then the rows are not in the span of the eliminated ones.
-    pub(super) fn remainder_of(&self, rows: Vec<Vec<Float320>>) -> (Float320, bool) {
+    pub(super) fn remainder_of<'r>(
+        &self,
+        rows: impl IntoIterator<Item = &'r Row>,
+    ) -> (Float320, bool) {
         let mut left = Float320::ZERO;
-        let inverses: Vec<Option<Float320>> = self
-            .rows
-            .iter()
-            .zip(&self.columns)
-            .map(|(row, &c)| row[c].reciprocal())
-            .collect();
-        for mut row in rows {
-            for ((pivot_row, &column), inverse) in
-                self.rows.iter().zip(&self.columns).zip(&inverses)
-            {
-                let Some(inverse) = inverse.filter(|_| !row[column].is_zero()) else {
-                    continue;
-                };
-                let factor = row[column] * inverse;
-                for (x, p) in row.iter_mut().zip(pivot_row) {
-                    if !p.is_zero() {
-                        *x = *x - factor * *p;
-                    }
+        let pivots = self.rows.iter().zip(&self.columns);
+        let inverses: Vec<Option<Float320>> =
+            pivots.map(|(row, &c)| row.get(c).reciprocal()).collect();
+        let mut space = Row::default();
+        for row in rows {
+            let mut row = row.clone();
+            let pivots = self.rows.iter().zip(&self.columns).zip(&inverses);
+            for ((pivot_row, &column), inverse) in pivots {
+                if let (Some(inverse), Some(entry)) = (inverse, row.entry(column)) {
+                    let factor = *entry * *inverse;
+                    row.reduce(factor, pivot_row, column, &mut space, |_| ());
                 }
-                row[column] = Float320::ZERO;
             }
-            left = row.iter().map(|x| x.abs()).fold(left, Float320::max);
+            left = left.max(row.largest());
         }
         let floor = self.largest.scaled(-ROUNDING_BITS);
         (left, left.cmp_abs(&floor).is_gt())
@@ -220,30 +265,38 @@ impl Eliminated {
 }
 
 /// The columns, taken in the given order, that are linearly independent of the columns before them.
-pub(super) fn independent(mut rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<usize> {
-    let entries = rows.iter().flatten().map(|x| x.abs());
-    let floor = entries
+pub(super) fn independent(rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<usize> {
+    let rows: Vec<Row> = rows.into_iter().map(Row::of).collect();
+    independent_of(&rows, order)
+}
+
+/// As [`independent`], of rows that are stored without their zeros.
+pub(super) fn independent_of(rows: &[Row], order: &[usize]) -> Vec<usize> {
+    let largest = rows.iter().map(Row::largest);
+    let floor = largest
         .fold(Float320::ZERO, Float320::max)
         .scaled(-ROUNDING_BITS);
+    let mut rows: Vec<Row> = rows.iter().map(|row| row.of_columns(order)).collect();
     let mut found = Vec::new();
+    let mut space = Row::default();
     for (k, &column) in order.iter().enumerate() {
-        let largest = (0..rows.len()).max_by(|&i, &j| rows[i][column].cmp_abs(&rows[j][column]));
-        let Some(i) = largest.filter(|&i| rows[i][column].cmp_abs(&floor).is_gt()) else {
-            continue;
-        };
-        let pivot_row = rows.swap_remove(i);
-        let Some(inverse) = pivot_row[column].reciprocal() else {
-            continue;
-        };
-        for row in &mut rows {
-            if row[column].is_zero() {
-                continue;
+        let mut largest: Option<(usize, &Float320)> = None;
+        for (i, row) in rows.iter().enumerate() {
+            if let Some(x) = row.entry(k)
+                && largest.is_none_or(|(_, y)| x.cmp_abs(y).is_ge())
+            {
+                largest = Some((i, x));
             }
-            let factor = row[column] * inverse;
-            for &c in &order[k + 1..] {
-                if !pivot_row[c].is_zero() {
-                    row[c] = row[c] - factor * pivot_row[c];
-                }
+        }
+        let able = largest.filter(|(_, x)| x.cmp_abs(&floor).is_gt());
+        let Some((i, inverse)) = able.and_then(|(i, x)| Some((i, x.reciprocal()?))) else {
+            continue;
+        };
+        let pivot_row = rows.swap_remove(i).starting_at(k);
+        for row in &mut rows {
+            if let Some(entry) = row.entry(k) {
+                let factor = *entry * inverse;
+                row.reduce(factor, &pivot_row, k, &mut space, |_| ());
             }
         }
         found.push(column);
@@ -256,6 +309,7 @@ pub(super) fn independent(mut rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<
 pub fn rank_of(rows: Vec<Vec<Float320>>, size: Float320) -> (usize, f64) {
     let width = rows.first().map_or(0, Vec::len);
     // largest entries first, so that pivots come in order of magnitude
+    let rows = rows.into_iter().map(Row::of).collect();
     let done = eliminate_in_order(rows, width, false);
     let floor = size.scaled(-ROUNDING_BITS);
     let kept = done.pivots().filter(|p| p.cmp_abs(&floor).is_gt()).count();
@@ -320,23 +374,45 @@ pub(super) fn solve(
     for (row, rhs) in a.iter_mut().zip(b) {
         row.extend(rhs);
     }
-    let done = eliminate(a, unknowns);
+    solve_rows(a.into_iter().map(Row::of).collect(), unknowns, sides)
+}
+
+/// As [`solve`]; each row contains a row of A, then one of B.
+pub(super) fn solve_rows(
+    rows: Vec<Row>,
+    unknowns: usize,
+    sides: usize,
+) -> Option<Vec<Vec<Float320>>> {
+    let done = eliminate(rows, unknowns);
     if done.columns.len() < unknowns {
         return None;
+    }
+    let mut places = vec![0; unknowns];
+    for (k, &column) in done.columns.iter().enumerate() {
+        places[column] = k;
     }
     let mut solution = vec![Vec::new(); unknowns];
     for k in (0..unknowns).rev() {
         let (row, column) = (&done.rows[k], done.columns[k]);
-        let inverse = row[column].reciprocal()?;
-        let values = (0..sides).map(|side| {
-            let known = &done.columns[k + 1..];
-            let rest = known.iter().fold(row[unknowns + side], |rest, &c| {
-                let z: &Vec<Float320> = &solution[c];
-                rest - row[c] * z[side]
-            });
-            rest * inverse
-        });
-        solution[column] = values.collect();
+        let inverse = row.get(column).reciprocal()?;
+        let mut values = vec![Float320::ZERO; sides];
+        // the unknowns that are known already, in the order in which their columns were eliminated
+        let mut known: Vec<(usize, usize, Float320)> = Vec::new();
+        for (c, x) in row.entries() {
+            match c.checked_sub(unknowns) {
+                Some(side) => values[side] = *x,
+                None if c != column => known.push((places[c], c, *x)),
+                None => {}
+            }
+        }
+        known.sort_by_key(|(place, ..)| *place);
+        for (_, c, x) in known {
+            let z: &Vec<Float320> = &solution[c];
+            for (rest, z) in values.iter_mut().zip(z) {
+                *rest = *rest - x * *z;
+            }
+        }
+        solution[column] = values.into_iter().map(|rest| rest * inverse).collect();
     }
     Some(solution)
 }
@@ -392,6 +468,7 @@ mod tests {
             row[36] = row[32] - row[34].scaled(1);
             row[39] = Float320::ZERO;
         }
+        let rows: Vec<Row> = rows.into_iter().map(Row::of).collect();
         let complete = eliminate_in_order(rows.clone(), width, false);
         let short = eliminate_in_order(rows, width, true);
         assert_eq!((complete.rows.len(), short.rows.len()), (37, 37));

@@ -14,6 +14,7 @@ mod float320;
 mod linear;
 mod rank;
 mod rows;
+mod sparse;
 mod states;
 mod units;
 

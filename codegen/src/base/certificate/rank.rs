@@ -1,7 +1,8 @@
 //! The rank of the sampled rows, and queries on their null space.
 
 use super::float320::{DIGITS, Float320};
-use super::linear::{Eliminated, eliminate, independent, solve};
+use super::linear::{Eliminated, eliminate, independent_of, solve_rows};
+use super::sparse::Row;
 
 /// The least ratio between the smallest pivot and the largest number dropped, without unit; a
 /// smaller gap leaves the rank open.
@@ -47,7 +48,7 @@ fn largest_of(values: &[Float320]) -> Float320 {
 #[derive(Clone, Debug)]
 pub struct Samples {
     /// The rows in scaled units.
-    rows: Vec<Vec<Float320>>,
+    rows: Vec<Row>,
     /// The magnitude of the largest entry of the rows.
     largest: Float320,
     /// For each column, the exponent of the power of two by which it is scaled in the rows.
@@ -58,7 +59,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    pub(super) fn new(rows: Vec<Vec<Float320>>, units: Vec<i32>, states: usize) -> Samples {
+    pub(super) fn new(rows: Vec<Row>, units: Vec<i32>, states: usize) -> Samples {
         let columns = units.len();
         let done = eliminate(rows.clone(), columns);
         let part = |x: Float320| {
@@ -77,7 +78,7 @@ impl Samples {
         Samples {
             largest: rows
                 .iter()
-                .map(|row| largest_of(row))
+                .map(Row::largest)
                 .fold(Float320::ZERO, Float320::max),
             rows,
             units,
@@ -88,11 +89,11 @@ impl Samples {
 
     /// Adds the rows of further states; `states` is the total number of states. Returns whether the
     /// rank grew.
-    pub(super) fn extend(&mut self, fresh: Vec<Vec<Float320>>, states: usize) -> bool {
-        let (remainder, grown) = self.basis.remainder_of(fresh.clone());
+    pub(super) fn extend(&mut self, fresh: Vec<Row>, states: usize) -> bool {
+        let (remainder, grown) = self.basis.remainder_of(&fresh);
         self.largest = fresh
             .iter()
-            .map(|row| largest_of(row))
+            .map(Row::largest)
             .fold(self.largest, Float320::max);
         self.rows.extend(fresh);
         if grown {
@@ -114,8 +115,7 @@ impl Samples {
 
     /// The rank of a subset of the columns, and the evidence for it.
     pub fn certificate_of(&self, columns: &[usize]) -> Certificate {
-        let rows = self.rows.iter();
-        let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
+        let chosen = self.rows.iter().map(|row| row.of_columns(columns));
         let units = columns.iter().map(|&c| self.units[c]).collect();
         Samples::new(chosen.collect(), units, self.certificate.states).certificate
     }
@@ -123,14 +123,14 @@ impl Samples {
     /// The rank of a subset of the columns.
     pub fn rank_of(&self, columns: &[usize]) -> usize {
         let rows = self.basis.rows.iter();
-        let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
+        let chosen = rows.map(|row| row.of_columns(columns));
         eliminate(chosen.collect(), columns.len()).rows.len()
     }
 
     /// The columns, taken in the given order, that are linearly independent of the columns before
     /// them: the base parameters that keep early columns wherever possible.
     pub fn independent(&self, order: &[usize]) -> Vec<usize> {
-        independent(self.basis.rows.clone(), order)
+        independent_of(&self.basis.rows, order)
     }
 
     /// The largest product of a row and a direction in the space of the parameters, relative to the
@@ -141,8 +141,8 @@ impl Samples {
         let (mut largest, mut worst) = (Float320::ZERO, Float320::ZERO);
         for row in &self.rows {
             let mut sum = Float320::ZERO;
-            for (x, d) in row.iter().zip(&direction) {
-                let term = *x * *d;
+            for (c, x) in row.entries() {
+                let term = *x * direction[c];
                 sum = sum + term;
                 largest = largest.max(term.abs());
             }
@@ -161,10 +161,9 @@ impl Samples {
             .filter(|&c| !direction[c].is_zero())
             .collect();
         let sums = self.rows.iter().map(|row| {
-            let terms = support.iter().filter(|&&c| !row[c].is_zero());
-            terms
-                .fold(Float320::ZERO, |sum, &c| sum + row[c] * direction[c])
-                .abs()
+            let terms = support.iter();
+            let terms = terms.filter_map(|&c| Some(*row.entry(c)? * direction[c]));
+            terms.fold(Float320::ZERO, |sum, term| sum + term).abs()
         });
         let worst = sums.fold(Float320::ZERO, Float320::max);
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
@@ -180,11 +179,6 @@ impl Samples {
     /// of them and entries in the given order; `None` if there is none or more than one.
     pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Float320>> {
         let (first, others) = columns.split_first()?;
-        let pick = |columns: &[usize]| -> Vec<Vec<Float320>> {
-            let rows = self.basis.rows.iter();
-            rows.map(|row| columns.iter().map(|&c| row[c]).collect())
-                .collect()
-        };
         let order: Vec<usize> = others.iter().chain([first]).copied().collect();
         if self.independent(&order) != others {
             return None;
@@ -192,7 +186,9 @@ impl Samples {
         if others.is_empty() {
             return Some(vec![Float320::ONE]);
         }
-        let solution = solve(pick(others), pick(&[*first]))?;
+        let rows = self.basis.rows.iter();
+        let rows = rows.map(|row| row.of_columns(&order)).collect();
+        let solution = solve_rows(rows, others.len(), 1)?;
         let found = solution.iter().zip(others).map(|(row, &c)| {
             let unit = self.units[c] - self.units[*first];
             -row[0].scaled(unit)
@@ -205,12 +201,25 @@ impl Samples {
     ///
     /// The coefficients of a kept column are a unit vector.
     pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Float320>>> {
+        let all: Vec<usize> = (0..self.certificate.columns).collect();
+        self.combinations_of(kept, &all)
+    }
+
+    /// As [`combinations`](Self::combinations), of these columns only.
+    pub(in crate::base) fn combinations_of(
+        &self,
+        kept: &[usize],
+        columns: &[usize],
+    ) -> Option<Vec<Vec<Float320>>> {
         if kept.len() != self.basis.rows.len() {
             return None;
         }
-        let rows = self.basis.rows.iter();
-        let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
-        let by_kept = solve(matrix.collect(), self.basis.rows.clone())?;
+        let rows = self.basis.rows.iter().map(|row| {
+            let mut extended = row.of_columns(kept);
+            extended.append(kept.len(), &row.of_columns(columns));
+            extended
+        });
+        let by_kept = solve_rows(rows.collect(), kept.len(), columns.len())?;
         let unit = |k: usize, at: usize| {
             if k == at {
                 Float320::ONE
@@ -219,14 +228,16 @@ impl Samples {
             }
         };
         let true_size = |x: Float320, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
-        let column = |c: usize| -> Vec<Float320> {
+        let column = |(side, &c): (usize, &usize)| -> Vec<Float320> {
             if let Some(at) = kept.iter().position(|&k| k == c) {
                 return (0..kept.len()).map(|k| unit(k, at)).collect();
             }
             let factors = by_kept.iter().zip(kept);
-            factors.map(|(row, &k)| true_size(row[c], k, c)).collect()
+            factors
+                .map(|(row, &k)| true_size(row[side], k, c))
+                .collect()
         };
-        Some((0..self.certificate.columns).map(column).collect())
+        Some(columns.iter().enumerate().map(column).collect())
     }
 }
 
@@ -239,7 +250,7 @@ mod tests {
         let rows = diagonal.iter().enumerate().map(|(i, x)| {
             let mut row = vec![Float320::ZERO; n];
             row[i] = Float320::from_f64(*x);
-            row
+            Row::of(row)
         });
         Samples::new(rows.collect(), vec![0; n], 1).certificate()
     }

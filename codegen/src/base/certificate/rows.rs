@@ -16,6 +16,7 @@ use crate::sym::{Ex, Graph, V3};
 
 use super::evaluate::Evaluator;
 use super::float320::Float320;
+use super::sparse::Row;
 use super::states::{Random, State};
 use super::units::Units;
 
@@ -220,7 +221,7 @@ pub(super) struct Rows<'a> {
     units: Units,
     /// For each parameter, the exponent of the power of two by which its column is scaled.
     columns: Vec<i32>,
-    collected: Vec<Vec<Float320>>,
+    collected: Vec<Row>,
 }
 
 impl<'a> Rows<'a> {
@@ -267,7 +268,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The rows collected since the last call.
-    pub(super) fn take(&mut self) -> Vec<Vec<Float320>> {
+    pub(super) fn take(&mut self) -> Vec<Row> {
         core::mem::take(&mut self.collected)
     }
 
@@ -436,8 +437,8 @@ impl<'a> Rows<'a> {
             kind => entry(index, kind),
         });
         let row = row.zip(&self.columns);
-        let row: Vec<Float320> = row.map(|(x, column)| x.scaled(unit + column)).collect();
-        if row.iter().any(|x| !x.is_zero()) {
+        let row = Row::of(row.map(|(x, column)| x.scaled(unit + column)));
+        if row.len() > 0 {
             self.collected.push(row);
         }
     }

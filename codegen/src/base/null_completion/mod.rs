@@ -22,6 +22,7 @@ mod shapes;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -119,7 +120,7 @@ impl<'a> NullCompletion<'a> {
             .into_iter()
             .filter(|c| !independent.contains(c))
             .collect();
-        let Some(combinations) = self.samples.combinations(&independent) else {
+        let Some(combinations) = self.samples.combinations_of(&independent, &dependent) else {
             return completed;
         };
         let Ok(fresh_samples) = certify(model, self.home, self.seed + 1) else {
@@ -129,10 +130,10 @@ impl<'a> NullCompletion<'a> {
         completed
             .unvaried_names
             .clone_from(&scaled_samples.unvaried_names);
-        for column in dependent {
+        for (column, factors) in dependent.into_iter().zip(combinations) {
             let mut entries = vec![Float320::ZERO; certificate.columns];
             entries[column] = Float320::ONE;
-            for (k, coefficient) in independent.iter().zip(&combinations[column]) {
+            for (k, coefficient) in independent.iter().zip(&factors) {
                 entries[*k] = -*coefficient;
             }
             let equivalent_supports = shapes::equivalent_supports(model, null, &entries);
@@ -296,7 +297,7 @@ struct ScaledSamples {
     one_scaled: Vec<Option<Samples>>,
     /// Sets of scales, one for each group (1 for groups that cannot be scaled alone), and the
     /// samples with all groups scaled by them.
-    all_scaled: Vec<(Vec<Number>, Samples)>,
+    all_scaled: Vec<(Vec<Number>, Rc<Samples>)>,
     /// Notes on the names that were not varied, or only in proportion, each with the reason.
     unvaried_names: Vec<String>,
     /// Factors that were recognised, or not, by the leading digits of all their samples: many
@@ -344,7 +345,7 @@ impl ScaledSamples {
                 names.join(", ")
             ));
         }
-        let mut all_scaled = Vec::new();
+        let mut all_scaled: Vec<(Vec<Number>, Rc<Samples>)> = Vec::new();
         for step in SCALE_SHIFT_STEPS {
             let scales: Vec<Number> = (1..)
                 .zip(&one_scaled)
@@ -359,7 +360,10 @@ impl ScaledSamples {
                 })
                 .collect();
             let all: Vec<(&Group, Number)> = groups.iter().zip(scales.iter().cloned()).collect();
-            if let Some(samples) = sample_with_same_rank(&all) {
+            // without groups to scale, all sets of scales are equal
+            let equal = all_scaled.iter().find(|(others, _)| *others == scales);
+            let known = equal.map(|(_, samples)| Rc::clone(samples));
+            if let Some(samples) = known.or_else(|| sample_with_same_rank(&all).map(Rc::new)) {
                 all_scaled.push((scales, samples));
             }
         }

@@ -51,24 +51,26 @@ pub(super) fn equivalent_supports(
             order
         })
     });
+    let rows = null.iter().map(|row| {
+        let mut values = vec![Float320::ZERO; direction.len()];
+        for (column, element) in row {
+            values[*column] = Float320::from_number(element.value());
+        }
+        values
+    });
+    let rows: Vec<Vec<Float320>> = rows.collect();
     sorted
-        .map(|order| support(&with_zeros(null, direction, &order)))
+        .map(|order| support(&with_zeros(rows.clone(), direction, &order)))
         .collect()
 }
 
-/// The direction plus multiples of the null directions, with zeros at as many of the first columns
-/// of `order` as possible.
-fn with_zeros(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
-    let mut rows: Vec<Vec<Float320>> = null
-        .iter()
-        .map(|row| {
-            let mut values = vec![Float320::ZERO; direction.len()];
-            for (column, element) in row {
-                values[*column] = Float320::from_number(element.value());
-            }
-            values
-        })
-        .collect();
+/// The direction plus multiples of the null directions `rows`, with zeros at as many of the first
+/// columns of `order` as possible.
+fn with_zeros(
+    mut rows: Vec<Vec<Float320>>,
+    direction: &[Float320],
+    order: &[usize],
+) -> Vec<Float320> {
     let mut direction = direction.to_vec();
     for &c in order {
         let largest = (0..rows.len()).max_by(|&i, &j| rows[i][c].cmp_abs(&rows[j][c]));
@@ -77,6 +79,9 @@ fn with_zeros(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<F
         };
         let pivot = rows.swap_remove(pivot);
         for row in rows.iter_mut().chain([&mut direction]) {
+            if row[c].is_zero() {
+                continue;
+            }
             let Some(factor) = row[c].checked_div(pivot[c]).filter(|f| !f.is_zero()) else {
                 continue;
             };

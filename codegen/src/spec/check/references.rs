@@ -24,13 +24,7 @@ impl Checker<'_> {
 
     fn cut(&mut self, cut: &RawCut) {
         let [a, b] = [&cut.between[0].body.0, &cut.between[1].body.0];
-        let mut known = true;
-        for body in [a, b] {
-            if body.text != "world" && !self.bodies.contains(&body.text) {
-                known = false;
-                self.sink.push(unknown_body(body, &self.inventory.bodies));
-            }
-        }
+        let known = self.known_bodies([a, b]);
         if known && a.text == b.text {
             let what = if a.text == "world" {
                 "the world".into()
@@ -54,6 +48,18 @@ impl Checker<'_> {
                     .hint("only spherical and universal cuts do"),
             );
         }
+    }
+
+    /// Whether bodies exist, or are the world; reports an error for each that does not.
+    pub(super) fn known_bodies(&mut self, bodies: [&Word; 2]) -> bool {
+        let mut known = true;
+        for body in bodies {
+            if body.text != "world" && !self.bodies.contains(&body.text) {
+                known = false;
+                self.sink.push(unknown_body(body, &self.inventory.bodies));
+            }
+        }
+        known
     }
 
     /// Whether a coordinate exists; reports an error if not.

@@ -4,7 +4,7 @@ use super::super::expression::{POSITION, RATE};
 use super::super::raw::{RawJoint, RawSpring};
 use super::super::shape::Scalar;
 use super::super::suggest::{did_you_mean, one_of};
-use super::{Checker, duplicates, unknown_body};
+use super::{Checker, duplicates};
 use crate::diag::Diagnostic;
 
 impl Checker<'_> {
@@ -19,13 +19,7 @@ impl Checker<'_> {
 
     fn spring(&mut self, spring: &RawSpring) {
         let [a, b] = [&spring.between[0].body.0, &spring.between[1].body.0];
-        let mut known = true;
-        for body in [a, b] {
-            if body.text != "world" && !self.bodies.contains(&body.text) {
-                known = false;
-                self.sink.push(unknown_body(body, &self.inventory.bodies));
-            }
-        }
+        let known = self.known_bodies([a, b]);
         if known && a.text == b.text {
             let name = &spring.name.0.text;
             let message = format!("both ends of spring '{name}' are on '{}'", a.text);

@@ -33,9 +33,6 @@ pub use scaled_problem::{ScaledEvaluation, ScaledProblem};
 use regen_identify::signals::SignalError;
 use regen_runtime::{ClosureError, Info, Limits, SizeError};
 
-// links the BLAS and LAPACK symbols that clarabel calls
-extern crate regen_lapack as _;
-
 /// The number of directions in which the search differentiates at once: position, velocity and
 /// acceleration of three coordinates.
 pub const DIRECTIONS: usize = 9;
@@ -133,8 +130,6 @@ pub enum ExciteError {
     Setting(&'static str),
     /// The robot has no base parameters.
     NoBase,
-    /// The solver of quadratic programmes rejected its input, with the reason.
-    Solver(String),
 }
 
 impl fmt::Display for ExciteError {
@@ -153,7 +148,6 @@ impl fmt::Display for ExciteError {
             ),
             Self::Setting(what) => f.write_str(what),
             Self::NoBase => f.write_str("the robot has no base parameters to excite"),
-            Self::Solver(why) => write!(f, "the quadratic programme was refused: {why}"),
         }
     }
 }
@@ -163,11 +157,7 @@ impl core::error::Error for ExciteError {
         match self {
             Self::Closure(error) => Some(error),
             Self::Signal(error) => Some(error),
-            Self::Range { .. }
-            | Self::Unbounded { .. }
-            | Self::Setting(_)
-            | Self::NoBase
-            | Self::Solver(_) => None,
+            Self::Range { .. } | Self::Unbounded { .. } | Self::Setting(_) | Self::NoBase => None,
         }
     }
 }

@@ -1,11 +1,11 @@
-//! The quadratic programme of one step, solved by the interior-point solver clarabel.
+//! The quadratic programme of one step: a primal-dual interior-point method on dense matrices.
+//!
+//! Mehrotra's predictor and corrector (On the implementation of a primal-dual interior point method,
+//! 1992) with the structure of the programme: the matrix of the Newton steps has the size of the
+//! step, whatever the number of limits. A sparse solver takes several times as long, as nothing in
+//! these matrices is zero.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as Cone,
-};
-
-use super::ExciteError;
+use super::space::dot;
 
 /// Minimises `g.d + d^T B d / 2 + penalty t` over the step d and the elastic variable t, subject to
 /// `values_k + rows_k . d <= t` for all limits k, `t >= 0` and `|d_i| <= trust_radius`. At the
@@ -13,7 +13,7 @@ use super::ExciteError;
 pub(super) struct Quadratic<'a> {
     /// The gradient g of the objective, n entries.
     pub(super) gradient: &'a [f64],
-    /// The matrix B, symmetric, n x n.
+    /// The matrix B, symmetric, positive definite, n x n.
     pub(super) hessian: &'a [f64],
     /// The gradient of each limit's value, n entries each.
     pub(super) rows: &'a [Vec<f64>],
@@ -25,6 +25,7 @@ pub(super) struct Quadratic<'a> {
 }
 
 /// The solution of a [`Quadratic`].
+#[derive(Debug)]
 pub(super) struct Step {
     /// The change of the n variables.
     pub(super) d: Vec<f64>,
@@ -32,72 +33,340 @@ pub(super) struct Step {
     pub(super) multipliers: Vec<f64>,
 }
 
-impl Quadratic<'_> {
-    /// Solves the programme; `None` where the solver does not converge.
-    pub(super) fn solve(&self) -> Result<Option<Step>, ExciteError> {
-        let n = self.gradient.len();
-        let m = self.rows.len() + 1 + 2 * n;
-        // clarabel minimises x^T P x / 2 + q^T x with x = (d, t). The upper triangle of P in
-        // compressed columns: that of B, then an empty column, as the cost of t is linear.
-        let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
-        for j in 0..n {
-            for i in 0..=j {
-                indices.push(i);
-                entries.push(self.hessian[j * n + i]);
-            }
-            pointers.push(indices.len());
-        }
-        pointers.push(indices.len());
-        let p = CscMatrix::new(n + 1, n + 1, pointers, indices, entries);
-        let mut q = self.gradient.to_vec();
-        q.push(self.penalty);
-        // A x + s = b with slacks s >= 0. The rows are the limits, t >= 0, then the upper and the
-        // lower bounds of d.
-        let box_row = self.rows.len() + 1;
-        let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
-        for j in 0..n {
-            for (k, row) in self.rows.iter().enumerate() {
-                indices.push(k);
-                entries.push(row[j]);
-            }
-            indices.extend([box_row + j, box_row + n + j]);
-            entries.extend([1.0, -1.0]);
-            pointers.push(indices.len());
-        }
-        for k in 0..=self.rows.len() {
-            indices.push(k);
-            entries.push(-1.0);
-        }
-        pointers.push(indices.len());
-        let a = CscMatrix::new(m, n + 1, pointers, indices, entries);
-        let mut b: Vec<f64> = self.values.iter().map(|v| -v).collect();
-        b.push(0.0);
-        b.extend(std::iter::repeat_n(self.trust_radius, 2 * n));
-        let settings = DefaultSettings {
-            verbose: false,
-            max_iter: 100,
-            // one thread and no time limit, so that the result is reproducible
-            max_threads: 1,
-            time_limit: f64::INFINITY,
-            presolve_enable: false,
-            chordal_decomposition_enable: false,
-            ..DefaultSettings::default()
+/// Largest number of iterations; usually about fifteen suffice.
+const MAX_ITERATIONS: usize = 80;
+/// The mean product of slack and multiplier, and the gradient of the Lagrangian, relative to their
+/// sizes, below which the programme is solved.
+const TOLERANCE: f64 = 1e-9;
+/// The same where the iterations end otherwise: the search takes such a step too, for what it
+/// decreases is computed afterwards.
+const ALMOST: f64 = 1e-5;
+/// The part of the way to the nearest bound that a step takes.
+const TO_BOUND: f64 = 0.995;
+
+/// A step below this part changes nothing any more.
+const SHORTEST: f64 = 1e-12;
+
+/// One number for each constraint.
+#[derive(Clone)]
+struct Rows {
+    limits: Vec<f64>,
+    /// The number of the constraint `t >= 0`.
+    elastic: f64,
+    upper: Vec<f64>,
+    lower: Vec<f64>,
+}
+
+impl Rows {
+    fn all(&self) -> impl Iterator<Item = &f64> {
+        let elastic = std::iter::once(&self.elastic);
+        let bounds = self.upper.iter().chain(&self.lower);
+        self.limits.iter().chain(elastic).chain(bounds)
+    }
+
+    /// Combines two of them entry by entry.
+    fn with(&self, other: &Self, function: impl Fn(f64, f64) -> f64) -> Self {
+        let each = |a: &[f64], b: &[f64]| -> Vec<f64> {
+            a.iter().zip(b).map(|(a, b)| function(*a, *b)).collect()
         };
-        let cones = [Cone::NonnegativeConeT(m)];
-        let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings)
-            .map_err(|error| ExciteError::Solver(format!("{error}")))?;
-        solver.solve();
-        let solution = solver.solution;
-        let usable = matches!(
-            solution.status,
-            SolverStatus::Solved | SolverStatus::AlmostSolved
-        );
-        if !usable || solution.x.iter().any(|x| !x.is_finite()) {
-            return Ok(None);
+        Self {
+            limits: each(&self.limits, &other.limits),
+            elastic: function(self.elastic, other.elastic),
+            upper: each(&self.upper, &other.upper),
+            lower: each(&self.lower, &other.lower),
         }
-        Ok(Some(Step {
-            d: solution.x[..n].to_vec(),
-            multipliers: solution.z[..self.rows.len()].to_vec(),
-        }))
+    }
+
+    fn dot(&self, other: &Self) -> f64 {
+        self.all().zip(other.all()).map(|(a, b)| a * b).sum()
+    }
+
+    fn count(&self) -> usize {
+        self.limits.len() + 1 + self.upper.len() + self.lower.len()
+    }
+
+    /// The largest part of `step` that keeps all entries positive, at most 1.
+    fn reach(&self, step: &Self) -> f64 {
+        let pairs = self.all().zip(step.all()).filter(|(_, step)| **step < 0.0);
+        pairs.fold(1.0, |m: f64, (x, step)| m.min(-x / step))
+    }
+
+    /// Adds a part of a step.
+    fn advance(&mut self, step: &Self, part: f64) {
+        *self = self.with(step, |x, step| x + part * step);
+    }
+}
+
+/// The variables: the step d and the elastic variable t.
+#[derive(Clone)]
+struct Variables {
+    d: Vec<f64>,
+    t: f64,
+}
+
+impl Quadratic<'_> {
+    /// Solves the programme; `None` where the iterations do not converge.
+    pub(super) fn solve(&self) -> Option<Step> {
+        let n = self.gradient.len();
+        let largest_value = self.values.iter().fold(0.0, |m: f64, v| m.max(*v));
+        let mut x = Variables {
+            d: vec![0.0; n],
+            t: largest_value + 1.0,
+        };
+        // the slacks of a point inside all constraints, so that only the multipliers are to be found
+        let mut s = Rows {
+            limits: self.values.iter().map(|v| x.t - v).collect(),
+            elastic: x.t,
+            upper: vec![self.trust_radius; n],
+            lower: vec![self.trust_radius; n],
+        };
+        let mean = self.penalty.max(1.0) * x.t / s.count() as f64;
+        let mut z = s.with(&s, |s, _| mean / s);
+        let size = self
+            .gradient
+            .iter()
+            .fold(self.penalty, |m, g| m.max(g.abs()));
+        if !size.is_finite() {
+            return None;
+        }
+        let mut accuracy = f64::INFINITY;
+        for _ in 0..MAX_ITERATIONS {
+            let residual = self.lagrangian_gradient(&x, &z);
+            let off = residual
+                .d
+                .iter()
+                .fold(residual.t.abs(), |m, r| m.max(r.abs()));
+            let gap = s.dot(&z) / s.count() as f64;
+            accuracy = (off / (1.0 + size)).max(gap / (1.0 + self.objective(&x).abs()));
+            if accuracy <= TOLERANCE {
+                break;
+            }
+            let weights = z.with(&s, |z, s| z / s);
+            let Some(factor) = self.factor(&weights) else {
+                break;
+            };
+            // predictor: towards the solution itself
+            let products = s.with(&z, |s, z| s * z);
+            let (_, ds, dz) = self.direction(&factor, &weights, &residual, &products, &s);
+            let part = s.reach(&ds).min(z.reach(&dz));
+            let reached = s.with(&ds, |s, d| s + part * d);
+            let reached = reached.dot(&z.with(&dz, |z, d| z + part * d)) / s.count() as f64;
+            let centring = (reached / gap).powi(3) * gap;
+            // corrector: towards the central path, with the products of the predictor
+            let second = ds.with(&dz, |s, z| s * z);
+            let products = products.with(&second, |a, b| a + b - centring);
+            let (dx, ds, dz) = self.direction(&factor, &weights, &residual, &products, &s);
+            let part = (TO_BOUND * s.reach(&ds).min(z.reach(&dz))).min(1.0);
+            if part.is_nan() || part <= SHORTEST {
+                break;
+            }
+            for (x, step) in x.d.iter_mut().zip(&dx.d) {
+                *x += part * step;
+            }
+            x.t += part * dx.t;
+            s.advance(&ds, part);
+            z.advance(&dz, part);
+        }
+        let finite = x.d.iter().all(|x| x.is_finite());
+        (accuracy <= ALMOST && finite).then_some(Step {
+            d: x.d,
+            multipliers: z.limits,
+        })
+    }
+
+    fn objective(&self, x: &Variables) -> f64 {
+        let n = x.d.len();
+        let product = self.hessian.chunks_exact(n.max(1)).zip(&x.d);
+        let curvature: f64 = product.map(|(row, d)| d * dot(row, &x.d)).sum();
+        dot(self.gradient, &x.d) + 0.5 * curvature + self.penalty * x.t
+    }
+
+    /// The gradient of the Lagrangian by d and t.
+    fn lagrangian_gradient(&self, x: &Variables, z: &Rows) -> Variables {
+        let mut out = self.transposed(z);
+        for ((out, row), g) in out
+            .d
+            .iter_mut()
+            .zip(self.hessian.chunks_exact(x.d.len().max(1)))
+            .zip(self.gradient)
+        {
+            *out += dot(row, &x.d) + g;
+        }
+        out.t += self.penalty;
+        out
+    }
+
+    /// The constraints' matrix, transposed, times a number for each of them.
+    fn transposed(&self, y: &Rows) -> Variables {
+        let mut d: Vec<f64> = y.upper.iter().zip(&y.lower).map(|(u, l)| u - l).collect();
+        for (row, y) in self.rows.iter().zip(&y.limits) {
+            for (sum, x) in d.iter_mut().zip(row) {
+                *sum += y * x;
+            }
+        }
+        let t = -y.limits.iter().sum::<f64>() - y.elastic;
+        Variables { d, t }
+    }
+
+    /// The Cholesky factor of the matrix of the Newton steps, (n + 1) x (n + 1), row-major, its last
+    /// row that of t; `None` where it is not positive definite.
+    fn factor(&self, weights: &Rows) -> Option<Vec<f64>> {
+        let n = self.gradient.len();
+        let size = n + 1;
+        let mut m = vec![0.0; size * size];
+        for (own, row) in m
+            .chunks_exact_mut(size)
+            .zip(self.hessian.chunks_exact(n.max(1)))
+        {
+            own[..n].copy_from_slice(row);
+        }
+        for (i, (upper, lower)) in weights.upper.iter().zip(&weights.lower).enumerate() {
+            m[i * size + i] += upper + lower;
+        }
+        let (block, last) = m.split_at_mut(n * size);
+        for (row, weight) in self.rows.iter().zip(&weights.limits) {
+            for (i, own) in block.chunks_exact_mut(size).enumerate() {
+                let factor = weight * row[i];
+                for (sum, x) in own[..=i].iter_mut().zip(row) {
+                    *sum += factor * x;
+                }
+                last[i] -= factor;
+            }
+            last[n] += weight;
+        }
+        last[n] += weights.elastic;
+        for j in 0..size {
+            for k in 0..j {
+                let factor = m[j * size + k];
+                m[j * size + j] -= factor * factor;
+            }
+            let pivot = m[j * size + j];
+            if pivot.is_nan() || pivot <= 0.0 {
+                return None;
+            }
+            let root = pivot.sqrt();
+            m[j * size + j] = root;
+            let (done, open) = m.split_at_mut((j + 1) * size);
+            let top = &done[j * size..j * size + j];
+            for row in open.chunks_exact_mut(size) {
+                row[j] = (row[j] - dot(&row[..j], top)) / root;
+            }
+        }
+        Some(m)
+    }
+
+    /// The Newton step of variables, slacks and multipliers for which the products of slack and
+    /// multiplier change by minus `products` to first order.
+    fn direction(
+        &self,
+        factor: &[f64],
+        weights: &Rows,
+        residual: &Variables,
+        products: &Rows,
+        s: &Rows,
+    ) -> (Variables, Rows, Rows) {
+        let n = self.gradient.len();
+        let size = n + 1;
+        let quotients = products.with(s, |p, s| p / s);
+        let by_constraints = self.transposed(&quotients);
+        let mut side: Vec<f64> = by_constraints
+            .d
+            .iter()
+            .zip(&residual.d)
+            .map(|(a, r)| a - r)
+            .collect();
+        side.push(by_constraints.t - residual.t);
+        for i in 0..size {
+            let row = &factor[i * size..i * size + size];
+            side[i] = (side[i] - dot(&row[..i], &side[..i])) / row[i];
+        }
+        for i in (0..size).rev() {
+            side[i] /= factor[i * size + i];
+            let value = side[i];
+            for (x, l) in side[..i].iter_mut().zip(&factor[i * size..]) {
+                *x -= l * value;
+            }
+        }
+        let t = side.pop().unwrap_or(0.0);
+        let dx = Variables { d: side, t };
+        // the slacks change by minus the constraints' matrix times the step
+        let ds = Rows {
+            limits: self.rows.iter().map(|row| t - dot(row, &dx.d)).collect(),
+            elastic: t,
+            upper: dx.d.iter().map(|d| -d).collect(),
+            lower: dx.d.clone(),
+        };
+        let dz = ds.with(weights, |ds, w| -w * ds);
+        let dz = dz.with(&quotients, |a, q| a - q);
+        (dx, ds, dz)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers between -1 and 1.
+    fn random(seed: &mut u64) -> f64 {
+        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (*seed >> 33) as f64 / 2_f64.powi(30) - 1.0
+    }
+
+    /// The conditions of Karush, Kuhn and Tucker hold at the solutions of random programmes.
+    #[test]
+    fn solutions_are_optimal() {
+        let mut seed = 3;
+        for case in 0..60 {
+            let (n, k) = (1 + case % 7, case % 23);
+            let root: Vec<f64> = (0..n * n).map(|_| random(&mut seed)).collect();
+            let mut hessian = vec![0.0; n * n];
+            for i in 0..n {
+                for j in 0..n {
+                    hessian[i * n + j] = (0..n).map(|l| root[i * n + l] * root[j * n + l]).sum();
+                }
+                hessian[i * n + i] += 1e-3;
+            }
+            let gradient: Vec<f64> = (0..n).map(|_| 10.0 * random(&mut seed)).collect();
+            let rows: Vec<Vec<f64>> = (0..k)
+                .map(|_| (0..n).map(|_| 3.0 * random(&mut seed)).collect())
+                .collect();
+            let values: Vec<f64> = (0..k).map(|_| random(&mut seed) - 0.3).collect();
+            let problem = Quadratic {
+                gradient: &gradient,
+                hessian: &hessian,
+                rows: &rows,
+                values: &values,
+                trust_radius: 0.3,
+                penalty: 50.0,
+            };
+            let step = problem.solve().unwrap();
+            let excess = |k: usize| values[k] + dot(&rows[k], &step.d);
+            let t = (0..k).map(excess).fold(0.0, f64::max);
+            let sum: f64 = step.multipliers.iter().sum();
+            // the elastic variable costs what its limits' multipliers sum up to, or is zero
+            assert!(
+                sum <= 50.0 + 1e-5 && (t < 1e-6 || (sum - 50.0).abs() < 1e-4),
+                "{case}: {sum} {t}"
+            );
+            for (at, z) in step.multipliers.iter().enumerate() {
+                assert!(
+                    *z >= 0.0 && z * (t - excess(at)).abs() < 1e-5,
+                    "{case}: {z}"
+                );
+            }
+            for i in 0..n {
+                let along: f64 = (0..k).map(|k| step.multipliers[k] * rows[k][i]).sum();
+                let slope = gradient[i] + dot(&hessian[i * n..(i + 1) * n], &step.d) + along;
+                let d = step.d[i];
+                assert!(d.abs() <= 0.3 + 1e-9);
+                // where the step is within its box, the gradient of the Lagrangian vanishes
+                let inside = d.abs() < 0.3 - 1e-5;
+                assert!(!inside || slope.abs() < 1e-4, "{case}: {slope} at {d}");
+                assert!(
+                    slope.abs() < 1e-4 || slope * d < 0.0,
+                    "{case}: {slope} at {d}"
+                );
+            }
+        }
     }
 }

@@ -304,7 +304,7 @@ where
                 trust_radius: self.trust_radius,
                 penalty: self.penalty,
             };
-            let Some(step) = quadratic.solve()? else {
+            let Some(step) = quadratic.solve() else {
                 break;
             };
             let changes = self.problem.changes(current, &step.d);

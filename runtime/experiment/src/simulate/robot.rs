@@ -115,6 +115,15 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         self.settings.drives.get(k).copied().unwrap_or_default()
     }
 
+    /// Why a run ends where the closure has no result: a robot without loops ran away.
+    fn stopped(&self, outcome: Outcome) -> Termination {
+        if self.q.len() == self.dof {
+            Termination::Diverged
+        } else {
+            Termination::Open(outcome)
+        }
+    }
+
     /// Computes the derivative of the state `y` into `dy`, and all coordinates, velocities,
     /// accelerations and efforts into their buffers.
     pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
@@ -126,7 +135,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
         let closed = self.closure.track(q_i)?;
         if !closed.outcome.is_closed() {
-            return Ok(Err(Termination::Open(closed.outcome)));
+            return Ok(Err(self.stopped(closed.outcome)));
         }
         self.residual = closed.residual;
         self.q.copy_from_slice(&closed.q);
@@ -174,7 +183,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             }
             ForwardOutcome::Solved(condition) if condition.status() == Status::Singular => {
                 let outcome = Outcome::Singular { at: 1.0, condition };
-                return Ok(Err(Termination::Open(outcome)));
+                return Ok(Err(self.stopped(outcome)));
             }
             ForwardOutcome::Solved(_) => {}
         }

@@ -3,6 +3,7 @@
 
 use super::average::Average;
 use super::columns::Assignment;
+use super::kept_rows::{KeptRows, MAX_NUMBERS};
 use super::policy::{Checks, Keeps, Policies, Policy};
 use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
@@ -221,11 +222,14 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let info = model.info();
         let policies = settings.policies();
         let names: Vec<String> = info.coordinates.iter().map(|n| (*n).to_owned()).collect();
+        let mut room = MAX_NUMBERS;
         let mut files = Vec::with_capacity(runs.len());
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
-            let file = LogFile::open(&run.clone().into(), &info, settings)?;
+            let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
+            file.kept = KeptRows::with_room(room);
             let survey = file.survey(&names)?;
+            room -= file.kept.numbers().min(room);
             let mut problems = Problems::default();
             let mut rows = 0;
             let mut fit = match settings.method {

@@ -8,6 +8,7 @@ mod discretisation;
 pub(crate) mod expression;
 mod file_rows;
 mod joined;
+mod kept_rows;
 mod layout;
 mod logs;
 mod motion;

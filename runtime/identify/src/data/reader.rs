@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use super::columns::Assignment;
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
+use super::kept_rows::{KeptRows, RecordSink};
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::logs::Settings;
 use super::policy::Keeps;
@@ -114,6 +115,8 @@ pub(super) struct LogFile {
     resample: Option<f64>,
     /// Which doubtful rows are used.
     keeps: Keeps,
+    /// The rows, once they were read.
+    pub(super) kept: KeptRows,
 }
 
 impl LogFile {
@@ -180,6 +183,7 @@ impl LogFile {
             rate: settings.rate,
             resample: settings.resample,
             keeps: settings.keeps(),
+            kept: KeptRows::with_room(0),
         })
     }
 
@@ -293,15 +297,14 @@ impl LogFile {
     }
 
     /// Passes each row, or why it cannot be used, to `each`.
-    fn records(
-        &self,
-        each: &mut dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError>,
-    ) -> Result<(), DataError> {
-        let mut rows = JoinedRows::open(self)?;
-        while let Some(row) = rows.next_row()? {
-            each(row)?;
-        }
-        Ok(())
+    fn records(&self, each: &mut RecordSink<'_>) -> Result<(), DataError> {
+        self.kept.visit(each, |each| {
+            let mut rows = JoinedRows::open(self)?;
+            while let Some(row) = rows.next_row()? {
+                each(row)?;
+            }
+            Ok(())
+        })
     }
 
     /// Passes the good rows to `each`, on the even grid if there is one, each with whether it
@@ -525,27 +528,34 @@ impl RowChecker<'_> {
     /// Checks the positions of the row in the middle of the last [`OUTLIER_ROWS`] for outliers.
     fn check_outliers(&mut self) {
         let start = self.queue.len() - OUTLIER_ROWS;
+        let first = self.layout.positions().start;
         for entry in self.layout.positions() {
-            let values: Vec<f64> = self
-                .queue
-                .iter()
-                .skip(start)
-                .map(|pending| pending.row.values[entry])
-                .collect();
+            let mut values = [0.0; OUTLIER_ROWS];
+            for (value, pending) in values.iter_mut().zip(self.queue.iter().skip(start)) {
+                *value = pending.row.values[entry];
+            }
             let middle = values[OUTLIER_NEIGHBOURS];
             // relative to the median change between these rows, so that fast motion is no outlier
-            let changes: Vec<f64> = values
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]).abs())
-                .collect();
-            let usual = median(&changes);
-            let around = median(&values);
-            let first = self.layout.positions().start;
-            let log_changes = self.survey.position_changes.get(entry - first);
+            let mut changes = [0.0; OUTLIER_ROWS - 1];
+            for (change, pair) in changes.iter_mut().zip(values.windows(2)) {
+                *change = (pair[1] - pair[0]).abs();
+            }
             // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
             // are allowed too
+            let log_changes = self.survey.position_changes.get(entry - first);
             let allowed =
                 log_changes.map_or(0.0, |c| (OUTLIER_ENCODER_STEPS * c.encoder).max(c.regular));
+            // no value is farther from the median than from all others, and no median is below
+            // the smallest change: nearly all rows are judged so, without sorting
+            let least = changes.iter().copied().fold(f64::INFINITY, f64::min);
+            let farthest = values
+                .iter()
+                .fold(0.0, |m: f64, x| m.max((x - middle).abs()));
+            if farthest <= allowed.max(OUTLIER_CHANGES * least) {
+                continue;
+            }
+            let usual = median(&changes);
+            let around = median(&values);
             let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
             // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {

@@ -8,12 +8,15 @@ use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use crate::estimate::EstimateError;
-use crate::identify::{Completed, Completion, StateSample};
+use crate::identify::{Completeness, Completion, StateSample};
 use crate::signals::{Method, SignalError, Smoothing};
-use regen_runtime::{Model, Outcome};
+use regen_batch::eval_many;
+use regen_runtime::{Arguments, Condition, Function, Model, Outcome, Status};
 
 /// Rows that are differentiated at a time, without those that filters need on both sides.
 const WINDOW_ROWS: usize = 8192;
+/// Rows whose states are computed at a time.
+const STATES: usize = 512;
 /// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
 const RISE_TIME_PERIODS: f64 = 0.3;
 
@@ -168,11 +171,15 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             Smoothing::None => self.settings.decimation.max(1),
             _ => 1,
         };
+        let mut used = Vec::with_capacity(valid.len() / every + 1);
         for k in valid {
-            self.count += 1;
-            if (self.count - 1).is_multiple_of(every) {
-                self.emit(k, &motion, &efforts, &still)?;
+            if self.count.is_multiple_of(every) {
+                used.push(k);
             }
+            self.count += 1;
+        }
+        for samples in used.chunks(STATES) {
+            self.emit(samples, &motion, &efforts, &still)?;
         }
         if end {
             self.rows.clear();
@@ -189,71 +196,101 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         Ok(())
     }
 
+    /// Computes the states of these rows and passes them on.
     fn emit(
         &mut self,
-        k: usize,
+        samples: &[usize],
         motion: &[[Vec<f64>; 3]],
         efforts: &[Vec<f64>],
         still: &[Vec<bool>],
     ) -> Result<(), DataError> {
-        let pick = |d: usize| -> Vec<f64> { motion.iter().map(|m| m[d][k]).collect() };
-        let completed = self.completion.complete(&pick(0), &pick(1), &pick(2))?;
-        let state = match completed {
-            Completed::State(state) => state,
-            Completed::Open(outcome) => {
-                self.skip(k, &outcome);
-                return Ok(());
-            }
-            Completed::Unmeasured => {
-                return Err(DataError::ColumnLayout {
-                    file: self.log.file.name.clone(),
-                    why: "the measured coordinates do not determine the robot's state: log the \
-                          actuated ones"
-                        .to_owned(),
-                });
-            }
-        };
-        let actuated: Vec<f64> = efforts.iter().map(|e| e[k]).collect();
-        let dof = self.model.info().dof();
-        let mut tau = vec![0.0; dof];
-        let condition = self
-            .model
-            .generalized_forces(&state.q, &actuated, &mut tau)?;
-        if condition.status() == regen_runtime::Status::Singular {
-            self.skip(k, &Outcome::Singular { at: 1.0, condition });
-            return Ok(());
-        }
+        let states = self.completion.complete_many(motion, samples)?;
         let info = self.model.info();
+        let (n, dof, count) = (info.coordinates.len(), info.dof(), samples.len());
+        // entry by entry, as functions at many states have it
+        let q: Vec<f64> = (0..n)
+            .flat_map(|c| states.q.iter().skip(c).step_by(n.max(1)).copied())
+            .collect();
+        let measured = efforts.iter();
+        let measured: Vec<f64> = measured
+            .flat_map(|effort| samples.iter().map(|k| effort[*k]))
+            .collect();
+        let mut tau = vec![0.0; dof * count];
+        let mut pivots = vec![1.0; count];
+        let arguments = Arguments {
+            q: &q,
+            tau_actuated: &measured,
+            ..Arguments::EMPTY
+        };
+        let function = Function::GeneralizedForces;
+        eval_many(
+            self.model,
+            function,
+            count,
+            arguments,
+            &mut tau,
+            &mut pivots,
+        )?;
         // the weight of an effort applies to the equation of the same coordinate
-        let weight = |c: &usize| {
+        let place = |c: &usize| info.actuated.iter().position(|a| a == c);
+        let places: Vec<Option<usize>> = info.independent.iter().map(place).collect();
+        let mut own = vec![0.0; efforts.len()];
+        let mut forces = vec![0.0; dof];
+        let mut weights = vec![1.0; dof];
+        let mut rests = vec![false; n];
+        for (at, k) in samples.iter().copied().enumerate() {
+            match states.outcomes[at] {
+                Completeness::Closed => {}
+                Completeness::Open(outcome) => {
+                    self.skip(k, &outcome);
+                    continue;
+                }
+                Completeness::Unmeasured => {
+                    return Err(DataError::ColumnLayout {
+                        file: self.log.file.name.clone(),
+                        why: "the measured coordinates do not determine the robot's state: log \
+                              the actuated ones"
+                            .to_owned(),
+                    });
+                }
+            }
+            let condition = Condition { pivot: pivots[at] };
+            if condition.status() == Status::Singular {
+                self.skip(k, &Outcome::Singular { at: 1.0, condition });
+                continue;
+            }
+            for (slot, effort) in own.iter_mut().zip(efforts) {
+                *slot = effort[k];
+            }
+            for (slot, series) in forces.iter_mut().zip(tau.chunks_exact(count)) {
+                *slot = series[at];
+            }
             let given = self.weights[k].as_ref();
-            let place = info.actuated.iter().position(|a| a == c);
-            given
-                .zip(place)
-                .and_then(|(w, p)| w.get(p).copied())
-                .unwrap_or(1.0)
-        };
-        let weights: Vec<f64> = info.independent.iter().map(weight).collect();
-        // a coordinate that is not measured rests where all measured ones do
-        let all = still.iter().all(|rests| rests[k]);
-        let mut rests = vec![all; info.coordinates.len()];
-        for (c, own) in self.log.file.layout.measured.iter().zip(still) {
-            rests[*c] = own[k];
+            for (weight, place) in weights.iter_mut().zip(&places) {
+                let own = given.zip(*place).and_then(|(w, p)| w.get(p).copied());
+                *weight = own.unwrap_or(1.0);
+            }
+            // a coordinate that is not measured rests where all measured ones do
+            rests.fill(still.iter().all(|rests| rests[k]));
+            for (c, own) in self.log.file.layout.measured.iter().zip(still) {
+                rests[*c] = own[k];
+            }
+            let [q, qd, qdd] = states.state(at);
+            let row = StateSample {
+                time: self.rows[k].values[0],
+                q,
+                qd,
+                qdd,
+                tau: &forces,
+                efforts: &own,
+                at_standstill: &rests,
+                weights: &weights,
+                follows: self.follows,
+            };
+            (self.each)(&row)?;
+            self.follows = true;
+            self.states += 1;
         }
-        let row = StateSample {
-            time: self.rows[k].values[0],
-            q: &state.q,
-            qd: &state.qd,
-            qdd: &state.qdd,
-            tau: &tau,
-            efforts: &actuated,
-            at_standstill: &rests,
-            weights: &weights,
-            follows: self.follows,
-        };
-        (self.each)(&row)?;
-        self.follows = true;
-        self.states += 1;
         Ok(())
     }
 

@@ -17,7 +17,8 @@ const MAX_COSINES: usize = 32;
 /// transforms, nothing is known about the noise, and the standard deviation is infinite.
 const MIN_REMAINING_PART: f64 = 1e-3;
 /// A log that is shorter than this many independent samples gives standard deviations that are too
-/// small.
+/// small, as does one with fewer of them than parameters: at 200 filtered rows of a six-joint arm with
+/// 58 parameters, 59 % of the values were within 3 of them.
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
@@ -115,9 +116,11 @@ impl Deviations {
     }
 
     /// Whether the log is too short for the correlation time of its noise (less than 20 independent
-    /// samples): the standard deviations are then likely to be too small.
+    /// samples, or than there are parameters): the standard deviations are then likely to be too
+    /// small.
     pub fn short(&self) -> bool {
-        (self.samples as f64) < MIN_INDEPENDENT_SAMPLES * self.memory
+        let parameters = self.degrees_of_freedom.len() as f64;
+        (self.samples as f64) < parameters.max(MIN_INDEPENDENT_SAMPLES) * self.memory
     }
 
     /// A Cholesky factor L of the covariance, n x n, column-major, for drawing all parameters

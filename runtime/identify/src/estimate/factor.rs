@@ -4,7 +4,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::EstimateError;
+use super::spectrum::RANK_TOLERANCE;
 use crate::qr_update::{BLOCK, reduce, substitute};
+
+/// Singular values are computed unless the bound of the condition number is below this part of
+/// the one at which the rank is no longer full.
+const SURE_PART: f64 = 0.01;
 
 /// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
 /// `||W x - tau||^2 = ||R x - z||^2 + rss` for every x.
@@ -332,8 +337,33 @@ impl QrFactor {
     /// When there are fewer rows than parameters, or the data leave parameters undetermined:
     /// the error names them.
     pub fn solve(&self) -> Result<Vec<f64>, EstimateError> {
-        self.spectrum()?.require_full_rank(self)?;
+        if !self.has_surely_full_rank() {
+            self.spectrum()?.require_full_rank(self)?;
+        }
         substitute(&self.r, &self.z).ok_or(EstimateError::NoConvergence)
+    }
+
+    /// Whether a bound of the condition number with scaled columns, which is far quicker than
+    /// singular values, shows that the data determine all parameters: the product of the Euclidean
+    /// norms of the scaled triangle and of its inverse.
+    fn has_surely_full_rank(&self) -> bool {
+        let n = self.columns();
+        let mut squares = 0.0;
+        for (k, norm) in self.column_norms().iter().enumerate() {
+            let mut row = vec![0.0; n];
+            row[k] = *norm;
+            // row k of the scaled inverse: x R = norm e_k
+            for j in k..n {
+                let column = &self.r[j * n..(j + 1) * n];
+                let known: f64 = (k..j).map(|i| row[i] * column[i]).sum();
+                let side = if j == k { *norm } else { 0.0 };
+                row[j] = (side - known) / column[j];
+            }
+            squares += row[k..].iter().map(|x| x * x).sum::<f64>();
+        }
+        let condition = (n as f64 * squares).sqrt();
+        // false for NaN
+        self.rows >= n && condition < SURE_PART / RANK_TOLERANCE
     }
 
     /// R x.

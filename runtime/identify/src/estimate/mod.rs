@@ -8,6 +8,7 @@ mod deviations;
 mod error;
 mod factor;
 mod noise;
+mod products;
 mod residuals;
 mod scores;
 mod set;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::factor::size;
+use super::products::OuterProducts;
 use super::solution::inverse_gram;
 use super::{EstimateError, QrFactor};
 
@@ -272,9 +273,8 @@ pub struct Autocorrelated {
     recent: VecDeque<Vec<f64>>,
     /// Their sum.
     window: Vec<f64>,
-    /// The sum of the squares (outer products) of the window sums, n x n, column-major; only the
-    /// lower triangle is used.
-    squares: Vec<f64>,
+    /// The sum of the squares (outer products) of the window sums.
+    squares: OuterProducts,
 }
 
 impl Autocorrelated {
@@ -285,7 +285,7 @@ impl Autocorrelated {
             bandwidth: bandwidth.max(1),
             recent: VecDeque::new(),
             window: vec![0.0; parameters],
-            squares: vec![0.0; parameters * parameters],
+            squares: OuterProducts::new(parameters, true),
         }
     }
 
@@ -331,13 +331,8 @@ impl Autocorrelated {
     }
 
     fn add_window(&mut self) {
-        let n = self.window.len();
-        for (i, column) in self.squares.chunks_exact_mut(n.max(1)).enumerate() {
-            let factor = self.window[i];
-            for (sum, u) in column.iter_mut().zip(&self.window).skip(i) {
-                *sum += factor * u;
-            }
-        }
+        let sums = || self.window.iter().copied();
+        self.squares.push(sums(), sums());
     }
 
     /// The covariance (W^T W)^-1 S (W^T W)^-1 of the estimate from this weighted factor, corrected
@@ -353,7 +348,8 @@ impl Autocorrelated {
         let rows = factor.rows() as f64;
         let spare = factor.rows().saturating_sub(n).max(1) as f64;
         let scale = rows / spare / self.bandwidth as f64;
-        let meat = |i: usize, j: usize| self.squares[i.min(j) * n + i.max(j)];
+        let squares = self.squares.take();
+        let meat = |i: usize, j: usize| squares[i.min(j) * n + i.max(j)];
         let mut half = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..n {

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::factor::size;
+use super::products::OuterProducts;
 use super::solution::inverse_gram;
 use super::{Autoregression, EstimateError, QrFactor};
 
@@ -157,7 +158,11 @@ pub struct Scores {
     whitened: Vec<f64>,
     /// The number of samples in a full block.
     length: usize,
+    /// The block so far, but for its matrices.
     current: Block,
+    /// [`Block::slope`] and [`Block::expected`] of the block so far.
+    slope: OuterProducts,
+    expected: OuterProducts,
     blocks: Vec<Block>,
 }
 
@@ -176,6 +181,8 @@ impl Scores {
             whitened: vec![0.0; parameters],
             length: 1,
             current: Block::new(parameters),
+            slope: OuterProducts::new(parameters, false),
+            expected: OuterProducts::new(parameters, true),
             blocks: Vec::new(),
         }
     }
@@ -261,20 +268,13 @@ impl Scores {
                     *sum -= a * x;
                 }
             }
-            let block = &mut self.current;
-            for (i, gi) in g.iter().enumerate() {
-                block.score[i] += gi * eps;
-                // row i of the slope is column i of its transpose: both run along memory
-                let slope = &mut block.slope[i * n..(i + 1) * n];
-                for (sum, v) in slope.iter_mut().zip(&self.whitened) {
-                    *sum += gi * v;
-                }
-                let by = gi * noise.innovation;
-                let expected = &mut block.expected[i * n..(i + 1) * n];
-                for (sum, x) in expected.iter_mut().zip(&g).skip(i) {
-                    *sum += by * x;
-                }
+            for (sum, g) in self.current.score.iter_mut().zip(&g) {
+                *sum += g * eps;
             }
+            let values = || g.iter().copied();
+            self.slope.push(values(), self.whitened.iter().copied());
+            let scaled = g.iter().map(|g| g * noise.innovation);
+            self.expected.push(scaled, values());
             past.push_front(g);
         }
         if let Some(done) = self.waiting.pop_front() {
@@ -290,7 +290,9 @@ impl Scores {
         if self.current.samples == 0 {
             return;
         }
-        let full = core::mem::replace(&mut self.current, Block::new(self.n));
+        let mut full = core::mem::replace(&mut self.current, Block::new(self.n));
+        full.slope = self.slope.take();
+        full.expected = self.expected.take();
         self.blocks.push(full);
         if self.blocks.len() > BLOCKS {
             let last = self.blocks.pop();
@@ -303,6 +305,8 @@ impl Scores {
             self.blocks = pairs;
             self.length *= 2;
             if let Some(last) = last {
+                self.slope.set(&last.slope);
+                self.expected.set(&last.expected);
                 self.current = last;
             }
         }

@@ -132,8 +132,8 @@ impl QrFactor {
         let scaled: Vec<f64> = columns
             .flat_map(|(column, divisor)| column.iter().map(move |x| x / divisor))
             .collect();
-        let raw = SingularValues::of_square(self.r().to_vec(), n);
-        let scaled = SingularValues::of_square(scaled, n);
+        let raw = SingularValues::of_square(self.r(), n);
+        let scaled = SingularValues::of_square(&scaled, n);
         if raw
             .values
             .iter()

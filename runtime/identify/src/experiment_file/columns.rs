@@ -77,10 +77,10 @@ fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
 }
 
 /// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
-fn meant(key: &str, info: &Info<'_>) -> Option<(Kind, Vec<(String, String)>)> {
+fn meant(key: &str, info: &Info<'_>, kinds: &[Kind]) -> Option<(Kind, Vec<(String, String)>)> {
     // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
-    let ways = KINDS.into_iter().flat_map(|kind| [(kind, 0), (kind, 1)]);
-    ways.into_iter().find_map(|(kind, way)| {
+    let mut ways = kinds.iter().flat_map(|kind| [(*kind, 0), (*kind, 1)]);
+    ways.find_map(|(kind, way)| {
         let names = info.coordinates.iter().enumerate();
         let names = names.filter(|(k, _)| kind != Kind::Effort || info.actuated.contains(k));
         let found: Vec<(String, String)> = names
@@ -117,7 +117,16 @@ fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
 /// The coordinates that the keys of `columns` name.
 pub(super) fn coordinates(root: &Node) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
-    for (key, node) in root.get("columns").map(Node::entries).unwrap_or_default() {
+    let columns = root.get("columns").map(Node::entries).unwrap_or_default();
+    let runs = root.get("runs").map(Node::items).unwrap_or_default();
+    let of_runs = runs.iter().flat_map(|run| {
+        let of = |key: &str| run.get(key).map(Node::entries).unwrap_or_default();
+        let own = |(key, _): &&(Key, Node)| !["action", "signals"].contains(&key.text.as_str());
+        of("commands")
+            .iter()
+            .chain(of("controller").iter().filter(own))
+    });
+    for (key, node) in columns.iter().chain(of_runs) {
         let text = key.text.as_str();
         let long = ["qdd_", "qd_", "tau_"];
         let short = ["qdd", "qd", "tau"];
@@ -158,24 +167,69 @@ const MAX_COLUMNS: usize = 256;
 
 /// Reads `columns`, `time` and `rate` of a file.
 pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
+    let columns = root.get("columns");
+    let mut out = assigned(columns, info, "`columns`", &KINDS, sink);
+    if let (Some(rate), Some(_)) = (root.get("rate"), root.get("time")) {
+        let message = "a rate and a column of time exclude each other".to_owned();
+        sink.push(
+            rate.at,
+            "`rate`",
+            message,
+            "a rate is for logs without a column of time",
+        );
+    }
+    if let Some(node) = root.get("time") {
+        out.assignments.extend(time(node, sink));
+    }
+    out
+}
+
+/// Reads the columns of commanded positions.
+pub(super) fn commands(
+    node: Option<&Node>,
+    info: &Info<'_>,
+    path: &str,
+    sink: &mut Sink,
+) -> Vec<Assignment> {
+    // only what is actuated is commanded
+    let all = info.actuated.iter();
+    let names: Vec<&str> = all
+        .filter_map(|k| info.coordinates.get(*k).copied())
+        .collect();
+    let every: Vec<usize> = (0..names.len()).collect();
+    let driven = Info {
+        coordinates: &names,
+        actuated: &every,
+        ..*info
+    };
+    assigned(node, &driven, path, &[Kind::Position], sink).assignments
+}
+
+/// Reads a mapping from quantities to columns.
+fn assigned(
+    columns: Option<&Node>,
+    info: &Info<'_>,
+    place: &str,
+    kinds: &[Kind],
+    sink: &mut Sink,
+) -> Columns {
     let mut out = Columns::default();
     // each with whether its key was a pattern, and the key
     let mut origins: Vec<(bool, String)> = Vec::new();
-    let columns = root.get("columns");
     for (key, node) in columns.map(Node::entries).unwrap_or_default() {
-        let path = below("`columns`", &key.text);
+        let path = below(place, &key.text);
         if key.text == "t" || key.text == "time" {
             let message = "the column of time has a key of its own".to_owned();
             sink.push(
                 key.at,
-                "`columns`",
+                place,
                 message,
                 "write `time: {column: ...}` at the top level",
             );
             continue;
         }
         let before = out.assignments.len();
-        one(key, node, info, &path, sink, &mut out);
+        one(key, node, (info, kinds), [place, &path], sink, &mut out);
         let pattern = key.text.contains('*');
         let mut k = before;
         while let Some(assignment) = out.assignments.get(k) {
@@ -196,7 +250,7 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
                 Some(other) => {
                     let message =
                         format!("{quantity} has a column by '{}' already", origins[other].1);
-                    sink.push(key.at, "`columns`", message, "keep one of the two keys");
+                    sink.push(key.at, place, message, "keep one of the two keys");
                     out.assignments.remove(k);
                 }
                 None => {
@@ -205,18 +259,6 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
                 }
             }
         }
-    }
-    if let (Some(rate), Some(_)) = (root.get("rate"), root.get("time")) {
-        let message = "a rate and a column of time exclude each other".to_owned();
-        sink.push(
-            rate.at,
-            "`rate`",
-            message,
-            "a rate is for logs without a column of time",
-        );
-    }
-    if let Some(node) = root.get("time") {
-        out.assignments.extend(time(node, sink));
     }
     out
 }
@@ -249,13 +291,26 @@ fn unit(text: &str) -> Option<(&'static str, f64)> {
 }
 
 /// Adds the assignments of one key.
-fn one(key: &Key, node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink, out: &mut Columns) {
+///
+/// - `place`, `path`: of the mapping and of the key.
+fn one(
+    key: &Key,
+    node: &Node,
+    (info, kinds): (&Info<'_>, &[Kind]),
+    [place, path]: [&str; 2],
+    sink: &mut Sink,
+    out: &mut Columns,
+) {
     if key.text.matches('*').count() > 1 {
-        sink.push(key.at, "`columns`", "a pattern has one `*`".to_owned(), "");
+        sink.push(key.at, place, "a pattern has one `*`".to_owned(), "");
         return;
     }
-    let Some((kind, found)) = meant(&key.text, info) else {
-        unknown(key, info, sink);
+    let Some((kind, found)) = meant(&key.text, info, kinds) else {
+        if kinds.len() < KINDS.len() {
+            not_actuated(key, info, place, sink);
+        } else {
+            unknown(key, info, sink);
+        }
         return;
     };
     let place = node.get("column").unwrap_or(node);
@@ -406,6 +461,28 @@ fn per_coordinate(
         return None;
     }
     items.iter().map(entry).collect()
+}
+
+/// Refuses a key that means no actuated coordinate of the robot.
+pub(super) fn not_actuated(key: &Key, info: &Info<'_>, place: &str, sink: &mut Sink) {
+    let names = info.actuated.iter();
+    let names: Vec<&str> = names
+        .filter_map(|k| info.coordinates.get(*k).copied())
+        .collect();
+    let near = did_you_mean(&key.text, names.iter().copied());
+    let message = format!("'{}' is no actuated coordinate{near}", key.text);
+    let remedy = format!("actuated are {}", names.join(" "));
+    sink.push(key.at, place, message, &remedy);
+}
+
+/// The actuated coordinates that a key without a prefix means; none if it means none.
+pub(super) fn actuated(key: &str, info: &Info<'_>) -> Vec<String> {
+    let names = info.actuated.iter();
+    names
+        .filter_map(|k| info.coordinates.get(*k))
+        .filter(|name| matched(key, name).is_some())
+        .map(|name| (*name).to_owned())
+        .collect()
 }
 
 /// Refuses a key that means no quantity of the robot.

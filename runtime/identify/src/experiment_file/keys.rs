@@ -406,6 +406,126 @@ static RUN: Record = record(
             ]),
             "What the robot carries; none if missing",
         ),
+        optional(
+            "commands",
+            Shape::Map(
+                &Shape::Either(&[Shape::Column, Shape::Record(&COMMAND)]),
+                "actuated coordinates",
+            ),
+            "The columns of commanded positions, by a coordinate's name or a pattern with one *; cmd_NAME if missing. Estimators that simulate the controlled robot follow them",
+        ),
+        optional(
+            "controller",
+            Shape::Open(
+                &CONTROLLERS,
+                &Shape::Record(&CONTROLLER),
+                "actuated coordinates",
+            ),
+            "The controllers of the actuated joints, by name or a pattern with one *, for estimators that simulate the controlled robot",
+        ),
+    ],
+);
+
+static COMMAND: Record = record(
+    "a command",
+    &[
+        required(
+            "column",
+            Shape::Column,
+            "Its name, its number, or numbers such as 2..7, as in `columns`",
+        ),
+        optional("unit", Shape::Words(&UNIT_WORDS), "Its unit; SI if missing"),
+        optional(
+            "factor",
+            Shape::Either(&[FACTOR, Shape::List(&FACTOR, None)]),
+            "Factor behind the unit: value = (raw * unit) * factor + offset; a list has one for each coordinate",
+        ),
+        optional(
+            "offset",
+            Shape::Either(&[OFFSET, Shape::List(&OFFSET, None)]),
+            "What is added to the value in SI",
+        ),
+    ],
+);
+
+/// A number that is known, or that is estimated from a first value.
+const VALUE: Shape = Shape::Either(&[Shape::Number(Range::Any), Shape::Record(&ESTIMATED)]);
+
+static ESTIMATED: Record = record(
+    "a number to estimate",
+    &[required(
+        "estimate",
+        Shape::Number(Range::Any),
+        "The number from which the search starts",
+    )],
+);
+
+static CONTROLLERS: Record = record(
+    "controllers",
+    &[
+        optional(
+            "action",
+            Shape::Words(&[
+                (
+                    "sampled",
+                    "the efforts are constant between rows of the log",
+                ),
+                ("continuous", "they follow the motion all the time"),
+            ]),
+            "When the controllers act; sampled if missing",
+        ),
+        optional(
+            "signals",
+            Shape::Map(
+                &Shape::Record(&SIGNAL),
+                "coordinates, or qd_ and cmd_ with one,",
+            ),
+            "How logged signals follow from true ones: gain x(t - delay) + bias",
+        ),
+    ],
+);
+
+static CONTROLLER: Record = record(
+    "a controller",
+    &[
+        optional(
+            "kp",
+            VALUE,
+            "Proportional gain, N m/rad or N/m; 0 if missing",
+        ),
+        optional(
+            "ki",
+            VALUE,
+            "Integral gain, N m/(rad s) or N/(m s); 0 if missing",
+        ),
+        optional(
+            "kd",
+            VALUE,
+            "Derivative gain, N m s/rad or N s/m; 0 if missing",
+        ),
+        optional("offset", VALUE, "Constant effort, N m or N; 0 if missing"),
+        optional(
+            "limit",
+            Shape::List(&Shape::Number(Range::Any), Some(2)),
+            "Least and greatest effort, N m or N",
+        ),
+        optional(
+            "damping",
+            Shape::Words(&[
+                ("error", "the rate of the position error"),
+                ("velocity", "the joint's velocity, with a negative sign"),
+            ]),
+            "What the derivative gain multiplies; error if missing",
+        ),
+    ],
+);
+
+static SIGNAL: Record = record(
+    "a signal",
+    &[
+        optional("delay", VALUE, "By how much it is late, s; 0 if missing"),
+        optional("gain", VALUE, "Its factor; 1 if missing"),
+        optional("bias", VALUE, "What is added to it, SI; 0 if missing"),
     ],
 );
 

@@ -14,6 +14,7 @@
 //! runs:
 //!   - {files: [pos1.csv, curr1.csv], rows: [355, 5090]}
 //!   - {files: [run3.csv], use: validate}
+//!   - {files: [run5.csv], commands: {q*: "cmd_*"}, controller: {q1: {kp: 40, kd: 2}}}
 //! ```
 //!
 //! [`schema`] describes all keys. [`ExperimentFile::read`] reports every mistake of a file at once,
@@ -33,7 +34,7 @@ use std::path::Path;
 use regen_runtime::Info;
 use serde_json::{Value, json};
 
-use crate::data::{Run, Settings};
+use crate::data::{Assignment, Run, Settings};
 use crate::files::Mistakes;
 use crate::gains::KnownPayload;
 use crate::identify::EquationKind;
@@ -59,8 +60,8 @@ pub struct ExperimentFile {
     pub unknown_gains: Vec<String>,
     /// The places of unknown gains.
     gain_places: Vec<usize>,
-    /// For each run, the place of its payload.
-    payload_places: Vec<usize>,
+    /// For each run, the places of its payload and its controller.
+    places: Vec<runs::Places>,
 }
 
 /// Where the delays of efforts behind the motion come from.
@@ -82,6 +83,11 @@ pub struct PlannedRun {
     pub purpose: Purpose,
     /// What the robot carries.
     pub payload: Payload,
+    /// The columns of the commanded positions, as positions of the joints.
+    pub commands: Vec<Assignment>,
+    /// The controllers in the form of a file of their own, with a key for each joint; `None` where
+    /// nothing is said of them.
+    pub controller: Option<Value>,
 }
 
 /// What a run is for.
@@ -200,7 +206,7 @@ impl ExperimentFile {
         Shape::Record(&keys::FILE).check(&root, "", &mut sink);
         let columns = columns::read(&root, info, &mut sink);
         let process = process::read(&root, info, &mut sink);
-        let runs = runs::read(&root, &mut sink);
+        let runs = runs::read(&root, info, &mut sink);
         if !sink.mistakes.is_empty() {
             let mut mistakes = sink.mistakes;
             mistakes.sort_by_key(|mistake| mistake.at);
@@ -213,7 +219,7 @@ impl ExperimentFile {
             },
             kind: process.kind,
             delay: process.delay,
-            payload_places: runs.iter().map(|(_, at)| *at).collect(),
+            places: runs.iter().map(|(_, at)| *at).collect(),
             runs: runs.into_iter().map(|(run, _)| run).collect(),
             gain_places: columns.unknown_gains.iter().map(|gain| gain.1).collect(),
             unknown_gains: columns
@@ -249,14 +255,14 @@ impl ExperimentFile {
             let remedy = "give the torque constant with the gear, in N m/A or N/A";
             unused.push(*at, &path, message, remedy);
         }
-        for (k, (run, at)) in self.runs.iter().zip(&self.payload_places).enumerate() {
+        for (k, (run, at)) in self.runs.iter().zip(&self.places).enumerate() {
             if run.payload != Payload::None {
                 let path = format!("`runs`, entry {}, `payload`", k + 1);
                 let message = "runs with a payload are for least squares from all runs together, \
                                not for this"
                     .to_owned();
                 let remedy = "leave the run out";
-                unused.push(*at, &path, message, remedy);
+                unused.push(at.payload, &path, message, remedy);
             }
         }
         unused.into_result()
@@ -306,7 +312,7 @@ impl ExperimentFile {
                 })
                 .collect(),
         };
-        for (k, (run, at)) in self.runs.iter().zip(&self.payload_places).enumerate() {
+        for (k, (run, at)) in self.runs.iter().zip(&self.places).enumerate() {
             let Payload::Carried {
                 body,
                 mass,
@@ -341,7 +347,7 @@ impl ExperimentFile {
                         "say which it is, `payload: {body: NAME}`".to_owned(),
                     ),
                 };
-                sink.push(*at, &path, message, &remedy);
+                sink.push(at.payload, &path, message, &remedy);
                 continue;
             };
             let is_same = agree(&mut own.mass, *mass)
@@ -351,10 +357,41 @@ impl ExperimentFile {
                 let message = format!("another run says otherwise of '{}'", own.body);
                 let remedy = "runs with the same body carry the same load; another load is another \
                               body of the spec";
-                sink.push(*at, &path, message, remedy);
+                sink.push(at.payload, &path, message, remedy);
             }
         }
         sink.into_result().map(|()| out)
+    }
+
+    /// A mistake in the controllers of a run, at their place.
+    ///
+    /// - `run`: the index of the run;
+    /// - `keys`: the keys below `controller` that lead to the mistake, such as `q1.kp`; may be empty;
+    /// - `message`: what is wrong, and what would be right.
+    ///
+    /// ```
+    /// use regen_identify::experiment_file::ExperimentFile;
+    /// use regen_runtime::Info;
+    ///
+    /// let info = Info { coordinates: &["q1", "q2"], actuated: &[0, 1], ..Info::EMPTY };
+    /// let text = "runs:\n  - {files: a.csv, commands: {q*: goal_*}, controller: {q*: {kp: 40}}}\n";
+    /// let file = ExperimentFile::read(text, &info)?;
+    /// assert_eq!(file.runs[0].commands[1].column, "goal_2");
+    /// assert_eq!(file.runs[0].controller.as_ref().map(|c| c["q2"]["kp"].as_f64()), Some(Some(40.0)));
+    /// let told = file.controller_mistake(0, "q1", "something is wrong".to_owned());
+    /// assert_eq!(told.0[0].path, "`runs`, entry 1, `controller`, `q1`");
+    /// assert!(text[told.0[0].at..].starts_with("{q*: {kp"));
+    /// # Ok::<(), regen_identify::files::Mistakes>(())
+    /// ```
+    pub fn controller_mistake(&self, run: usize, keys: &str, message: String) -> Mistakes {
+        let mut sink = Sink::default();
+        let mut path = format!("`runs`, entry {}, `controller`", run + 1);
+        for key in keys.split('.').filter(|key| !key.is_empty()) {
+            path = shape::below(&path, key);
+        }
+        let at = self.places.get(run).map_or(0, |places| places.controller);
+        sink.push(at, &path, message, "");
+        Mistakes(sink.mistakes)
     }
 
     /// The coordinates that the columns of a file name, for reading it without a robot: a pattern

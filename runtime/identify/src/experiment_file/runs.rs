@@ -1,12 +1,22 @@
 //! The runs of an experiment file.
 
-use super::shape::Sink;
+use regen_runtime::Info;
+use serde_json::{Map, Value};
+
+use super::shape::{Sink, below};
 use super::tree::Node;
-use super::{Payload, PlannedRun, Purpose};
+use super::{Payload, PlannedRun, Purpose, columns};
 use crate::data::{Join, Run};
 
-/// Reads `runs`; each with the place of its payload.
-pub(super) fn read(root: &Node, sink: &mut Sink) -> Vec<(PlannedRun, usize)> {
+/// The places of the parts of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Places {
+    pub(super) payload: usize,
+    pub(super) controller: usize,
+}
+
+/// Reads `runs`; each with its places.
+pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Vec<(PlannedRun, Places)> {
     let runs = root.get("runs").map(Node::items).unwrap_or_default();
     let one = |(k, node): (usize, &Node)| {
         let path = format!("`runs`, entry {}", k + 1);
@@ -18,8 +28,21 @@ pub(super) fn read(root: &Node, sink: &mut Sink) -> Vec<(PlannedRun, usize)> {
                 _ => Purpose::Identify,
             },
             payload: payload.map_or(Payload::None, self::payload),
+            commands: {
+                let path = below(&path, "commands");
+                columns::commands(node.get("commands"), info, &path, sink)
+            },
+            controller: {
+                let own = node.get("controller");
+                own.map(|own| controller(own, info, &below(&path, "controller"), sink))
+            },
         };
-        (planned, payload.map_or(node.at, |payload| payload.at))
+        let at = |part: Option<&Node>| part.map_or(node.at, |part| part.at);
+        let places = Places {
+            payload: at(payload),
+            controller: at(node.get("controller")),
+        };
+        (planned, places)
     };
     runs.iter().enumerate().map(one).collect()
 }
@@ -93,4 +116,38 @@ fn payload(node: &Node) -> Payload {
         com: numbers("com").and_then(|list| list.try_into().ok()),
         inertia: numbers("inertia").and_then(|list| list.try_into().ok()),
     }
+}
+
+/// The words of `controller`, with a key for each joint that patterns mean.
+fn controller(node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink) -> Value {
+    let is_joint = |key: &str| !["action", "signals"].contains(&key);
+    let mut out = Map::new();
+    for (key, own) in node.entries() {
+        if !is_joint(&key.text) {
+            out.insert(key.text.clone(), own.to_json());
+            continue;
+        }
+        let names = columns::actuated(&key.text, info);
+        if names.is_empty() {
+            columns::not_actuated(key, info, path, sink);
+        }
+        for name in names {
+            // a key for one joint goes before a pattern for several
+            if key.text == name || node.get(&name).is_none() {
+                out.insert(name, own.to_json());
+            }
+        }
+        let ends: Vec<f64> = own
+            .get("limit")
+            .map(|limit| limit.items().iter().filter_map(Node::number).collect())
+            .unwrap_or_default();
+        if let ([low, high], Some(limit)) = (&ends[..], own.get("limit"))
+            && low >= high
+        {
+            let path = below(&below(path, &key.text), "limit");
+            let message = "the first number must be below the second".to_owned();
+            sink.push(limit.at, &path, message, "");
+        }
+    }
+    Value::Object(out)
 }

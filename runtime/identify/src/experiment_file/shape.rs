@@ -28,6 +28,8 @@ pub(super) enum Shape {
     List(&'static Shape, Option<usize>),
     /// A mapping with any keys, which the text describes.
     Map(&'static Shape, &'static str),
+    /// A mapping with the keys of a record and any others, which the text describes.
+    Open(&'static Record, &'static Shape, &'static str),
     /// One of several shapes.
     Either(&'static [Shape]),
 }
@@ -158,7 +160,9 @@ impl Shape {
             }
             Self::List(of, Some(count)) => format!("a list of {count}, each {}", of.expected()),
             Self::List(of, None) => format!("a list, each entry {}", of.expected()),
-            Self::Map(of, keys) => format!("a mapping from {keys} to {}", of.expected()),
+            Self::Map(of, keys) | Self::Open(_, of, keys) => {
+                format!("a mapping from {keys} to {}", of.expected())
+            }
             Self::Either(shapes) => {
                 let each: Vec<String> = shapes.iter().map(Self::expected).collect();
                 each.join(", or ")
@@ -179,7 +183,7 @@ impl Shape {
             }
             Self::Column => node.number().is_some() || node.text().is_some(),
             Self::Text | Self::Words(_) => node.text().is_some(),
-            Self::Record(_) | Self::Map(..) => matches!(node.kind, Kind::Map(_)),
+            Self::Record(_) | Self::Map(..) | Self::Open(..) => matches!(node.kind, Kind::Map(_)),
             Self::List(..) => matches!(node.kind, Kind::List(_)),
             Self::Either(shapes) => shapes.iter().any(|shape| shape.is_of_kind(node)),
         }
@@ -257,6 +261,16 @@ impl Shape {
                 }
                 _ => mismatch(""),
             },
+            Self::Open(record, of, _) => match &node.kind {
+                Kind::Map(entries) => {
+                    for (key, item) in entries {
+                        let known = record.keys.iter().find(|own| own.name == key.text);
+                        let shape = known.map_or(*of, |own| &own.shape);
+                        shape.check(item, &below(path, &key.text), sink);
+                    }
+                }
+                _ => mismatch(""),
+            },
             Self::Either(shapes) => {
                 let fits = |shape: &&Self| {
                     let mut own = Sink::default();
@@ -300,6 +314,13 @@ impl Shape {
                 json!({"type": "array", "items": of.schema(), "minItems": 1})
             }
             Self::Map(of, _) => json!({"type": "object", "additionalProperties": of.schema()}),
+            Self::Open(record, of, _) => {
+                let mut out = record.schema();
+                if let Value::Object(out) = &mut out {
+                    out.insert("additionalProperties".to_owned(), of.schema());
+                }
+                out
+            }
             Self::Either(shapes) => {
                 let each: Vec<Value> = shapes.iter().map(Self::schema).collect();
                 json!({"anyOf": each})

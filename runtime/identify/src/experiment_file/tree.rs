@@ -107,6 +107,22 @@ impl Node {
         }
     }
 
+    /// The node without places.
+    pub(super) fn to_json(&self) -> serde_json::Value {
+        match &self.kind {
+            Kind::Null => serde_json::Value::Null,
+            Kind::Flag(value) => (*value).into(),
+            Kind::Whole(value) => (*value).into(),
+            Kind::Number(value) => (*value).into(),
+            Kind::Text(text) => text.as_str().into(),
+            Kind::List(items) => items.iter().map(Self::to_json).collect(),
+            Kind::Map(entries) => entries
+                .iter()
+                .map(|(key, node)| (key.text.clone(), node.to_json()))
+                .collect(),
+        }
+    }
+
     /// How messages call the contents.
     pub(super) fn describe(&self) -> String {
         match &self.kind {

@@ -108,21 +108,27 @@ impl Program {
     }
 
     /// Solves the programme to the relative and absolute tolerance `accuracy`.
-    pub(super) fn solve(self, accuracy: f64) -> Result<ConicSolution, FeasibilityError> {
+    pub(super) fn solve(&self, accuracy: f64) -> Result<ConicSolution, FeasibilityError> {
         let n = self.variables;
         let mut diagonal = vec![0.0; n];
-        for (variable, value) in self.squares {
-            diagonal[variable] += value;
+        for (variable, value) in &self.squares {
+            diagonal[*variable] += value;
         }
         let used: Vec<usize> = (0..n).filter(|k| diagonal[*k] != 0.0).collect();
         let values = used.iter().map(|k| diagonal[*k]).collect();
         let p = CscMatrix::new_from_triplets(n, n, used.clone(), used, values);
         let mut q = vec![0.0; n];
-        for (variable, factor) in self.linear {
-            q[variable] += factor;
+        for (variable, factor) in &self.linear {
+            q[*variable] += factor;
         }
         let m = self.side.len();
-        let a = CscMatrix::new_from_triplets(m, n, self.rows, self.columns, self.values);
+        let a = CscMatrix::new_from_triplets(
+            m,
+            n,
+            self.rows.clone(),
+            self.columns.clone(),
+            self.values.clone(),
+        );
         let settings = DefaultSettings {
             verbose: false,
             max_iter: 200,

@@ -8,8 +8,8 @@ use super::{BaseMap, FeasibilityError, ParameterLayout, Scale};
 /// A certificate whose defect is only rounding counts as a proof when a robot that escapes it must
 /// be at least this many times as large as the base parameters.
 const MIN_ESCAPE_RATIO: f64 = 1e6;
-/// The tolerance of the solver.
-const ACCURACY: f64 = 1e-11;
+/// The tolerances of the solver that are tried until there is a proof.
+const ACCURACIES: [f64; 3] = [1e-11, 1e-13, 1e-9];
 /// Parameters reproduce base parameters when the difference is at most this fraction of the base
 /// parameter or of the terms that it is the sum of.
 const REPRODUCTION_TOLERANCE: f64 = 1e-11;
@@ -409,60 +409,64 @@ pub fn verdict(
         rows.push((program.semidefinite(4, &triangle), body.columns.to_vec()));
     }
     program.minimise(margin, -1.0);
-    let solved = program.solve(ACCURACY)?;
-
-    let free_values: Vec<f64> = (0..free).map(|f| solved.x[f] * free_units[f]).collect();
-    let phi = complete(combinations, &roles, beta, &free_values);
-    let check = layout.check(&phi, scale)?;
-    if check.is_physical() && reproduces(combinations, &phi, beta) {
-        let margin = check.margin();
-        return Ok(Verdict::Feasible { phi, margin });
-    }
-
-    // the dual matrices as factors of all parameters; the factors of the leading parameters are the
-    // weights
-    let mut c = vec![0.0; layout.len()];
-    for (row, columns) in rows {
-        if let [single] = columns[..] {
-            c[single] += solved.z[row];
-            continue;
+    // the last digits of a dual that just misses being a proof depend on where the solver stops
+    let mut margin_reached = f64::NEG_INFINITY;
+    for accuracy in ACCURACIES {
+        let solved = program.solve(accuracy)?;
+        let free_values: Vec<f64> = (0..free).map(|f| solved.x[f] * free_units[f]).collect();
+        let phi = complete(combinations, &roles, beta, &free_values);
+        let check = layout.check(&phi, scale)?;
+        if check.is_physical() && reproduces(combinations, &phi, beta) {
+            let margin = check.margin();
+            return Ok(Verdict::Feasible { phi, margin });
         }
-        for (k, ((r, s), entry)) in TRIANGLE.into_iter().zip(ENTRIES).enumerate() {
-            let twice = if r == s {
-                1.0
-            } else {
-                core::f64::consts::SQRT_2
-            };
-            for (parameter, factor) in entry {
-                c[columns[*parameter]] += solved.z[row + k] * twice * factor;
+
+        // the dual matrices as factors of all parameters; the factors of the leading parameters are the
+        // weights
+        let mut c = vec![0.0; layout.len()];
+        for (row, columns) in &rows {
+            if let [single] = columns[..] {
+                c[single] += solved.z[*row];
+                continue;
+            }
+            for (k, ((r, s), entry)) in TRIANGLE.into_iter().zip(ENTRIES).enumerate() {
+                let twice = if r == s {
+                    1.0
+                } else {
+                    core::f64::consts::SQRT_2
+                };
+                for (parameter, factor) in entry {
+                    c[columns[*parameter]] += solved.z[row + k] * twice * factor;
+                }
             }
         }
-    }
-    let mut weights = vec![0.0; beta.len()];
-    for (j, role) in roles.iter().enumerate() {
-        if let Role::Lead(k) = role {
-            weights[*k] = c[j] / units[j];
+        let mut weights = vec![0.0; beta.len()];
+        for (j, role) in roles.iter().enumerate() {
+            if let Role::Lead(k) = role {
+                weights[*k] = c[j] / units[j];
+            }
         }
-    }
-    let certificate = certify(weights)?;
-    // the largest base parameter with a weight: others, such as a large coefficient of friction, do
-    // not count
-    let largest = given
-        .1
-        .iter()
-        .zip(given.0.rows())
-        .zip(&certificate.weights)
-        .filter(|(_, weight)| **weight != 0.0)
-        .map(|((b, row), _)| {
-            let unit = row.iter().zip(&units).map(|(f, u)| f.abs() * u);
-            b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
-        })
-        .fold(1.0, f64::max);
-    if certificate.value < 0.0 && certificate.escape() >= MIN_ESCAPE_RATIO * largest {
-        return Ok(Verdict::Infeasible { certificate });
+        let certificate = certify(weights)?;
+        // the largest base parameter with a weight: others, such as a large coefficient of friction, do
+        // not count
+        let largest = given
+            .1
+            .iter()
+            .zip(given.0.rows())
+            .zip(&certificate.weights)
+            .filter(|(_, weight)| **weight != 0.0)
+            .map(|((b, row), _)| {
+                let unit = row.iter().zip(&units).map(|(f, u)| f.abs() * u);
+                b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
+            })
+            .fold(1.0, f64::max);
+        if certificate.value < 0.0 && certificate.escape() >= MIN_ESCAPE_RATIO * largest {
+            return Ok(Verdict::Infeasible { certificate });
+        }
+        margin_reached = margin_reached.max(check.margin());
     }
     Ok(Verdict::Undecided {
-        margin: check.margin(),
+        margin: margin_reached,
     })
 }
 

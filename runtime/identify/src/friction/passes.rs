@@ -1,13 +1,13 @@
 //! Passes over a log for nonlinear friction: one collects equations in memory, another computes
 //! residuals.
 
-use core::cell::{Cell, RefCell};
+use core::cell::RefCell;
 
 use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
 use crate::identify::{
-    Columns, EquationBuilder, EquationKind, Filtering, LeftOut, Source, StateSample, equations,
+    Columns, EquationBuilder, EquationKind, LeftOut, Source, StateSample, equations,
 };
 use regen_runtime::{BaseModel, SizeError, Status};
 
@@ -63,40 +63,14 @@ fn joint_motion<M: BaseModel<f64> + ?Sized>(
     Ok(regular.then_some((qd, d)))
 }
 
-/// A source that counts the rows it passes on.
-struct RowCounter<'a, S: ?Sized> {
-    source: &'a mut S,
-    rows: &'a Cell<usize>,
-}
-
-impl<S: Source + ?Sized> Source for RowCounter<'_, S> {
-    type Error = S::Error;
-
-    fn visit(
-        &mut self,
-        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
-    ) -> Result<(), S::Error> {
-        let rows = self.rows;
-        self.source.visit(&mut |row| {
-            rows.set(rows.get() + 1);
-            each(row)
-        })
-    }
-
-    fn filtering(&self) -> Filtering {
-        self.source.filtering()
-    }
-}
-
 /// Records the motion of the joints in the friction data at each row; it adds no column to the
 /// equations.
 struct Recorder<'a, 'm, M: ?Sized> {
     model: &'m M,
     at: &'a [usize],
     data: &'a RefCell<FrictionData>,
-    rows: &'a Cell<usize>,
-    /// The number of the previous row, if that row gave an equation.
-    last: Option<usize>,
+    /// Whether the row before gave no equation.
+    gap: bool,
 }
 
 impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
@@ -111,17 +85,20 @@ impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
         _: &mut [f64],
     ) -> Result<bool, EstimateError> {
         let Some((qd, d)) = joint_motion(self.model, row, self.at)? else {
-            self.last = None;
+            self.gap = true;
             return Ok(false);
         };
         let mut data = self.data.borrow_mut();
         // a row that gave no equation ends the run, as it does in the filter
-        if !row.follows || self.last.is_none_or(|last| last + 1 != self.rows.get()) {
+        if core::mem::take(&mut self.gap) || !row.follows {
             data.interrupt();
         }
-        self.last = Some(self.rows.get());
         data.push_sample(row.time, &qd, &d)?;
         Ok(true)
+    }
+
+    fn skip(&mut self) {
+        self.gap = true;
     }
 }
 
@@ -146,22 +123,16 @@ where
     let at = places(model, joints.iter().map(|j| j.name.clone()))?;
     let data = FrictionData::new(&labels, joints, model.info().dof())?;
     let data = RefCell::new(data.filtered(source.filtering().smoothing));
-    let rows = Cell::new(0);
     let mut recorder = Recorder {
         model,
         at: &at,
         data: &data,
-        rows: &rows,
-        last: None,
-    };
-    let mut counted = RowCounter {
-        source,
-        rows: &rows,
+        gap: false,
     };
     let left = equations(
         model,
         EquationKind::Forces,
-        &mut counted,
+        source,
         &mut recorder,
         &mut |found| {
             let mut data = data.borrow_mut();

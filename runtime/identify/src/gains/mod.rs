@@ -215,11 +215,12 @@ where
     if problem.unknowns() == 0 {
         return Err(GainError::NothingUnknown);
     }
-    let (point, weights) = problem.solve(options.weighting)?;
+    let (point, weights, converged) = problem.solve(options.weighting)?;
     let solved = statistics::Solved {
         problem: &problem,
         point: &point,
         weights: &weights,
+        converged,
         of_robot: &of_robot,
         plan,
         options,

@@ -166,15 +166,15 @@ impl Problem<'_> {
         Ok(whole)
     }
 
-    /// Levenberg and Marquardt's search at fixed weights; `None` if it does not converge.
-    fn search(&self, start: Point, weights: &[f64]) -> Result<Option<Point>, EstimateError> {
+    /// Levenberg and Marquardt's search at fixed weights: where it ended, and whether it converged.
+    fn search(&self, start: Point, weights: &[f64]) -> Result<(Point, bool), EstimateError> {
         let mut point = start;
         let mut cost = self.cost(&point, weights);
         let mut damping = DAMPING;
         let mut sizes = vec![0.0_f64; self.unknowns()];
         for _ in 0..MAX_STEPS {
             if !cost.is_finite() {
-                return Ok(None);
+                return Ok((point, false));
             }
             let linear = self.linear(&point, weights)?;
             for (size, norm) in sizes.iter_mut().zip(linear.column_norms()) {
@@ -182,13 +182,13 @@ impl Problem<'_> {
             }
             let largest = sizes.iter().copied().fold(0.0, f64::max);
             if largest == 0.0 {
-                return Ok(Some(point));
+                return Ok((point, true));
             }
             let values = point.to_vec();
             loop {
                 let damped = damped(&linear, &sizes, damping.sqrt(), largest)?;
                 let Some(step) = substitute(damped.r(), damped.z()) else {
-                    return Ok(None);
+                    return Ok((point, false));
                 };
                 let scaled = |v: &[f64]| -> f64 {
                     let parts = v.iter().zip(&sizes).map(|(x, s)| (x * s).powi(2));
@@ -205,18 +205,18 @@ impl Problem<'_> {
                     damping = (damping / 10.0).max(1e-14);
                 }
                 if is_short || is_flat {
-                    return Ok(Some(point));
+                    return Ok((point, true));
                 }
                 if falls {
                     break;
                 }
                 damping *= 10.0;
                 if damping > MAX_DAMPING {
-                    return Ok(None);
+                    return Ok((point, false));
                 }
             }
         }
-        Ok(None)
+        Ok((point, false))
     }
 
     /// The point from which gains and parameters are found by linear equations in N m and N, where
@@ -299,8 +299,9 @@ impl Problem<'_> {
         }))
     }
 
-    /// Finds the unknowns and the weights of the efforts.
-    pub(super) fn solve(&self, weighting: Weighting) -> Result<(Point, Vec<f64>), GainError> {
+    /// Finds the unknowns and the weights of the efforts, and whether the search converged: where
+    /// nothing fixes a scale, it need not.
+    pub(super) fn solve(&self, weighting: Weighting) -> Result<(Point, Vec<f64>, bool), GainError> {
         let rms = |factor: &QrFactor| {
             let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
             (squares / factor.rows().max(1) as f64).sqrt()
@@ -321,27 +322,33 @@ impl Problem<'_> {
         };
         let mut point = None;
         for start in [self.linear_start()?, Some(plain)].into_iter().flatten() {
-            point = self.search(start, &weights)?;
-            if point.is_some() {
+            let (reached, converged) = self.search(start, &weights)?;
+            point = Some((reached, converged));
+            if converged {
                 break;
             }
         }
-        let mut point = point.ok_or(GainError::NotConverged)?;
+        let (mut point, converged) = point.ok_or(GainError::NotConverged)?;
+        if !converged {
+            return Ok((point, weights, false));
+        }
         if weighting == Weighting::PerEffort && self.gains.len() > 1 {
             for _ in 0..MAX_ROUNDS {
                 let next = weights_from(&self.sigmas(&point), self.set);
                 let pairs = next.iter().zip(&weights);
                 let change = pairs.fold(0.0, |m: f64, (a, b)| m.max((a / b - 1.0).abs()));
                 weights = next;
-                point = self
-                    .search(point, &weights)?
-                    .ok_or(GainError::NotConverged)?;
+                let (reached, converged) = self.search(point, &weights)?;
+                if !converged {
+                    return Ok((reached, weights, false));
+                }
+                point = reached;
                 if change < WEIGHT_TOLERANCE {
                     break;
                 }
             }
         }
-        Ok((point, weights))
+        Ok((point, weights, true))
     }
 
     /// The standard deviation of each effort's residuals, in its own unit.

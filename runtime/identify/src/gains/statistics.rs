@@ -21,6 +21,8 @@ pub(super) struct Solved<'a> {
     pub(super) problem: &'a Problem<'a>,
     pub(super) point: &'a Point,
     pub(super) weights: &'a [f64],
+    /// Whether the search ended at the optimum.
+    pub(super) converged: bool,
     /// The places of the robot's base parameters, also where they are known.
     pub(super) of_robot: &'a [usize],
     pub(super) plan: &'a Plan,
@@ -41,6 +43,9 @@ impl Solved<'_> {
         let labels: Vec<String> = linear.columns.iter().map(label).collect();
         let factor = linear.factor(&linear.columns, &labels)?;
         require_rank(&linear, &factor)?;
+        if !self.converged {
+            return Err(GainError::NotConverged);
+        }
         let mut estimate = Estimate::of(&factor)?;
         let gains: Vec<f64> = (0..efforts.len())
             .map(|effort| 1.0 / linear.inverse_gain(effort))

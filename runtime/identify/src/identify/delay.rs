@@ -3,10 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::equation_builder::Equations;
-use super::passes::{Source, predicted};
-use super::replay::Replay;
+use super::passes::predicted;
 use crate::estimate::{Autocorrelated, EstimateError, QrFactor};
-use regen_runtime::BaseModel;
 
 /// The delay of one effort.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,77 +36,147 @@ pub struct Delays {
 
 /// Estimates the delays together with the parameters: an effort that is logged late by d is
 /// `tau(t - d) = tau(t) - d dtau/dt` to first order, so minus the rate of the predicted effort is
-/// an additional column of the regressor.
-///
-/// - `labels`, `values`: the base parameters, with which the efforts are predicted;
-/// - `names`, `weights`: those of the efforts;
-/// - `bandwidth`: the number of samples in which the residuals are correlated.
-///
-/// Returns no delays where the data do not determine them.
-pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    labels: &[String],
-    values: &[f64],
-    names: &[String],
-    weights: &[f64],
-    bandwidth: usize,
-) -> Result<Delays, S::Error> {
-    let (n, efforts) = (values.len(), names.len());
-    let mut all = labels.to_vec();
-    all.extend(names.iter().map(|name| format!("delay {name}")));
-    let mut factor = QrFactor::new(all);
-    let mut block = Block::default();
-    with_rates(replay, values, &mut |found, rates| {
+/// an additional column of the regressor. The first pass over the equations reduces these columns.
+pub(super) struct DelayFit<'a> {
+    names: &'a [String],
+    weights: &'a [f64],
+    window: RateWindow<'a>,
+    factor: QrFactor,
+    block: Block,
+}
+
+/// The second pass over the equations, which gives the standard deviations of the delays.
+pub(super) struct DelayScores<'a> {
+    names: &'a [String],
+    weights: &'a [f64],
+    window: RateWindow<'a>,
+    fit: QrFactor,
+    /// The parameters, then the delays.
+    extended: Vec<f64>,
+    /// The number of parameters.
+    parameters: usize,
+    scores: Autocorrelated,
+    score: Vec<f64>,
+}
+
+impl<'a> DelayFit<'a> {
+    /// Starts the first pass.
+    ///
+    /// - `labels`, `values`: the base parameters, with which the efforts are predicted;
+    /// - `names`, `weights`: those of the efforts.
+    pub(super) fn new(
+        labels: &[String],
+        values: &'a [f64],
+        names: &'a [String],
+        weights: &'a [f64],
+    ) -> Self {
+        let mut all = labels.to_vec();
+        all.extend(names.iter().map(|name| format!("delay {name}")));
+        Self {
+            names,
+            weights,
+            window: RateWindow::new(values),
+            factor: QrFactor::new(all),
+            block: Block::default(),
+        }
+    }
+
+    /// Takes the equations of a sample.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub(super) fn push(&mut self, equations: &Equations<'_>) -> Result<(), EstimateError> {
+        let efforts = self.names.len();
+        let Some((found, rates)) = self.window.push(equations) else {
+            return Ok(());
+        };
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
-            let weight = own * weights.get(e).copied().unwrap_or(1.0);
+            let weight = own * self.weights.get(e).copied().unwrap_or(1.0);
             if weight > 0.0 {
                 let row = found.w.iter().skip(e).step_by(found.tau.len());
-                block.push(row, (e, -rates[e]), efforts, *tau, weight);
-                block.flush(&mut factor, BLOCK_ROWS)?;
+                self.block.push(row, (e, -rates[e]), efforts, *tau, weight);
+                self.block.flush(&mut self.factor, BLOCK_ROWS)?;
             }
         }
         Ok(())
-    })?;
-    block.flush(&mut factor, 1)?;
-    let Some((extended, fit)) = solve(&factor) else {
-        return Ok(Delays::default());
-    };
+    }
 
-    let mut scores = Autocorrelated::new(extended.len(), bandwidth);
-    let mut score = vec![0.0; extended.len()];
-    with_rates(replay, values, &mut |found, rates| {
+    /// Ends the first pass; `None` where the data do not determine the delays.
+    ///
+    /// - `bandwidth`: the number of samples in which the residuals are correlated.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub(super) fn finish(
+        mut self,
+        bandwidth: usize,
+    ) -> Result<Option<DelayScores<'a>>, EstimateError> {
+        self.block.flush(&mut self.factor, 1)?;
+        let Ok(extended) = self.factor.solve() else {
+            return Ok(None);
+        };
+        Ok(Some(DelayScores {
+            names: self.names,
+            weights: self.weights,
+            window: RateWindow::new(self.window.values),
+            fit: self.factor,
+            parameters: self.window.values.len(),
+            scores: Autocorrelated::new(extended.len(), bandwidth),
+            score: vec![0.0; extended.len()],
+            extended,
+        }))
+    }
+}
+
+impl DelayScores<'_> {
+    /// Takes the equations of a sample again.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub(super) fn push(&mut self, equations: &Equations<'_>) -> Result<(), EstimateError> {
+        let n = self.parameters;
+        let Some((found, rates)) = self.window.push(equations) else {
+            return Ok(());
+        };
         if !found.follows {
-            scores.interrupt();
+            self.scores.interrupt();
         }
-        score.fill(0.0);
+        self.score.fill(0.0);
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
-            let weight = own * weights.get(e).copied().unwrap_or(1.0);
-            let residual = tau - predicted(found, e, &extended) + rates[e] * extended[n + e];
+            let weight = own * self.weights.get(e).copied().unwrap_or(1.0);
+            let fitted = predicted(&found, e, &self.extended);
+            let residual = tau - fitted + rates[e] * self.extended[n + e];
             let psi = weight * weight * residual;
             let row = found.w.iter().skip(e).step_by(found.tau.len());
-            for (sum, w) in score.iter_mut().zip(row.take(n)) {
+            for (sum, w) in self.score.iter_mut().zip(row.take(n)) {
                 *sum += w * psi;
             }
-            score[n + e] -= rates[e] * psi;
+            self.score[n + e] -= rates[e] * psi;
         }
-        scores.push(&score)
-    })?;
-    let Ok(covariance) = scores.covariance(&fit) else {
-        return Ok(Delays::default());
-    };
-    let size = extended.len();
-    let entry = |i: usize, j: usize| covariance[(n + j) * size + n + i];
-    let one = |(e, name): (usize, &String)| Delay {
-        effort: name.clone(),
-        seconds: extended[n + e],
-        sigma: entry(e, e).max(0.0).sqrt(),
-    };
-    let found: Vec<Delay> = names.iter().enumerate().map(one).collect();
-    let common = common(&found, &entry);
-    Ok(Delays {
-        efforts: found,
-        common,
-    })
+        self.scores.push(&self.score)
+    }
+
+    /// The delays; none where their covariance cannot be computed.
+    pub(super) fn finish(self) -> Delays {
+        let n = self.parameters;
+        let extended = self.extended;
+        let Ok(covariance) = self.scores.covariance(&self.fit) else {
+            return Delays::default();
+        };
+        let size = extended.len();
+        let entry = |i: usize, j: usize| covariance[(n + j) * size + n + i];
+        let one = |(e, name): (usize, &String)| Delay {
+            effort: name.clone(),
+            seconds: extended[n + e],
+            sigma: entry(e, e).max(0.0).sqrt(),
+        };
+        let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
+        let common = common(&found, &entry);
+        Delays {
+            efforts: found,
+            common,
+        }
+    }
 }
 
 /// The mean of the delays, each weighted by the inverse of its variance, with the standard
@@ -138,11 +206,6 @@ fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<
         seconds,
         sigma: variance.max(0.0).sqrt() / whole,
     })
-}
-
-fn solve(factor: &QrFactor) -> Option<(Vec<f64>, QrFactor)> {
-    let values = factor.solve().ok()?;
-    Some((values, factor.clone()))
 }
 
 /// Number of rows that are reduced into the QR factor at a time.
@@ -186,9 +249,6 @@ impl Block {
     }
 }
 
-/// Callback that receives a sample's equations and the time derivatives of its predicted efforts.
-type EquationRateSink<'a> = dyn FnMut(&Equations<'_>, &[f64]) -> Result<(), EstimateError> + 'a;
-
 /// A copy of a sample's equations, for differences with its neighbours.
 #[derive(Default)]
 struct BufferedEquations {
@@ -199,53 +259,82 @@ struct BufferedEquations {
     predicted: Vec<f64>,
 }
 
-/// Passes every sample that has neighbours on both sides to `each`, with the time derivatives of
-/// its predicted efforts by central differences.
-fn with_rates<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    values: &[f64],
-    each: &mut EquationRateSink<'_>,
-) -> Result<(), S::Error> {
-    let (mut before, mut at) = (BufferedEquations::default(), BufferedEquations::default());
-    let mut run = 0;
-    let mut rates = Vec::new();
-    let mut first = true;
-    replay.visit(&mut |found| {
+/// Finds the time derivatives of the predicted efforts by central differences, at samples that have
+/// neighbours on both sides.
+struct RateWindow<'a> {
+    /// The parameters with which the efforts are predicted.
+    values: &'a [f64],
+    before: BufferedEquations,
+    at: BufferedEquations,
+    /// The number of samples of the present run.
+    run: usize,
+    rates: Vec<f64>,
+    /// Whether the next sample is the first of its run.
+    first: bool,
+}
+
+impl<'a> RateWindow<'a> {
+    fn new(values: &'a [f64]) -> Self {
+        Self {
+            values,
+            before: BufferedEquations::default(),
+            at: BufferedEquations::default(),
+            run: 0,
+            rates: Vec::new(),
+            first: true,
+        }
+    }
+
+    /// Takes the next sample; returns the one before it with the rates, if it has neighbours.
+    fn push(&mut self, found: &Equations<'_>) -> Option<(Equations<'_>, &[f64])> {
         if !found.follows {
-            run = 0;
+            self.run = 0;
         }
         if found.tau.is_empty() {
-            return Ok(());
+            return None;
         }
-        let predicted: Vec<f64> = (0..found.tau.len())
+        // the buffers go round: the oldest one takes the new sample
+        let mut next = core::mem::take(&mut self.before);
+        core::mem::swap(&mut self.before, &mut self.at);
+        let oldest: Vec<f64> = core::mem::take(&mut next.predicted);
+        let start = next.time;
+        next.fill(found, self.values);
+        self.at = next;
+        self.run += 1;
+        if self.run < 3 {
+            self.first = true;
+            return None;
+        }
+        let span = found.time - start;
+        self.rates.clear();
+        let ends = self.at.predicted.iter().zip(&oldest);
+        self.rates
+            .extend(ends.map(|(after, before)| (after - before) / span));
+        let own = &self.before;
+        let equations = Equations {
+            time: own.time,
+            w: &own.w,
+            tau: &own.tau,
+            weights: &own.weights,
+            follows: !core::mem::take(&mut self.first),
+        };
+        Some((equations, &self.rates))
+    }
+}
+
+impl BufferedEquations {
+    fn fill(&mut self, found: &Equations<'_>, values: &[f64]) {
+        self.time = found.time;
+        for (own, given) in [
+            (&mut self.w, found.w),
+            (&mut self.tau, found.tau),
+            (&mut self.weights, found.weights),
+        ] {
+            own.clear();
+            own.extend_from_slice(given);
+        }
+        self.predicted = (0..found.tau.len())
             .map(|e| predicted(found, e, values))
             .collect();
-        if run >= 2 {
-            let span = found.time - before.time;
-            rates.clear();
-            let ends = predicted.iter().zip(&before.predicted);
-            rates.extend(ends.map(|(after, before)| (after - before) / span));
-            let own = Equations {
-                time: at.time,
-                w: &at.w,
-                tau: &at.tau,
-                weights: &at.weights,
-                follows: !first,
-            };
-            each(&own, &rates)?;
-            first = false;
-        } else {
-            first = true;
-        }
-        core::mem::swap(&mut before, &mut at);
-        at = BufferedEquations {
-            time: found.time,
-            w: found.w.to_vec(),
-            tau: found.tau.to_vec(),
-            weights: found.weights.to_vec(),
-            predicted,
-        };
-        run += 1;
-        Ok(())
-    })
+    }
 }

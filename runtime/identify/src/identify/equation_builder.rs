@@ -2,7 +2,7 @@
 //! of the motion and the efforts: equations of motion or energy balances.
 
 use crate::estimate::{EstimateError, Origin};
-use regen_runtime::{BaseModel, Status};
+use regen_runtime::{BaseModel, Condition, Status};
 
 /// One sample of a log: the state of motion of all n coordinates with its efforts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,19 +205,44 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             EquationKind::Forces => self.set_up_forces(sample)?,
             EquationKind::Energy { window } => self.extend_balance(sample, window)?,
         };
+        Ok(self.finished(sample, regular))
+    }
+
+    /// Sets up the equations of motion of a sample whose base regressor is known.
+    ///
+    /// - `w`: its entries, column by column; `condition`: that of the function that computed them.
+    ///
+    /// # Errors
+    /// When a length does not fit the model.
+    pub(super) fn observe_computed(
+        &mut self,
+        sample: &StateSample<'_>,
+        w: impl Iterator<Item = f64>,
+        condition: Condition<f64>,
+    ) -> Result<Equations<'_>, EstimateError> {
+        self.tau.clear();
+        self.weights.clear();
+        self.w.clear();
+        self.w.extend(w);
+        let regular = self.set_sides(sample, condition)?;
+        Ok(self.finished(sample, regular))
+    }
+
+    /// The equations as they were set up; none where A_e is singular.
+    fn finished(&mut self, sample: &StateSample<'_>, regular: bool) -> Equations<'_> {
         if !regular {
             self.tau.clear();
             self.weights.clear();
             self.singular += 1;
             self.balance = None;
         }
-        Ok(Equations {
+        Equations {
             time: sample.time,
             w: &self.w,
             tau: &self.tau,
             weights: &self.weights,
             follows: sample.follows,
-        })
+        }
     }
 
     /// Sets up the equations of motion at a sample; returns false where A_e is singular.
@@ -228,6 +253,16 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         let condition = self
             .model
             .base_regressor(sample.q, sample.qd, sample.qdd, &mut self.w)?;
+        self.set_sides(sample, condition)
+    }
+
+    /// Sets efforts and weights of the equations of motion; returns false where A_e is singular.
+    fn set_sides(
+        &mut self,
+        sample: &StateSample<'_>,
+        condition: Condition<f64>,
+    ) -> Result<bool, EstimateError> {
+        let dof = self.model.info().dof();
         self.tau.extend_from_slice(sample.tau);
         self.weights.extend_from_slice(sample.weights);
         super::require("tau", dof, self.tau.len())?;

@@ -3,9 +3,11 @@
 
 mod delay;
 mod equation_builder;
+mod fusion;
 mod instruments;
 mod motion;
 mod passes;
+mod pending;
 mod recorded;
 mod replay;
 mod stream;
@@ -16,7 +18,7 @@ pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample
 pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, Motion, MotionSource, instrumental,
 };
-pub use motion::{Completed, Completion};
+pub use motion::{Completed, CompletedStates, Completeness, Completion};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;

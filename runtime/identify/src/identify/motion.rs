@@ -1,12 +1,13 @@
 //! Completes measured coordinates to whole states of motion by the closure equations.
 
 use crate::qr_update::{reduce, substitute};
-use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError, State};
+use regen_batch::TrajectoryClosure;
+use regen_runtime::{ClosureError, Model, Outcome, SizeError, State};
 
 /// Most Gauss-Newton steps; usually two or three suffice.
-const MAX_STEPS: usize = 30;
+pub(super) const MAX_STEPS: usize = 30;
 /// A step below this, rad or m, ends the iteration: rounding of angles and metres.
-const STEP_TOLERANCE: f64 = 1e-13;
+pub(super) const STEP_TOLERANCE: f64 = 1e-13;
 /// A pivot below this part of the largest means that the measured coordinates do not determine
 /// the motion.
 const MIN_PIVOT_RATIO: f64 = 1e-9;
@@ -19,15 +20,49 @@ const MIN_PIVOT_RATIO: f64 = 1e-9;
 /// its standard deviation.
 #[derive(Debug)]
 pub struct Completion<'m, M: ?Sized> {
-    model: &'m M,
-    closure: LoopClosure<'m, M>,
-    measured: Vec<usize>,
-    weights: Vec<f64>,
+    pub(super) model: &'m M,
+    pub(super) closure: TrajectoryClosure<'m, M>,
+    pub(super) measured: Vec<usize>,
+    pub(super) weights: Vec<f64>,
     /// For each independent coordinate, its index among the measured ones; `None` unless exactly
     /// the independent coordinates are measured.
     direct: Option<Vec<usize>>,
     /// The independent coordinates of the last state, rad or m.
-    last: Vec<f64>,
+    pub(super) last: Vec<f64>,
+}
+
+/// States of motion of consecutive samples. The entries of a state stand one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CompletedStates {
+    /// The number of coordinates of a state.
+    pub coordinates: usize,
+    /// All coordinates of each state, rad or m; NaN where there is no state.
+    pub q: Vec<f64>,
+    /// Their velocities, rad/s or m/s.
+    pub qd: Vec<f64>,
+    /// Their accelerations, rad/s^2 or m/s^2.
+    pub qdd: Vec<f64>,
+    /// Whether each state was found.
+    pub outcomes: Vec<Completeness>,
+}
+
+impl CompletedStates {
+    /// The coordinates, velocities and accelerations of one state.
+    pub fn state(&self, index: usize) -> [&[f64]; 3] {
+        let entries = index * self.coordinates..(index + 1) * self.coordinates;
+        [&self.q, &self.qd, &self.qdd].map(|all| all.get(entries.clone()).unwrap_or_default())
+    }
+}
+
+/// Whether the state of a sample was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Completeness {
+    /// It was.
+    Closed,
+    /// The loops could not be closed there.
+    Open(Outcome),
+    /// The measured coordinates do not determine the state there.
+    Unmeasured,
 }
 
 /// Result of completing a sample.
@@ -88,7 +123,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         let last = info.independent.iter().map(|&c| home[c]).collect();
         Ok(Self {
             model,
-            closure: LoopClosure::new(model)?,
+            closure: TrajectoryClosure::new(model)?,
             measured: measured.to_vec(),
             weights: deviations.iter().map(|d| 1.0 / d).collect(),
             direct,
@@ -125,7 +160,8 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         }
         if let Some(places) = &self.direct {
             let pick = |values: &[f64]| -> Vec<f64> { places.iter().map(|&p| values[p]).collect() };
-            let state = self.closure.track_state(&pick(q), &pick(qd), &pick(qdd))?;
+            let closure = self.closure.single()?;
+            let state = closure.track_state(&pick(q), &pick(qd), &pick(qdd))?;
             return Ok(match state.outcome {
                 Outcome::Closed => Completed::State(state),
                 other => Completed::Open(other),
@@ -134,10 +170,92 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         self.fuse(q, qd, qdd)
     }
 
+    /// The states of consecutive samples, as [`complete`](Self::complete) gives them: where the
+    /// independent coordinates are measured, in blocks that are computed at once.
+    ///
+    /// - `motion`: for each measured coordinate the series of its positions, velocities and
+    ///   accelerations; `samples`: the indices into these series.
+    ///
+    /// # Errors
+    /// As [`complete`](Self::complete).
+    pub fn complete_many(
+        &mut self,
+        motion: &[[Vec<f64>; 3]],
+        samples: &[usize],
+    ) -> Result<CompletedStates, ClosureError> {
+        let n = self.model.info().coordinates.len();
+        let pick = |place: usize, part: usize| {
+            let series = motion.get(place).map(|m| m[part].as_slice());
+            let series = series.unwrap_or_default();
+            let value = move |k: &usize| series.get(*k).copied().unwrap_or(f64::NAN);
+            samples.iter().map(value)
+        };
+        let mut states = CompletedStates {
+            coordinates: n,
+            q: vec![f64::NAN; n * samples.len()],
+            qd: vec![f64::NAN; n * samples.len()],
+            qdd: vec![f64::NAN; n * samples.len()],
+            outcomes: Vec::with_capacity(samples.len()),
+        };
+        if let Some(places) = &self.direct {
+            let part = |part: usize| -> Vec<f64> {
+                places.iter().flat_map(|place| pick(*place, part)).collect()
+            };
+            let [q, qd, qdd] = [0, 1, 2].map(part);
+            let found = self.closure.track(samples.len(), &q, &qd, &qdd)?;
+            for (out, series) in [
+                (&mut states.q, &found.q),
+                (&mut states.qd, &found.qd),
+                (&mut states.qdd, &found.qdd),
+            ] {
+                for (c, series) in series.chunks_exact(samples.len().max(1)).enumerate() {
+                    for (slot, value) in out.iter_mut().skip(c).step_by(n).zip(series) {
+                        *slot = *value;
+                    }
+                }
+            }
+            states
+                .outcomes
+                .extend(found.outcomes.into_iter().map(|outcome| match outcome {
+                    Outcome::Closed => Completeness::Closed,
+                    other => Completeness::Open(other),
+                }));
+            return Ok(states);
+        }
+        if let Some(fused) = self.fuse_many(motion, samples)? {
+            return Ok(fused);
+        }
+        for (at, k) in samples.iter().enumerate() {
+            let row = |part: usize| -> Vec<f64> {
+                let value = |m: &[Vec<f64>; 3]| m[part].get(*k).copied().unwrap_or(f64::NAN);
+                motion.iter().map(value).collect()
+            };
+            let found = match self.complete(&row(0), &row(1), &row(2))? {
+                Completed::State(state) => {
+                    let entries = at * n..(at + 1) * n;
+                    for (out, values) in [
+                        (&mut states.q, &state.q),
+                        (&mut states.qd, &state.qd),
+                        (&mut states.qdd, &state.qdd),
+                    ] {
+                        if let Some(out) = out.get_mut(entries.clone()) {
+                            out.copy_from_slice(values);
+                        }
+                    }
+                    Completeness::Closed
+                }
+                Completed::Open(outcome) => Completeness::Open(outcome),
+                Completed::Unmeasured => Completeness::Unmeasured,
+            };
+            states.outcomes.push(found);
+        }
+        Ok(states)
+    }
+
     /// Finds the independent coordinates by Gauss-Newton steps, then their derivatives.
     fn fuse(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, ClosureError> {
         let mut q_i = self.last.clone();
-        let mut solution = self.closure.track(&q_i)?;
+        let mut solution = self.closure.single()?.track(&q_i)?;
         for _ in 0..MAX_STEPS {
             if !solution.outcome.is_closed() {
                 return Ok(Completed::Open(solution.outcome));
@@ -154,7 +272,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
             for (value, step) in q_i.iter_mut().zip(&step) {
                 *value += step;
             }
-            solution = self.closure.track(&q_i)?;
+            solution = self.closure.single()?.track(&q_i)?;
             if step.iter().all(|s| s.abs() < STEP_TOLERANCE) {
                 break;
             }
@@ -183,7 +301,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         let Some(qdd_i) = self.least_squares(&columns, &rest) else {
             return Ok(Completed::Unmeasured);
         };
-        let state = self.closure.track_state(&q_i, &qd_i, &qdd_i)?;
+        let state = self.closure.single()?.track_state(&q_i, &qd_i, &qdd_i)?;
         self.last = q_i;
         Ok(match state.outcome {
             Outcome::Closed => Completed::State(state),
@@ -206,7 +324,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         Ok(out)
     }
 
-    fn least_squares(&self, columns: &[f64], side: &[f64]) -> Option<Vec<f64>> {
+    pub(super) fn least_squares(&self, columns: &[f64], side: &[f64]) -> Option<Vec<f64>> {
         let (dof, rows) = (self.last.len(), self.measured.len());
         let (mut r, mut z) = (vec![0.0; dof * dof], vec![0.0; dof]);
         let mut block = columns.to_vec();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-use super::delay::{Delays, delays};
+use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::replay::Replay;
 use super::stream::{Filtering, LeftOut};
@@ -232,15 +232,30 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
     }
     let means = plain.means();
-    let (errors, noise) = noise_of(&mut replay, options, &estimate, &means)?;
-    let efforts = errors.efforts();
+    let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
+    let mut delays = (kind == EquationKind::Forces)
+        .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
+    let (errors, noise) = noise_of(&mut replay, options, &estimate, &means, delays.as_mut())?;
+    let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's
     let effort_weighted = plain.combined(&weights)?;
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
     let given_bandwidth = options.bandwidth.map(|b| b.clamp(1, rows.max(1)));
-    let (blocks, newey_west, psi_sums) =
-        scores(&mut replay, options, &estimate, &noise, given_bandwidth)?;
+    let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
+    let mut delays = match delays {
+        Some(delays) => delays.finish(bandwidth)?,
+        None => None,
+    };
+    let (blocks, newey_west, psi_sums) = scores(
+        &mut replay,
+        options,
+        &estimate,
+        &noise,
+        given_bandwidth,
+        delays.as_mut(),
+    )?;
+    let delays = delays.map_or_else(Delays::default, DelayScores::finish);
     let fraction_within_bound = match options.huber {
         Some(_) => psi_sums.within_bound as f64 / psi_sums.equations.max(1) as f64,
         None => 1.0,
@@ -277,22 +292,6 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let covariance = least_squares.covariance.iter();
         estimate.covariance = covariance.map(|c| c * scale).collect();
     }
-    let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
-    let delays = match kind {
-        EquationKind::Forces => {
-            let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
-            let labels = &estimate.labels;
-            delays(
-                &mut replay,
-                labels,
-                &estimate.values,
-                &names,
-                &weights,
-                bandwidth,
-            )?
-        }
-        EquationKind::Energy { .. } => Delays::default(),
-    };
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),
         errors: efforts,
@@ -422,6 +421,7 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &Options,
     estimate: &Estimate,
     means: &[f64],
+    mut delays: Option<&mut DelayFit<'_>>,
 ) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let mut errors = Residuals::new(&names, means, options.lags);
@@ -435,6 +435,9 @@ fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
         if equations.tau.is_empty() {
             return Ok(());
+        }
+        if let Some(delays) = &mut delays {
+            delays.push(equations)?;
         }
         weighted.compute(equations);
         errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
@@ -516,6 +519,7 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     estimate: &Estimate,
     noise: &[Autoregression],
     bandwidth: Option<usize>,
+    mut delays: Option<&mut DelayScores<'_>>,
 ) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
     let n = estimate.values.len();
     let mut scores = Scores::new(n, noise);
@@ -533,6 +537,9 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let count = equations.tau.len();
         if count == 0 {
             return Ok(());
+        }
+        if let Some(delays) = &mut delays {
+            delays.push(equations)?;
         }
         weighted.compute(equations);
         for (e, used) in weighted.used.iter().enumerate() {

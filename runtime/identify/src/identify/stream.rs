@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::passes::Source;
+use super::pending::Pending;
 use crate::estimate::EstimateError;
 use crate::signals::{SignalError, Smoothing};
-use regen_runtime::{BaseModel, Friction};
+use regen_runtime::{BaseModel, Condition, Friction};
 
 /// How to treat equations of coordinates that rest, or move so slowly that noise determines
 /// the direction of their friction.
@@ -80,6 +81,10 @@ pub trait Columns {
         w: &[f64],
         out: &mut [f64],
     ) -> Result<bool, EstimateError>;
+
+    /// Tells that a state between those of two calls of [`fill`](Self::fill) gave no equation. Rows
+    /// are handed over some time after the source passed them on, but in its order.
+    fn skip(&mut self) {}
 }
 
 /// No additional columns.
@@ -125,6 +130,7 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let filtering = source.filtering();
     let mut stream = Stream::new(model, kind, filtering, columns.count());
     source.visit(&mut |row| stream.take(row, columns, each))?;
+    stream.flush(columns, each)?;
     stream.end_run(each)?;
     let mut left = stream.left;
     left.singular = stream.observer.singular() + stream.irregular;
@@ -137,6 +143,7 @@ type EquationSink<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> +
 
 /// Filter and decimation of equations, with the samples that the filter still needs.
 struct Stream<'m, M: ?Sized> {
+    model: &'m M,
     observer: EquationBuilder<'m, M>,
     kind: EquationKind,
     filtering: Filtering,
@@ -159,6 +166,8 @@ struct Stream<'m, M: ?Sized> {
     count: usize,
     /// Whether the next sample follows the last one that was passed on.
     follows: bool,
+    /// Samples whose equations are not yet set up.
+    pending: Pending,
     taken: usize,
     settled: usize,
     irregular: usize,
@@ -202,6 +211,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         };
         let columns = model.base_info().base.len() + extra;
         Self {
+            model,
             observer: EquationBuilder::new(model, kind),
             kind,
             filtering,
@@ -217,6 +227,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             before: 0,
             count: 0,
             follows: false,
+            pending: Pending::default(),
             taken: 0,
             settled: 0,
             irregular: 0,
@@ -236,10 +247,48 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if matches!(self.kind, EquationKind::Energy { .. }) {
             return self.balance(row, each);
         }
+        let n = self.model.info().coordinates.len();
+        if [row.q, row.qd, row.qdd].iter().any(|part| part.len() != n) {
+            // gives the error that names the length
+            return self.observer.observe(row).map(drop);
+        }
+        if self.pending.push(row) {
+            self.flush(columns, each)?;
+        }
+        Ok(())
+    }
+
+    /// Sets up the equations of the waiting samples and takes them one after the other.
+    fn flush(
+        &mut self,
+        columns: &mut dyn Columns,
+        each: &mut EquationSink<'_>,
+    ) -> Result<(), EstimateError> {
+        let mut pending = core::mem::take(&mut self.pending);
+        pending.compute(self.model)?;
+        for index in 0..pending.len() {
+            if let Some((row, w, pivot)) = pending.at(index) {
+                self.take_computed(&row, w, Condition { pivot }, columns, each)?;
+            }
+        }
+        pending.clear();
+        self.pending = pending;
+        Ok(())
+    }
+
+    /// Takes a sample whose base regressor is known.
+    fn take_computed(
+        &mut self,
+        row: &StateSample<'_>,
+        w: impl Iterator<Item = f64>,
+        condition: Condition<f64>,
+        columns: &mut dyn Columns,
+        each: &mut EquationSink<'_>,
+    ) -> Result<(), EstimateError> {
         if !row.follows {
             self.end_run(each)?;
         }
-        if !self.observe(row, columns)? {
+        if !self.observe(row, w, condition, columns)? {
             return self.end_run(each);
         }
         self.taken += 1;
@@ -274,10 +323,13 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     fn observe(
         &mut self,
         row: &StateSample<'_>,
+        w: impl Iterator<Item = f64>,
+        condition: Condition<f64>,
         columns: &mut dyn Columns,
     ) -> Result<bool, EstimateError> {
-        let equations = self.observer.observe(row)?;
+        let equations = self.observer.observe_computed(row, w, condition)?;
         if equations.tau.is_empty() {
+            columns.skip();
             return Ok(false);
         }
         let start = self.values.len();

@@ -181,3 +181,46 @@ fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
         assert!(!complete(1.2, 0.4), "{measured:?}");
     }
 }
+
+/// Samples that are completed together are those completed one after the other, whatever is
+/// measured: with noise, and with a jump between two of them.
+#[test]
+fn samples_completed_together_are_those_completed_one_by_one() {
+    let model = model();
+    for measured in [&[0][..], &[0, 2], &[1, 2], &[2, 1, 0]] {
+        let deviations: Vec<f64> = measured.iter().map(|m| 0.01 + 0.5 * *m as f64).collect();
+        let mut motion = vec![[vec![], vec![], vec![]]; measured.len()];
+        for k in 0..200 {
+            let t = 0.01 * f64::from(k) + if k > 120 { 0.2 } else { 0.0 };
+            let crank = HOME + 0.5 * t.sin();
+            let noise = |c: usize| 1e-3 * (7.3 * f64::from(k) + 2.9 * c as f64).sin();
+            let values = [
+                at(crank),
+                rates(crank).map(|r| 0.5 * t.cos() * r),
+                [0.3, 0.1, -0.2],
+            ];
+            for (series, c) in motion.iter_mut().zip(measured) {
+                for (series, values) in series.iter_mut().zip(&values) {
+                    series.push(values[*c] + noise(*c));
+                }
+            }
+        }
+        let samples: Vec<usize> = (0..200).step_by(2).collect();
+        let mut together = Completion::new(&model, measured, &deviations).unwrap();
+        let (first, rest) = samples.split_at(33);
+        let blocks = [first, rest].map(|part| together.complete_many(&motion, part).unwrap());
+        let mut single = Completion::new(&model, measured, &deviations).unwrap();
+        let states = (0..33).map(|k| (0, k)).chain((0..67).map(|k| (1, k)));
+        for (sample, (block, at)) in samples.iter().zip(states) {
+            let pick =
+                |part: usize| -> Vec<f64> { motion.iter().map(|m| m[part][*sample]).collect() };
+            let expected = state(single.complete(&pick(0), &pick(1), &pick(2)).unwrap());
+            let found = blocks[block].state(at);
+            for (found, expected) in found.iter().zip([&expected.q, &expected.qd, &expected.qdd]) {
+                for (a, b) in found.iter().zip(expected) {
+                    assert!((a - b).abs() < 1e-9, "{measured:?} at {sample}: {a} {b}");
+                }
+            }
+        }
+    }
+}

@@ -30,6 +30,7 @@ fn found<M: BaseModel<f64> + Sync>(
     let run = EffortRun {
         times: &log.t,
         efforts: &efforts,
+        positions: &[],
         closed_loop: ClosedLoop {
             reference: &reference,
             lead: 0.0,
@@ -52,7 +53,7 @@ fn all_within<M: BaseModel<f64> + Sync>(twin: &Twin<'_, M>) {
     };
     let found = found(twin, known, &off(&truth, 0.2)).unwrap();
     assert!(
-        found.settled && found.rounds <= 8,
+        found.settled && found.rounds <= 10,
         "{} {:?}",
         found.rounds,
         found.norms
@@ -79,6 +80,17 @@ fn efforts_alone_give_the_parameters_of_an_arm() {
     all_within(&Twin {
         noise: [1e-5, 0.05],
         ..Twin::new(&Arm, &ARM)
+    });
+}
+
+#[test]
+fn a_soft_loop_whose_rounds_approach_slowly_converges_to_the_parameters() {
+    // a third of the stiffness: the motion follows from the parameters by as much as from the
+    // commands, and rounds without slopes come nearer by a small part each
+    let soft: Vec<[f64; 2]> = ARM.iter().map(|[kp, kd]| [kp / 3.0, kd / 2.0]).collect();
+    all_within(&Twin {
+        noise: [1e-5, 0.05],
+        ..Twin::new(&Arm, &soft)
     });
 }
 

@@ -1,0 +1,34 @@
+//! The tests of this folder as one program, which links once: a file is a module here.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod base;
+mod check;
+mod common;
+mod drives;
+mod excite;
+mod exits;
+mod experiment_file;
+mod faulty_logs;
+mod generate;
+mod guide;
+mod hostile;
+mod identify;
+mod import;
+mod inspect;
+mod intervals;
+mod json;
+mod mistakes;
+mod new;
+mod offsets;
+mod pages;
+mod payloads;
+mod predict;
+mod recordings;
+mod rehearse;
+mod simulate;
+mod simulated;
+mod springs;
+mod states;
+mod units;
+mod verify;
+mod whole_or_absent;

@@ -1,0 +1,12 @@
+//! The tests of this folder as one program, which links once: a file is a module here.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+mod cuts;
+mod equalities;
+mod export;
+mod mjcf;
+mod mutations;
+mod snapshots;
+mod urdf;
+mod vectors;

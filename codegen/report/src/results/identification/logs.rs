@@ -1,0 +1,56 @@
+//! What was read of logs, and what of it was left out.
+
+use regen_codegen::explain::lines::field;
+use regen_identify::data::FileReport;
+use regen_identify::identify::LeftOut;
+use serde::Serialize;
+
+/// The statistics of one log that was read, as they are serialised.
+#[derive(Clone, Debug, Serialize)]
+pub struct LogFile {
+    file: String,
+    rows: usize,
+    step: f64,
+    states: usize,
+    problems: Vec<String>,
+    dropped: usize,
+}
+
+impl LogFile {
+    /// The statistics of a log, from the report of its reader.
+    pub fn new(report: &FileReport) -> Self {
+        Self {
+            file: report.file.clone(),
+            rows: report.rows,
+            step: report.step,
+            states: report.states,
+            problems: report
+                .problems
+                .first
+                .iter()
+                .map(ToString::to_string)
+                .collect(),
+            dropped: report
+                .problems
+                .left_out(&report.policies)
+                .iter()
+                .map(|(_, count)| count)
+                .sum(),
+        }
+    }
+}
+
+/// The share of equations that were left out because their coordinates were at rest, as a
+/// line of text; empty where there were none.
+pub fn resting(left: &LeftOut) -> String {
+    let rest: usize = left.resting.iter().sum();
+    let all = left.samples * left.resting.len();
+    if rest == 0 || all == 0 {
+        return String::new();
+    }
+    let share = 100.0 * rest as f64 / all as f64;
+    field(
+        "at rest",
+        &format!("{share:.2} % of the equations left out"),
+    )
+}

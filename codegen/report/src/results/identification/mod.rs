@@ -1,0 +1,19 @@
+//! The result of an identification.
+
+mod delays;
+mod instruments;
+mod logs;
+mod models;
+mod simulated;
+mod steps;
+mod summary;
+mod text;
+
+pub use delays::corrected_delays_text;
+pub use instruments::Instruments;
+pub use logs::{LogFile, resting};
+pub use models::stem;
+pub use simulated::{Rounds, Search, Simulated};
+pub use steps::{ReductionStep, reduction_steps};
+pub use summary::{EffortSummary, Identification, ModelErrors, Summary, Suspected};
+pub use text::identification_text;

@@ -1,0 +1,66 @@
+//! The table of models compared on logs, as in the chapter's Table 4.
+
+use std::path::Path;
+
+use regen_codegen::explain::lines::columns;
+use regen_identify::session::LogError;
+
+/// The table for people: a row for each model, a column for each log.
+pub(super) fn models_text(title: &str, rows: &[(String, &[LogError])]) -> String {
+    // the number of logs whose columns fit side by side
+    const BLOCK: usize = 4;
+    let mut out = String::new();
+    let logs = rows.first().map_or(&[][..], |(_, logs)| *logs);
+    for (block, some) in logs.chunks(BLOCK).enumerate() {
+        let names: Vec<String> = some.iter().map(|l| stem(&l.log)).collect();
+        let head: Vec<&str> = std::iter::once(title)
+            .chain(names.iter().map(String::as_str))
+            .collect();
+        let lines: Vec<Vec<String>> = rows
+            .iter()
+            .map(|(name, logs)| {
+                let figures = logs.iter().skip(block * BLOCK).take(BLOCK);
+                let figures = figures.map(|l| format!("{:.3}", l.relative_absolute));
+                std::iter::once(name.clone()).chain(figures).collect()
+            })
+            .collect();
+        out.push_str(&columns(&head, &lines));
+    }
+    out
+}
+
+/// The name of a run or a file without directory and extensions; what is said of the part that is
+/// read stays.
+///
+/// ```
+/// assert_eq!(regen_report::results::stem("runs/run1.csv"), "run1");
+/// ```
+pub fn stem(run: &str) -> String {
+    let (files, part) = match run.split_once(", ") {
+        Some((files, part)) => (files, format!(", {part}")),
+        None => (run, String::new()),
+    };
+    let one = |file: &str| {
+        let stem = Path::new(file).file_stem();
+        stem.map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned())
+    };
+    let names: Vec<String> = files.split(" + ").map(one).collect();
+    names.join(" + ") + &part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stem;
+
+    #[test]
+    fn names_of_runs_keep_the_part_that_is_read() {
+        for (run, name) in [
+            ("logs/run.1.csv", "run.1"),
+            ("a.csv + b.csv, rows 2 to 7", "a + b, rows 2 to 7"),
+            ("a.csv, 2.5 s to 4.5 s", "a, 2.5 s to 4.5 s"),
+            ("b/x.mcap, /joint_states", "x, /joint_states"),
+        ] {
+            assert_eq!(stem(run), name);
+        }
+    }
+}

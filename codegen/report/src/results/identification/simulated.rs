@@ -1,0 +1,190 @@
+//! What estimators that simulate the controlled robot add to a result.
+
+use std::fmt::Write as _;
+
+use regen_codegen::explain::lines::{columns, field};
+use regen_identify::text::{figure, figure_of};
+use regen_response::{Didim, Responded};
+use serde::Serialize;
+
+/// What estimators that simulate the controlled robot add to a result, as it is serialised.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Simulated {
+    /// The rounds of DIDIM.
+    Didim(Rounds),
+    /// The search of a fit to responses.
+    Response(Search),
+}
+
+/// The rounds of DIDIM.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rounds {
+    #[serde(rename = "rounds")]
+    count: usize,
+    /// eps_RA of each round, percent.
+    relative_absolute: Vec<f64>,
+    /// How far the simulated motion is from measured positions.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    departures: Vec<MotionDeparture>,
+    /// The bandwidth of controllers whose gains are not known, Hz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bandwidth: Option<f64>,
+}
+
+/// How far the simulated motion of a coordinate is from measured positions.
+#[derive(Clone, Debug, Serialize)]
+struct MotionDeparture {
+    name: String,
+    percent: f64,
+}
+
+/// The search of a fit to responses.
+#[derive(Clone, Debug, Serialize)]
+pub struct Search {
+    windows: usize,
+    steps: usize,
+    /// Candidates that could not be simulated.
+    refused: usize,
+    /// Gains and values of signals that were estimated.
+    estimated: Vec<EstimatedToo>,
+    undetermined: Vec<UndeterminedDirection>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct EstimatedToo {
+    label: String,
+    value: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sigma: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    interval: Option<[f64; 2]>,
+}
+
+/// A direction along which nothing changes the responses.
+#[derive(Clone, Debug, Serialize)]
+struct UndeterminedDirection {
+    words: String,
+    terms: Vec<(String, f64)>,
+}
+
+impl Simulated {
+    /// The rounds of DIDIM.
+    ///
+    /// - `bandwidth`: of controllers whose gains are not known, Hz.
+    pub fn didim(found: &Didim, bandwidth: Option<f64>) -> Self {
+        let departures = found.departures.iter().map(|own| MotionDeparture {
+            name: own.name.clone(),
+            percent: own.percent,
+        });
+        Self::Didim(Rounds {
+            count: found.rounds,
+            relative_absolute: found.norms.clone(),
+            departures: departures.collect(),
+            bandwidth,
+        })
+    }
+
+    /// The search of a fit to responses.
+    pub fn responses(found: &Responded) -> Self {
+        let estimated = found.estimated.iter().map(|e| EstimatedToo {
+            label: e.label.clone(),
+            value: e.value,
+            sigma: e.interval.map(|i| i.sigma),
+            interval: e.interval.map(|i| [i.low, i.high]),
+        });
+        let undetermined = found.undetermined.iter().map(|d| UndeterminedDirection {
+            words: d.to_string(),
+            terms: d.terms.clone(),
+        });
+        Self::Response(Search {
+            windows: found.windows,
+            steps: found.steps,
+            refused: found.refused,
+            estimated: estimated.collect(),
+            undetermined: undetermined.collect(),
+        })
+    }
+
+    /// What the responses leave undetermined, in words.
+    pub(super) fn undetermined(&self) -> Vec<&str> {
+        match self {
+            Self::Didim(_) => Vec::new(),
+            Self::Response(found) => {
+                let directions = found.undetermined.iter();
+                directions.map(|d| d.words.as_str()).collect()
+            }
+        }
+    }
+
+    /// The lines above the tables.
+    pub(super) fn to_text(&self) -> String {
+        match self {
+            Self::Didim(found) => {
+                let errors: Vec<String> = found
+                    .relative_absolute
+                    .iter()
+                    .map(|e| format!("{e:.3}"))
+                    .collect();
+                let text = format!("{}; eps_RA {} %", found.count, errors.join(", "));
+                let mut out = field("rounds", &text);
+                let order =
+                    |a: &&MotionDeparture, b: &&MotionDeparture| a.percent.total_cmp(&b.percent);
+                if let Some(most) = found.departures.iter().max_by(order) {
+                    let text = format!(
+                        "within {} % of the measured one, {} the most",
+                        figure_of(2, most.percent),
+                        most.name
+                    );
+                    out.push_str(&field("motion", &text));
+                }
+                if let Some(bandwidth) = found.bandwidth {
+                    let text = format!(
+                        "{} Hz, for their gains are not known",
+                        figure_of(3, bandwidth)
+                    );
+                    out.push_str(&field("controllers", &text));
+                }
+                out
+            }
+            Self::Response(found) => {
+                let mut text = format!("{} in {} windows", found.steps, found.windows);
+                if found.refused > 0 {
+                    let _ = write!(
+                        text,
+                        "; {} candidates could not be simulated",
+                        found.refused
+                    );
+                }
+                field("steps", &text)
+            }
+        }
+    }
+
+    /// The tables behind that of the parameters.
+    pub(super) fn to_tables(&self) -> String {
+        let Self::Response(found) = self else {
+            return String::new();
+        };
+        let mut out = String::new();
+        if !found.estimated.is_empty() {
+            let lines: Vec<Vec<String>> = found
+                .estimated
+                .iter()
+                .map(|e| {
+                    vec![
+                        e.label.clone(),
+                        figure(e.value),
+                        e.sigma.map_or_else(|| "-".to_owned(), |s| figure_of(3, s)),
+                    ]
+                })
+                .collect();
+            out.push('\n');
+            out.push_str(&columns(&["estimated too", "value", "sigma"], &lines));
+        }
+        for direction in &found.undetermined {
+            out.push_str(&field("undetermined", &direction.words));
+        }
+        out
+    }
+}

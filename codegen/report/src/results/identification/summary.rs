@@ -1,0 +1,203 @@
+//! The result of an identification, as it is serialised.
+
+use regen_identify::estimate::{EffortError, Spectrum};
+use regen_identify::files::{FrictionRow, ParameterFile};
+use regen_identify::gains::GainFit;
+use regen_identify::identify::suspect::Suspicion;
+use regen_identify::identify::{Delays, LeftOut};
+use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
+use regen_response::Responded;
+use serde::Serialize;
+
+use super::{Instruments, LogFile, ReductionStep, Simulated};
+
+/// An identification, as it is serialised: the parameter file of the adopted model, and the summary
+/// of the fit.
+#[derive(Serialize)]
+pub struct Identification {
+    /// The adopted model.
+    #[serde(flatten)]
+    pub file: ParameterFile,
+    /// Everything but its parameters.
+    #[serde(flatten)]
+    pub summary: Summary,
+}
+
+/// The summary of a fit: everything but its parameters.
+#[derive(Default, Serialize)]
+pub struct Summary {
+    /// The name of the kind of equations.
+    pub kind: String,
+    /// The number of equations.
+    pub equations: usize,
+    /// The equations less the parameters.
+    pub degrees_of_freedom: usize,
+    /// The condition number of the observation matrix (Eq. 24).
+    pub condition: f64,
+    /// The same with columns scaled to unit length (Eq. 27).
+    pub scaled_condition: f64,
+    /// Each effort with its noise.
+    pub efforts: Vec<EffortSummary>,
+    /// eps_RA of the adopted model in percent; `None` without logs.
+    pub relative_absolute: Option<f64>,
+    /// The lag in samples up to which residuals count as correlated; `None` without logs.
+    pub bandwidth: Option<usize>,
+    /// The number of samples left out because their states are singular.
+    pub singular: usize,
+    /// Samples and equations that were left out; `None` without logs.
+    pub left_out: Option<LeftOut>,
+    /// Estimated delays of efforts behind the motion; empty without logs.
+    pub delays: Delays,
+    /// The delays that efforts were corrected by while reading, s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub corrected_delays: Vec<(String, f64)>,
+    /// Each log predicted by parameters from the others.
+    pub cross: Vec<CrossValidation>,
+    /// The steps of a reduction.
+    pub reduction: Vec<ReductionStep>,
+    /// The models compared on each log; empty unless options asked for more than least squares.
+    pub models: Vec<ModelErrors>,
+    /// The logs that were read.
+    pub files: Vec<LogFile>,
+    /// The instruments, and the test of least squares for bias.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instruments: Option<Instruments>,
+    /// What an estimator that simulates the controlled robot found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulated: Option<Simulated>,
+    /// Columns of the logs that look wrong.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub suspicions: Vec<Suspected>,
+}
+
+/// The noise of an effort by least squares and, where logs are known, the error of the adopted
+/// model.
+#[derive(Serialize)]
+pub struct EffortSummary {
+    /// The name of the effort, or of the signal.
+    pub name: String,
+    /// The number of its equations.
+    pub equations: usize,
+    /// The standard deviation of its residuals, in its unit.
+    pub sigma: f64,
+    /// The weight of its equations.
+    pub weight: f64,
+    /// The error of the adopted model.
+    pub error: Option<EffortError>,
+}
+
+/// The errors of a model on the logs.
+#[derive(Serialize)]
+pub struct ModelErrors {
+    /// The name of the model.
+    pub name: String,
+    /// Whether its parameters are physically possible, in words.
+    pub feasibility: String,
+    /// The bound on how far the objective can exceed the optimum, as a part of the objective.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gap: Option<f64>,
+    /// The base parameters.
+    pub base: Vec<f64>,
+    /// Friction beyond the base parameters.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub friction: Vec<FrictionRow>,
+    /// Its error on each log.
+    pub logs: Vec<LogError>,
+}
+
+/// A suspected mistake in a log, with its remedy.
+#[derive(Clone, Debug, Serialize)]
+pub struct Suspected {
+    /// What looks wrong.
+    #[serde(flatten)]
+    pub found: Suspicion,
+    /// How to read the log correctly, or other advice.
+    pub remedy: String,
+}
+
+impl Summary {
+    /// The summary of a least-squares fit; the results of later steps are empty.
+    pub fn of(start: &LeastSquaresStart) -> Self {
+        let estimate = &start.estimate;
+        let efforts = estimate.efforts.iter().enumerate();
+        let efforts = efforts.map(|(k, e)| EffortSummary {
+            name: e.name.clone(),
+            equations: e.rows,
+            sigma: e.sigma,
+            weight: e.weight,
+            error: start.errors.get(k).cloned(),
+        });
+        Self {
+            kind: start.kind.clone(),
+            equations: estimate.efforts.iter().map(|e| e.rows).sum(),
+            degrees_of_freedom: estimate.degrees_of_freedom,
+            condition: estimate.condition,
+            scaled_condition: estimate.scaled_condition,
+            efforts: efforts.collect(),
+            relative_absolute: start.relative_absolute,
+            bandwidth: start.bandwidth,
+            singular: start.left_out.as_ref().map_or(0, |left| left.singular),
+            left_out: start.left_out.clone(),
+            delays: start.delays.clone(),
+            files: start.reports.iter().map(LogFile::new).collect(),
+            ..Self::default()
+        }
+    }
+    /// The summary of a fit with unknown gains or payloads.
+    ///
+    /// - `kind`: the name of the kind of equations.
+    pub fn of_gains(found: &GainFit, kind: String) -> Self {
+        let estimate = &found.estimate;
+        let efforts = estimate.efforts.iter().zip(&found.errors);
+        let efforts = efforts.map(|(e, error)| EffortSummary {
+            name: e.name.clone(),
+            equations: e.rows,
+            sigma: e.sigma,
+            weight: e.weight,
+            error: Some(error.clone()),
+        });
+        Self {
+            kind,
+            equations: estimate.efforts.iter().map(|e| e.rows).sum(),
+            degrees_of_freedom: estimate.degrees_of_freedom,
+            condition: estimate.condition,
+            scaled_condition: estimate.scaled_condition,
+            efforts: efforts.collect(),
+            relative_absolute: Some(found.relative_absolute),
+            bandwidth: Some(found.bandwidth),
+            singular: found.left_out.singular,
+            left_out: Some(found.left_out.clone()),
+            ..Self::default()
+        }
+    }
+
+    /// The summary of a fit to responses; the signals stand where efforts do.
+    pub fn of_responses(found: &Responded) -> Self {
+        let spectrum = found.factor.spectrum().ok();
+        let efforts = found.errors.iter().map(|e| EffortSummary {
+            name: e.name.clone(),
+            equations: e.samples,
+            sigma: e.rms,
+            weight: if e.rms > 0.0 { 1.0 / e.rms } else { 1.0 },
+            error: Some(e.clone()),
+        });
+        Self {
+            kind: "responses to commands".to_owned(),
+            equations: found.errors.iter().map(|e| e.samples).sum(),
+            degrees_of_freedom: found.factor.rows().saturating_sub(found.factor.columns()),
+            condition: spectrum.as_ref().map_or(f64::NAN, Spectrum::condition),
+            scaled_condition: spectrum
+                .as_ref()
+                .map_or(f64::NAN, Spectrum::scaled_condition),
+            efforts: efforts.collect(),
+            simulated: Some(Simulated::responses(found)),
+            ..Self::default()
+        }
+    }
+
+    /// What the data leave undetermined, in words; empty where nothing is.
+    pub fn undetermined(&self) -> Vec<&str> {
+        let simulated = self.simulated.as_ref();
+        simulated.map_or_else(Vec::new, Simulated::undetermined)
+    }
+}

@@ -1,0 +1,35 @@
+//! Results as tables of at most 80 columns for people, and as values to be serialised for programs.
+//!
+//! ```
+//! # use regen_codegen::{diag::Source, pipeline};
+//! # let text = "\
+//! # name: arm
+//! # limbs:
+//! #   - name: arm
+//! #     joints:
+//! #       - {name: q1, type: revolute, body: link, actuated: true}
+//! # ";
+//! use regen_report::results;
+//!
+//! let robot = pipeline::derive(&Source::new("arm.yaml", text))?;
+//! assert!(results::info_text(&robot).contains("independent"));
+//! let json = serde_json::to_value(results::info(&robot))?;
+//! assert_eq!(json["dof"], 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod base;
+mod explanation;
+mod identification;
+mod info;
+mod inspection;
+
+pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
+pub use explanation::{ExplanationJson, explanation, explanation_text};
+pub use identification::{
+    EffortSummary, Identification, Instruments, LogFile, ModelErrors, ReductionStep, Rounds,
+    Search, Simulated, Summary, Suspected, corrected_delays_text, identification_text,
+    reduction_steps, resting, stem,
+};
+pub use info::{Info, info, info_text};
+pub use inspection::{Inspection, inspection_text};

@@ -1,0 +1,90 @@
+//! What the sizes of a robot count, by name, and what is said about its base parameters in every
+//! language.
+
+use std::fmt::Write as _;
+
+use crate::base::Analysis;
+use crate::robot::Robot;
+use crate::signature::{Argument, FunctionKind, Size};
+
+use super::names::identifier;
+
+/// The base parameters, if the robot has functions over them.
+pub(super) fn base_of(robot: &Robot) -> Option<&Analysis> {
+    robot.function(FunctionKind::ToBase)?;
+    robot.analysis.as_ref()
+}
+
+/// Names of the elements that a size counts; numbers for elements without names.
+pub(super) fn elements(robot: &Robot, size: Size) -> Vec<String> {
+    let of = |which: &[usize]| -> Vec<String> {
+        which
+            .iter()
+            .map(|c| robot.coordinates[*c].clone())
+            .collect()
+    };
+    let numbered = || (1..=robot.length(size)).map(|k| k.to_string()).collect();
+    match size {
+        Size::Coordinates => robot.coordinates.clone(),
+        Size::Independent => of(&robot.independent),
+        Size::Dependent => of(&robot.dependent),
+        Size::Actuated => of(&robot.actuated),
+        Size::Parameters => robot.parameters.iter().map(|p| p.label.clone()).collect(),
+        Size::Bodies => robot.bodies.clone(),
+        Size::Base => kept_labels(robot),
+        Size::Free => eliminated_labels(robot),
+        Size::Rows | Size::Cones | Size::Pose => numbered(),
+    }
+}
+
+/// The preferred names of an argument's elements in an emitted function.
+pub(super) fn preferred_names(robot: &Robot, argument: Argument) -> Vec<String> {
+    let row = argument.row();
+    let elements = elements(robot, row.size).into_iter();
+    elements
+        .map(|element| format!("{}{}", row.prefix, identifier(&element)))
+        .collect()
+}
+
+/// Labels of the base parameters that functions take as `beta`.
+pub(super) fn kept_labels(robot: &Robot) -> Vec<String> {
+    let analysis = robot.analysis.iter();
+    let parameters = analysis.flat_map(|a| &a.base.parameters);
+    parameters
+        .filter(|p| !p.dropped)
+        .map(|p| robot.parameters[p.column].label.clone())
+        .collect()
+}
+
+/// Labels of the eliminated parameters, which functions take as `free`.
+pub(super) fn eliminated_labels(robot: &Robot) -> Vec<String> {
+    let analysis = robot.analysis.iter();
+    let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
+    columns.map(|c| robot.parameters[c].label.clone()).collect()
+}
+
+/// States in words whether the base is certified to be minimal.
+pub(super) fn certified(analysis: &Analysis) -> String {
+    let mut words = if analysis.complete {
+        "certified to be minimal".to_owned()
+    } else {
+        "NOT certified to be minimal".to_owned()
+    };
+    let dropped = analysis
+        .base
+        .parameters
+        .iter()
+        .filter(|p| p.dropped)
+        .count();
+    if dropped > 0 {
+        let _ = write!(words, " before `base.drop` left {dropped} out");
+    }
+    if !analysis.base.known.is_empty() {
+        let known = analysis.base.known.len();
+        let _ = write!(
+            words,
+            ", with {known} parameters known by `base.zero` and `base.equal`"
+        );
+    }
+    words
+}

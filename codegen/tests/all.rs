@@ -1,0 +1,24 @@
+//! The tests of this folder as one program, which links once: a file is a module here.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod base_random;
+mod base_ranks;
+mod base_support;
+mod base_table;
+mod c;
+mod certificate;
+mod completion;
+mod emission;
+mod explain;
+mod expressions;
+mod files;
+mod mutations;
+mod mutations_derive;
+mod oracle;
+mod rooms;
+mod rounding;
+mod scene;
+mod spec_fuzz;
+mod spec_invalid;
+mod spec_schema;
+mod spec_valid;

@@ -1,0 +1,184 @@
+//! The inverse of A's dependent columns at one state, to which those of other states are compared.
+
+/// The most that A may change, as the largest row sum of `A^-1 B - 1`: half of the distance at which
+/// B could be singular.
+const MAX_CHANGE: f64 = 0.5;
+/// A pivot below this part of the largest is too near a singularity: single states are judged by a
+/// condition number there, and with less the rounding errors of the inverse would decide.
+const MIN_PIVOT_RATIO: f64 = 1e-4;
+
+/// The inverse of as many rows of A's dependent columns as there are dependent coordinates: those
+/// that pivoting selects. Rows and columns are divided by their largest entries.
+#[derive(Clone, Debug)]
+pub(super) struct Reference {
+    /// The number of dependent coordinates.
+    size: usize,
+    /// The number of all coordinates.
+    columns: usize,
+    dependent: Vec<usize>,
+    /// The selected rows of A.
+    rows: Vec<usize>,
+    /// The factor on each selected row, and on each dependent column.
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
+    /// The inverse of the scaled rows, row-major.
+    inverse: Vec<f64>,
+}
+
+impl Reference {
+    /// Inverts the dependent columns of `a`, row-major with `columns` entries in each row; `None` if
+    /// they are nearly singular or not finite.
+    pub(super) fn new(a: &[f64], columns: usize, dependent: &[usize]) -> Option<Self> {
+        let n = dependent.len();
+        let reciprocal = |x: f64| if x > 0.0 { 1.0 / x } else { 1.0 };
+        let all: Vec<Vec<f64>> = a
+            .chunks_exact(columns.max(1))
+            .map(|row| dependent.iter().map(|c| row[*c]).collect())
+            .collect();
+        let scales: Vec<f64> = all
+            .iter()
+            .map(|row| reciprocal(row.iter().fold(0.0, |m, x| largest(m, x.abs()))))
+            .collect();
+        let column_scale: Vec<f64> = (0..n)
+            .map(|c| {
+                let entries = all
+                    .iter()
+                    .zip(&scales)
+                    .map(|(row, scale)| (row[c] * scale).abs());
+                reciprocal(entries.fold(0.0, largest))
+            })
+            .collect();
+        let mut open: Vec<(usize, Vec<f64>)> = all
+            .iter()
+            .enumerate()
+            .map(|(at, row)| {
+                let scaled = row
+                    .iter()
+                    .zip(&column_scale)
+                    .map(|(x, c)| x * c * scales[at]);
+                (at, scaled.collect())
+            })
+            .collect();
+        let scaled = open.clone();
+        // elimination selects the rows
+        let mut rows = Vec::with_capacity(n);
+        let mut pivots = Vec::with_capacity(n);
+        for k in 0..n {
+            let best = (0..open.len())
+                .max_by(|i, j| open[*i].1[k].abs().total_cmp(&open[*j].1[k].abs()))?;
+            let (at, top) = open.swap_remove(best);
+            rows.push(at);
+            pivots.push(top[k].abs());
+            for (_, row) in &mut open {
+                let factor = row[k] / top[k];
+                for (x, y) in row.iter_mut().zip(&top) {
+                    *x -= factor * y;
+                }
+            }
+        }
+        let greatest = pivots.iter().copied().fold(0.0, largest);
+        let regular = pivots
+            .iter()
+            .all(|p| *p >= MIN_PIVOT_RATIO * greatest && p.is_finite());
+        if !regular {
+            return None;
+        }
+        let chosen: Vec<Vec<f64>> = rows
+            .iter()
+            .filter_map(|at| scaled.get(*at).map(|row| row.1.clone()))
+            .collect();
+        let inverse = inverse_of(chosen)?;
+        Some(Self {
+            size: n,
+            columns,
+            dependent: dependent.to_vec(),
+            row_scale: rows.iter().map(|at| scales[*at]).collect(),
+            rows,
+            column_scale,
+            inverse,
+        })
+    }
+
+    /// Whether A at each of `len` states is so near that every matrix between the two is regular.
+    /// `a` has one series for each entry.
+    pub(super) fn is_near(&self, a: &[f64], len: usize) -> Vec<bool> {
+        let n = self.size;
+        let mut worst = vec![0.0; len];
+        let mut sums = vec![0.0; n * len];
+        let mut entries = vec![0.0; n * len];
+        let mut product = vec![0.0; len];
+        for (j, c) in self.dependent.iter().enumerate() {
+            // column j of the scaled matrix
+            for (k, row) in self.rows.iter().enumerate() {
+                let at = (row * self.columns + c) * len;
+                let scale = self.row_scale[k] * self.column_scale[j];
+                let own = a[at..at + len].iter().map(|x| x * scale);
+                for (slot, x) in entries[k * len..(k + 1) * len].iter_mut().zip(own) {
+                    *slot = x;
+                }
+            }
+            for i in 0..n {
+                product.fill(if i == j { -1.0 } else { 0.0 });
+                for (k, entries) in entries.chunks_exact(len).enumerate() {
+                    let factor = self.inverse[i * n + k];
+                    for (sum, x) in product.iter_mut().zip(entries) {
+                        *sum += factor * x;
+                    }
+                }
+                for (sum, x) in sums[i * len..(i + 1) * len].iter_mut().zip(&product) {
+                    *sum += x.abs();
+                }
+            }
+        }
+        for sums in sums.chunks_exact(len) {
+            for (worst, sum) in worst.iter_mut().zip(sums) {
+                *worst = largest(*worst, *sum);
+            }
+        }
+        worst
+            .into_iter()
+            .map(|change| change <= MAX_CHANGE)
+            .collect()
+    }
+}
+
+/// The larger of two sizes; NaN if one of them is.
+pub(super) fn largest(a: f64, b: f64) -> f64 {
+    if b <= a || a.is_nan() { a } else { b }
+}
+
+/// The inverse of a square matrix by elimination with pivoting, row-major.
+fn inverse_of(mut a: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let n = a.len();
+    let mut b: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect())
+        .collect();
+    for k in 0..n {
+        let best = (k..n).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs()))?;
+        a.swap(k, best);
+        b.swap(k, best);
+        let pivot = a[k][k];
+        if pivot == 0.0 {
+            return None;
+        }
+        for row in [&mut a[k], &mut b[k]] {
+            for x in row.iter_mut() {
+                *x /= pivot;
+            }
+        }
+        let (top, right) = (a[k].clone(), b[k].clone());
+        for (i, (row, solved)) in a.iter_mut().zip(&mut b).enumerate() {
+            let factor = row[k];
+            if i == k {
+                continue;
+            }
+            for (x, y) in row.iter_mut().zip(&top) {
+                *x -= factor * y;
+            }
+            for (x, y) in solved.iter_mut().zip(&right) {
+                *x -= factor * y;
+            }
+        }
+    }
+    Some(b.into_iter().flatten().collect())
+}

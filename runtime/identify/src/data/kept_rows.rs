@@ -1,0 +1,113 @@
+//! The rows of a log that is short enough to be kept in memory, so that it is parsed once.
+
+use std::sync::OnceLock;
+
+use super::problem::{DataError, Problem};
+use super::reader::LogRow;
+
+/// Most numbers that are kept of all runs together: 64 MiB. Longer logs are read again in each pass,
+/// so that memory does not grow with them.
+pub(super) const MAX_NUMBERS: usize = 1 << 23;
+
+/// The rows of a run as they were read; a copy starts without them.
+#[derive(Debug)]
+pub(super) struct KeptRows {
+    /// The most numbers that are kept.
+    most: usize,
+    rows: OnceLock<Rows>,
+}
+
+impl Clone for KeptRows {
+    fn clone(&self) -> Self {
+        Self::with_room(self.most)
+    }
+}
+
+#[derive(Debug, Default)]
+struct Rows {
+    /// The numbers of all good rows.
+    values: Vec<f64>,
+    /// The number of channels of a row.
+    width: usize,
+    /// The line of each good row.
+    lines: Vec<u64>,
+    /// The faulty rows, each with the number of good rows before it.
+    problems: Vec<(usize, Problem)>,
+}
+
+impl Rows {
+    fn push(&mut self, row: &Result<LogRow, Problem>) {
+        match row {
+            Ok(row) => {
+                self.width = row.values.len();
+                self.values.extend_from_slice(&row.values);
+                self.lines.push(row.line);
+            }
+            Err(problem) => self.problems.push((self.lines.len(), problem.clone())),
+        }
+    }
+
+    /// About as many numbers as it takes the memory of.
+    fn numbers(&self) -> usize {
+        self.values.len() + self.lines.len() + 16 * self.problems.len()
+    }
+}
+
+/// Receives each row, or why it cannot be used.
+pub(super) type RecordSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
+
+impl KeptRows {
+    /// Keeps rows of at most so many numbers.
+    pub(super) fn with_room(most: usize) -> Self {
+        Self {
+            most,
+            rows: OnceLock::new(),
+        }
+    }
+
+    /// The number of numbers that are kept.
+    pub(super) fn numbers(&self) -> usize {
+        self.rows.get().map_or(0, Rows::numbers)
+    }
+
+    /// Passes the kept rows to `each`; where there are none, those that `read` reads, and keeps them
+    /// if they are not too many.
+    pub(super) fn visit(
+        &self,
+        each: &mut RecordSink<'_>,
+        read: impl FnOnce(&mut RecordSink<'_>) -> Result<(), DataError>,
+    ) -> Result<(), DataError> {
+        if let Some(rows) = self.rows.get() {
+            let mut problems = rows.problems.iter().peekable();
+            let values = rows.values.chunks_exact(rows.width.max(1));
+            for (index, (line, values)) in rows.lines.iter().zip(values).enumerate() {
+                while let Some((_, problem)) = problems.next_if(|p| p.0 <= index) {
+                    each(Err(problem.clone()))?;
+                }
+                each(Ok(LogRow {
+                    line: *line,
+                    values: values.to_vec(),
+                }))?;
+            }
+            for (_, problem) in problems {
+                each(Err(problem.clone()))?;
+            }
+            return Ok(());
+        }
+        let mut kept = Some(Rows::default());
+        read(&mut |row| {
+            if let Some(rows) = &mut kept {
+                rows.push(&row);
+                if rows.numbers() > self.most {
+                    kept = None;
+                }
+            }
+            each(row)
+        })?;
+        if let Some(rows) = kept {
+            // another pass that ended at the same time kept the same rows
+            let _ = self.rows.set(rows);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,135 @@
+//! Samples that wait until the regressors of many of them are computed at once.
+
+use super::equation_builder::StateSample;
+use crate::estimate::EstimateError;
+use regen_batch::eval_base_many;
+use regen_runtime::{Arguments, BaseFunction, BaseModel};
+
+/// The most samples that wait.
+const MAX_WAITING: usize = 256;
+
+/// Waiting samples, and their base regressors.
+#[derive(Debug, Default)]
+pub(super) struct Pending {
+    samples: Vec<OwnedSample>,
+    /// The number of `samples` that wait; the others keep their memory for later ones.
+    count: usize,
+    /// The entries of the base regressors, those of one entry at all samples one after the other.
+    w: Vec<f64>,
+    pivots: Vec<f64>,
+}
+
+/// The fields of [`StateSample`], owned.
+#[derive(Debug, Default)]
+struct OwnedSample {
+    time: f64,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    qdd: Vec<f64>,
+    tau: Vec<f64>,
+    efforts: Vec<f64>,
+    at_standstill: Vec<bool>,
+    weights: Vec<f64>,
+    follows: bool,
+}
+
+/// Replaces the entries without giving the memory back.
+fn assign<T: Copy>(to: &mut Vec<T>, from: &[T]) {
+    to.clear();
+    to.extend_from_slice(from);
+}
+
+impl Pending {
+    /// Adds a sample; returns whether no more may wait.
+    pub(super) fn push(&mut self, sample: &StateSample<'_>) -> bool {
+        if self.count == self.samples.len() {
+            self.samples.push(OwnedSample::default());
+        }
+        if let Some(own) = self.samples.get_mut(self.count) {
+            own.time = sample.time;
+            own.follows = sample.follows;
+            assign(&mut own.q, sample.q);
+            assign(&mut own.qd, sample.qd);
+            assign(&mut own.qdd, sample.qdd);
+            assign(&mut own.tau, sample.tau);
+            assign(&mut own.efforts, sample.efforts);
+            assign(&mut own.at_standstill, sample.at_standstill);
+            assign(&mut own.weights, sample.weights);
+        }
+        self.count += 1;
+        self.count >= MAX_WAITING
+    }
+
+    /// Computes the base regressors of the waiting samples, whose motion has the model's length.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub(super) fn compute<M: BaseModel<f64> + ?Sized>(
+        &mut self,
+        model: &M,
+    ) -> Result<(), EstimateError> {
+        let info = model.info();
+        let (n, count) = (info.coordinates.len(), self.count);
+        let size = info.dof() * model.base_info().base.len();
+        self.w.clear();
+        self.w.resize(size * count, 0.0);
+        self.pivots.clear();
+        self.pivots.resize(count, 1.0);
+        let samples = self.samples.get(..count).unwrap_or_default();
+        let series = |part: fn(&OwnedSample) -> &Vec<f64>| -> Vec<f64> {
+            let entry = |c: usize| {
+                let value = move |s: &OwnedSample| part(s).get(c).copied().unwrap_or(f64::NAN);
+                samples.iter().map(value)
+            };
+            (0..n).flat_map(entry).collect()
+        };
+        let (q, qd, qdd) = (series(|s| &s.q), series(|s| &s.qd), series(|s| &s.qdd));
+        let arguments = Arguments {
+            q: &q,
+            qd: &qd,
+            qdd: &qdd,
+            ..Arguments::EMPTY
+        };
+        let function = BaseFunction::BaseRegressor;
+        eval_base_many(
+            model,
+            function,
+            count,
+            arguments,
+            &mut self.w,
+            &mut self.pivots,
+        )?;
+        Ok(())
+    }
+
+    /// The number of waiting samples.
+    pub(super) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// A waiting sample with the entries of its base regressor, column by column, and its pivot.
+    pub(super) fn at(
+        &self,
+        index: usize,
+    ) -> Option<(StateSample<'_>, impl Iterator<Item = f64>, f64)> {
+        let own = self.samples.get(index).filter(|_| index < self.count)?;
+        let sample = StateSample {
+            time: own.time,
+            q: &own.q,
+            qd: &own.qd,
+            qdd: &own.qdd,
+            tau: &own.tau,
+            efforts: &own.efforts,
+            at_standstill: &own.at_standstill,
+            weights: &own.weights,
+            follows: own.follows,
+        };
+        let w = self.w.iter().skip(index).step_by(self.count).copied();
+        Some((sample, w, self.pivots.get(index).copied()?))
+    }
+
+    /// Forgets the waiting samples.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+}

@@ -1,0 +1,36 @@
+//! The tests of this folder as one program, which links once: a file is a module here.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod base_functions;
+mod base_numeric;
+mod batch;
+mod chapter;
+mod compiled;
+mod derived_agrees;
+mod derived_random;
+mod drives;
+mod excite;
+mod feasible_rps3;
+mod features;
+mod friction_laws;
+mod gains;
+mod generated_scalars;
+mod growth;
+mod layout;
+mod measured_motion;
+mod offsets;
+mod payloads;
+mod random_specs;
+mod reference_agrees;
+mod reference_derivatives;
+mod reference_judges;
+mod reference_oracle;
+mod reference_pairs;
+mod reference_ranks;
+mod robots_nominal;
+mod robots_table;
+mod signatures;
+mod simulation;
+mod simulation_engine;
+mod springs;
+mod stored_base;
