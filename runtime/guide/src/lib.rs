@@ -35,6 +35,9 @@ pub mod response {}
 #[doc = include_str!("../pages/rehearse.md")]
 pub mod rehearse {}
 
+#[doc = include_str!("../pages/estimators.md")]
+pub mod estimators {}
+
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}
@@ -45,6 +48,15 @@ pub mod evidence {}
 
 #[doc = include_str!("../pages/numbers.md")]
 pub mod numbers {}
+
+#[doc = include_str!("../pages/commands.md")]
+pub mod commands {}
+
+#[doc = include_str!("../pages/reference.md")]
+pub mod reference {}
+
+#[doc = include_str!("../pages/compare.md")]
+pub mod compare {}
 
 #[doc = include_str!("../pages/contribute.md")]
 pub mod contribute {}
