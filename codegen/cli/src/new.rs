@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use regen_codegen::diag::Source;
+use regen_import::{Rows, from_dh_table};
 use serde::Serialize;
 
 use crate::args::{Format, Kind, NewArgs};
@@ -23,6 +24,8 @@ impl Kind {
             Self::Planar => include_str!("new/planar.yaml"),
             Self::Parallel => include_str!("new/parallel.yaml"),
             Self::Drives => include_str!("new/drives.yaml"),
+            Self::Delta => include_str!("new/delta.yaml"),
+            Self::Stewart => include_str!("new/stewart.yaml"),
         }
     }
 }
@@ -41,11 +44,22 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}.yaml", args.name)));
-    let text = args
-        .kind
-        .template()
-        .replace("NAME", &args.name)
-        .replace("FILE", &out.display().to_string());
+    let text = match (&args.from_dh, args.kind) {
+        (Some(table), _) => {
+            let rows = if args.classic {
+                Rows::Classic
+            } else {
+                Rows::Modified
+            };
+            from_dh_table(&load::source(table)?, &args.name, rows)
+                .map_err(|report| Failure::Spec(vec![report]))?
+        }
+        (None, kind) => kind
+            .unwrap_or(Kind::Serial)
+            .template()
+            .replace("NAME", &args.name)
+            .replace("FILE", &out.display().to_string()),
+    };
     // Only the name can still be wrong: the spec's reader checks it and words the error.
     load::derived(&Source {
         name: out.display().to_string(),

@@ -34,6 +34,7 @@
 
 mod choose;
 mod cut;
+mod dh_table;
 mod edits;
 mod export;
 mod fields;
@@ -50,6 +51,7 @@ mod values;
 mod write;
 mod xml;
 
+pub use dh_table::{Rows, from_dh_table};
 pub use export::{BodyParameters, Exported, FileFormat, JointParameters, Parameters, export};
 pub use log::{LOOP_IN_TREE, Note};
 pub use xml::Reader;

@@ -8,6 +8,9 @@ const MIN_REST_SECONDS: f64 = 0.2;
 const MIN_REST_ROWS: usize = 8;
 /// Range of a resting position over that many rows, in standard deviations of the noise.
 const REST_BAND_DEVIATIONS: f64 = 6.0;
+/// A position that moves slower than this part of its root mean square speed rests too: such creep is
+/// elastic or simulated, and the friction of sliding does not act in it.
+const CREEP_PART: f64 = 5e-3;
 /// Most differences that are stored of each position, spread over the whole log.
 const MAX_DIFFERENCES: usize = 8192;
 /// Values whose distance is below this part of their range are the same.
@@ -45,16 +48,20 @@ pub struct Encoder {
     pub noise: f64,
     /// Whether the position never changes.
     pub constant: bool,
+    /// The root mean square of its change from row to row, rad or m.
+    pub travel: f64,
     /// How many neighbours on either side give the best second derivative, 1 to 3: more neighbours
     /// follow the motion better but pass more noise. 0 where the log is too short to find out.
     pub neighbours: usize,
 }
 
 impl Encoder {
-    /// The range within which a resting position stays, rad or m.
-    fn band(self) -> f64 {
+    /// The range within which a position stays that rests for this many rows, rad or m.
+    fn band(self, rows: f64) -> f64 {
         // rounding of decimals makes the steps slightly unequal
-        ((1.0 + WHOLE_STEP_TOLERANCE) * self.step).max(REST_BAND_DEVIATIONS * self.noise)
+        ((1.0 + WHOLE_STEP_TOLERANCE) * self.step)
+            .max(REST_BAND_DEVIATIONS * self.noise)
+            .max(CREEP_PART * self.travel * rows)
     }
 }
 
@@ -86,6 +93,8 @@ pub struct Differences {
     /// One of this many differences is stored.
     every: usize,
     count: usize,
+    /// The number of changes from row to row, and the sum of their squares.
+    changes: (f64, f64),
 }
 
 impl Default for Differences {
@@ -96,6 +105,7 @@ impl Default for Differences {
             sizes: [vec![], vec![], vec![]],
             every: 1,
             count: 0,
+            changes: (0.0, 0.0),
         }
     }
 }
@@ -105,6 +115,10 @@ impl Differences {
     pub fn push(&mut self, value: f64, follows: bool) {
         if !follows {
             self.recent.clear();
+        }
+        if let Some(last) = self.recent.back() {
+            self.changes.0 += 1.0;
+            self.changes.1 += (value - last).powi(2);
         }
         self.recent.push_back(value);
         if self.recent.len() < DIFFERENCE_SAMPLES {
@@ -167,6 +181,7 @@ impl Differences {
         Encoder {
             step,
             constant,
+            travel: (self.changes.1 / self.changes.0.max(1.0)).sqrt(),
             noise: counted.max(fourth / (NORMAL_ABSOLUTE_MEDIAN * FOURTH_DIFFERENCE_GAIN)),
             neighbours: best.1,
         }
@@ -208,11 +223,19 @@ fn step(values: &mut [f64]) -> f64 {
 
 /// Whether the position rests, for each row: the row lies in a stretch of at least
 /// 0.2 s and eight rows in which the raw values stay within the encoder's
-/// step or noise.
+/// step or noise, or creep: they change by less than 0.2 s at a two hundredth of the root mean square
+/// speed would change them.
 ///
 /// - `times`: s; `raw`: as many positions, rad or m.
 pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
-    let band = encoder.band();
+    let whole = times.last().zip(times.first()).map_or(0.0, |(b, a)| b - a);
+    let step = whole / (times.len().max(2) - 1) as f64;
+    let rows = if step > 0.0 {
+        MIN_REST_SECONDS / step
+    } else {
+        0.0
+    };
+    let band = encoder.band(rows);
     let mut out = vec![false; raw.len()];
     let (mut highest, mut lowest) = (VecDeque::<usize>::new(), VecDeque::<usize>::new());
     let mut start = 0;
@@ -326,6 +349,21 @@ mod tests {
         let rests = resting(&times, &raw, encoder(&raw));
         assert!(rests[201..400].iter().all(|x| *x));
         assert!(rests[..195].iter().chain(&rests[405..]).all(|x| !x));
+    }
+
+    #[test]
+    fn creep_rests_and_a_slow_motion_does_not() {
+        let times = times(4000, 1e-3);
+        // two seconds of swinging, then 4e-5 rad/s
+        let creeping: Vec<f64> = times
+            .iter()
+            .map(|t| (3.0 * t.min(2.0)).sin() + 4e-5 * (t - 2.0).max(0.0))
+            .collect();
+        let rests = resting(&times, &creeping, encoder(&creeping));
+        assert!(rests[2001..].iter().all(|rest| *rest));
+        assert!(!rests[1..1900].iter().any(|rest| *rest));
+        let slow: Vec<f64> = times.iter().map(|t| 4e-5 * t).collect();
+        assert!(!resting(&times, &slow, encoder(&slow)).contains(&true));
     }
 
     #[test]
