@@ -35,7 +35,10 @@ fn no_line_of_a_table_is_too_long() {
     );
     for path in files("robots") {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        document += &format!("\\typeout{{table of {name}}}\n{}\\clearpage\n", table(&path));
+        document += &format!(
+            "\\typeout{{table of {name}}}\n{}\\clearpage\n",
+            table(&path)
+        );
     }
     document += "\\end{document}\n";
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("latex");

@@ -102,9 +102,17 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
     assert_eq!(names.len(), 5, "{names:?}");
     for name in &names {
         if name.ends_with(".c") {
-            passes(&compile(&folder, "gcc", &["-std=c99", "-fsyntax-only", name]));
+            passes(&compile(
+                &folder,
+                "gcc",
+                &["-std=c99", "-fsyntax-only", name],
+            ));
         } else if name.ends_with(".cpp") && has("g++") {
-            passes(&compile(&folder, "g++", &["-std=c++17", "-fsyntax-only", name]));
+            passes(&compile(
+                &folder,
+                "g++",
+                &["-std=c++17", "-fsyntax-only", name],
+            ));
         }
     }
     let main = "#include <stdio.h>\n#include \"fivebar_close.h\"\nint main(void)\n{\n\
@@ -115,7 +123,15 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
         printf(\"%d %d\", status, fivebar_close(far, q));\n\
         for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) printf(\" %.17g\", q[k]);\nreturn 0;\n}\n";
     std::fs::write(folder.join("main.c"), main).unwrap();
-    let arguments = ["-std=c99", "-O0", "-o", "close", "main.c", "fivebar.c", "-lm"];
+    let arguments = [
+        "-std=c99",
+        "-O0",
+        "-o",
+        "close",
+        "main.c",
+        "fivebar.c",
+        "-lm",
+    ];
     passes(&compile(&folder, "gcc", &arguments));
     let output = Command::new(folder.join("close")).output().unwrap();
     let printed = String::from_utf8(output.stdout).unwrap();
@@ -140,17 +156,30 @@ fn constants_of_another_model_are_refused() {
         written(&folder);
         let path = folder.join("fivebar_identified.h");
         let header = std::fs::read_to_string(&path).unwrap();
-        for part in ["Method: least squares.", "Date: 2026-11-23.", "Logs: run1, run * / 2"] {
+        for part in [
+            "Method: least squares.",
+            "Date: 2026-11-23.",
+            "Logs: run1, run * / 2",
+        ] {
             assert!(header.contains(part), "{part}\n{header}");
         }
         std::fs::write(&path, header.replace(&right, wrong)).unwrap();
         let output = compile(&folder, "gcc", &["-std=c99", "-fsyntax-only", "torque.c"]);
         let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success() && errors.contains("identify again"), "{errors}");
+        assert!(
+            !output.status.success() && errors.contains("identify again"),
+            "{errors}"
+        );
     }
     let rust = rust_constants(model(), &identified(), Some("super::fivebar")).unwrap();
-    assert!(rust.contains(&format!("super::fivebar::DIGEST == 0x{right}")), "{rust}");
-    assert!(rust.contains("// Logs: run1, run */ 2 .\n// Date: 2026-11-23.\n"), "{rust}");
+    assert!(
+        rust.contains(&format!("super::fivebar::DIGEST == 0x{right}")),
+        "{rust}"
+    );
+    assert!(
+        rust.contains("// Logs: run1, run */ 2 .\n// Date: 2026-11-23.\n"),
+        "{rust}"
+    );
     if has("python3") {
         let python = python_constants(model(), &identified()).unwrap();
         let number = u64::from_str_radix(&right, 16).unwrap();
@@ -160,7 +189,10 @@ fn constants_of_another_model_are_refused() {
              assert list(BETA.values())[1] == 1.1 and METHOD == 'least squares'\n\
              try:\n    check('{wrong}')\nexcept ValueError as error:\n    print(error)\n"
         );
-        let output = Command::new("python3").args(["-c", &script]).output().unwrap();
+        let output = Command::new("python3")
+            .args(["-c", &script])
+            .output()
+            .unwrap();
         passes(&output);
         let printed = String::from_utf8_lossy(&output.stdout);
         assert!(printed.contains("identify again"), "{printed}");

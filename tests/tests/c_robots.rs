@@ -108,7 +108,13 @@ fn program(robots: &[Compared]) -> String {
         writeln!(out, "static void run_{name}(void)\n{{").unwrap();
         for function in &robot.functions {
             for (number, suffix) in numbers(compared) {
-                call(&mut out, name, function, &arguments(robot, function), [number, suffix]);
+                call(
+                    &mut out,
+                    name,
+                    function,
+                    &arguments(robot, function),
+                    [number, suffix],
+                );
             }
         }
         out.push_str("}\n");
@@ -130,7 +136,12 @@ fn call(
     [number, suffix]: [&str; 2],
 ) {
     let length = function.program.outputs.len();
-    writeln!(out, "{{ {number} out[{}]; {number} pivot = 1;", length.max(1)).unwrap();
+    writeln!(
+        out,
+        "{{ {number} out[{}]; {number} pivot = 1;",
+        length.max(1)
+    )
+    .unwrap();
     let mut call = Vec::new();
     for (k, values) in inputs.iter().enumerate() {
         let mut texts: Vec<String> = values.iter().map(|v| format!("({number}){v:?}")).collect();
@@ -149,7 +160,13 @@ fn call(
     } else {
         ""
     };
-    writeln!(out, "{keep}{name}_{}{suffix}({});", kind.name(), call.join(", ")).unwrap();
+    writeln!(
+        out,
+        "{keep}{name}_{}{suffix}({});",
+        kind.name(),
+        call.join(", ")
+    )
+    .unwrap();
     writeln!(
         out,
         "for (int i = 0; i < {length}; i++) printf(\"%.17g \", (double)out[i]);\n\
@@ -208,7 +225,8 @@ fn compile(folder: &Path, robots: &[Compared]) {
                     objects.extend(["-O0", "-c", "-fstack-usage"].map(str::to_owned));
                     if !on_float {
                         objects.push(format!("-D{macros}_NO_FLOAT"));
-                        common.extend(["-fsyntax-only".to_owned(), format!("-D{macros}_NO_DOUBLE")]);
+                        common
+                            .extend(["-fsyntax-only".to_owned(), format!("-D{macros}_NO_DOUBLE")]);
                         run(folder, "gcc", &common);
                     }
                     run(folder, "gcc", &objects);
@@ -228,7 +246,9 @@ fn every_robot_computes_in_c_what_compiled_rust_does() {
     let all = compared(&folder);
     std::fs::write(folder.join("main.c"), program(&all)).unwrap();
     compile(&folder, &all);
-    let mut link: Vec<String> = ["-std=c99", "-O0", "-o", "run", "main.c"].map(str::to_owned).to_vec();
+    let mut link: Vec<String> = ["-std=c99", "-O0", "-o", "run", "main.c"]
+        .map(str::to_owned)
+        .to_vec();
     link.extend(all.iter().map(|one| format!("{}.o", one.name)));
     link.push("-lm".to_owned());
     run(&folder, "gcc", &link);
@@ -236,7 +256,9 @@ fn every_robot_computes_in_c_what_compiled_rust_does() {
     let mut lines = text.lines();
     let (mut worst, mut worst_f) = ((0.0, String::new()), (0.0, String::new()));
     for compared in &all {
-        let Compared { name, robot, rust, .. } = compared;
+        let Compared {
+            name, robot, rust, ..
+        } = compared;
         for function in &robot.functions {
             let kind = function.kind;
             let case = format!("{name} {}", kind.name());
@@ -259,7 +281,10 @@ fn every_robot_computes_in_c_what_compiled_rust_does() {
                 };
                 assert!(apart <= bound, "{case} on {number}: {apart} ulp");
                 let least = bound * f64::EPSILON * 10.0;
-                assert!((pivot - condition).abs() <= least, "{case}: {pivot} {condition}");
+                assert!(
+                    (pivot - condition).abs() <= least,
+                    "{case}: {pivot} {condition}"
+                );
                 if apart > worst.0 {
                     *worst = (apart, case.clone());
                 }

@@ -98,9 +98,13 @@ def evaluate(values):
     \"\"\"The result at numbers, given as a dictionary of symbols to numbers; lengths have those of
     the description unless they are given too.\"\"\"
     known = {**lengths, **values}
+
+    def number(expression):
+        return expression.xreplace({s: Float(known[s], 20) for s in expression.free_symbols}).evalf(20)
+
     for term, expression in terms:
-        known[term] = expression.xreplace({s: Float(known[s], 17) for s in expression.free_symbols})
-    return result.applyfunc(lambda e: e.xreplace({s: Float(known[s], 17) for s in e.free_symbols}))
+        known[term] = number(expression)
+    return result.applyfunc(number)
 ";
 
 /// The whole script.

@@ -21,6 +21,18 @@ void start(void)
     exit(main());
 }
 
+/* the C library calls both */
+void _init(void);
+void _fini(void);
+
+void _init(void)
+{
+}
+
+void _fini(void)
+{
+}
+
 static void fault(void)
 {
     abort();

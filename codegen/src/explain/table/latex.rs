@@ -25,7 +25,8 @@ impl Table {
              \\begin{{longtable}}{{{COLUMNS}}}\n\
              \\caption{{{title}. {SYMBOLS}}}\\label{{tab:{}-base}}\\\\\n\\toprule\n",
             self.title(),
-            self.robot.replace(|c: char| !c.is_ascii_alphanumeric(), "-"),
+            self.robot
+                .replace(|c: char| !c.is_ascii_alphanumeric(), "-"),
         );
         let head = "No & Base parameter & Rests on \\\\\n\\midrule\n";
         let _ = write!(
@@ -38,7 +39,13 @@ impl Table {
                 let payload = latex::escaped(payload);
                 let _ = writeln!(out, "\\midrule\n & payload {payload}: & \\\\");
             }
-            let _ = writeln!(out, "{} & ${}$ & {} \\\\", k + 1, row.latex(), row.rests_on());
+            let _ = writeln!(
+                out,
+                "{} & ${}$ & {} \\\\",
+                k + 1,
+                row.latex(),
+                row.rests_on()
+            );
         }
         out.push_str("\\end{longtable}\n\n{\\footnotesize\\raggedright\\noindent\n");
         for (name, text) in &self.facts {

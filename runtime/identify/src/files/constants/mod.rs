@@ -53,7 +53,11 @@ fn lists<M: BaseModel<f64> + ?Sized>(
         let symbols = joint.friction.symbols().iter().zip(&joint.values);
         all.push(List {
             name: format!("FRICTION_{}", constant(&joint.name, &info)),
-            doc: format!("Friction of {} ({:?}).", one_line(&joint.name), joint.friction),
+            doc: format!(
+                "Friction of {} ({:?}).",
+                one_line(&joint.name),
+                joint.friction
+            ),
             values: symbols
                 .map(|(symbol, value)| (*value, (*symbol).to_owned(), String::new()))
                 .collect(),

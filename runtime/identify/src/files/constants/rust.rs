@@ -22,7 +22,10 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     found: &IdentifiedModel,
     module: Option<&str>,
 ) -> Result<String, FileError> {
-    let mut out = format!("// Identified parameters of {}.\n", one_line(model.info().name));
+    let mut out = format!(
+        "// Identified parameters of {}.\n",
+        one_line(model.info().name)
+    );
     // writing to a String cannot fail
     for line in origin(found) {
         let _ = writeln!(out, "// {line}");
