@@ -12,6 +12,7 @@ mod emission;
 mod explain;
 mod expressions;
 mod files;
+mod latex;
 mod mutations;
 mod mutations_derive;
 mod oracle;

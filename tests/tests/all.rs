@@ -4,6 +4,8 @@
 mod base_functions;
 mod base_numeric;
 mod batch;
+mod c_guide;
+mod c_robots;
 mod chapter;
 mod compiled;
 mod derived_agrees;

@@ -34,6 +34,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
         TableFormat::Human => table.human(),
         TableFormat::Markdown => table.markdown(),
         TableFormat::Latex => table.latex(),
+        TableFormat::Csv => table.csv(),
         TableFormat::Json => table::json(&results::base(&robot, analysis, &reasons)),
     })?;
     match doubt(analysis) {

@@ -2,7 +2,7 @@
 
 use regen_identify::data::{DataError, Run};
 use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
-use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_constants};
+use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
 use regen_identify::session::{
@@ -98,11 +98,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
             outputs::spec(&source, args.reading.payload, &model, &identified)?,
         ));
     }
-    if let Some(out) = &args.physical.rust {
-        let beside = format!("super::{}", robot.name);
-        let module = args.physical.module.as_deref().unwrap_or(&beside);
-        written.push((out, rust_constants(&model, &identified, Some(module))?));
-    }
+    written.extend(outputs::constants(&args.physical, &model, &identified)?);
     for (out, text) in &written {
         write::atomically(out, text)?;
     }

@@ -7,6 +7,7 @@ mod c_files;
 mod check;
 mod closed;
 mod delay;
+mod equations;
 mod eval;
 mod excite;
 mod exit;
@@ -77,6 +78,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Generate(args)) => generate::run(&args),
         Some(Command::Info(args)) => info::run(&args),
         Some(Command::Base(args)) => base::run(&args),
+        Some(Command::Equations(args)) => equations::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),

@@ -1,14 +1,40 @@
-//! Writes identified parameters as the bodies of a spec and as Rust constants.
+//! Writes identified parameters as the bodies of a spec and as constants of programs.
+
+use std::path::PathBuf;
 
 use regen_codegen::diag::Source;
+use regen_codegen::emit::c;
 use regen_codegen::spec::{self, BodyInertia, Quantity, edit};
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{ParameterLayout, bodies_yaml};
+use regen_identify::files::{c_constants, python_constants, rust_constants};
 
-use crate::args::PayloadArg;
+use crate::args::{PayloadArg, PhysicalArgs};
 use crate::exit::Failure;
 use crate::{load, terminal};
 use regen_interpreted::Interpreted;
+
+/// The constants that the options ask for, in Rust, C and Python, each with its file.
+pub(crate) fn constants<'a>(
+    args: &'a PhysicalArgs,
+    model: &Interpreted<'_>,
+    found: &IdentifiedModel,
+) -> Result<Vec<(&'a PathBuf, String)>, Failure> {
+    let robot = model.info().name;
+    let mut written = Vec::new();
+    if let Some(out) = &args.rust {
+        let beside = format!("super::{robot}");
+        let module = args.module.as_deref().unwrap_or(&beside);
+        written.push((out, rust_constants(model, found, Some(module))?));
+    }
+    if let Some(out) = &args.c {
+        written.push((out, c_constants(model, found, &c::prefix(robot))?));
+    }
+    if let Some(out) = &args.python {
+        written.push((out, python_constants(model, found)?));
+    }
+    Ok(written)
+}
 
 /// The largest difference, relative to the largest parameter, between a value and the same value
 /// read back from the written spec: moments are converted to the centre of mass and back.

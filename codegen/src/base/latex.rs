@@ -5,22 +5,26 @@ use crate::spec::Function;
 
 use super::Coefficient;
 
-/// A parameter: its symbol with an index, and the body or coordinate that it belongs to.
+/// A parameter: its symbol with the body or the coordinate that it belongs to, as in textbooks:
+/// `I_{xx,3}`, `m_{3} x_{3}`, `m_{3}`, `F_{v}(q_{2})`.
 pub fn parameter(parameter: &Parameter) -> String {
     let symbol = parameter.symbol();
-    let symbol = match parameter.kind {
-        // first moments, masses and rotors have symbols without an index
-        ParameterKind::Inertial { entry: 6.., .. } | ParameterKind::Rotor { .. } => {
-            symbol.to_owned()
-        }
-        ParameterKind::Inertial { .. }
-        | ParameterKind::Friction { .. }
+    let owner = name(&parameter.owner);
+    match parameter.kind {
+        ParameterKind::Inertial { .. } => match symbol.split_at_checked(1) {
+            Some(("I", axes)) => format!("I_{{{axes},{owner}}}"),
+            Some(("m", "")) => format!("m_{{{owner}}}"),
+            Some(("m", axis)) => format!("m_{{{owner}}} {axis}_{{{owner}}}"),
+            _ => format!("{}({owner})", upright(symbol)),
+        },
+        ParameterKind::Friction { .. }
         | ParameterKind::Offset { .. }
-        | ParameterKind::PointSpring { .. } => indexed(symbol),
-        ParameterKind::JointSpring { .. } => symbol.to_owned(),
-        ParameterKind::EffortTerm { .. } => name(symbol),
-    };
-    format!("{symbol}({})", name(&parameter.owner))
+        | ParameterKind::PointSpring { .. } => format!("{}({owner})", indexed(symbol)),
+        ParameterKind::JointSpring { .. } | ParameterKind::Rotor { .. } => {
+            format!("{symbol}({owner})")
+        }
+        ParameterKind::EffortTerm { .. } => format!("{}({owner})", name(symbol)),
+    }
 }
 
 /// A letter with its index, and the sign of the velocity as an exponent: `Ixx`, `Fc+`.
@@ -119,16 +123,26 @@ pub fn expression(tree: &Coefficient) -> String {
         }
         Coefficient::Product(factors) => {
             let mut out = String::new();
+            let join = if is_wide(tree) { " \\allowbreak " } else { " " };
             for each in factors {
                 let text = factor(each);
                 if text.starts_with(|c: char| c.is_ascii_digit()) && !out.is_empty() {
                     out.push_str(" \\cdot ");
                 } else if !out.is_empty() {
-                    out.push(' ');
+                    out.push_str(join);
                 }
                 out.push_str(&text);
             }
             out
+        }
+        Coefficient::Quotient(above, below) if is_wide(above) || is_wide(below) => {
+            let below = match **below {
+                Coefficient::Product(_) | Coefficient::Quotient(..) => {
+                    format!("\\bigl({}\\bigr)", expression(below))
+                }
+                _ => factor(below),
+            };
+            format!("{} / \\allowbreak {below}", factor(above))
         }
         Coefficient::Quotient(above, below) => {
             format!("\\frac{{{}}}{{{}}}", expression(above), expression(below))
@@ -141,6 +155,9 @@ pub fn expression(tree: &Coefficient) -> String {
             format!("{text}^{{{}}}", expression(exponent))
         }
         Coefficient::Call(function, inner) => match function {
+            Function::Sqrt if is_wide(inner) => {
+                format!("\\bigl({}\\bigr)^{{1/2}}", expression(inner))
+            }
             Function::Sqrt => format!("\\sqrt{{{}}}", expression(inner)),
             Function::Deg => format!("{}^{{\\circ}}", factor(inner)),
             Function::Abs => format!("\\left|{}\\right|", expression(inner)),
@@ -150,6 +167,15 @@ pub fn expression(tree: &Coefficient) -> String {
             }
         },
     }
+}
+
+/// Characters of an expression above which lines must be able to end within it: none ends in a
+/// fraction or below a root.
+const WIDE: usize = 24;
+
+/// Whether an expression is so long that lines must be able to end within it.
+fn is_wide(tree: &Coefficient) -> bool {
+    tree.to_string().len() > WIDE
 }
 
 /// An expression as a factor: sums and negations in parentheses.
@@ -226,9 +252,9 @@ mod tests {
             column,
         };
         for (kind, owner, latex) in [
-            (inertial(0), "3", "I_{xx}(3)"),
-            (inertial(6), "3", "mx(3)"),
-            (inertial(9), "platform_1", r"m(\mathrm{platform\_1})"),
+            (inertial(0), "3", "I_{xx,3}"),
+            (inertial(6), "3", "m_{3} x_{3}"),
+            (inertial(9), "platform_1", r"m_{\mathrm{platform\_1}}"),
             (friction(FrictionColumn::Viscous), "q2", "F_{v}(q_{2})"),
             (
                 friction(FrictionColumn::CoulombPositive),

@@ -1,14 +1,16 @@
-//! The base parameters as a table, like Table 1 of the chapter: as plain text, in Markdown and in
-//! LaTeX.
+//! The base parameters as a table, like Table 1 of the chapter: as plain text, in Markdown, in
+//! LaTeX and as comma-separated values.
 
+mod csv;
 mod factor;
+mod latex;
 mod words;
 
 use std::fmt::Write as _;
 
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
-use crate::base::{Analysis, Exactness, Provenance, Substitution, Term, latex};
+use crate::base::{self, Analysis, Exactness, Provenance, Substitution, Term};
 use crate::robot::Robot;
 
 pub use factor::Style;
@@ -19,9 +21,6 @@ use words::{mark, payloads};
 
 /// The number of inertial parameters of a body; they come first, body by body.
 const PER_BODY: usize = 10;
-
-/// The largest number of short rows that fit a printed page.
-const ROWS_OF_A_PAGE: usize = 40;
 
 /// The mark before a number that replaces a long expression.
 const NUMBER_MARK: &str = "~";
@@ -217,61 +216,6 @@ impl Table {
         }
         out
     }
-
-    /// The table in LaTeX, as a `longtable` over several pages where it is too long for one.
-    pub fn latex(&self) -> String {
-        let mut out = format!("% {}\n", self.title());
-        let long = self.rows.len() > ROWS_OF_A_PAGE;
-        let (environment, packages) = if long {
-            ("longtable", "booktabs,longtable")
-        } else {
-            ("tabular", "booktabs")
-        };
-        let _ = writeln!(
-            out,
-            "% needs \\usepackage{{{packages}}}\n\
-             \\begin{{{environment}}}{{r p{{0.75\\linewidth}} l}}\n\\toprule"
-        );
-        if self.doubt.is_some() {
-            let title = latex::escaped(&self.title());
-            let _ = writeln!(
-                out,
-                "\\multicolumn{{3}}{{p{{0.95\\linewidth}}}}{{\\textbf{{{title}}}}} \\\\\n\\midrule"
-            );
-        }
-        out.push_str("No & Base parameter & Rests on \\\\\n\\midrule\n");
-        if long {
-            out.push_str("\\endhead\n");
-        }
-        for (k, row) in self.rows.iter().enumerate() {
-            if let Some(payload) = self.payload_from(k) {
-                let payload = latex::escaped(payload);
-                let _ = writeln!(out, "\\midrule\n & payload {payload}: & \\\\");
-            }
-            let text: String = row
-                .parts
-                .iter()
-                .enumerate()
-                .map(|(k, p)| p.latex(k))
-                .collect();
-            let _ = writeln!(
-                out,
-                "{} & \\raggedright ${text}$ & {} \\\\",
-                k + 1,
-                row.rests_on()
-            );
-        }
-        let _ = write!(
-            out,
-            "\\bottomrule\n\\end{{{environment}}}\n\n\\medskip\n{{\\footnotesize\\noindent\n"
-        );
-        for (name, text) in &self.facts {
-            let (name, text) = (latex::escaped(name), latex::escaped(text));
-            let _ = writeln!(out, "{name}: {text}.\\\\");
-        }
-        out.push_str("}\n");
-        out
-    }
 }
 
 impl Part {
@@ -294,19 +238,6 @@ impl Part {
             Factor::Instead(text) => format!("~{text} "),
         };
         format!("{}{factor}{}", self.sign(k), self.label)
-    }
-
-    fn latex(&self, k: usize) -> String {
-        let factor = match &self.signed.factor {
-            Factor::One => String::new(),
-            Factor::Expression(sum) if sum.is_sum() => {
-                format!("\\bigl({}\\bigr) \\, ", latex::expression(sum))
-            }
-            Factor::Expression(expression) => format!("{} \\, ", latex::expression(expression)),
-            Factor::Number(text) => format!("{} \\, ", latex::number(text)),
-            Factor::Instead(text) => format!("{{\\sim}}{} \\, ", latex::number(text)),
-        };
-        format!("{}{factor}{}", self.sign(k), self.latex)
     }
 }
 
@@ -425,7 +356,7 @@ fn parts(robot: &Robot, terms: &[Term], style: Style) -> Vec<Part> {
         latex: robot
             .parameters
             .get(term.column)
-            .map_or_else(String::new, latex::parameter),
+            .map_or_else(String::new, base::latex::parameter),
     };
     terms.iter().map(part).collect()
 }

@@ -5,8 +5,7 @@ set -eu
 out="${1:?the name of the .tex file}"
 table="$(regen base robots/stewart.yaml --format latex)"
 {
-    printf '%s\n' '\documentclass{article}' '\usepackage[margin=2cm]{geometry}' \
-        '\usepackage{booktabs,longtable}' '\begin{document}'
+    printf '%s\n' '\documentclass{article}' '\usepackage{array,booktabs,longtable}' '\begin{document}'
     printf '%s\n' "$table"
     printf '%s\n' '\end{document}'
 } > "$out"

@@ -12,6 +12,21 @@ pub mod table {}
 #[doc = include_str!("../pages/controller.md")]
 pub mod controller {}
 
+#[doc = include_str!("../pages/c.md")]
+pub mod c {}
+
+#[doc = include_str!("../pages/ros2.md")]
+pub mod ros2 {}
+
+#[doc = include_str!("../pages/simulink.md")]
+pub mod simulink {}
+
+#[doc = include_str!("../pages/plc.md")]
+pub mod plc {}
+
+#[doc = include_str!("../pages/equations.md")]
+pub mod equations {}
+
 #[doc = include_str!("../pages/experiment.md")]
 #[doc = include_str!("../pages/figures/position-turns.svg")]
 pub mod experiment {}

@@ -1,5 +1,6 @@
 //! The command line: commands, options and the help text that clap prints of them.
 
+mod equations;
 mod excite;
 mod format;
 mod identify;
@@ -17,6 +18,7 @@ use std::path::PathBuf;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
 
+pub(crate) use equations::{EquationsArgs, OfArg, ParametersArg, StyleArg};
 pub(crate) use excite::{CriterionArg, ExciteArgs};
 pub(crate) use format::Format;
 pub(crate) use identify::{EstimatorArg, IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
@@ -159,6 +161,8 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Print the base parameters and what is certain about them
     Base(BaseArgs),
+    /// Write equations with named terms, as text, LaTeX or SymPy
+    Equations(EquationsArgs),
     /// Explain a mechanism in words: mobility, loops, how its bodies move, which
     /// parameters cannot be identified and why
     Check(CheckArgs),
@@ -386,8 +390,10 @@ pub(crate) enum TableFormat {
     Human,
     /// A Markdown table
     Markdown,
-    /// A LaTeX table in math mode, for the package booktabs
+    /// A LaTeX longtable, for the packages array, booktabs and longtable
     Latex,
+    /// Comma-separated values
+    Csv,
     /// JSON with expressions and numbers
     Json,
 }

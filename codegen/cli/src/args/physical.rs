@@ -57,6 +57,13 @@ pub(crate) struct PhysicalArgs {
     /// Write the parameters as Rust constants for a controller
     #[arg(long, value_name = "FILE")]
     pub(crate) rust: Option<PathBuf>,
+    /// Write the parameters as a C header of initialisers; it includes the robot's
+    /// header, and compiles with that of this model only
+    #[arg(long, value_name = "FILE")]
+    pub(crate) c: Option<PathBuf>,
+    /// Write the parameters as a Python module, with a check of the model
+    #[arg(long, value_name = "FILE")]
+    pub(crate) python: Option<PathBuf>,
     /// The path of the robot's generated module, from where the constants will
     /// stand: they compile with that model only [default: super::ROBOT]
     #[arg(long, value_name = "PATH", requires = "rust")]

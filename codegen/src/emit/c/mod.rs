@@ -69,6 +69,16 @@ pub fn files(robot: &Robot) -> Files {
     }
 }
 
+/// What the names of a robot's files, functions and constants begin with, by the robot's name; in
+/// capitals, those of its macros.
+///
+/// ```
+/// assert_eq!(regen_codegen::emit::c::prefix("UR5e"), "ur5e");
+/// ```
+pub fn prefix(robot: &str) -> String {
+    names::prefix(robot)
+}
+
 /// Whether a robot's header would have the name of one of the C library's, which includes would no
 /// longer find.
 ///

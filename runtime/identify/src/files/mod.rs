@@ -16,7 +16,7 @@ use regen_runtime::BaseModel;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-pub use constants::rust_constants;
+pub use constants::{c_constants, python_constants, rust_constants};
 pub use error::FileError;
 pub use loads::{CovarianceRows, GainRow, PayloadRow, PayloadValueRow};
 pub use mistakes::{Mistake, Mistakes, Remedy};

@@ -1,0 +1,69 @@
+//! The options of `regen equations`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Intermediate terms come first, in the order in which they are computed: s_12 and
+c_12 are the sine and cosine of q1 + q2, t_1, t_2, ... all others that are used
+more than once. Numbers that only one name of `geometry` can be are written with
+that name. With loops, X is solved in the order of pivots that generated code
+takes in the middle of the workspace.
+
+Examples:
+  regen equations robots/fivebar.yaml
+  regen equations robots/3rps.yaml --of X --format latex > x.tex
+  regen equations robots/ur5e.yaml --of regressor --parameters base --format sympy")]
+pub(crate) struct EquationsArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// The language of the result
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: StyleArg,
+    /// What is written [default: closure with loops, dynamics without]
+    #[arg(long, value_enum)]
+    pub(crate) of: Option<OfArg>,
+    /// The parameters of regressor and dynamics
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) parameters: ParametersArg,
+}
+
+/// The language of equations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StyleArg {
+    /// Plain text
+    #[default]
+    Text,
+    /// LaTeX, for the package amsmath
+    Latex,
+    /// A Python script for SymPy
+    Sympy,
+}
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OfArg {
+    /// The closure equations f(q)
+    Closure,
+    /// Their Jacobian A
+    Jacobian,
+    /// X, with qd_e = -X qd_i
+    #[value(name = "X", alias = "x")]
+    X,
+    /// The regressor W
+    Regressor,
+    /// The efforts
+    Dynamics,
+}
+
+/// The parameters of regressor and dynamics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ParametersArg {
+    /// Those of all bodies and joints
+    #[default]
+    All,
+    /// The base parameters
+    Base,
+}

@@ -1,0 +1,45 @@
+//! `regen equations`: equations with named terms.
+
+use regen_codegen::spec;
+use regen_equations::{Of, Parameters, Style, equations, kinds};
+
+use crate::args::{EquationsArgs, OfArg, ParametersArg, StyleArg};
+use crate::exit::Failure;
+use crate::{load, terminal};
+
+/// Runs the command.
+pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
+    let source = load::source(&args.file)?;
+    let read = spec::parse(&source).map_err(|report| Failure::Spec(vec![report]))?;
+    let geometry = read.geometry.iter();
+    let lengths: Vec<(String, f64)> = geometry
+        .map(|(name, value)| (name.value.clone(), value.value.to_f64()))
+        .collect();
+    let mechanism = load::mechanism(&source)?;
+    let has_loops = !mechanism.robot(&[])?.dependent.is_empty();
+    let of = match args.of {
+        Some(OfArg::Closure) => Of::Closure,
+        Some(OfArg::Jacobian) => Of::Jacobian,
+        Some(OfArg::X) => Of::X,
+        Some(OfArg::Regressor) => Of::Regressor,
+        Some(OfArg::Dynamics) => Of::Dynamics,
+        None if has_loops => Of::Closure,
+        None => Of::Dynamics,
+    };
+    let parameters = match args.parameters {
+        ParametersArg::All => Parameters::All,
+        ParametersArg::Base => Parameters::Base,
+    };
+    let style = match args.format {
+        StyleArg::Text => Style::Text,
+        StyleArg::Latex => Style::Latex,
+        StyleArg::Sympy => Style::Sympy,
+    };
+    if parameters == Parameters::Base {
+        load::analysis(&mechanism, &source)?;
+    }
+    let robot = mechanism.robot(&kinds(of, parameters))?;
+    let text = equations(&robot, &lengths, of, parameters, style)
+        .map_err(|missing| Failure::Input(format!("{}: {missing}", args.file.display())))?;
+    terminal::print(&text)
+}

@@ -1,0 +1,36 @@
+//! The equations of a derived robot as a person writes them: intermediate terms with names in the
+//! order in which they are computed, then the entries of the result.
+//!
+//! ```
+//! use regen_codegen::Mechanism;
+//! use regen_codegen::diag::Source;
+//! use regen_equations::{Of, Parameters, Style, equations, kinds};
+//!
+//! let text = "\
+//! name: arm
+//! gravity: [0, -9.81, 0]
+//! limbs:
+//!   - name: arm
+//!     joints:
+//!       - {name: q1, type: revolute, body: link, actuated: true}
+//! ";
+//! let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+//! let robot = mechanism.robot(&kinds(Of::Dynamics, Parameters::Base))?;
+//! let text = equations(&robot, &[], Of::Dynamics, Parameters::Base, Style::Text).unwrap();
+//! assert!(text.contains("c_1 = cos(q1)"), "{text}");
+//! assert!(text.contains("tau_1 = "), "{text}");
+//! # Ok::<(), regen_codegen::diag::Report>(())
+//! ```
+
+mod constants;
+mod graph;
+mod identifiers;
+mod latex;
+mod load;
+mod names;
+mod page;
+mod plain;
+mod sympy;
+mod text;
+
+pub use page::{Missing, Of, Parameters, Style, equations, kinds};

@@ -1,0 +1,142 @@
+//! Which expressions get names, and the names: s_12 and c_12 for sines and cosines of sums of
+//! coordinates, t_1, t_2, ... for the others.
+
+use crate::graph::{Graph, Id, Node};
+
+/// An expression with more operations than this is divided by names.
+const LONGEST: usize = 14;
+
+/// The name of an intermediate term: a letter and an index.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Name {
+    pub(crate) letter: &'static str,
+    pub(crate) index: String,
+}
+
+/// The names of expressions.
+#[derive(Debug)]
+pub(crate) struct Names {
+    by_id: Vec<Option<Name>>,
+}
+
+impl Names {
+    /// Names what `outputs` use more than once, and what would be too long. `coordinate` is the name
+    /// of a coordinate for an input that is one.
+    pub(crate) fn new(
+        g: &Graph,
+        outputs: &[Id],
+        coordinate: &dyn Fn(Node) -> Option<String>,
+    ) -> Self {
+        let mut uses = vec![0_usize; g.len()];
+        for id in outputs {
+            // an entry that another one repeats or negates is written once
+            uses[*id] += 1;
+        }
+        for id in (0..g.len()).rev() {
+            // what a sign is used for, its operand is
+            let count = match g.node(id) {
+                Node::Neg(_) => uses[id],
+                _ => usize::from(uses[id] > 0),
+            };
+            for operand in g.node(id).operands() {
+                uses[operand] += count;
+            }
+        }
+        let mut names = Self {
+            by_id: vec![None; g.len()],
+        };
+        let mut sizes = vec![0_usize; g.len()];
+        let mut others = 0;
+        for id in 0..g.len() {
+            if uses[id] == 0 {
+                continue;
+            }
+            let node = g.node(id);
+            let within: usize = node.operands().map(|operand| sizes[operand]).sum();
+            let name = match node {
+                Node::Number(_) | Node::Input { .. } => continue,
+                // a sign costs nothing
+                Node::Neg(_) => {
+                    sizes[id] = within;
+                    continue;
+                }
+                Node::Sin(angle) => Some(names.trigonometric("s", g, angle, coordinate)),
+                Node::Cos(angle) => Some(names.trigonometric("c", g, angle, coordinate)),
+                _ if uses[id] > 1 || (within + 1 > LONGEST && !outputs.contains(&id)) => {
+                    others += 1;
+                    Some(Name {
+                        letter: "t",
+                        index: others.to_string(),
+                    })
+                }
+                _ => None,
+            };
+            sizes[id] = if name.is_some() { 0 } else { within + 1 };
+            names.by_id[id] = name;
+        }
+        names
+    }
+
+    /// The name of an expression, if it has one.
+    pub(crate) fn of(&self, id: Id) -> Option<&Name> {
+        self.by_id.get(id)?.as_ref()
+    }
+
+    /// All expressions with names, in the order in which they are computed.
+    pub(crate) fn all(&self) -> impl Iterator<Item = (Id, &Name)> {
+        let all = self.by_id.iter().enumerate();
+        all.filter_map(|(id, name)| Some((id, name.as_ref()?)))
+    }
+
+    /// The name of a sine or cosine: `s_12` for the sine of q1 + q2.
+    fn trigonometric(
+        &self,
+        letter: &'static str,
+        g: &Graph,
+        angle: Id,
+        coordinate: &dyn Fn(Node) -> Option<String>,
+    ) -> Name {
+        let mut parts = Vec::new();
+        let known = summands(g, angle, &mut parts, coordinate);
+        // q1 and q2 give 12, longer names are kept apart by commas
+        let digits: Vec<&str> = parts
+            .iter()
+            .map(|name| name.strip_prefix('q').unwrap_or(name))
+            .collect();
+        let short = digits.iter().all(|digit| digit.len() == 1);
+        let index = digits.join(if short { "" } else { "," });
+        let taken = |name: &Name| self.by_id.iter().flatten().any(|other| other == name);
+        let mut name = Name { letter, index };
+        if !known || taken(&name) {
+            // an angle that is no sum of coordinates is named by a letter
+            let mut number = 1_usize;
+            loop {
+                name.index = format!("a{number}");
+                if !taken(&name) {
+                    break;
+                }
+                number += 1;
+            }
+        }
+        name
+    }
+}
+
+/// Collects the coordinates of a sum; false for anything else.
+fn summands(
+    g: &Graph,
+    id: Id,
+    parts: &mut Vec<String>,
+    coordinate: &dyn Fn(Node) -> Option<String>,
+) -> bool {
+    match g.node(id) {
+        Node::Add(a, b) => summands(g, a, parts, coordinate) && summands(g, b, parts, coordinate),
+        node => match coordinate(node) {
+            Some(name) => {
+                parts.push(name);
+                true
+            }
+            None => false,
+        },
+    }
+}

@@ -1,0 +1,371 @@
+//! What is written: a robot's function as expressions, with the names of its inputs and entries.
+
+use std::error::Error;
+use std::fmt;
+
+use regen_codegen::base::latex::parameter;
+use regen_codegen::robot::{FunctionKind, Robot};
+
+use crate::constants::length;
+use crate::graph::{Graph, Id, Node};
+use crate::latex::{self, symbol};
+use crate::names::Names;
+use crate::{load, sympy, text};
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Of {
+    /// The closure equations f(q) (Eq. 6).
+    Closure,
+    /// Their Jacobian A (Eq. 7).
+    Jacobian,
+    /// X, with qd_e = -X qd_i (Eq. 10).
+    X,
+    /// The regressor W (Eq. 11), or that of the base parameters (Eq. 23).
+    Regressor,
+    /// The efforts of the independent coordinates.
+    Dynamics,
+}
+
+/// The parameters in which regressor and dynamics are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameters {
+    /// The parameters of all bodies and joints.
+    All,
+    /// The base parameters.
+    Base,
+}
+
+/// The language of the result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Plain text.
+    Text,
+    /// LaTeX for a document with `amsmath`.
+    Latex,
+    /// A Python script for SymPy.
+    Sympy,
+}
+
+/// The robot does not have what was asked for: no loops, or no base parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Missing(pub FunctionKind);
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            FunctionKind::Constraints | FunctionKind::Jacobian | FunctionKind::Velocities => {
+                write!(
+                    f,
+                    "the robot has no loops, so that there is nothing to close"
+                )
+            }
+            other => write!(f, "the robot has no function `{}`", other.name()),
+        }
+    }
+}
+
+impl Error for Missing {}
+
+/// The function that [`equations`] needs the robot to have.
+fn kind(of: Of, parameters: Parameters) -> FunctionKind {
+    match (of, parameters) {
+        (Of::Closure, _) => FunctionKind::Constraints,
+        (Of::Jacobian, _) => FunctionKind::Jacobian,
+        (Of::X, _) => FunctionKind::Velocities,
+        (Of::Regressor, Parameters::All) => FunctionKind::Regressor,
+        (Of::Regressor, Parameters::Base) => FunctionKind::BaseRegressor,
+        (Of::Dynamics, Parameters::All) => FunctionKind::InverseDynamics,
+        (Of::Dynamics, Parameters::Base) => FunctionKind::BaseInverseDynamics,
+    }
+}
+
+/// The functions with which the robot of [`equations`] is derived.
+pub fn kinds(of: Of, parameters: Parameters) -> [FunctionKind; 1] {
+    [kind(of, parameters)]
+}
+
+/// Writes equations of a robot.
+///
+/// - `lengths`: the names of `geometry` with their values; numbers that only one of them can be are
+///   written with it.
+///
+/// # Errors
+/// When the robot does not have the function, see [`kinds`]; a robot without dependent coordinates
+/// has no X.
+pub fn equations(
+    robot: &Robot,
+    lengths: &[(String, f64)],
+    of: Of,
+    parameters: Parameters,
+    style: Style,
+) -> Result<String, Missing> {
+    let page = Page::new(robot, lengths, of, parameters)?;
+    Ok(match style {
+        Style::Text => text::write(&page),
+        Style::Latex => latex::write(&page),
+        Style::Sympy => sympy::write(&page),
+    })
+}
+
+/// The names of an element of an argument.
+#[derive(Clone, Debug)]
+pub(crate) struct Input {
+    pub(crate) text: String,
+    pub(crate) latex: String,
+}
+
+/// An entry that is not zero at every state, by its row and column from 1.
+pub(crate) struct Entry {
+    pub(crate) index: Vec<usize>,
+    pub(crate) id: Id,
+}
+
+/// A function as expressions.
+pub(crate) struct Page<'p> {
+    pub(crate) robot: &'p Robot,
+    pub(crate) lengths: &'p [(String, f64)],
+    pub(crate) graph: Graph,
+    pub(crate) names: Names,
+    pub(crate) heading: String,
+    pub(crate) letter: &'static str,
+    /// Rows and columns; one column for a vector.
+    pub(crate) shape: (usize, usize),
+    /// The names of arguments, and of their elements.
+    pub(crate) arguments: Vec<String>,
+    pub(crate) inputs: Vec<Vec<Input>>,
+    /// The entries, row by row.
+    values: Vec<Id>,
+    of: Of,
+    parameters: Parameters,
+}
+
+impl<'p> Page<'p> {
+    fn new(
+        robot: &'p Robot,
+        lengths: &'p [(String, f64)],
+        of: Of,
+        parameters: Parameters,
+    ) -> Result<Self, Missing> {
+        let kind = kind(of, parameters);
+        let function = robot.function(kind).ok_or(Missing(kind))?;
+        let program = &function.program;
+        if of == Of::X && robot.dependent.is_empty() {
+            return Err(Missing(kind));
+        }
+        let mut graph = Graph::default();
+        let (dof, n) = (robot.independent.len(), robot.coordinates.len());
+        let (values, shape) = match of {
+            Of::X => {
+                // column k is what the velocities are where that of coordinate k is 1
+                let mut columns = Vec::new();
+                for k in 0..dof {
+                    let unit = |argument: usize, element: usize| {
+                        (argument == 1).then_some(if element == k { 1.0 } else { 0.0 })
+                    };
+                    columns.push(load::outputs(&mut graph, program, &unit));
+                }
+                let mut values = Vec::new();
+                for row in &robot.dependent {
+                    for column in &columns {
+                        values.push(graph.neg(column[*row]));
+                    }
+                }
+                (values, (robot.dependent.len(), dof))
+            }
+            Of::Closure | Of::Dynamics => {
+                let values = load::outputs(&mut graph, program, &|_, _| None);
+                let rows = values.len();
+                (values, (rows, 1))
+            }
+            Of::Jacobian => (
+                load::outputs(&mut graph, program, &|_, _| None),
+                (robot.rows, n),
+            ),
+            Of::Regressor => {
+                let stored = load::outputs(&mut graph, program, &|_, _| None);
+                // columns are stored one after the other
+                let columns = stored.len() / dof.max(1);
+                let by_rows = (0..dof).flat_map(|r| (0..columns).map(move |c| c * dof + r));
+                (by_rows.map(|at| stored[at]).collect(), (dof, columns))
+            }
+        };
+        let is_coordinate = |node: Node| match node {
+            Node::Input {
+                argument: 0,
+                element,
+            } => robot.coordinates.get(element).cloned(),
+            _ => None,
+        };
+        let names = Names::new(&graph, &values, &is_coordinate);
+        let count = if of == Of::X {
+            1
+        } else {
+            program.arguments.len()
+        };
+        let arguments = program.arguments.iter().take(count);
+        let inputs = arguments
+            .clone()
+            .map(|argument| inputs(robot, &argument.name, argument.len))
+            .collect();
+        Ok(Self {
+            robot,
+            lengths,
+            names,
+            heading: heading(of, parameters).to_owned(),
+            letter: match of {
+                Of::Closure => "f",
+                Of::Jacobian => "A",
+                Of::X => "X",
+                Of::Regressor => "W",
+                Of::Dynamics => "tau",
+            },
+            shape,
+            arguments: arguments.map(|argument| argument.name.clone()).collect(),
+            inputs,
+            values,
+            of,
+            parameters,
+            graph,
+        })
+    }
+
+    /// The entries that are not zero at every state.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = Entry> {
+        let columns = self.shape.1.max(1);
+        let all = self.values.iter().enumerate();
+        all.filter(|(_, id)| self.graph.number(**id) != Some(0.0))
+            .map(move |(at, id)| Entry {
+                index: if self.is_vector() {
+                    vec![at + 1]
+                } else {
+                    vec![at / columns + 1, at % columns + 1]
+                },
+                id: *id,
+            })
+    }
+
+    fn is_vector(&self) -> bool {
+        matches!(self.of, Of::Closure | Of::Dynamics)
+    }
+
+    /// Whether entries are zero at every state.
+    pub(crate) fn has_zeros(&self) -> bool {
+        self.entries().count() < self.values.len()
+    }
+
+    /// The lengths that occur.
+    pub(crate) fn used_lengths(&self) -> impl Iterator<Item = (&str, f64)> {
+        let mut used = std::collections::BTreeSet::new();
+        for id in 0..self.graph.len() {
+            let Node::Number(bits) = self.graph.node(id) else {
+                continue;
+            };
+            if let Some(length) = length(f64::from_bits(bits), self.lengths) {
+                used.insert(length.name);
+            }
+        }
+        let all = self.lengths.iter();
+        all.filter(move |(name, _)| used.contains(name.as_str()))
+            .map(|(name, value)| (name.as_str(), *value))
+    }
+
+    /// What rows and columns are.
+    pub(crate) fn captions(&self) -> Vec<String> {
+        let robot = self.robot;
+        let of = |which: &[usize]| -> String {
+            let names = which.iter().map(|k| robot.coordinates[*k].as_str());
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let independent = of(&robot.independent);
+        let cuts = || {
+            let each = robot.cuts.iter();
+            let rows = each.map(|cut| format!("{} of {}", cut.rows, cut.name));
+            rows.collect::<Vec<_>>().join(", ")
+        };
+        match self.of {
+            Of::Closure => vec![format!("rows: {}, then couplings", cuts())],
+            Of::Jacobian => vec![
+                format!("rows: {}, then couplings", cuts()),
+                format!("columns: {}", robot.coordinates.join(", ")),
+            ],
+            Of::X => vec![
+                format!("rows: {}", of(&robot.dependent)),
+                format!("columns: {independent}"),
+            ],
+            Of::Regressor => vec![
+                format!("rows: {independent}"),
+                format!("columns: {}", self.parameter_labels().join(", ")),
+            ],
+            Of::Dynamics if self.parameters == Parameters::Base => vec![
+                format!("rows: {independent}"),
+                format!("beta: {}", self.parameter_labels().join(", ")),
+            ],
+            Of::Dynamics => vec![format!("rows: {independent}")],
+        }
+    }
+
+    /// The labels of the parameters.
+    fn parameter_labels(&self) -> Vec<String> {
+        let label = |column: usize| {
+            let parameter = self.robot.parameters.get(column);
+            parameter.map_or_else(String::new, |p| p.label.clone())
+        };
+        match self.parameters {
+            Parameters::All => (0..self.robot.parameters.len()).map(label).collect(),
+            Parameters::Base => {
+                let analyses = self.robot.analysis.iter();
+                let base = analyses.flat_map(|a| &a.base.parameters);
+                let kept = base.filter(|p| !p.dropped);
+                kept.map(|p| {
+                    p.terms
+                        .first()
+                        .map_or_else(String::new, |t| label(t.column))
+                })
+                .collect()
+            }
+        }
+    }
+}
+
+fn heading(of: Of, parameters: Parameters) -> &'static str {
+    match (of, parameters) {
+        (Of::Closure, _) => "the closure equations f(q) = 0 (Eq. 6)",
+        (Of::Jacobian, _) => "the Jacobian A = df/dq of the closure equations (Eq. 7)",
+        (Of::X, _) => "X, with qd_e = -X qd_i (Eq. 10)",
+        (Of::Regressor, Parameters::All) => "the regressor W, with tau = W phi (Eq. 11)",
+        (Of::Regressor, Parameters::Base) => {
+            "the regressor W of the base parameters, with tau = W beta (Eq. 23)"
+        }
+        (Of::Dynamics, Parameters::All) => "the efforts tau from the parameters of all bodies",
+        (Of::Dynamics, Parameters::Base) => "the efforts tau from the base parameters beta",
+    }
+}
+
+/// The names of an argument's elements.
+fn inputs(robot: &Robot, argument: &str, count: usize) -> Vec<Input> {
+    let coordinate = |k: usize, before: &str, accent: &str| {
+        let name = robot.coordinates.get(k).map_or("", String::as_str);
+        Input {
+            text: format!("{before}{name}"),
+            latex: symbol(name, accent),
+        }
+    };
+    let each = |k: usize| match argument {
+        "q" => coordinate(k, "", ""),
+        "qd" => coordinate(k, "d", "dot"),
+        "qdd" => coordinate(k, "dd", "ddot"),
+        "phi" => Input {
+            text: robot
+                .parameters
+                .get(k)
+                .map_or_else(String::new, |p| p.label.clone()),
+            latex: robot.parameters.get(k).map_or_else(String::new, parameter),
+        },
+        other => Input {
+            text: format!("{other}_{}", k + 1),
+            latex: format!("\\{other}_{{{}}}", k + 1),
+        },
+    };
+    (0..count).map(each).collect()
+}

@@ -1,0 +1,116 @@
+//! Expressions on one line, as in programming languages.
+
+use crate::constants::{Length, length};
+use crate::graph::{Graph, Id, Node};
+use crate::names::{Name, Names};
+
+/// How strongly the outermost operation of a text binds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    Sum,
+    Product,
+    Power,
+    Atom,
+}
+
+/// The spelling of what languages write differently.
+pub(crate) trait Spelling {
+    /// A number that is not negative.
+    fn number(&self, value: f64) -> String;
+    /// An element of an argument.
+    fn input(&self, argument: usize, element: usize) -> String;
+    /// A named term.
+    fn name(&self, name: &Name) -> String;
+    /// A length times a factor.
+    fn length(&self, length: &Length<'_>) -> (String, Level);
+    /// A function that is neither a root nor a step.
+    fn call(&self, function: &str, operand: &str) -> String;
+    /// A product.
+    fn product(&self, a: &str, b: &str) -> String;
+    /// A quotient of an expression and its level by another one.
+    fn quotient(&self, above: (String, Level), below: (String, Level)) -> (String, Level);
+    /// A square.
+    fn square(&self, operand: &str) -> String;
+    /// An expression in parentheses.
+    fn group(&self, inner: &str) -> String;
+}
+
+/// Writes expressions.
+pub(crate) struct Writer<'w, S> {
+    pub(crate) graph: &'w Graph,
+    pub(crate) names: &'w Names,
+    pub(crate) lengths: &'w [(String, f64)],
+    pub(crate) spelling: S,
+}
+
+impl<S: Spelling> Writer<'_, S> {
+    /// An operand: its name if it has one.
+    pub(crate) fn operand(&self, id: Id) -> (String, Level) {
+        match self.names.of(id) {
+            Some(name) => (self.spelling.name(name), Level::Atom),
+            None => self.expression(id),
+        }
+    }
+
+    /// An operand that binds at least as strongly as `level`.
+    fn at(&self, id: Id, level: Level) -> String {
+        self.grouped(self.operand(id), level)
+    }
+
+    fn grouped(&self, (text, own): (String, Level), level: Level) -> String {
+        if own < level {
+            self.spelling.group(&text)
+        } else {
+            text
+        }
+    }
+
+    /// What an expression is, even where it has a name.
+    pub(crate) fn expression(&self, id: Id) -> (String, Level) {
+        let spelling = &self.spelling;
+        let call = |function: &str, a: Id| {
+            let text = spelling.call(function, &self.operand(a).0);
+            (text, Level::Atom)
+        };
+        match self.graph.node(id) {
+            Node::Number(bits) => {
+                let value = f64::from_bits(bits);
+                match length(value, self.lengths) {
+                    Some(length) => spelling.length(&length),
+                    None => (spelling.number(value), Level::Atom),
+                }
+            }
+            Node::Input { argument, element } => (spelling.input(argument, element), Level::Atom),
+            Node::Neg(a) => (format!("-{}", self.at(a, Level::Product)), Level::Sum),
+            Node::Add(a, b) => {
+                let (a, b) = (self.operand(a).0, self.operand(b).0);
+                (format!("{a} + {b}"), Level::Sum)
+            }
+            Node::Sub(a, b) => {
+                let (a, b) = (self.operand(a).0, self.at(b, Level::Product));
+                (format!("{a} - {b}"), Level::Sum)
+            }
+            Node::Mul(a, b) if a == b => (spelling.square(&self.at(a, Level::Atom)), Level::Power),
+            Node::Mul(a, b) => {
+                let (a, b) = (self.at(a, Level::Product), self.at(b, Level::Product));
+                (spelling.product(&a, &b), Level::Product)
+            }
+            Node::Div(a, b) => spelling.quotient(self.operand(a), self.operand(b)),
+            Node::Sin(a) => call("sin", a),
+            Node::Cos(a) => call("cos", a),
+            Node::Sqrt(a) => call("sqrt", a),
+            Node::Sign(a) => call("sign", a),
+            Node::Positive(a) => call("positive", a),
+            Node::Negative(a) => call("negative", a),
+        }
+    }
+}
+
+/// A number with as many digits as it takes to read it back.
+pub(crate) fn digits(value: f64) -> String {
+    if value.fract() == 0.0 && value < 1e15 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:?}")
+    }
+}

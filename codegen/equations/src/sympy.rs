@@ -1,0 +1,171 @@
+//! Equations as a Python script for SymPy.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use crate::constants::Length;
+use crate::identifiers::Identifiers;
+use crate::names::Name;
+use crate::page::Page;
+use crate::plain::{Level, Spelling, Writer, digits};
+use crate::text::{infix_length, infix_quotient};
+
+/// Python with the identifiers of inputs, lengths and terms.
+struct Python {
+    inputs: Vec<Vec<String>>,
+    lengths: HashMap<String, String>,
+    names: HashMap<Name, String>,
+}
+
+impl Python {
+    fn new(page: &Page<'_>) -> Self {
+        let mut given = Identifiers::default();
+        let inputs = page.inputs.iter().map(|argument| {
+            let each = argument.iter();
+            each.map(|input| given.give(&input.text)).collect()
+        });
+        let inputs = inputs.collect();
+        let lengths = page.lengths.iter();
+        let lengths = lengths
+            .map(|(name, _)| (name.clone(), given.give(name)))
+            .collect();
+        let all = page.names.all();
+        let names = all
+            .map(|(_, name)| {
+                let wanted = format!("{}_{}", name.letter, name.index);
+                (name.clone(), given.give(&wanted))
+            })
+            .collect();
+        Self {
+            inputs,
+            lengths,
+            names,
+        }
+    }
+}
+
+impl Spelling for &Python {
+    fn number(&self, value: f64) -> String {
+        digits(value)
+    }
+
+    fn input(&self, argument: usize, element: usize) -> String {
+        self.inputs[argument][element].clone()
+    }
+
+    fn name(&self, name: &Name) -> String {
+        self.names.get(name).cloned().unwrap_or_default()
+    }
+
+    fn length(&self, length: &Length<'_>) -> (String, Level) {
+        let name = self.lengths.get(length.name);
+        infix_length(&Length {
+            name: name.map_or(length.name, String::as_str),
+            factor: length.factor,
+        })
+    }
+
+    fn call(&self, function: &str, operand: &str) -> String {
+        match function {
+            // no half at zero
+            "positive" => format!("Heaviside({operand}, 0)"),
+            "negative" => format!("Heaviside(-({operand}), 0)"),
+            _ => format!("{function}({operand})"),
+        }
+    }
+
+    fn product(&self, a: &str, b: &str) -> String {
+        format!("{a}*{b}")
+    }
+
+    fn quotient(&self, above: (String, Level), below: (String, Level)) -> (String, Level) {
+        infix_quotient(above, below)
+    }
+
+    fn square(&self, operand: &str) -> String {
+        format!("{operand}**2")
+    }
+
+    fn group(&self, inner: &str) -> String {
+        format!("({inner})")
+    }
+}
+
+/// What evaluates the result at numbers, term after term.
+const EVALUATE: &str = "
+
+def evaluate(values):
+    \"\"\"The result at numbers, given as a dictionary of symbols to numbers; lengths have those of
+    the description unless they are given too.\"\"\"
+    known = {**lengths, **values}
+
+    def number(expression):
+        return expression.xreplace({s: Float(known[s], 20) for s in expression.free_symbols}).evalf(20)
+
+    for term, expression in terms:
+        known[term] = number(expression)
+    return result.applyfunc(number)
+";
+
+/// The whole script.
+pub(crate) fn write(page: &Page<'_>) -> String {
+    let python = Python::new(page);
+    let writer = Writer {
+        graph: &page.graph,
+        names: &page.names,
+        lengths: page.lengths,
+        spelling: &python,
+    };
+    let quiet = |text: &str| text.replace('\\', "/").replace("\"\"\"", "'''");
+    let mut out = format!(
+        "\"\"\"{}: {}\n\n",
+        quiet(&page.robot.name),
+        quiet(&page.heading)
+    );
+    for line in page.captions() {
+        let _ = writeln!(out, "{}", quiet(&line));
+    }
+    out.push_str(
+        "\n`terms` lists intermediate terms in the order in which they are computed, `result` is the\n\
+         matrix in them, and `evaluate` its value.\"\"\"\n\
+         from sympy import Float, Heaviside, Matrix, Symbol, cos, sign, sin, sqrt\n\n",
+    );
+    let symbol = |out: &mut String, identifier: &str, name: &str| {
+        let name = name.replace(['\\', '\''], " ");
+        let _ = writeln!(out, "{identifier} = Symbol('{name}', real=True)");
+    };
+    for (argument, identifiers) in page.inputs.iter().zip(&python.inputs) {
+        for (input, identifier) in argument.iter().zip(identifiers) {
+            symbol(&mut out, identifier, &input.text);
+        }
+    }
+    for (argument, identifiers) in page.arguments.iter().zip(&python.inputs) {
+        // an argument that has the name of one of its elements is a list with an underscore
+        let _ = writeln!(out, "{argument}_ = [{}]", identifiers.join(", "));
+    }
+    let mut lengths = Vec::new();
+    for (name, value) in page.used_lengths() {
+        let identifier = python.lengths.get(name).map_or(name, String::as_str);
+        symbol(&mut out, identifier, name);
+        lengths.push(format!("{identifier}: {}", digits(value)));
+    }
+    let _ = writeln!(out, "lengths = {{{}}}\n\nterms = []", lengths.join(", "));
+    for (id, name) in page.names.all() {
+        let identifier = writer.spelling.name(name);
+        let text = writer.expression(id).0;
+        let _ = writeln!(
+            out,
+            "{identifier} = Symbol('{identifier}', real=True)\nterms.append(({identifier}, {text}))"
+        );
+    }
+    let (rows, columns) = page.shape;
+    let _ = writeln!(out, "\nresult = Matrix.zeros({rows}, {columns})");
+    for entry in page.entries() {
+        let row = entry.index.first().map_or(0, |row| row - 1);
+        let column = entry.index.get(1).map_or(0, |column| column - 1);
+        let value = writer.operand(entry.id).0;
+        let _ = writeln!(out, "result[{row}, {column}] = {value}");
+    }
+    out.push_str(EVALUATE);
+    out
+}

@@ -1,0 +1,121 @@
+//! Equations as plain text.
+
+use std::fmt::Write as _;
+
+use crate::constants::Length;
+use crate::names::Name;
+use crate::page::Page;
+use crate::plain::{Level, Spelling, Writer, digits};
+
+/// Plain text, with the names of the description.
+pub(crate) struct Plain<'p>(pub(crate) &'p Page<'p>);
+
+impl Spelling for Plain<'_> {
+    fn number(&self, value: f64) -> String {
+        digits(value)
+    }
+
+    fn input(&self, argument: usize, element: usize) -> String {
+        self.0.inputs[argument][element].text.clone()
+    }
+
+    fn name(&self, name: &Name) -> String {
+        format!("{}_{}", name.letter, name.index)
+    }
+
+    fn length(&self, length: &Length<'_>) -> (String, Level) {
+        infix_length(length)
+    }
+
+    fn call(&self, function: &str, operand: &str) -> String {
+        format!("{function}({operand})")
+    }
+
+    fn product(&self, a: &str, b: &str) -> String {
+        format!("{a}*{b}")
+    }
+
+    fn quotient(&self, above: (String, Level), below: (String, Level)) -> (String, Level) {
+        infix_quotient(above, below)
+    }
+
+    fn square(&self, operand: &str) -> String {
+        format!("{operand}^2")
+    }
+
+    fn group(&self, inner: &str) -> String {
+        format!("({inner})")
+    }
+}
+
+/// `sqrt(3)*a/2`.
+pub(crate) fn infix_length(length: &Length<'_>) -> (String, Level) {
+    let [above, root, below] = length.factor;
+    let mut parts = Vec::new();
+    if above > 1 {
+        parts.push(above.to_string());
+    }
+    if root > 1 {
+        parts.push(format!("sqrt({root})"));
+    }
+    parts.push(length.name.to_owned());
+    let level = if parts.len() + usize::from(below > 1) > 1 {
+        Level::Product
+    } else {
+        Level::Atom
+    };
+    let mut text = parts.join("*");
+    if below > 1 {
+        let _ = write!(text, "/{below}");
+    }
+    (text, level)
+}
+
+/// `a/b`, with parentheses around sums, and around products below.
+pub(crate) fn infix_quotient(above: (String, Level), below: (String, Level)) -> (String, Level) {
+    let grouped = |(text, own): (String, Level), level: Level| {
+        if own < level {
+            format!("({text})")
+        } else {
+            text
+        }
+    };
+    let (above, below) = (grouped(above, Level::Product), grouped(below, Level::Power));
+    (format!("{above}/{below}"), Level::Product)
+}
+
+/// The whole text.
+pub(crate) fn write(page: &Page<'_>) -> String {
+    let writer = Writer {
+        graph: &page.graph,
+        names: &page.names,
+        lengths: page.lengths,
+        spelling: Plain(page),
+    };
+    let mut out = format!("{}: {}\n", page.robot.name, page.heading);
+    for line in page.captions() {
+        let _ = writeln!(out, "{line}");
+    }
+    for (name, value) in page.used_lengths() {
+        let _ = writeln!(out, "{name} = {}", digits(value));
+    }
+    out.push('\n');
+    for (id, name) in page.names.all() {
+        let text = writer.expression(id).0;
+        let _ = writeln!(out, "{}_{} = {text}", name.letter, name.index);
+    }
+    out.push('\n');
+    for entry in page.entries() {
+        let index: Vec<String> = entry.index.iter().map(usize::to_string).collect();
+        let value = writer.operand(entry.id).0;
+        let _ = writeln!(out, "{}_{} = {value}", page.letter, index.join(","));
+    }
+    if page.has_zeros() {
+        let _ = writeln!(
+            out,
+            "\nEntries of {} that are not listed are 0.",
+            page.letter
+        );
+    }
+    out
+}

@@ -1,0 +1,6 @@
+//! Written equations against the programs that they are written from.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod evaluated;
+mod page;
+mod written;

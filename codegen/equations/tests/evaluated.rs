@@ -1,0 +1,118 @@
+//! SymPy evaluates its script to what the interpreter computes. Left out, with a word, where python3
+//! or SymPy is missing.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+
+use regen_codegen::Mechanism;
+use regen_codegen::diag::Source;
+use regen_codegen::interpret;
+use regen_codegen::robot::{FunctionKind, Robot};
+use regen_equations::{Of, Parameters, Style, equations, kinds};
+
+/// A robot of the repository with one function.
+fn robot(file: &str, kind: FunctionKind) -> (Robot, Vec<(String, f64)>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+    let text = std::fs::read_to_string(path.join(file)).unwrap();
+    let source = Source::new(file, &text);
+    let mechanism = Mechanism::open(&source).unwrap();
+    let spec = regen_codegen::spec::parse(&source).unwrap();
+    let lengths = spec.geometry.iter();
+    let lengths = lengths.map(|(name, value)| (name.value.clone(), value.value.to_f64()));
+    (mechanism.robot(&[kind]).unwrap(), lengths.collect())
+}
+
+/// Irregular values near home.
+fn values(robot: &Robot, argument: &str, count: usize) -> Vec<f64> {
+    let wave = |k: usize| libm::sin(0.4 + 1.7 * k as f64 + argument.len() as f64);
+    let each = (0..count).map(|k| match argument {
+        "q" => robot.home[k] + 0.1 * wave(k),
+        _ => wave(k),
+    });
+    each.collect()
+}
+
+#[test]
+fn sympy_evaluates_to_what_is_computed() {
+    let sympy = Command::new("python3")
+        .args(["-c", "import sympy"])
+        .output();
+    if !sympy.is_ok_and(|output| output.status.success()) {
+        eprintln!("left out: there is no python3 with sympy");
+        return;
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("equations");
+    std::fs::create_dir_all(&folder).unwrap();
+    for (file, of, parameters) in [
+        ("scara.yaml", Of::Regressor, Parameters::All),
+        ("fivebar.yaml", Of::Regressor, Parameters::Base),
+        ("3rps_friction.yaml", Of::Regressor, Parameters::Base),
+        ("fivebar.yaml", Of::Dynamics, Parameters::Base),
+        ("fivebar.yaml", Of::X, Parameters::All),
+        ("slider_crank.yaml", Of::Jacobian, Parameters::All),
+    ] {
+        let [kind] = kinds(of, parameters);
+        let (robot, lengths) = robot(file, kind);
+        let program = &robot.function(kind).unwrap().program;
+        let mut script = equations(&robot, &lengths, of, parameters, Style::Sympy).unwrap();
+        let mut inputs = Vec::new();
+        let mut given = String::new();
+        for argument in &program.arguments {
+            let numbers = values(&robot, &argument.name, argument.len);
+            if !(of == Of::X && argument.name == "qd_i") {
+                let name = &argument.name;
+                write!(given, "**dict(zip({name}_, {numbers:?})), ").unwrap();
+            }
+            inputs.push(numbers);
+        }
+        write!(
+            script,
+            "\nfor value in evaluate({{{given}}}).T:\n    print(f'{{float(value):.17g}}')\n"
+        )
+        .unwrap();
+        let name = format!("{}_{of:?}_{parameters:?}.py", robot.name);
+        std::fs::write(folder.join(&name), script).unwrap();
+        let mut command = Command::new("python3");
+        let output = command.arg(&name).current_dir(&folder).output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{name}: {errors}");
+        let printed = String::from_utf8(output.stdout).unwrap();
+        let found: Vec<f64> = printed.lines().map(|line| line.parse().unwrap()).collect();
+        let expected = expected(&robot, of, kind, &mut inputs);
+        assert_eq!(found.len(), expected.len(), "{name}");
+        let largest = expected.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (found, expected) in found.iter().zip(&expected) {
+            let apart = (found - expected).abs() / largest;
+            assert!(apart <= 1e-12, "{name}: {found} instead of {expected}");
+        }
+    }
+}
+
+/// What the interpreter computes, column by column.
+fn expected(robot: &Robot, of: Of, kind: FunctionKind, inputs: &mut [Vec<f64>]) -> Vec<f64> {
+    let program = &robot.function(kind).unwrap().program;
+    let run = |inputs: &[Vec<f64>]| {
+        let slices: Vec<&[f64]> = inputs.iter().map(Vec::as_slice).collect();
+        interpret::run(&program, &slices).0
+    };
+    match of {
+        Of::X => {
+            let mut columns = Vec::new();
+            for k in 0..robot.independent.len() {
+                inputs[1].fill(0.0);
+                inputs[1][k] = 1.0;
+                let velocities = run(inputs);
+                columns.extend(robot.dependent.iter().map(|row| -velocities[*row]));
+            }
+            columns
+        }
+        Of::Jacobian => {
+            let rows = run(inputs);
+            let n = robot.coordinates.len();
+            let order = (0..n).flat_map(|c| (0..robot.rows).map(move |r| r * n + c));
+            order.map(|at| rows[at]).collect()
+        }
+        _ => run(inputs),
+    }
+}

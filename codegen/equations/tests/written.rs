@@ -1,0 +1,63 @@
+//! What equations look like, and what is missing.
+
+use regen_codegen::Mechanism;
+use regen_codegen::diag::Source;
+use regen_equations::{Of, Parameters, Style, equations, kinds};
+
+/// An arm of two joints.
+const ARM: &str = "\
+name: arm
+gravity: [0, -9.81, 0]
+geometry: {reach: 0.37}
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: upper, actuated: true}
+      - {name: q2, type: revolute, dh: {a: reach}, body: lower, actuated: true}
+";
+
+fn written(of: Of, parameters: Parameters, style: Style) -> String {
+    let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
+    let robot = mechanism.robot(&kinds(of, parameters)).unwrap();
+    let lengths = [("reach".to_owned(), 0.37)];
+    equations(&robot, &lengths, of, parameters, style).unwrap()
+}
+
+#[test]
+fn terms_have_the_names_of_their_angles_and_lengths() {
+    let text = written(Of::Dynamics, Parameters::Base, Style::Text);
+    assert!(text.contains("c_1 = cos(q1)"), "{text}");
+    assert!(text.contains("reach = 0.37"), "{text}");
+    let latex = written(Of::Dynamics, Parameters::All, Style::Latex);
+    assert!(latex.contains("\\cos\\left(q_{1}\\right)"), "{latex}");
+    assert!(latex.contains("\\mathrm{reach}"), "{latex}");
+    assert!(latex.contains("\\dot{q}_{2}"), "{latex}");
+    assert_eq!(latex.matches('{').count(), latex.matches('}').count());
+}
+
+#[test]
+fn every_name_is_defined_before_it_is_used() {
+    let text = written(Of::Regressor, Parameters::All, Style::Text);
+    let mut known = Vec::new();
+    for line in text.lines() {
+        let Some((name, value)) = line.split_once(" = ") else {
+            continue;
+        };
+        let words = value.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        for word in words.filter(|w| w.starts_with("t_") || w.starts_with("s_")) {
+            assert!(known.contains(&word.to_owned()), "{word} in {line}");
+        }
+        known.push(name.to_owned());
+    }
+    assert!(known.iter().any(|name| name.starts_with("W_")), "{text}");
+}
+
+#[test]
+fn an_arm_has_nothing_to_close() {
+    let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
+    for of in [Of::Closure, Of::Jacobian, Of::X] {
+        let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
+        let missing = equations(&robot, &[], of, Parameters::All, Style::Text).unwrap_err();
+        assert!(missing.to_string().contains("no loops"), "{missing}");
+    }
+}

@@ -1,0 +1,54 @@
+//! Loop closure in a control cycle: all coordinates of a robot from the independent ones, in arrays
+//! of fixed size, with a bound on the steps.
+//!
+//! [`Closure`] does in a cycle what `regen_runtime::LoopClosure::track` does with an allocator: it
+//! follows home's assembly branch from one cycle to the next. It allocates nothing, works on `f64`
+//! and `f32`, and takes at most as many Newton steps in a call as it is told, so that the longest
+//! time of a call is known. `no_std`; depends on `regen-runtime` alone.
+//!
+//! ```
+//! use regen_control::{Outcome, closure};
+//! use regen_generated::rps3::{self, Rps3};
+//!
+//! // the lengths of the arrays are those of the module's constants
+//! let mut legs = <closure!(rps3::Rps3, f64)>::new(&Rps3)?;
+//! assert_eq!(legs.track(&[0.60, 0.62, 0.58], 10), Outcome::Closed);
+//!
+//! let motion = legs.motion(&[0.1, 0.0, 0.0], &[0.0; 3]);
+//! assert!(motion.condition.is_regular());
+//! let phi = [1.0; rps3::PARAMETERS.len()];
+//! let (tau, _) = rps3::inverse_dynamics(legs.q(), &motion.qd, &motion.qdd, &phi);
+//! assert!(tau.iter().all(|force| force.is_finite()));
+//! # Ok::<(), regen_control::Misuse>(())
+//! ```
+#![no_std]
+#![allow(
+    clippy::doc_markdown,
+    reason = "A_e and qdd_i are formulas, written as in the equations"
+)]
+
+mod closure;
+mod factored;
+mod outcome;
+mod real;
+
+pub use closure::{Closure, Motion};
+pub use outcome::{Misuse, Outcome};
+pub use real::Real;
+
+/// The type of a [`Closure`] of a generated model: `closure!(rps3::Rps3, f64)` for the struct `Rps3`
+/// of the module `rps3`, whose constants give the lengths of arrays.
+#[macro_export]
+macro_rules! closure {
+    ($module:ident :: $model:ident, $number:ty) => {
+        $crate::Closure<
+            'static,
+            $number,
+            { $module::COORDINATES.len() },
+            { $module::INDEPENDENT.len() },
+            { $module::DEPENDENT.len() },
+            { $module::INFO.rows },
+            $module::$model,
+        >
+    };
+}

@@ -1,0 +1,200 @@
+//! The guide's examples in C and C++ compile against a robot's files and its identified constants, and
+//! close its loops. Left out, with a word, where no compiler is.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use regen_codegen::diag::Source;
+use regen_codegen::emit::c;
+use regen_codegen::pipeline::derive;
+use regen_generated::fivebar::{self, Fivebar};
+use regen_identify::files::{c_constants, python_constants, rust_constants};
+use regen_identify::identify::digest;
+use regen_identify::model::{IdentifiedModel, Provenance};
+use regen_runtime::{BaseModel, LoopClosure};
+use regen_tests::files;
+
+const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
+
+/// The five-bar's values as if they were identified.
+fn identified() -> IdentifiedModel {
+    IdentifiedModel {
+        name: "least squares".to_owned(),
+        beta: (0..fivebar::BASE.len()).map(|k| 0.1 + k as f64).collect(),
+        provenance: Provenance {
+            model: String::new(),
+            logs: vec!["run1".to_owned(), "run */ 2\n".to_owned()],
+            date: Some("2026-11-23".to_owned()),
+        },
+        ..IdentifiedModel::default()
+    }
+}
+
+fn model() -> &'static dyn BaseModel<f64> {
+    &Fivebar
+}
+
+/// Writes the robot's files, its constants and the blocks of the pages, which begin with the names of
+/// their files; returns these names.
+fn written(folder: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(files::robots().join("fivebar.yaml")).unwrap();
+    let robot = derive(&Source::new("fivebar.yaml", &text)).unwrap();
+    let own = c::files(&robot);
+    let constants = c_constants(model(), &identified(), &own.name).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("fivebar.h", &own.header);
+    write("fivebar.c", &own.source);
+    write("fivebar_identified.h", &constants);
+    let mut names = Vec::new();
+    for page in ["c", "ros2", "simulink", "plc"] {
+        let path = files::package().join(format!("../runtime/guide/pages/{page}.md"));
+        let page = std::fs::read_to_string(path).unwrap();
+        for part in page.split("\n```").skip(1).step_by(2) {
+            let (language, code) = part.split_once('\n').unwrap();
+            if !matches!(language, "c" | "cpp") {
+                continue;
+            }
+            let first = code.lines().next().unwrap();
+            let name = first.trim_matches(['/', '*', ' ']).to_owned();
+            write(&name, code);
+            names.push(name);
+        }
+    }
+    names
+}
+
+fn compile(folder: &Path, compiler: &str, arguments: &[&str]) -> Output {
+    let mut command = Command::new(compiler);
+    command.args(WARNINGS).args(arguments).current_dir(folder);
+    let stubs = files::fixtures().join("stubs").canonicalize().unwrap();
+    // warnings of a product's headers are not the example's
+    command.arg("-isystem").arg(stubs).output().unwrap()
+}
+
+#[track_caller]
+fn passes(output: &Output) {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+}
+
+fn has(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok();
+    if !found {
+        eprintln!("left out: there is no {program}");
+    }
+    found
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+#[test]
+fn the_guide_s_controllers_compile_and_close_the_loops() {
+    if !has("gcc") {
+        return;
+    }
+    let folder = folder("c-guide");
+    let names = written(&folder);
+    assert_eq!(names.len(), 5, "{names:?}");
+    for name in &names {
+        if name.ends_with(".c") {
+            passes(&compile(
+                &folder,
+                "gcc",
+                &["-std=c99", "-fsyntax-only", name],
+            ));
+        } else if name.ends_with(".cpp") && has("g++") {
+            passes(&compile(
+                &folder,
+                "g++",
+                &["-std=c++17", "-fsyntax-only", name],
+            ));
+        }
+    }
+    let main = "#include <stdio.h>\n#include \"fivebar_close.h\"\nint main(void)\n{\n\
+        double q[FIVEBAR_COORDINATE_COUNT], far[2] = { 9, 9 }, q_i[2];\nint status = 0;\n\
+        for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) q[k] = fivebar_home[k];\n\
+        for (int k = 0; k < 2; k++) q_i[k] = q[fivebar_independent[k]];\n\
+        for (int n = 0; n < 50; n++) { q_i[0] += 0.004; q_i[1] -= 0.003; status |= fivebar_close(q_i, q); }\n\
+        printf(\"%d %d\", status, fivebar_close(far, q));\n\
+        for (int k = 0; k < FIVEBAR_COORDINATE_COUNT; k++) printf(\" %.17g\", q[k]);\nreturn 0;\n}\n";
+    std::fs::write(folder.join("main.c"), main).unwrap();
+    let arguments = [
+        "-std=c99",
+        "-O0",
+        "-o",
+        "close",
+        "main.c",
+        "fivebar.c",
+        "-lm",
+    ];
+    passes(&compile(&folder, "gcc", &arguments));
+    let output = Command::new(folder.join("close")).output().unwrap();
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let mut numbers = printed.split(' ').map(|x| x.parse::<f64>().unwrap());
+    assert_eq!((numbers.next(), numbers.next()), (Some(0.0), Some(-1.0)));
+    let home = fivebar::HOME;
+    let [a, b] = fivebar::INDEPENDENT;
+    let mut closure = LoopClosure::new(model()).unwrap();
+    let known = closure.solve(&[home[a] + 0.2, home[b] - 0.15]).unwrap();
+    assert!(known.outcome.is_closed());
+    for (found, known) in numbers.zip(known.q) {
+        assert!((found - known).abs() < 1e-13, "{found} {known}");
+    }
+}
+
+#[test]
+fn constants_of_another_model_are_refused() {
+    let right = digest(model());
+    let wrong = "0123456789abcdef";
+    if has("gcc") {
+        let folder = folder("c-refused");
+        written(&folder);
+        let path = folder.join("fivebar_identified.h");
+        let header = std::fs::read_to_string(&path).unwrap();
+        for part in [
+            "Method: least squares.",
+            "Date: 2026-11-23.",
+            "Logs: run1, run * / 2",
+        ] {
+            assert!(header.contains(part), "{part}\n{header}");
+        }
+        std::fs::write(&path, header.replace(&right, wrong)).unwrap();
+        let output = compile(&folder, "gcc", &["-std=c99", "-fsyntax-only", "torque.c"]);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            !output.status.success() && errors.contains("identify again"),
+            "{errors}"
+        );
+    }
+    let rust = rust_constants(model(), &identified(), Some("super::fivebar")).unwrap();
+    assert!(
+        rust.contains(&format!("super::fivebar::DIGEST == 0x{right}")),
+        "{rust}"
+    );
+    assert!(
+        rust.contains("// Logs: run1, run */ 2 .\n// Date: 2026-11-23.\n"),
+        "{rust}"
+    );
+    if has("python3") {
+        let python = python_constants(model(), &identified()).unwrap();
+        let number = u64::from_str_radix(&right, 16).unwrap();
+        let script = format!(
+            "{python}\ncheck(DIGEST); check({number}); check('0x{right}')\n\
+             assert LOGS == ['run1', 'run */ 2\\n'] and DATE == '2026-11-23'\n\
+             assert list(BETA.values())[1] == 1.1 and METHOD == 'least squares'\n\
+             try:\n    check('{wrong}')\nexcept ValueError as error:\n    print(error)\n"
+        );
+        let output = Command::new("python3")
+            .args(["-c", &script])
+            .output()
+            .unwrap();
+        passes(&output);
+        let printed = String::from_utf8_lossy(&output.stdout);
+        assert!(printed.contains("identify again"), "{printed}");
+    }
+}
