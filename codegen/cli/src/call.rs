@@ -240,12 +240,15 @@ pub fn reason(outcome: regen_runtime::Outcome) -> String {
 ///
 /// When the description has mistakes, or `payload` does not fit it.
 pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result<Robot, CallError> {
-    let payload = payload.map(|carried| match carried {
-        true => PayloadArg::Carried,
-        false => PayloadArg::None,
-    });
+    let payload = match payload {
+        Some(true) => Some(PayloadArg::Carried),
+        Some(false) => Some(PayloadArg::None),
+        None => None,
+    };
     load::use_kept();
-    let (result, _) = as_call(BTreeMap::new(), handle, || load::loaded_derived(source, payload));
+    let (result, _) = as_call(BTreeMap::new(), handle, || {
+        load::loaded_derived(source, payload)
+    });
     result
 }
 

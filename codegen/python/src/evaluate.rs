@@ -50,7 +50,12 @@ pub(crate) struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    pub(crate) fn new(model: &'a Interpreted<'a>, which: Which, sizes: Sizes, count: usize) -> Self {
+    pub(crate) fn new(
+        model: &'a Interpreted<'a>,
+        which: Which,
+        sizes: Sizes,
+        count: usize,
+    ) -> Self {
         Self {
             model,
             which,
@@ -71,7 +76,11 @@ impl<'a> Batch<'a> {
 
     /// Gives an argument; the error says which length is wrong.
     pub(crate) fn give(&mut self, argument: Argument, entries: &'a [f64]) -> Result<(), String> {
-        let states = if argument.is_parameter() { 1 } else { self.count };
+        let states = if argument.is_parameter() {
+            1
+        } else {
+            self.count
+        };
         let length = self.sizes.length(argument.size());
         if entries.len() != length * states {
             return Err(format!(

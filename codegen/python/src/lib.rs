@@ -29,11 +29,9 @@ fn call_command(
     py: Python<'_>,
     words: Vec<OsString>,
     texts: BTreeMap<PathBuf, String>,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(String, Vec<String>)> {
-    let (result, notes) = supervised(py, progress.as_ref(), move |handle| {
-        call::run(&words, texts, handle)
-    })?;
+    let (result, notes) = supervised(py, progress, move |handle| call::run(&words, texts, handle))?;
     match result {
         Ok(printed) => Ok((printed, notes)),
         Err(error) => Err(raised(error, notes)),
@@ -55,8 +53,10 @@ fn options(command: &str) -> PyResult<Vec<(String, bool, bool, String)>> {
 #[pyfunction]
 fn merge_factors(py: Python<'_>, texts: Vec<String>) -> PyResult<String> {
     py.detach(|| {
-        let sets: Result<Vec<FactorSet>, _> =
-            texts.iter().map(|text| FactorSet::from_text(text)).collect();
+        let sets: Result<Vec<FactorSet>, _> = texts
+            .iter()
+            .map(|text| FactorSet::from_text(text))
+            .collect();
         let sets = sets.map_err(|error| format!("the text of factors {error}"))?;
         FactorSet::merged(sets)
             .map(|set| set.to_text())

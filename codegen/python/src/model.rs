@@ -43,15 +43,19 @@ impl Derived {
         text: String,
         name: String,
         payload: Option<bool>,
-        progress: Option<Py<PyAny>>,
+        progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let key = (text.clone(), payload);
-        let found = DERIVED.lock().unwrap_or_else(PoisonError::into_inner).get(&key).copied();
+        let found = DERIVED
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get(&key)
+            .copied();
         if let Some(model) = found {
             return Ok(Self { model });
         }
         let source = Source::new(&name, &text);
-        let (result, notes) = supervised(py, progress.as_ref(), move |handle| {
+        let (result, notes) = supervised(py, progress, move |handle| {
             call::derive(&source, payload, handle)
         })?;
         let robot = result.map_err(|error| raised(error, notes))?;
@@ -68,9 +72,10 @@ impl Derived {
     fn info(&self) -> String {
         let info = self.model.info();
         let sizes = self.sizes();
-        let parameters = info.parameters.iter().map(|p| {
-            json!({"label": p.to_string(), "unit": p.unit(info.motion_of(p.owner))})
-        });
+        let parameters = info
+            .parameters
+            .iter()
+            .map(|p| json!({"label": p.to_string(), "unit": p.unit(info.motion_of(p.owner))}));
         let functions = Function::ALL
             .iter()
             .map(|f| f.signature())
@@ -91,7 +96,10 @@ impl Derived {
             })
         });
         let base = self.model.base_info();
-        let cuts = info.cuts.iter().map(|cut| json!({"name": cut.name, "rows": cut.rows}));
+        let cuts = info
+            .cuts
+            .iter()
+            .map(|cut| json!({"name": cut.name, "rows": cut.rows}));
         json!({
             "robot": info.name,
             "coordinates": info.coordinates,
@@ -129,7 +137,12 @@ impl Derived {
         let which = Which::named(function)
             .ok_or_else(|| PyValueError::new_err(format!("there is no function `{function}`")))?;
         let sizes = self.sizes();
-        let mut batch = Batch::new(self.model, which, sizes, states.first().map_or(1, |s| s.shape()[0]));
+        let mut batch = Batch::new(
+            self.model,
+            which,
+            sizes,
+            states.first().map_or(1, |s| s.shape()[0]),
+        );
         let mut given = states.iter();
         let mut constants = parameters.iter();
         for argument in which.signature().arguments {
@@ -141,7 +154,9 @@ impl Derived {
             let slice = slice
                 .ok_or_else(|| PyValueError::new_err(format!("`{}` is missing", argument.name())))?
                 .map_err(|_| PyValueError::new_err("arrays must be contiguous, row by row"))?;
-            batch.give(*argument, slice).map_err(PyValueError::new_err)?;
+            batch
+                .give(*argument, slice)
+                .map_err(PyValueError::new_err)?;
         }
         let mut next = 0;
         while next < batch.count() {
@@ -152,7 +167,10 @@ impl Derived {
             py.check_signals()?;
         }
         let (values, pivots) = batch.finish();
-        Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, pivots)))
+        Ok((
+            PyArray1::from_vec(py, values),
+            PyArray1::from_vec(py, pivots),
+        ))
     }
 
     /// Closes the loops along a trajectory of the independent coordinates, which begins near home.

@@ -25,7 +25,7 @@ const STACK_BYTES: usize = 64 << 20;
 /// signal handler or of `progress` stops the work at its next report and is raised at once.
 pub(crate) fn supervised<T: Send + 'static>(
     py: Python<'_>,
-    progress: Option<&Py<PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Handle) -> T + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
     let handle = Handle::default();
@@ -53,7 +53,7 @@ pub(crate) fn supervised<T: Send + 'static>(
             }
             Err(RecvTimeoutError::Timeout) => {}
         }
-        let told = py.check_signals().and_then(|()| tell(py, progress, &handle));
+        let told = py.check_signals().and_then(|()| tell(progress, &handle));
         if let Err(error) = told {
             handle.stop();
             return Err(error);
@@ -62,9 +62,9 @@ pub(crate) fn supervised<T: Send + 'static>(
 }
 
 /// Tells the caller how far the work has come.
-fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, handle: &Handle) -> PyResult<()> {
+fn tell(progress: Option<&Bound<'_, PyAny>>, handle: &Handle) -> PyResult<()> {
     if let (Some(progress), Some(now)) = (progress, handle.progress()) {
-        progress.call1(py, (now.what, now.done, now.all))?;
+        progress.call1((now.what, now.done, now.all))?;
     }
     Ok(())
 }

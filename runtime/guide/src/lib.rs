@@ -35,6 +35,9 @@ pub mod response {}
 #[doc = include_str!("../pages/rehearse.md")]
 pub mod rehearse {}
 
+#[doc = include_str!("../pages/python.md")]
+pub mod python {}
+
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]
 pub mod trust {}
