@@ -55,7 +55,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let bar = progress::bar(1, "{bar:24} {percent} %, {eta} left{msg}");
     let report = |progress: Progress| show(&bar, progress);
     let watch = Monitor {
-        stop,
+        stop: &stop,
         report: &report,
     };
     let outcome = excite(&model, &model, &settings, watch);

@@ -2,8 +2,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Mutex};
+
+use crate::call;
 
 /// The exit code of an interrupted program: 128 plus the signal's number.
 const INTERRUPTED: i32 = 130;
@@ -13,7 +15,7 @@ static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// Whether the command ends by itself after the first interrupt.
 static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
 /// Whether the first interrupt has come.
-static INTERRUPT_SEEN: AtomicBool = AtomicBool::new(false);
+static INTERRUPT_SEEN: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Installs the handler: an interrupt removes a half-written file and ends the run as a failure.
 pub(crate) fn listen() {
@@ -32,10 +34,12 @@ pub(crate) fn listen() {
 }
 
 /// From now on the first interrupt only sets the returned flag, and the caller ends by itself; the
-/// second one ends the process.
-pub(crate) fn flag() -> &'static AtomicBool {
-    ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
-    &INTERRUPT_SEEN
+/// second one ends the process. In a call of another program the flag is the call's.
+pub(crate) fn flag() -> Arc<AtomicBool> {
+    call::flag().unwrap_or_else(|| {
+        ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
+        INTERRUPT_SEEN.clone()
+    })
 }
 
 /// Sets the temporary file or folder that the handler removes; `None` once it is complete.

@@ -14,6 +14,7 @@ use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::spec::{self, Payloads};
 
 use crate::args::PayloadArg;
+use crate::call;
 use crate::exit::Failure;
 use crate::progress::spinner;
 
@@ -27,6 +28,9 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
 
 /// Reads a text file of at most `limit` bytes: a device may never end.
 fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
+    if let Some(text) = call::text(path) {
+        return Ok(text);
+    }
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes))

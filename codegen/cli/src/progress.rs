@@ -6,8 +6,13 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::call;
+
 /// A progress bar of this length and template.
 pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
+    if let Some(bar) = call::bar(Some(length)) {
+        return bar;
+    }
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
@@ -20,6 +25,9 @@ pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
 
 /// A spinner for work of unknown length.
 pub(crate) fn spinner(message: String) -> ProgressBar {
+    if let Some(bar) = call::bar(None) {
+        return bar.with_message(message);
+    }
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
@@ -50,6 +58,7 @@ pub(crate) fn later(what: &'static str) -> Later {
 impl Later {
     /// Sets how many of all parts are done, and shows the bar once the work has taken long.
     pub(crate) fn at(&self, done: usize, all: usize) {
+        call::leave_if_stopped();
         if self.since.elapsed() < SHOWN_AFTER {
             return;
         }

@@ -127,7 +127,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     };
     let stop = interrupt::flag();
     let bar = progress::bar(args.seeds as u64, "{bar:24} {pos}/{len} seeds, {eta} left");
-    let result = rehearse(&rehearsal, stop, &|done| bar.set_position(done as u64));
+    let result = rehearse(&rehearsal, &stop, &|done| bar.set_position(done as u64));
     bar.finish_and_clear();
     let score = result?;
     let interrupted = stop.load(Ordering::Relaxed) && score.seeds < score.asked;

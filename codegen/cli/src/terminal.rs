@@ -2,10 +2,14 @@
 
 use std::io::{self, IsTerminal, Write};
 
+use crate::call;
 use crate::exit::Failure;
 
 /// Writes a result to standard output.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    if call::print(text) {
+        return Ok(());
+    }
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
@@ -17,6 +21,9 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 
 /// Writes a message to standard error; a failure to write is ignored, since nothing can be done.
 pub(crate) fn note(text: &str) {
+    if call::note(text) {
+        return;
+    }
     let _ = writeln!(io::stderr(), "{text}");
 }
 

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use indicatif::ProgressBar;
 use regen_identify::session::Monitor;
 
-use crate::progress;
+use crate::{call, progress};
 
 /// The progress bars of long work on the terminal, one at a time.
 pub(crate) struct Terminal {
@@ -27,6 +27,7 @@ pub(crate) static TERMINAL: Terminal = Terminal {
 impl Terminal {
     /// Changes the bar; does nothing if another thread panicked while it changed the bar.
     fn with(&self, change: impl FnOnce(&mut Option<ShownBar>)) {
+        call::leave_if_stopped();
         if let Ok(mut shown) = self.shown.lock() {
             change(&mut shown);
         }

@@ -52,6 +52,8 @@ pub mod rehearse {}
 
 #[doc = include_str!("../pages/estimators.md")]
 pub mod estimators {}
+#[doc = include_str!("../pages/python.md")]
+pub mod python {}
 
 #[doc = include_str!("../pages/trust.md")]
 #[doc = include_str!("../pages/figures/singular-values.svg")]

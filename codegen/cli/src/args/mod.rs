@@ -96,6 +96,20 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))
 }
 
+/// Parses the words of a command, the first being the command's name; never ends the process.
+///
+/// # Errors
+///
+/// Words that clap refuses, also those that ask for help.
+pub(crate) fn parse_words(words: &[OsString]) -> Result<Cli, Failure> {
+    let name = OsString::from("regen");
+    let command = with_negative_numbers(Cli::command());
+    command
+        .try_get_matches_from(std::iter::once(&name).chain(words))
+        .and_then(|parsed| Cli::from_arg_matches(&parsed))
+        .map_err(|error| Failure::Usage(error.to_string().trim_end().to_owned()))
+}
+
 /// The error message for a first word that looks like a command but is neither a command nor a
 /// file; `None` for any other word.
 fn unknown_command(command: &clap::Command, word: &str) -> Option<String> {

@@ -1,0 +1,347 @@
+//! Commands that another program runs in its own process.
+//!
+//! ```
+//! use std::collections::BTreeMap;
+//! use regen_cli::call::{self, Handle};
+//!
+//! let pendulum = "name: pendulum\nlimbs:\n  - name: arm\n    joints:\n      \
+//!                 - {name: q1, type: revolute, body: 1, actuated: true}\n";
+//! let texts = BTreeMap::from([("pendulum.yaml".into(), pendulum.to_owned())]);
+//! let words = ["info", "pendulum.yaml", "--format", "json"].map(Into::into);
+//! let printed = call::run(&words, texts, &Handle::default())?;
+//! assert!(printed.contains("\"dof\":1"));
+//! # Ok::<(), call::CallError>(())
+//! ```
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use clap::{ArgAction, CommandFactory as _};
+use indicatif::ProgressBar;
+use regen_codegen::diag::Source;
+use regen_codegen::robot::Robot;
+
+use crate::args::{Cli, PayloadArg, parse_words};
+use crate::exit::Failure;
+use crate::load;
+
+/// What the caller and a running command share, for example to end it from another thread.
+#[derive(Clone, Debug, Default)]
+pub struct Handle(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    stop: Arc<AtomicBool>,
+    notes: Mutex<Vec<String>>,
+    bar: Mutex<Option<ProgressBar>>,
+}
+
+/// How far a command has come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done, in words; may be empty.
+    pub what: String,
+    /// How many parts are done.
+    pub done: u64,
+    /// How many parts there are; `None` where that is not known.
+    pub all: Option<u64>,
+}
+
+impl Handle {
+    /// Ends the command at its next report of progress; [`run`] then returns an error of the kind
+    /// [`CallErrorKind::Stopped`].
+    pub fn stop(&self) {
+        self.0.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes the messages and warnings that the command has written since the last call.
+    pub fn take_notes(&self) -> Vec<String> {
+        std::mem::take(&mut *lock(&self.0.notes))
+    }
+
+    /// How far the command has come; `None` between long steps.
+    pub fn progress(&self) -> Option<Progress> {
+        let bar = lock(&self.0.bar).clone()?;
+        (!bar.is_finished()).then(|| Progress {
+            what: bar.message(),
+            done: bar.position(),
+            all: bar.length(),
+        })
+    }
+}
+
+/// Locks; the values behind these locks are whole also after a panic.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The kinds of errors of a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CallErrorKind {
+    /// A check failed: what was derived is incomplete, or beyond a bound.
+    Check,
+    /// Options that do not exist or do not go together.
+    Usage,
+    /// Mistakes in a description, an experiment file or another file, with places.
+    Description,
+    /// Other input that is wrong: states, names, logs.
+    Input,
+    /// A state that cannot be closed or is singular, or parameters that the data leave undetermined.
+    Numeric,
+    /// A file that cannot be read or written.
+    Io,
+    /// The caller ended the call.
+    Stopped,
+}
+
+/// A mistake in a file, at its place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistake {
+    /// The file's name.
+    pub file: String,
+    /// The line, from 1.
+    pub line: usize,
+    /// The column in characters, from 1.
+    pub column: usize,
+    /// What is wrong, with the path in words.
+    pub message: String,
+    /// What to write instead; may be empty.
+    pub hint: String,
+}
+
+/// Why a call failed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CallError {
+    /// The kind of error.
+    pub kind: CallErrorKind,
+    /// The message; mistakes in files are shown with their lines and carets.
+    pub message: String,
+    /// The mistakes in files.
+    pub mistakes: Vec<Mistake>,
+    /// What the command had printed before it failed: where only a check failed, its whole result.
+    pub printed: String,
+}
+
+impl CallError {
+    /// An error of a kind, without mistakes.
+    pub fn new(kind: CallErrorKind, message: impl Into<String>) -> Self {
+        Self {
+            kind,
+            message: message.into(),
+            mistakes: Vec::new(),
+            printed: String::new(),
+        }
+    }
+}
+
+impl fmt::Display for CallError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for CallError {}
+
+impl From<regen_codegen::diag::Report> for CallError {
+    fn from(report: regen_codegen::diag::Report) -> Self {
+        Failure::from(report).into()
+    }
+}
+
+impl From<Failure> for CallError {
+    fn from(failure: Failure) -> Self {
+        let kind = match &failure {
+            Failure::Check(_) => CallErrorKind::Check,
+            Failure::Usage(_) => CallErrorKind::Usage,
+            Failure::Spec(_) => CallErrorKind::Description,
+            Failure::Input(_) => CallErrorKind::Input,
+            Failure::Numeric(_) => CallErrorKind::Numeric,
+            Failure::Io(_) | Failure::BrokenPipe => CallErrorKind::Io,
+        };
+        let Failure::Spec(reports) = &failure else {
+            return Self::new(kind, failure.to_string());
+        };
+        let texts: Vec<String> = reports.iter().map(|r| r.render(false)).collect();
+        let mut error = Self::new(kind, texts.join("\n\n").trim_end());
+        let places = reports.iter().flat_map(|report| {
+            report.shown().map(|shown| Mistake {
+                file: report.source.name.clone(),
+                line: shown.line(),
+                column: shown.column(),
+                message: shown.diagnostic().headline(),
+                hint: shown.diagnostic().hint.clone().unwrap_or_default(),
+            })
+        });
+        error.mistakes = places.collect();
+        error
+    }
+}
+
+/// A call that this thread is running.
+struct Running {
+    shared: Arc<Shared>,
+    texts: BTreeMap<PathBuf, String>,
+    printed: String,
+}
+
+thread_local! {
+    static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
+}
+
+/// The payload with which a stopped call leaves the command.
+struct Stopped;
+
+/// An option of a command.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CommandOption {
+    /// Its name, without dashes.
+    pub name: String,
+    /// Whether it takes a value.
+    pub takes_value: bool,
+    /// Whether it may be repeated.
+    pub is_repeated: bool,
+    /// What it does.
+    pub help: String,
+}
+
+/// The options of a command; `None` where there is no such command.
+pub fn options(command: &str) -> Option<Vec<CommandOption>> {
+    let all = Cli::command();
+    let command = all.find_subcommand(command)?;
+    let options = command.get_arguments().filter_map(|arg| {
+        let action = arg.get_action();
+        Some(CommandOption {
+            name: arg.get_long()?.to_owned(),
+            takes_value: action.takes_values(),
+            is_repeated: matches!(action, ArgAction::Append),
+            help: arg.get_help().map(ToString::to_string).unwrap_or_default(),
+        })
+    });
+    Some(options.collect())
+}
+
+/// Describes why a state is not closed.
+pub fn reason(outcome: regen_runtime::Outcome) -> String {
+    crate::closed::reason(outcome)
+}
+
+/// Derives a robot with all its functions.
+///
+/// - `payload`: whether the payloads of the description are carried; `None` for a description
+///   without payloads.
+///
+/// # Errors
+///
+/// When the description has mistakes, or `payload` does not fit it.
+pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result<Robot, CallError> {
+    let payload = match payload {
+        Some(true) => Some(PayloadArg::Carried),
+        Some(false) => Some(PayloadArg::None),
+        None => None,
+    };
+    load::use_kept();
+    let (result, _) = as_call(BTreeMap::new(), handle, || {
+        load::loaded_derived(source, payload)
+    });
+    result
+}
+
+/// Runs a command and returns what it prints.
+///
+/// - `words`: the command and its options, as on a command line behind `regen`;
+/// - `texts`: texts that are read in place of the files of these paths.
+///
+/// # Errors
+///
+/// When the command fails or is stopped. Files that it has written by then are whole.
+pub fn run(
+    words: &[OsString],
+    texts: BTreeMap<PathBuf, String>,
+    handle: &Handle,
+) -> Result<String, CallError> {
+    let (result, printed) = as_call(texts, handle, || crate::run(parse_words(words)?));
+    match result {
+        Ok(()) => Ok(printed),
+        Err(error) => Err(CallError { printed, ..error }),
+    }
+}
+
+/// Does some work of this thread for a caller; returns also what was printed.
+fn as_call<T>(
+    texts: BTreeMap<PathBuf, String>,
+    handle: &Handle,
+    work: impl FnOnce() -> Result<T, Failure>,
+) -> (Result<T, CallError>, String) {
+    let running = Running {
+        shared: handle.0.clone(),
+        texts,
+        printed: String::new(),
+    };
+    let before = RUNNING.replace(Some(running));
+    let result = catch_unwind(AssertUnwindSafe(work));
+    let after = RUNNING.replace(before);
+    *lock(&handle.0.bar) = None;
+    let result = match result {
+        Ok(result) => result.map_err(CallError::from),
+        Err(payload) if payload.is::<Stopped>() => {
+            Err(CallError::new(CallErrorKind::Stopped, "stopped"))
+        }
+        Err(payload) => resume_unwind(payload),
+    };
+    (result, after.map_or_else(String::new, |call| call.printed))
+}
+
+/// Does something with the call of this thread; `None` where a command line runs.
+fn with<T>(run: impl FnOnce(&mut Running) -> T) -> Option<T> {
+    RUNNING.with_borrow_mut(|running| running.as_mut().map(run))
+}
+
+/// Leaves a call that was stopped; commands report progress, messages and results through here.
+pub(crate) fn leave_if_stopped() {
+    if with(|call| call.shared.stop.load(Ordering::Relaxed)) == Some(true) {
+        resume_unwind(Box::new(Stopped));
+    }
+}
+
+/// Adds to what a call prints; whether there is a call.
+pub(crate) fn print(text: &str) -> bool {
+    leave_if_stopped();
+    with(|call| call.printed.push_str(text)).is_some()
+}
+
+/// Adds a message of a call; whether there is a call.
+pub(crate) fn note(text: &str) -> bool {
+    leave_if_stopped();
+    with(|call| lock(&call.shared.notes).push(text.to_owned())).is_some()
+}
+
+/// A bar that the caller can read, where a call runs.
+pub(crate) fn bar(length: Option<u64>) -> Option<ProgressBar> {
+    leave_if_stopped();
+    with(|call| {
+        let bar = ProgressBar::hidden();
+        if let Some(length) = length {
+            bar.set_length(length);
+        } else {
+            bar.unset_length();
+        }
+        *lock(&call.shared.bar) = Some(bar.clone());
+        bar
+    })
+}
+
+/// The flag that ends a call.
+pub(crate) fn flag() -> Option<Arc<AtomicBool>> {
+    with(|call| call.shared.stop.clone())
+}
+
+/// The text that a call gives for a path.
+pub(crate) fn text(path: &Path) -> Option<String> {
+    with(|call| call.texts.get(path).cloned()).flatten()
+}

@@ -1,0 +1,67 @@
+"""Robots with closed loops: regressors, base parameters and identification.
+
+>>> import regen
+>>> robot = regen.Robot("3rps.yaml")          # doctest: +SKIP
+>>> robot.base                                # doctest: +SKIP
+>>> robot.identify("runs.yaml").table         # doctest: +SKIP
+"""
+
+from . import _call, _native
+from ._call import RegenWarning
+from .base import Base
+from .errors import (
+    CheckError,
+    DescriptionError,
+    FileError,
+    InputError,
+    Mistake,
+    NumericError,
+    OptionError,
+    RegenError,
+)
+from .fleet import Factors
+from .logs import Log
+from .results import Excitation, Explanation, Identified, Inspection, Report, Validation
+from .robot import Closed, Robot, inspect, observe
+
+__version__ = _native.__version__
+
+__all__ = [
+    "Base",
+    "CheckError",
+    "Closed",
+    "DescriptionError",
+    "Excitation",
+    "Explanation",
+    "Factors",
+    "FileError",
+    "Identified",
+    "InputError",
+    "Inspection",
+    "Log",
+    "Mistake",
+    "NumericError",
+    "OptionError",
+    "RegenError",
+    "RegenWarning",
+    "Report",
+    "Robot",
+    "Validation",
+    "inspect",
+    "observe",
+]
+
+
+def _document() -> None:
+    """Adds the options of the command to the documentation of the methods that take them."""
+    for name in ("excite", "simulate", "inspect", "identify", "validate", "report", "observe"):
+        method = getattr(Robot, name)
+        rows = [
+            f"    {word}: {' '.join(text.split())}"
+            for word, (_, _, text) in _call.options(name).items()
+            if word not in ("format", "help", "out", "no_cache")
+        ]
+        method.__doc__ = "\n".join([method.__doc__ or "", "", "    Options:", "", *rows, ""])
+
+
+_document()

@@ -1,0 +1,92 @@
+"""What goes wrong, as exceptions: every one is a :class:`RegenError`."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from typing import Iterator
+
+from . import _native
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake in a file, at its place."""
+
+    #: The file's name.
+    file: str
+    #: The line, from 1.
+    line: int
+    #: The column in characters, from 1.
+    column: int
+    #: What is wrong, with the path in words.
+    message: str
+    #: What to write instead; may be empty.
+    hint: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}: {self.message}"
+
+
+class RegenError(Exception):
+    """An error of regen.
+
+    ``mistakes`` has the mistakes in files, each with line and column; ``printed`` what was found
+    before the error, for example the whole result of a fit that is not proven to be the optimum.
+    """
+
+    def __init__(self, message: str, mistakes: tuple[Mistake, ...] = (), printed: str = "") -> None:
+        super().__init__(message)
+        self.mistakes = mistakes
+        self.printed = printed
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (str(self), self.mistakes, self.printed)
+
+
+class DescriptionError(RegenError, ValueError):
+    """Mistakes in a description, an experiment file or another file; ``mistakes`` has the places."""
+
+
+class OptionError(RegenError, TypeError):
+    """Options that do not exist, or do not go together."""
+
+
+class InputError(RegenError, ValueError):
+    """Other input that is wrong: states, names, logs."""
+
+
+class NumericError(RegenError, ArithmeticError):
+    """A state that cannot be closed or is singular; parameters that the data leave undetermined."""
+
+
+class CheckError(RegenError):
+    """A check failed; ``printed`` has the result."""
+
+
+class FileError(RegenError, OSError):
+    """A file that cannot be read or written."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+_KINDS: dict[str, type[RegenError]] = {
+    "check": CheckError,
+    "usage": OptionError,
+    "description": DescriptionError,
+    "input": InputError,
+    "numeric": NumericError,
+    "io": FileError,
+}
+
+
+@contextlib.contextmanager
+def translated() -> Iterator[None]:
+    """Raises the errors of the native part as those of this module."""
+    try:
+        yield
+    except _native.NativeError as error:
+        kind, message, mistakes, printed, _ = error.args
+        found = tuple(Mistake(*mistake) for mistake in mistakes)
+        raise _KINDS.get(kind, RegenError)(message, found, printed) from None

@@ -1,0 +1,128 @@
+"""Logs: files, columns in memory, and what a simulation recorded."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import pathlib
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+
+#: Paths, an experiment as a dict, columns by name, a DataFrame, a :class:`Log`, or a list of these.
+Logs = Union[str, "os.PathLike[str]", Mapping[str, Any], Sequence[Any], Any]
+
+#: The keys by which a dict is known as an experiment file and not as columns.
+_EXPERIMENT = {"runs", "process", "columns"}
+
+
+class Log(Mapping[str, "NDArray[np.float64]"]):
+    """Columns of a log by name, each of shape (N,); ``t`` in s, the others in SI units.
+
+    >>> log = Log({"t": [0.0, 0.1], "q1": [0.0, 0.2], "tau_q1": [1.0, 1.1]})
+    >>> len(log["q1"])
+    2
+    """
+
+    def __init__(self, columns: Mapping[str, ArrayLike], data: Mapping[str, Any] | None = None) -> None:
+        self._columns = {str(name): np.asarray(v, dtype=float) for name, v in columns.items()}
+        lengths = {len(v) for v in self._columns.values() if v.ndim == 1}
+        if len(lengths) != 1 or any(v.ndim != 1 for v in self._columns.values()):
+            shapes = {name: v.shape for name, v in self._columns.items()}
+            raise InputError(f"the columns of a log are equally long vectors, not {shapes}")
+        #: The summary of the run, where the log comes from a simulation.
+        self.data = dict(data or {})
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], data: Mapping[str, Any] | None = None) -> Log:
+        """Reads a CSV file with one header line."""
+        with open(path, encoding="utf-8", newline="") as file:
+            names = next(csv.reader([file.readline()]))
+            values = np.loadtxt(file, delimiter=",", ndmin=2)
+        return cls(dict(zip(names, values.T)), data)
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __repr__(self) -> str:
+        rows = len(next(iter(self._columns.values())))
+        return f"<Log of {rows} rows: {', '.join(self._columns)}>"
+
+    def to_pandas(self) -> Any:
+        """A DataFrame of the columns."""
+        import pandas as pd
+
+        return pd.DataFrame(self._columns)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes a CSV file; numbers read back to the same doubles."""
+        rows = np.column_stack(list(self._columns.values()))
+        with open(path, "w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerow(self._columns)
+            text = io.StringIO()
+            np.savetxt(text, rows, fmt="%.17g", delimiter=",")
+            file.write(text.getvalue())
+
+
+class as_files:
+    """Gives logs the paths that the library reads; columns in memory become temporary files."""
+
+    def __init__(self, logs: Logs, texts: dict[str, str] | None = None) -> None:
+        self._logs = logs
+        self._texts = {} if texts is None else texts
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._count = 0
+
+    def __enter__(self) -> as_files:
+        self._folder = tempfile.TemporaryDirectory(prefix="regen-")
+        try:
+            self.paths = self.more(self._logs, self._texts)
+        except BaseException:
+            self._folder.cleanup()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    @property
+    def path(self) -> pathlib.Path:
+        """The temporary folder."""
+        assert self._folder is not None
+        return pathlib.Path(self._folder.name)
+
+    def more(self, logs: Logs, texts: dict[str, str]) -> list[str]:
+        """The paths of more logs."""
+        if isinstance(logs, (str, os.PathLike)):
+            return [os.fspath(logs)]
+        if isinstance(logs, Mapping) and _EXPERIMENT & set(logs):
+            texts["experiment.yaml"] = json.dumps(logs, default=_plain)
+            return ["experiment.yaml"]
+        if isinstance(logs, Mapping) or hasattr(logs, "columns"):
+            log = logs if isinstance(logs, Log) else Log({k: logs[k] for k in logs})
+            self._count += 1
+            path = self.path / f"columns{self._count}.csv"
+            log.write(path)
+            return [str(path)]
+        return [path for log in logs for path in self.more(log, texts)]
+
+
+def _plain(value: Any) -> Any:
+    """What JSON does not know: numbers of numpy and paths."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist()

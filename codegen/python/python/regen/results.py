@@ -1,0 +1,218 @@
+"""What the functions of a robot find."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import pathlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _call
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ._call import Progress
+
+
+class Result:
+    """A result; ``data`` has all of it, as the JSON that the command prints."""
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        #: All of the result.
+        self.data = data
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes ``data`` as a JSON file."""
+        text = json.dumps(self.data) + "\n"
+        pathlib.Path(path).write_text(text, encoding="utf-8")
+
+
+def _table(rows: list[dict[str, Any]], index: str) -> Any:
+    """A DataFrame where pandas is installed, else the rows."""
+    try:
+        import pandas as pd
+    except ImportError:
+        return rows
+    frame = pd.DataFrame(rows)
+    return frame.set_index(index) if index in frame else frame
+
+
+def _html(rows: list[dict[str, Any]]) -> str:
+    """Rows as an HTML table."""
+    if not rows:
+        return "<p>nothing</p>"
+    names = list(dict.fromkeys(name for row in rows for name in row))
+
+    def shown(value: Any) -> str:
+        if isinstance(value, float):
+            return f"{value:.6g}"
+        return "" if value is None else html.escape(str(value))
+
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{shown(row.get(name))}</td>" for name in names) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+class Identified(Result):
+    """Identified parameters."""
+
+    @property
+    def method(self) -> str:
+        """The estimator."""
+        return str(self.data["method"])
+
+    @property
+    def labels(self) -> list[str]:
+        """The labels of the base parameters."""
+        return [row["label"] for row in self.data["parameters"]]
+
+    def _column(self, name: str) -> NDArray[np.float64]:
+        values = [row[name] for row in self.data["parameters"]]
+        return np.array([np.nan if v is None else v for v in values], dtype=float)
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The base parameters, SI; shape (rank,): ``beta`` of the functions of a robot."""
+        return self._column("value")
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Their standard deviations, SI; shape (rank,)."""
+        return self._column("sigma")
+
+    @property
+    def intervals(self) -> NDArray[np.float64]:
+        """Their confidence intervals, SI; shape (rank, 2)."""
+        return np.column_stack([self._column("low"), self._column("high")])
+
+    @property
+    def phi(self) -> NDArray[np.float64] | None:
+        """All parameters of a physical model (``feasible=True``), SI; None where there is none."""
+        rows = self.data.get("physical") or []
+        return np.array([row["value"] for row in rows]) if rows else None
+
+    @property
+    def table(self) -> Any:
+        """The base parameters as a table: a DataFrame where pandas is installed."""
+        return _table(self.data["parameters"], "label")
+
+    @property
+    def physical(self) -> Any:
+        """All parameters of a physical model as a table."""
+        return _table(self.data.get("physical") or [], "label")
+
+    def __repr__(self) -> str:
+        return f"<Identified {self.data['robot']}: {len(self.labels)} base parameters, {self.method}>"
+
+    def _repr_html_(self) -> str:
+        names = ("label", "unit", "value", "sigma", "sigma_percent", "low", "high", "status")
+        rows = [{n: row.get(n) for n in names} for row in self.data["parameters"]]
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>" + _html(rows)
+
+
+class Validation(Result):
+    """How well efforts are predicted."""
+
+    @property
+    def relative_absolute(self) -> NDArray[np.float64]:
+        """eps_RA of each log, percent; shape (logs,)."""
+        return np.array(
+            [np.nan if log["relative_absolute"] is None else log["relative_absolute"]
+             for log in self.data["models"][0]["logs"]],
+            dtype=float,
+        )
+
+    def _rows(self) -> list[dict[str, Any]]:
+        return [
+            {"log": name, **effort}
+            for model in self.data["models"]
+            for name, log in zip(self.data["logs"], model["logs"])
+            for effort in log["efforts"]
+        ]
+
+    @property
+    def table(self) -> Any:
+        """The errors of each effort on each log."""
+        return _table(self._rows(), "log")
+
+    def __repr__(self) -> str:
+        errors = ", ".join(f"{e:.3f} %" for e in self.relative_absolute)
+        return f"<Validation of {self.data['robot']}: eps_RA {errors}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>" + _html(self._rows())
+
+
+class Excitation(Result):
+    """An exciting trajectory; ``trajectory`` is what `simulate` and `identify(reference=)` take."""
+
+    def __init__(self, found: dict[str, Any]) -> None:
+        super().__init__(found["trajectory"])
+        #: The limits with what is left of them, as a part of half their range.
+        self.limits: list[dict[str, Any]] = found["limits"]
+        #: The rest of the result: seed, start.
+        self.search = {k: v for k, v in found.items() if k not in ("trajectory", "limits")}
+
+    def __repr__(self) -> str:
+        return f"<Excitation: {', '.join(self.data)}>"
+
+    def _repr_html_(self) -> str:
+        return _html(self.limits)
+
+
+class Inspection(Result):
+    """What logs hold, and what they can identify."""
+
+    @property
+    def proposal(self) -> str | None:
+        """A first experiment file, YAML."""
+        text: str | None = self.data["proposal"]
+        return text
+
+    def __repr__(self) -> str:
+        return f"<Inspection of {len(self.data['logs'])} logs>"
+
+
+class Explanation:
+    """A mechanism in words."""
+
+    def __init__(self, path: str, text: str, progress: Progress | bool | None) -> None:
+        self._path, self._text = path, text
+        printed = _call.call("check", [path], {}, {path: text}, progress)
+        #: All of the explanation, as the JSON that the command prints.
+        self.data: dict[str, Any] = _call.parsed(printed)
+
+    def __str__(self) -> str:
+        return _call.run(["check", "--", self._path], {self._path: self._text}, None)[0]
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+class Report:
+    """A page; ``html`` is its text, which needs no network."""
+
+    def __init__(self, text: str) -> None:
+        #: The text of the page.
+        self.html = text
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the page."""
+        pathlib.Path(path).write_text(self.html, encoding="utf-8")
+
+    def __repr__(self) -> str:
+        return f"<Report of {len(self.html)} characters>"
+
+    def _repr_html_(self) -> str:
+        page = html.escape(self.html, quote=True)
+        return f'<iframe srcdoc="{page}" style="width:100%;height:40em;border:0"></iframe>'

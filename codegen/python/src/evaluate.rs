@@ -1,0 +1,172 @@
+//! Functions at many states, from and to arrays that are stored state by state. The batch evaluator
+//! works entry by entry; the states pass through it in blocks that stay in the cache.
+
+use regen_batch::{eval_base_many, eval_many};
+use regen_interpreted::Interpreted;
+use regen_runtime::function::{Argument, Layout, Shape, Signature, Sizes};
+use regen_runtime::{Arguments, BaseFunction, Function, SizeError};
+
+/// The number of states in a block.
+const BLOCK: usize = 64;
+/// The number of states after which the caller may look at signals.
+const PART: usize = 1 << 14;
+
+/// A function, of all parameters or of base parameters.
+#[derive(Clone, Copy)]
+pub(crate) enum Which {
+    Whole(Function),
+    Base(BaseFunction),
+}
+
+impl Which {
+    /// The function of a name.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        let whole = Function::ALL.into_iter().map(Self::Whole);
+        let base = BaseFunction::ALL.into_iter().map(Self::Base);
+        whole.chain(base).find(|f| f.signature().name == name)
+    }
+
+    pub(crate) fn signature(self) -> &'static Signature {
+        match self {
+            Self::Whole(function) => function.signature(),
+            Self::Base(function) => function.signature(),
+        }
+    }
+}
+
+/// One function at many states.
+pub(crate) struct Batch<'a> {
+    model: &'a Interpreted<'a>,
+    which: Which,
+    sizes: Sizes,
+    count: usize,
+    /// The arguments as they were given: one row per state, or parameters.
+    given: Vec<(Argument, &'a [f64])>,
+    values: Vec<f64>,
+    pivots: Vec<f64>,
+    /// The block's arguments and its output, entry by entry.
+    inputs: [Vec<f64>; Argument::ALL.len()],
+    out: Vec<f64>,
+}
+
+impl<'a> Batch<'a> {
+    pub(crate) fn new(
+        model: &'a Interpreted<'a>,
+        which: Which,
+        sizes: Sizes,
+        count: usize,
+    ) -> Self {
+        Self {
+            model,
+            which,
+            sizes,
+            count,
+            given: Vec::new(),
+            values: Vec::with_capacity(sizes.output(which.signature()) * count),
+            pivots: Vec::with_capacity(count),
+            inputs: core::array::from_fn(|_| Vec::new()),
+            out: Vec::new(),
+        }
+    }
+
+    /// The number of states.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Gives an argument; the error says which length is wrong.
+    pub(crate) fn give(&mut self, argument: Argument, entries: &'a [f64]) -> Result<(), String> {
+        let states = if argument.is_parameter() {
+            1
+        } else {
+            self.count
+        };
+        let length = self.sizes.length(argument.size());
+        if entries.len() != length * states {
+            return Err(format!(
+                "`{}` has {} entries, the model needs {length} for each of {states} states",
+                argument.name(),
+                entries.len()
+            ));
+        }
+        self.given.push((argument, entries));
+        Ok(())
+    }
+
+    /// Computes the next states from `from` on, and returns the first one that is left.
+    pub(crate) fn go_on(&mut self, from: usize) -> Result<usize, SizeError> {
+        let end = (from + PART).min(self.count);
+        let mut first = from;
+        while first < end {
+            let next = (first + BLOCK).min(end);
+            self.block(first, next - first)?;
+            first = next;
+        }
+        Ok(end)
+    }
+
+    fn block(&mut self, first: usize, count: usize) -> Result<(), SizeError> {
+        let signature = self.which.signature();
+        for (argument, entries) in &self.given {
+            if argument.is_parameter() {
+                continue;
+            }
+            let width = self.sizes.length(argument.size());
+            let rows = &entries[first * width..(first + count) * width];
+            let input = &mut self.inputs[*argument as usize];
+            input.resize(width * count, 0.0);
+            for (k, row) in rows.chunks_exact(width.max(1)).enumerate() {
+                for (entry, value) in row.iter().enumerate() {
+                    input[entry * count + k] = *value;
+                }
+            }
+        }
+        let mut arguments = Arguments::EMPTY;
+        for (argument, entries) in &self.given {
+            arguments = if argument.is_parameter() {
+                arguments.with(*argument, entries)
+            } else {
+                arguments.with(*argument, &self.inputs[*argument as usize])
+            };
+        }
+        let length = self.sizes.output(signature);
+        self.out.resize(length * count, 0.0);
+        let done = self.pivots.len();
+        self.pivots.resize(done + count, 0.0);
+        let (out, pivots) = (&mut self.out[..], &mut self.pivots[done..]);
+        match self.which {
+            Which::Whole(function) => {
+                eval_many(self.model, function, count, arguments, out, pivots)?;
+            }
+            Which::Base(function) => {
+                eval_base_many(self.model, function, count, arguments, out, pivots)?;
+            }
+        }
+        let (rows, columns, layout) = match signature.shape {
+            Shape::Vector(size) => (self.sizes.length(size), 1, Layout::RowMajor),
+            Shape::Matrix {
+                rows,
+                columns,
+                layout,
+            } => (self.sizes.length(rows), self.sizes.length(columns), layout),
+        };
+        let out = &self.out;
+        for k in 0..count {
+            match layout {
+                Layout::RowMajor => self.values.extend(out.iter().skip(k).step_by(count)),
+                Layout::ColumnMajor => {
+                    for row in 0..rows {
+                        let entries = (0..columns).map(|c| out[(c * rows + row) * count + k]);
+                        self.values.extend(entries);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The values, state by state and each matrix by rows, and the pivots.
+    pub(crate) fn finish(self) -> (Vec<f64>, Vec<f64>) {
+        (self.values, self.pivots)
+    }
+}

@@ -1,0 +1,77 @@
+//! The native part of the Python package `regen-robotics`: evaluation over arrays of states, and
+//! calls of the command's functions. The Python files beside it give both their public form.
+
+mod evaluate;
+mod model;
+mod supervise;
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use regen_cli::call;
+use regen_identify::estimate::FactorSet;
+
+use model::Derived;
+use supervise::{NativeError, raised, supervised};
+
+/// Runs a command of `regen` without holding the interpreter's lock.
+///
+/// - `words`: the command and its options; `texts`: texts read in place of files, by path;
+/// - `progress`: called with what is done, how many parts are done, and how many there are.
+///
+/// Returns what the command prints, and its messages.
+#[pyfunction]
+#[pyo3(signature = (words, texts, progress=None))]
+fn call_command(
+    py: Python<'_>,
+    words: Vec<OsString>,
+    texts: BTreeMap<PathBuf, String>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(String, Vec<String>)> {
+    let (result, notes) = supervised(py, progress, move |handle| call::run(&words, texts, handle))?;
+    match result {
+        Ok(printed) => Ok((printed, notes)),
+        Err(error) => Err(raised(error, notes)),
+    }
+}
+
+/// The options of a command: name, whether it takes a value, whether it may be repeated, and help.
+#[pyfunction]
+fn options(command: &str) -> PyResult<Vec<(String, bool, bool, String)>> {
+    let found = call::options(command)
+        .ok_or_else(|| PyValueError::new_err(format!("there is no command '{command}'")))?;
+    let rows = found
+        .into_iter()
+        .map(|o| (o.name, o.takes_value, o.is_repeated, o.help));
+    Ok(rows.collect())
+}
+
+/// Merges the texts of factor files; the same texts give the same result in any order.
+#[pyfunction]
+fn merge_factors(py: Python<'_>, texts: Vec<String>) -> PyResult<String> {
+    py.detach(|| {
+        let sets: Result<Vec<FactorSet>, _> = texts
+            .iter()
+            .map(|text| FactorSet::from_text(text))
+            .collect();
+        let sets = sets.map_err(|error| format!("the text of factors {error}"))?;
+        FactorSet::merged(sets)
+            .map(|set| set.to_text())
+            .map_err(|error| error.to_string())
+    })
+    .map_err(PyValueError::new_err)
+}
+
+/// The module `regen._native`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Derived>()?;
+    module.add("NativeError", module.py().get_type::<NativeError>())?;
+    module.add_function(wrap_pyfunction!(call_command, module)?)?;
+    module.add_function(wrap_pyfunction!(options, module)?)?;
+    module.add_function(wrap_pyfunction!(merge_factors, module)?)?;
+    module.add("__version__", env!("CARGO_PKG_VERSION"))
+}

@@ -1,0 +1,155 @@
+"""Functions over arrays of states, against each other and against formulas."""
+
+import numpy as np
+import pytest
+
+import regen
+
+PENDULUM = """\
+name: pendulum
+limbs:
+  - name: arm
+    base: {rpy: [-pi/2, 0, 0]}
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+"""
+
+
+def test_a_pendulum_has_the_efforts_of_the_textbook():
+    robot = regen.Robot(PENDULUM)
+    mass, arm, inertia = 2.0, 0.5, 0.6
+    phi = np.zeros(10)
+    phi[robot.parameters.index("m(1)")] = mass
+    phi[robot.parameters.index("mx(1)")] = mass * arm
+    phi[robot.parameters.index("Izz(1)")] = inertia
+    rng = np.random.default_rng(1)
+    q, qd, qdd = rng.uniform(-3, 3, (3, 200, 1))
+    tau = robot.inverse_dynamics(q, qd, qdd, phi)
+    weight = robot.gravity([[0.0]], phi)[0, 0]
+    assert abs(weight) == pytest.approx(mass * 9.81 * arm, rel=1e-14)
+    np.testing.assert_allclose(tau, inertia * qdd + weight * np.cos(q), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(robot.mass_matrix(q, phi), np.full((200, 1, 1), inertia), rtol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 2, 63, 64, 65, 700])
+def test_regressor_times_parameters_is_the_inverse_dynamics(fivebar, count):
+    rng = np.random.default_rng(count)
+    t = np.linspace(0, 1, count)[:, None]
+    q_i = [[2.0, 1.1]] + 0.2 * np.sin(t * [[3.0, 5.0]])
+    qd_i, qdd_i = rng.normal(size=(2, count, 2))
+    closed = fivebar.close(q_i, qd_i, qdd_i)
+    assert closed.ok.all()
+    phi = rng.normal(size=len(fivebar.parameters))
+    w = fivebar.regressor(*closed[:3])
+    assert w.shape == (count, 2, len(phi)) and w.flags.c_contiguous
+    tau = fivebar.inverse_dynamics(*closed[:3], phi)
+    np.testing.assert_allclose(w @ phi, tau, rtol=0, atol=1e-11 * abs(tau).max())
+    base = fivebar.base_regressor(*closed[:3])
+    np.testing.assert_allclose(base @ fivebar.to_base(phi), tau, rtol=0, atol=1e-10 * abs(tau).max())
+    # the mass matrix is the change of the efforts with the accelerations
+    m = fivebar.mass_matrix(closed.q, phi)
+    bias = fivebar.bias_forces(closed.q, closed.qd, phi)
+    again = np.einsum("nij,nj->ni", m, qdd_i) + bias
+    np.testing.assert_allclose(again, tau, rtol=0, atol=1e-10 * abs(tau).max())
+
+
+def test_closed_states_satisfy_the_loops_and_their_derivatives(fivebar):
+    t = np.linspace(0, 2, 401)[:, None]
+    q_i = [[2.0, 1.1]] + 0.2 * np.sin(t * [[3.0, 5.0]])
+    qd_i = 0.2 * np.cos(t * [[3.0, 5.0]]) * [[3.0, 5.0]]
+    closed = fivebar.close(q_i, qd_i)
+    assert abs(fivebar.evaluate("constraints", q=closed.q)).max() < 1e-12
+    jacobian = fivebar.evaluate("jacobian", q=closed.q)
+    assert abs(np.einsum("nij,nj->ni", jacobian, closed.qd)).max() < 1e-12
+    k = [fivebar.coordinates.index(name) for name in fivebar.independent]
+    np.testing.assert_array_equal(closed.q[:, k], q_i)
+    # the velocities are those of the positions
+    slope = np.gradient(closed.q, t[:, 0], axis=0)[1:-1]
+    np.testing.assert_allclose(slope, closed.qd[1:-1], atol=2e-3)
+
+
+def test_the_shape_of_one_state_of_many_and_of_grids(fivebar):
+    n, dof = len(fivebar.coordinates), fivebar.dof
+    q = fivebar.home
+    zero = np.zeros(n)
+    one = fivebar.regressor(q, zero, zero)
+    assert one.shape == (dof, len(fivebar.parameters))
+    grid = np.broadcast_to(q, (3, 4, n))
+    many = fivebar.regressor(grid, np.zeros((3, 4, n)), np.zeros((3, 4, n)))
+    assert many.shape == (3, 4, *one.shape)
+    np.testing.assert_array_equal(many[2, 3], one)
+    # not contiguous, and of integers
+    striped = np.repeat(grid, 2, axis=2)[:, :, ::2]
+    np.testing.assert_array_equal(fivebar.gravity(striped, np.arange(len(fivebar.parameters))),
+                                  fivebar.gravity(grid, np.arange(len(fivebar.parameters))))
+    assert fivebar.regressor(np.empty((0, n)), np.empty((0, n)), np.empty((0, n))).shape[0] == 0
+
+
+def test_independent_coordinates_are_closed_first(fivebar):
+    q_i = np.array([[2.0, 1.1], [2.1, 1.0]])
+    closed = fivebar.close(q_i, q_i, q_i)
+    np.testing.assert_array_equal(fivebar.regressor(q_i, q_i, q_i), fivebar.regressor(*closed[:3]))
+
+
+def test_states_that_cannot_be_closed_are_told(fivebar):
+    far = np.array([[2.0, 1.1], [40.0, -40.0]])
+    closed = fivebar.close(far)
+    if closed.ok[1]:
+        pytest.skip("this mechanism turns over")
+    assert np.isnan(closed.q[1]).any() and closed.reasons[1]
+    with pytest.raises(regen.NumericError, match="state 1"):
+        fivebar.gravity(far, np.zeros(len(fivebar.parameters)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"q": [[0.0] * 3]}, "q"),
+        ({"q": 0.0}, "last must be"),
+    ],
+)
+def test_wrong_shapes_are_told(scara, arguments, words):
+    with pytest.raises(regen.InputError, match=words):
+        scara.gravity(**arguments, phi=np.zeros(len(scara.parameters)))
+
+
+def test_wrong_names_and_missing_values_are_told(scara):
+    n = len(scara.coordinates)
+    with pytest.raises(regen.InputError, match="needs q, qd, qdd"):
+        scara.evaluate("regressor", q=np.zeros(n))
+    with pytest.raises(regen.InputError, match="no function"):
+        scara.evaluate("regresor", q=np.zeros(n))
+    with pytest.raises(regen.InputError, match="states"):
+        scara.regressor(np.zeros((2, n)), np.zeros((3, n)), np.zeros((2, n)))
+    with pytest.raises(regen.InputError, match="nominal"):
+        regen.Robot(PENDULUM).gravity([0.0])
+    with pytest.raises(regen.InputError, match="not both"):
+        scara.gravity(np.zeros(n), phi=[0.0], beta=[0.0])
+
+
+def test_other_threads_run_while_states_are_computed(fivebar):
+    import threading
+    import time
+
+    n = len(fivebar.coordinates)
+    q = np.broadcast_to(fivebar.home, (400_000, n))
+    zero = np.zeros_like(q)
+    ticks = []
+    stop = threading.Event()
+
+    def count():
+        while not stop.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    begin = time.perf_counter()
+    fivebar.regressor(q, zero, zero)
+    end = time.perf_counter()
+    stop.set()
+    thread.join()
+    during = [t for t in ticks if begin < t < end]
+    gaps = np.diff([begin, *during, end])
+    # with the lock held throughout, one gap would be nearly the whole time
+    assert gaps.max() < 0.9 * (end - begin)

@@ -1,0 +1,46 @@
+"""The package as a whole."""
+
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+import regen
+
+HERE = pathlib.Path(__file__).resolve().parent
+PACKAGE = pathlib.Path(regen.__file__).resolve().parent
+
+
+def test_the_types_of_options_are_those_of_the_command():
+    tool = HERE.parent / "tools" / "options.py"
+    done = subprocess.run([sys.executable, str(tool)], capture_output=True, text=True, check=True)
+    assert done.stdout == (PACKAGE / "options.py").read_text(), f"run {tool.name} again"
+
+
+def test_everything_public_is_documented():
+    for name in regen.__all__:
+        public = getattr(regen, name)
+        assert public.__doc__, name
+        for member, value in vars(public).items() if isinstance(public, type) else ():
+            if callable(value) and not member.startswith("_"):
+                assert value.__doc__, f"{name}.{member}"
+    assert "fourier" in regen.Robot.identify.__doc__
+
+
+def test_types_are_checked_by_mypy():
+    pytest.importorskip("mypy")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", str(PACKAGE)],
+        capture_output=True, text=True, check=False, cwd=HERE,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_examples_in_documentation():
+    import doctest
+
+    from regen import logs, robot
+
+    for module in (regen, logs, robot):
+        assert doctest.testmod(module).failed == 0
