@@ -17,6 +17,7 @@ mod problem;
 mod rank;
 mod result;
 mod robot;
+mod robust;
 mod rows;
 mod statistics;
 
@@ -25,7 +26,7 @@ pub use payload::KnownPayload;
 
 use crate::data::DataError;
 use crate::estimate::{
-    Accumulator, Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
+    Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
 };
 use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
 use crate::model::{Covariance, IdentifiedModel};
@@ -33,6 +34,7 @@ use crate::status::EffortContributions;
 use payload::Load;
 use problem::{GainKind, Problem};
 use regen_runtime::BaseModel;
+use robust::{reduce, reweighted};
 use rows::Rows;
 
 /// A run, and the payload that the robot carries in it.
@@ -72,6 +74,9 @@ pub struct Plan {
 pub struct GainOptions {
     /// How efforts are weighted against each other, each in the unit in which it was measured.
     pub weighting: Weighting,
+    /// Huber's bound in standard deviations of each effort's noise, see
+    /// [`Options::huber`](crate::identify::Options::huber). `None`: plain least squares.
+    pub huber: Option<f64>,
     /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
     /// The level of the confidence intervals, in (0, 1).
@@ -82,6 +87,7 @@ impl Default for GainOptions {
     fn default() -> Self {
         Self {
             weighting: Weighting::PerEffort,
+            huber: None,
             lags: 20,
             confidence: 0.95,
         }
@@ -187,18 +193,8 @@ where
     };
     let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
     let efforts = rows.efforts.clone();
-    let mut all = Accumulator::new(&Origin { efforts, ..origin });
-    rows.visit(&mut |sample| {
-        let count = sample.measured.len();
-        for (effort, measured) in sample.measured.iter().enumerate() {
-            let weight = sample.weights[effort];
-            if weight != 0.0 {
-                all.push(effort, &sample.w[effort..], count, *measured, weight)?;
-            }
-        }
-        Ok(())
-    })?;
-    let set = all.finish()?;
+    let origin = Origin { efforts, ..origin };
+    let (set, _) = reduce(&mut rows, &origin, None)?;
     for ((kind, factor), name) in gains.iter().zip(set.factors()).zip(&rows.efforts) {
         let is_zero = factor.rss() == 0.0 && factor.z().iter().all(|z| *z == 0.0);
         if is_zero && factor.rows() > 0 && *kind != GainKind::Known {
@@ -216,10 +212,27 @@ where
         return Err(GainError::NothingUnknown);
     }
     let (point, weights, converged) = problem.solve(options.weighting)?;
+    let robust = match options.huber {
+        Some(bound) if converged => {
+            let start = (point.clone(), options.weighting, bound);
+            Some(reweighted(&problem, &mut rows, &origin, start)?)
+        }
+        _ => None,
+    };
+    let (final_set, point, weights) = match &robust {
+        Some(robust) => (&robust.set, &robust.point, &robust.weights),
+        None => (&set, &point, &weights),
+    };
+    let final_problem = Problem {
+        set: final_set,
+        ..problem.clone()
+    };
     let solved = statistics::Solved {
-        problem: &problem,
-        point: &point,
-        weights: &weights,
+        problem: &final_problem,
+        plain: &set,
+        point,
+        weights,
+        huber: robust.as_ref().map(|robust| &robust.huber),
         converged,
         of_robot: &of_robot,
         plan,

@@ -42,6 +42,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
         .collect();
     let options = GainOptions {
         weighting: session.options.weighting,
+        huber: session.options.huber,
         lags: session.options.lags,
         confidence: session.confidence,
     };
