@@ -11,6 +11,8 @@
 //! Robots", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014.
 
 mod error;
+mod feasible;
+mod feasible_model;
 mod linear;
 mod payload;
 mod problem;
@@ -22,6 +24,7 @@ mod rows;
 mod statistics;
 
 pub use error::{Free, GainError};
+pub use feasible::{Physical, PhysicalGains};
 pub use payload::KnownPayload;
 
 use crate::data::DataError;
@@ -168,6 +171,51 @@ where
     S: Source + ?Sized,
     S::Error: Into<DataError>,
 {
+    Ok(fit_both(model, options, plan, runs, None)?.0)
+}
+
+/// Fits base parameters, unknown gains and payloads to all runs, without and with physical
+/// constraints.
+///
+/// Parameters and gains together are no convex problem: the second fit is the optimum of the
+/// equations linearised at itself, to which [`IdentifiedModel::gap`] refers. It is sought from the
+/// gains of the first.
+///
+/// Intervals are those of draws of the first fit that are moved to the nearest physical parameters,
+/// in the linearised equations.
+///
+/// # Errors
+/// As [`fit`]; [`GainError::InertiaAlone`] where a payload's inertia is given without its mass and its
+/// centre of mass; [`GainError::Feasibility`] for constraints that contradict each other or name what
+/// is not there; [`GainError::NotConverged`].
+pub fn feasible<M, S>(
+    model: &M,
+    options: &GainOptions,
+    plan: &Plan,
+    runs: &mut [CarriedRun<'_, S>],
+    physical: &Physical<'_>,
+) -> Result<(GainFit, PhysicalGains), GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
+    let (found, constrained) = fit_both(model, options, plan, runs, Some(physical))?;
+    Ok((found, constrained.ok_or(GainError::NotConverged)?))
+}
+
+fn fit_both<M, S>(
+    model: &M,
+    options: &GainOptions,
+    plan: &Plan,
+    runs: &mut [CarriedRun<'_, S>],
+    physical: Option<&Physical<'_>>,
+) -> Result<(GainFit, Option<PhysicalGains>), GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
     let loads: Result<Vec<Load>, GainError> =
         plan.payloads.iter().map(|p| Load::new(model, p)).collect();
     let loads = loads?;
@@ -241,7 +289,11 @@ where
     let mut found = solved.finish(&mut rows)?;
     let idle = (0..loads.len()).filter(|k| !carried.contains(k));
     found.model.left_out = idle.flat_map(|k| blocks[k].clone()).collect();
-    Ok(found)
+    let constrained = match physical {
+        Some(physical) => Some(solved.constrained(&mut rows, &found, physical)?),
+        None => None,
+    };
+    Ok((found, constrained))
 }
 
 /// What is known of the gain of each effort.

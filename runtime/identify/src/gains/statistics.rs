@@ -69,10 +69,9 @@ impl Solved<'_> {
         let of_robot = self.of_robot(&linear, &factor, &efforts)?;
         let is_robot_exact = self.plan.robot.is_some() && of_robot.is_none();
         if let Some(more) = of_robot {
-            for matrix in [&mut deviations.covariance, &mut estimate.covariance] {
-                for (sum, x) in matrix.iter_mut().zip(&more) {
-                    *sum += x;
-                }
+            deviations = deviations.with_added(&more);
+            for (sum, x) in estimate.covariance.iter_mut().zip(&more) {
+                *sum += x;
             }
         }
         let sigmas = match self.huber {
@@ -113,6 +112,13 @@ impl Solved<'_> {
             left_out: rows.left_out(),
             is_robot_exact,
         })
+    }
+
+    /// The standard deviation of the weighted residuals.
+    pub(super) fn noise(&self) -> f64 {
+        let rows = self.problem.set.factors().iter().map(QrFactor::rows);
+        let freedom = rows.sum::<usize>().saturating_sub(self.problem.unknowns());
+        (self.problem.cost(self.point, self.weights) / freedom.max(1) as f64).sqrt()
     }
 
     /// The residuals in SI, and the noise of each effort's weighted residuals.
@@ -282,4 +288,39 @@ impl Solved<'_> {
         }
         Ok(EffortContributions::of(&whole))
     }
+}
+
+/// The statistics of the residuals of base parameters and gains, in SI.
+///
+/// - `means`: those of the measured efforts, in their own units.
+pub(super) fn residual_statistics<M, S>(
+    rows: &mut Rows<'_, M, S>,
+    (x, gains): (&[f64], &[f64]),
+    means: &[f64],
+    options: &GainOptions,
+) -> Result<Residuals, GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
+    let means: Vec<f64> = means.iter().zip(gains).map(|(m, k)| m * k).collect();
+    let mut errors = Residuals::new(&rows.efforts, &means, options.lags);
+    let mut fitted = vec![0.0; gains.len()];
+    rows.visit(&mut |sample| {
+        if !sample.follows {
+            errors.interrupt();
+        }
+        fitted.fill(0.0);
+        for (column, value) in sample.w.chunks_exact(gains.len().max(1)).zip(x) {
+            for (sum, w) in fitted.iter_mut().zip(column) {
+                *sum += w * value;
+            }
+        }
+        let used: Vec<bool> = sample.weights.iter().map(|w| *w > 0.0).collect();
+        let pairs = sample.measured.iter().zip(gains);
+        let measured: Vec<f64> = pairs.map(|(i, k)| i * k).collect();
+        errors.push_used(&measured, &fitted, &used)
+    })?;
+    Ok(errors)
 }
