@@ -4,7 +4,7 @@
 //! faulty description can be drawn too.
 
 use crate::model::{Link, Model, Side, Step, joints_of_coordinates};
-use crate::spec::{Axis, Spec};
+use crate::spec::{Axis, Spec, SpringForce};
 
 /// A pose in the world frame: the rotation matrix row-major (its columns are the frame's axes),
 /// then the position of the origin, m.
@@ -45,6 +45,12 @@ pub struct Scene {
     pub joints: Vec<Joint>,
     /// The joints at which loops were cut.
     pub cuts: Vec<Cut>,
+    /// The springs at joints.
+    pub joint_springs: Vec<JointSpring>,
+    /// The springs and constant pulls between points.
+    pub springs: Vec<Spring>,
+    /// The drives, which stand nowhere.
+    pub drives: Vec<Drive>,
     /// The names of all coordinates.
     pub coordinates: Vec<String>,
     /// Whether each coordinate is a rotation (rad) rather than a translation (m).
@@ -66,6 +72,46 @@ pub struct Body {
     /// Points at which the body is connected, in its own frame, m: the origin of the body or of the
     /// joint that carries it, the joints that it carries, and cuts.
     pub points: Vec<[f64; 3]>,
+    /// Whether it is a payload, which is carried in some runs only.
+    pub is_payload: bool,
+}
+
+/// A spring at a joint.
+#[derive(Clone, Debug)]
+pub struct JointSpring {
+    /// The name of its coordinate.
+    pub name: String,
+    /// The link that the coordinate moves.
+    pub link: usize,
+    /// Whether the coordinate is a rotation.
+    pub turns: bool,
+    /// The coordinate at which the spring is relaxed, rad or m.
+    pub rest: f64,
+}
+
+/// A spring or a constant pull between two points.
+#[derive(Clone, Debug)]
+pub struct Spring {
+    /// Its name.
+    pub name: String,
+    /// Whether its force is constant.
+    pub is_constant: bool,
+    /// For each end the link that carries it (`None` is the world), and the point in the link's
+    /// frame, m.
+    pub ends: [(Option<usize>, [f64; 3]); 2],
+}
+
+/// A drive: its coordinate is a linear function of those of joints.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// Its name.
+    pub name: String,
+    /// Whether it is actuated.
+    pub is_actuated: bool,
+    /// The constant part, rad or m.
+    pub constant: f64,
+    /// Coordinates of joints with their factors.
+    pub terms: Vec<(usize, f64)>,
 }
 
 /// A joint of the tree.
@@ -114,6 +160,9 @@ impl Scene {
             bodies: bodies(model, &placements, &cuts),
             joints: joints(spec, model),
             cuts,
+            joint_springs: joint_springs(model),
+            springs: springs(model),
+            drives: drives(model),
             coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
             turns: (0..model.coordinates.len())
                 .map(|c| !model.slides(c))
@@ -174,6 +223,19 @@ impl Scene {
             let link = link.and_then(|l| frames.get(l)).unwrap_or(&WORLD);
             let end = after(link, on);
             [end[9], end[10], end[11]]
+        })
+    }
+}
+
+impl Spring {
+    /// The two ends in the world, m; `frames` are those of [`Scene::frames`].
+    pub fn tips(&self, frames: &[Pose]) -> [[f64; 3]; 2] {
+        self.ends.map(|(link, [x, y, z])| {
+            let frame = link.and_then(|l| frames.get(l)).unwrap_or(&WORLD);
+            let mut on = WORLD;
+            on[9..].copy_from_slice(&[x, y, z]);
+            let tip = after(frame, &on);
+            [tip[9], tip[10], tip[11]]
         })
     }
 }
@@ -257,14 +319,54 @@ fn bodies(model: &Model, placements: &[Pose], cuts: &[Cut]) -> Vec<Body> {
             points.push(point);
         }
     }
-    let bodies = model.bodies.iter().zip(points);
+    let bodies = model.bodies.iter().zip(points).enumerate();
     bodies
-        .map(|(body, points)| Body {
+        .map(|(k, (body, points))| Body {
             label: body.label.clone(),
             link: body.link,
             points,
+            is_payload: model.payloads.contains(&k),
         })
         .collect()
+}
+
+fn joint_springs(model: &Model) -> Vec<JointSpring> {
+    let springs = model.joint_springs.iter().filter_map(|spring| {
+        let coordinate = model.coordinates.get(spring.coordinate)?;
+        Some(JointSpring {
+            name: coordinate.name.clone(),
+            link: coordinate.link,
+            turns: !model.slides(spring.coordinate),
+            rest: spring.rest.value.to_f64(),
+        })
+    });
+    springs.collect()
+}
+
+fn springs(model: &Model) -> Vec<Spring> {
+    let springs = model.point_springs.iter().map(|spring| Spring {
+        name: spring.name.clone(),
+        is_constant: matches!(spring.force, SpringForce::Constant),
+        ends: spring.ends.each_ref().map(|end| {
+            let point = end.point.each_ref().map(|x| x.value.to_f64());
+            (end.link, point)
+        }),
+    });
+    springs.collect()
+}
+
+fn drives(model: &Model) -> Vec<Drive> {
+    let drives = model.drives.iter().filter_map(|drive| {
+        let (coordinate, form) = (model.coordinates.get(*drive)?, model.form_of_drive(*drive)?);
+        let terms = form.terms.iter();
+        Some(Drive {
+            name: coordinate.name.clone(),
+            is_actuated: coordinate.actuated,
+            constant: form.constant.to_f64(),
+            terms: terms.map(|(k, factor)| (*k, factor.to_f64())).collect(),
+        })
+    });
+    drives.collect()
 }
 
 /// The position of the joint that carries a body, in the body's frame, m; `None` if the joint is at

@@ -92,3 +92,52 @@ fn what_is_joined_to_a_body_is_among_its_points() {
     let most = scene.bodies.iter().map(|b| b.points.len()).max();
     assert_eq!(most, Some(6));
 }
+
+fn fixture(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("../tests/fixtures/mechanisms/{name}.yaml"));
+    let source = Source::new(name, fs::read_to_string(path).unwrap());
+    Mechanism::open(&source).unwrap().scene()
+}
+
+#[test]
+fn springs_reach_from_where_the_description_puts_them() {
+    let scene = fixture("springs");
+    let (q1, q2) = (1.9_f64, 1.2_f64);
+    let frames = scene.frames(&scene.home);
+    // the plane of the five-bar is x and z of the world
+    let polar = |x: f64, r: f64, q: f64| [x + r * q.cos(), 0.0, r * q.sin()];
+    let beside = [0.1 * q1.cos() - 0.05 * q1.sin(), 0.0, 0.1 * q1.sin() + 0.05 * q1.cos()];
+    let expected = [
+        ("tie", false, [polar(0.0, 0.2, q1), polar(0.2, 0.2, q2)]),
+        ("gas", true, [beside, [-0.3, 0.0, 0.0]]),
+    ];
+    assert_eq!(scene.springs.len(), expected.len());
+    for (spring, (name, is_constant, tips)) in scene.springs.iter().zip(expected) {
+        assert_eq!((spring.name.as_str(), spring.is_constant), (name, is_constant));
+        for (ours, theirs) in spring.tips(&frames).iter().zip(tips) {
+            for (a, b) in ours.iter().zip(theirs) {
+                assert!((a - b).abs() < 1e-14, "{name}");
+            }
+        }
+    }
+    let [spring] = &scene.joint_springs[..] else {
+        panic!("one spring at a joint");
+    };
+    assert_eq!((spring.name.as_str(), spring.turns), ("q1", true));
+    assert!((spring.rest - 1.5).abs() < 1e-15);
+}
+
+#[test]
+fn drives_are_forms_of_joints_and_payloads_are_told_apart() {
+    let scene = fixture("tendons");
+    let names: Vec<&str> = scene.drives.iter().map(|d| d.name.as_str()).collect();
+    assert_eq!(names, ["flexor", "crossed"]);
+    for (drive, sign) in scene.drives.iter().zip([1.0, -1.0]) {
+        assert_eq!(drive.terms, [(0, 0.008), (1, sign * 0.006)]);
+        assert!(drive.constant == 0.0 && drive.is_actuated);
+    }
+    let scene = fixture("payload");
+    let payloads = scene.bodies.iter().filter(|body| body.is_payload);
+    assert_eq!(payloads.map(|b| b.label.as_str()).collect::<Vec<_>>(), ["load"]);
+}

@@ -2,6 +2,9 @@
 //! with a closed loop, and refused where nothing fixes the scale.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod constrained;
+mod robust;
+
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline;
@@ -51,10 +54,13 @@ fn normal(random: &mut Random) -> f64 {
 }
 
 /// A simulated robot.
+#[derive(Clone)]
 struct Twin<'m> {
     model: &'m Interpreted<'m>,
     gains: Vec<f64>,
     beta: Vec<f64>,
+    /// The part of the currents that are off by 1 A.
+    outliers: f64,
 }
 
 impl<'m> Twin<'m> {
@@ -69,7 +75,21 @@ impl<'m> Twin<'m> {
             model,
             gains: gains.to_vec(),
             beta,
+            outliers: 0.0,
         }
+    }
+
+    /// The twin with a load of these parameters about the origin of its frame.
+    fn with_load(&self, values: &[(&str, f64)]) -> Self {
+        let mut out = self.clone();
+        let base = self.model.base_info().base;
+        for (name, value) in values {
+            let label = format!("{name}(load)");
+            let place = base.iter().position(|b| b.label == label).expect(name);
+            assert_eq!(base[place].terms.len(), 1, "{name} alone is a base parameter");
+            out.beta[place] = *value;
+        }
+        out
     }
 
     /// The base parameters of the load, as places.
@@ -149,7 +169,9 @@ impl<'m> Twin<'m> {
             let currents: Vec<f64> = (0..dof)
                 .map(|a| {
                     noise[a] = 0.6 * noise[a] + 0.8 * NOISE * normal(random);
-                    efforts[a] / self.gains[a] + noise[a]
+                    let is_off = self.outliers > random.uniform(0.0, 1.0);
+                    let off = if is_off { normal(random).signum() } else { 0.0 };
+                    efforts[a] / self.gains[a] + noise[a] + off
                 })
                 .collect();
             let tau = &forces * DVector::from_vec(currents.clone());
@@ -168,21 +190,15 @@ impl<'m> Twin<'m> {
         log
     }
 
+    /// Runs without and with the load.
+    fn runs(&self, seed: u64) -> [Recorded; 2] {
+        let mut random = Random::new(seed);
+        [self.run(false, &mut random), self.run(true, &mut random)]
+    }
+
     /// Fits runs without and with the load.
     fn fit(&self, plan: &Plan, seed: u64) -> Result<GainFit, GainError> {
-        let mut random = Random::new(seed);
-        let (mut free, mut loaded) = (self.run(false, &mut random), self.run(true, &mut random));
-        let mut runs = [
-            CarriedRun {
-                source: &mut free,
-                carried: None,
-            },
-            CarriedRun {
-                source: &mut loaded,
-                carried: Some(0),
-            },
-        ];
-        fit(self.model, &GainOptions::default(), plan, &mut runs)
+        fit(self.model, &GainOptions::default(), plan, &mut carried(&mut self.runs(seed)))
     }
 
     fn names(&self) -> Vec<String> {
@@ -190,6 +206,21 @@ impl<'m> Twin<'m> {
         let names = info.actuated.iter().map(|c| info.coordinates[*c]);
         names.map(str::to_owned).collect()
     }
+}
+
+/// A run without the load, and one with it.
+fn carried(runs: &mut [Recorded; 2]) -> [CarriedRun<'_, Recorded>; 2] {
+    let [free, loaded] = runs;
+    [
+        CarriedRun {
+            source: free,
+            carried: None,
+        },
+        CarriedRun {
+            source: loaded,
+            carried: Some(0),
+        },
+    ]
 }
 
 /// How many of its deviations a value is off; 0 where both are to rounding.

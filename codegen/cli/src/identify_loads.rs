@@ -31,25 +31,36 @@ pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
 /// Refuses options that the fit does not take.
 pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     let physical = &args.physical;
-    let estimator = !matches!(args.estimator, None | Some(EstimatorArg::Ls));
+    let estimator = !matches!(
+        args.estimator,
+        None | Some(EstimatorArg::Ls | EstimatorArg::Huber)
+    );
     let wrong = [
         (!args.from.is_empty(), "--from"),
-        (args.huber.is_some(), "--huber"),
         (args.iv, "--iv"),
         (estimator, "--estimator"),
         (args.cross, "--cross"),
         (args.bandwidth.is_some(), "--bandwidth"),
         (args.reading.energy.is_some(), "--energy"),
-        (physical.feasible, "--feasible"),
         (physical.friction, "--friction"),
         (physical.reduce, "--reduce"),
         (!physical.against.is_empty(), "--against"),
     ];
     if let Some((_, option)) = wrong.iter().find(|wrong| wrong.0) {
         return Err(Failure::Usage(format!(
-            "{option} is not for unknown gains and payloads, which least squares identifies from \
-             all runs: leave it out"
+            "{option} is not for unknown gains and payloads, which least squares or Huber's \
+             estimate identifies from all runs: leave it out"
         )));
+    }
+    if physical.feasible && args.before.covariance {
+        return Err(Failure::Usage(
+            "--covariance is that of least squares: leave out --feasible".to_owned(),
+        ));
+    }
+    if physical.bodies.is_some() && args.before.parameters.is_some() {
+        return Err(Failure::Usage(
+            "--bodies is for a robot that is identified, and --parameters gives it".to_owned(),
+        ));
     }
     Ok(())
 }
@@ -155,19 +166,25 @@ pub(crate) fn solve(
         payloads,
         robot: known_robot(args, model, source)?,
     };
-    let (mut found, mut reports) = with_gains(session, &plan, &runs)?;
+    let knowledge = physical::knowledge(&args.physical);
+    let knowledge = (args.physical.feasible).then_some((&knowledge, args.physical.draws));
+    let first = if finds_delays { None } else { knowledge };
+    let mut fits = with_gains(session, &plan, &runs, first)?;
     let mut settled = Session {
         reading: session.reading.clone(),
         ..*session
     };
     let mut corrected_delays = Vec::new();
-    for _ in 0..if finds_delays { DELAY_ROUNDS } else { 0 } {
-        corrected_delays = delays(args, session, source, (&runs, &found))?;
+    let rounds = if finds_delays { DELAY_ROUNDS } else { 0 };
+    for round in 1..=rounds {
+        corrected_delays = delays(args, session, source, (&runs, &fits.free))?;
         settled.reading.delays.clone_from(&corrected_delays);
-        (found, reports) = with_gains(&settled, &plan, &runs)?;
+        let own = if round == rounds { knowledge } else { None };
+        fits = with_gains(&settled, &plan, &runs, own)?;
     }
     let session = &settled;
-    observe::note_problems(&reports);
+    let (found, reports) = (&fits.free, &fits.reports);
+    observe::note_problems(reports);
     note_short(&found.deviations);
     note_unexplained(&found.errors);
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
@@ -177,7 +194,11 @@ pub(crate) fn solve(
             path.display()
         ));
     }
-    let mut identified = found.model.clone();
+    let mut identified = match &fits.physical {
+        Some(physical) => physical.model.clone(),
+        None => found.model.clone(),
+    };
+    physical::note_unbounded(&identified);
     identified.provenance = Provenance {
         model: digest(model),
         logs: {
@@ -196,33 +217,55 @@ pub(crate) fn solve(
                 .to_owned(),
         ));
     }
-    let mut summary = Summary::of_gains(&found, session.kind.name());
+    let mut summary = Summary::of_gains(found, session.kind.name());
+    if let Some(physical) = &fits.physical {
+        summary.relative_absolute = Some(physical.relative_absolute);
+        for (effort, error) in summary.efforts.iter_mut().zip(&physical.errors) {
+            effort.error = Some(error.clone());
+        }
+    }
     summary.files = reports.iter().map(LogFile::new).collect();
     summary.corrected_delays = corrected_delays;
-    let mut logs = Vec::new();
-    for run in &args.physical.against {
-        let carried = loads::of_run(&args.reading, run).and_then(|k| bodies.get(k));
-        let carried = carried.map(String::as_str);
-        let (errors, _, _) = loaded_residuals(session, run, &identified, &bodies, carried)?;
-        logs.push(LogError {
-            log: run.to_string(),
-            relative_absolute: errors.relative_absolute(),
-        });
-    }
-    if !logs.is_empty() {
-        summary.models = vec![ModelErrors {
-            name: identified.name.clone(),
-            feasibility: identified.feasibility.clone(),
-            gap: None,
-            base: identified.beta.clone(),
-            friction: Vec::new(),
-            logs,
-        }];
+    let mut compared = vec![&found.model];
+    compared.extend(fits.physical.as_ref().map(|physical| &physical.model));
+    let against = &args.physical.against;
+    if compared.len() > 1 || !against.is_empty() {
+        for model in compared {
+            let logs = errors(args, session, model, &bodies)?;
+            summary.models.push(ModelErrors {
+                name: model.name.clone(),
+                feasibility: model.feasibility.clone(),
+                gap: model.gap,
+                base: model.beta.clone(),
+                friction: Vec::new(),
+                logs,
+            });
+        }
     }
     let shares = &found.shares;
     let file = ParameterFile::new(model, &identified, shares, Vec::new(), args.confidence)?;
     let json = Identification { file, summary };
     Ok(Outcome { json, identified })
+}
+
+/// The error of a model on each run that is predicted only.
+fn errors(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    found: &IdentifiedModel,
+    bodies: &[String],
+) -> Result<Vec<LogError>, Failure> {
+    let mut logs = Vec::new();
+    for run in &args.physical.against {
+        let carried = loads::of_run(&args.reading, run).and_then(|k| bodies.get(k));
+        let carried = carried.map(String::as_str);
+        let (errors, _, _) = loaded_residuals(session, run, found, bodies, carried)?;
+        logs.push(LogError {
+            log: run.to_string(),
+            relative_absolute: errors.relative_absolute(),
+        });
+    }
+    Ok(logs)
 }
 
 /// The delays of the efforts, from the runs without a payload in the units that the gains of a first

@@ -12,18 +12,21 @@ use regen_identify::data::{Run, Settings};
 use regen_identify::identify::{EquationKind, Options};
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_rehearse::{Estimator, Rehearsal, RehearseError, Score, planned, rehearse};
+use regen_codegen::robot::Robot;
+use regen_rehearse::{Estimator, Loads, Rehearsal, RehearseError, Score, planned, rehearse};
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use crate::args::{
-    DelayArg, EstimatorArg, Format, PriorArg, ReadingArgs, RehearseArgs, SolvingArgs,
+    DelayArg, EstimatorArg, Format, PayloadArg, PriorArg, ReadingArgs, RehearseArgs, SolvingArgs,
     UnmodelledArg, WeightingArg,
 };
 use crate::exit::Failure;
+use crate::experiment::Experiment;
 use crate::simulate::{self, Described};
 use crate::{
-    experiment, identify_simulated, interrupt, load, observe, path, progress, table, terminal,
+    experiment, identify_simulated, interrupt, load, loads, observe, path, progress, table,
+    terminal,
 };
 use scratch::Folder;
 
@@ -58,7 +61,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut logs = args.logs.clone();
     let mut reading = args.reading.clone();
-    experiment::resolve(&mut logs, &mut reading, &source)?;
+    experiment::resolve_loaded(&mut logs, &mut reading, &source)?;
     if !args.logs.is_empty() {
         experiment::require_runs(&logs)?;
     }
@@ -73,7 +76,13 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     reading.delay.retain(|delay| *delay != DelayArg::Auto);
     observe::require_consistent(&reading)?;
 
-    let robot = load::loaded_with_base(&source, reading.payload)?;
+    let plan = reading.experiment.clone();
+    let plan = plan.filter(|plan| plan.carries() || !plan.unknown_gains.is_empty());
+    let robot = match &plan {
+        Some(plan) if plan.carries() => load::with_base(&source)?,
+        _ => load::loaded_with_base(&source, reading.payload)?,
+    };
+    let loads = plan.map(|plan| of_plan(args, &plan, &robot, &reading, &logs));
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
@@ -81,7 +90,11 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     let (durations, step) = runs(args, &logs, &reading, &model, &motion)?;
     let described = Described {
         file: &args.file,
-        payload: reading.payload,
+        payload: if robot.payloads.is_empty() {
+            reading.payload
+        } else {
+            Some(PayloadArg::Carried)
+        },
     };
     let (mut twin, nominal) = simulate::twin(&args.twin, described, &model, &motion, step)?;
     let unmodelled = add_unmodelled(args, &mut twin)?;
@@ -119,6 +132,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         },
         confidence: args.solving.confidence,
         estimator,
+        loads,
         first: args.twin.seed,
         seeds: args.seeds,
         threads: args.threads,
@@ -180,6 +194,32 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         "the score is {:.1} %, below {} %: {why}",
         score.least, args.score
     )))
+}
+
+/// What the runs of an experiment file carry, and the true gains.
+fn of_plan(
+    args: &RehearseArgs,
+    plan: &Experiment,
+    robot: &Robot,
+    reading: &ReadingArgs,
+    logs: &[Run],
+) -> Loads {
+    let mut carried: Vec<_> = logs.iter().map(|run| loads::of_run(reading, run)).collect();
+    // the fresh run carries what the last one does
+    carried.extend(carried.last().copied());
+    let gain = |name: &String| {
+        let given = args.gain.iter().find(|(own, _)| own == name);
+        (name.clone(), given.map_or(1.0, |(_, gain)| *gain))
+    };
+    Loads {
+        payloads: if loads::bodies(robot).is_empty() {
+            Vec::new()
+        } else {
+            plan.payloads.clone()
+        },
+        carried,
+        gains: plan.unknown_gains.iter().map(gain).collect(),
+    }
 }
 
 /// Refuses options that do not go together, or have no effect.

@@ -4,6 +4,7 @@
 mod base;
 mod check;
 mod common;
+mod delays;
 mod drives;
 mod excite;
 mod exits;
@@ -21,6 +22,7 @@ mod mistakes;
 mod new;
 mod offsets;
 mod pages;
+mod pages_mechanics;
 mod payloads;
 mod predict;
 mod recordings;

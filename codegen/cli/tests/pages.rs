@@ -76,7 +76,7 @@ const FIGURES: [&str; 10] = [
 ];
 
 /// Asserts that every element is closed where it must be.
-fn is_well_formed(page: &str) {
+pub(crate) fn is_well_formed(page: &str) {
     const VOID: [&str; 5] = ["meta", "link", "input", "br", "!doctype"];
     let mut open: Vec<&str> = Vec::new();
     let mut rest = page;
@@ -102,7 +102,7 @@ fn is_well_formed(page: &str) {
 }
 
 /// Asserts that the page loads nothing from outside.
-fn is_self_contained(page: &str) {
+pub(crate) fn is_self_contained(page: &str) {
     for asks in [
         "http:", "https:", "src=", "url(", "@import", "fetch(", "import(", "XMLHttp",
     ] {
@@ -188,7 +188,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
 }
 
 /// The browser, if one is available.
-fn browser() -> Option<PathBuf> {
+pub(crate) fn browser() -> Option<PathBuf> {
     let named = std::env::var_os("REGEN_BROWSER").filter(|b| !b.is_empty());
     if named.is_none() {
         eprintln!("left out: REGEN_BROWSER names no Chromium");
@@ -197,7 +197,7 @@ fn browser() -> Option<PathBuf> {
 }
 
 /// The document after scripts have run for three seconds, and the messages on the console.
-fn rendered(browser: &Path, page: &Path, fragment: &str) -> (String, Vec<String>) {
+pub(crate) fn rendered(browser: &Path, page: &Path, fragment: &str) -> (String, Vec<String>) {
     let profile = page.with_extension("profile");
     let _ = fs::remove_dir_all(&profile);
     let output = Command::new(browser)
@@ -227,7 +227,7 @@ fn rendered(browser: &Path, page: &Path, fragment: &str) -> (String, Vec<String>
 }
 
 /// The text of the element with an id, with the tags inside.
-fn element<'a>(dom: &'a str, id: &str) -> &'a str {
+pub(crate) fn element<'a>(dom: &'a str, id: &str) -> &'a str {
     let start = dom.find(&format!("id=\"{id}\"")).expect(id);
     let open = start + dom[start..].find('>').unwrap() + 1;
     &dom[open..open + dom[open..].find("</").unwrap()]

@@ -225,9 +225,28 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
     let (_, err) = run(&dir, "identify arm.yaml unknown.yaml", 4);
     let words = "nothing fixes the scale of gain(q1), gain(q2), gain(q3)";
     assert!(err.contains(words), "{err}");
+    // outliers in units of measurement, and physical parameters, of the same runs
+    let robust = json(&dir, "identify arm.yaml runs.yaml --estimator huber");
+    assert_eq!(robust["method"], "Huber's estimate with gains and payloads");
+    let line = "identify arm.yaml runs.yaml --feasible --draws 20 --bodies bodies.yaml";
+    let physical = json(&dir, line);
+    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+        close(&robust["gains"][k], gain);
+        close(&physical["gains"][k], gain);
+    }
+    assert_eq!(physical["method"], "feasible with gains and payloads");
+    let models = physical["models"].as_array().unwrap();
+    assert_eq!(models.len(), 2, "{models:?}");
+    assert!(models[1]["gap"].as_f64().unwrap() < 1e-4, "{models:?}");
+    let written = fs::read_to_string(dir.join("bodies.yaml")).unwrap();
+    assert!(written.contains("load:") && written.contains("mass: 2.2"), "{written}");
     for (line, words) in [
-        ("--huber 2", "--huber is not for unknown gains"),
-        ("--feasible", "--feasible is not for unknown gains"),
+        ("--friction", "--friction is not for unknown gains"),
+        ("--estimator iv", "--iv is not for unknown gains"),
+        (
+            "--feasible --covariance --out f.json",
+            "--covariance is that of least squares",
+        ),
         ("--estimator didim", "--estimator is not for unknown gains"),
         ("--payload none", "leave out --payload"),
     ] {

@@ -251,6 +251,9 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     );
     says(&["--pid", "1,2"], 2, "KP,KI,KD");
     says(&["--step", "0"], 3, "--step must be above 0");
+    for sensors in [["--noise", "1e-5,0.1"], ["--quantum", "1e-6"]] {
+        says(&[&["--exact"], &sensors[..]].concat(), 2, "without sensors");
+    }
     says(&["--perturb", "1"], 3, "--perturb");
     fs::write(dir.join("p.json"), "{\"m(2)\": -9}").unwrap();
     says(&["--parameters", "p.json"], 4, "not positive definite");

@@ -16,6 +16,7 @@ mod figures;
 mod gather;
 mod identified;
 mod inspected;
+mod mechanics;
 mod page;
 pub mod results;
 pub mod view;

@@ -7,6 +7,7 @@ use regen_runtime::Motion;
 use crate::charts::Figure;
 use crate::gather::Errors;
 use crate::identified::Content;
+use crate::mechanics;
 use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
 use regen_identify::status::{self, Status};
@@ -44,6 +45,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
         motion(report),
         forces(report),
         parameters(report),
+        mechanics::loads(report),
         physical(report),
         friction(report),
         singular(report),
@@ -145,6 +147,7 @@ fn summary(report: &Content<'_>) -> String {
         ("Method", escaped(&report.file.method)),
         ("Derivatives", escaped(&report.method)),
     ];
+    rows.splice(4..4, mechanics::rows(report));
     if let Some(text) = &report.file.feasibility {
         rows.push(("Feasibility", escaped(text)));
     }

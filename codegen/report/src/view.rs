@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use regen_codegen::scene::{Pose, Scene};
+use regen_codegen::scene::{self, Pose, Scene};
 use regen_experiment::reach;
 use regen_experiment::trajectory::FourierReference;
 use regen_runtime::{ClosureError, LoopClosure, Model};
@@ -30,6 +30,9 @@ pub struct Data {
     bodies: Vec<Body>,
     joints: Vec<Joint>,
     cuts: Vec<Cut>,
+    joint_springs: Vec<JointSpring>,
+    springs: Vec<Spring>,
+    drives: Vec<Drive>,
     /// The duration of all samples together, s.
     duration: f64,
     /// The parts of the motion: the index of the first sample, and the name of what moves.
@@ -53,6 +56,36 @@ struct Body {
     label: String,
     link: usize,
     points: Vec<[Fixed; 3]>,
+    payload: bool,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct JointSpring {
+    name: String,
+    turn: bool,
+    /// The axis at zero motion of the joint, see [`Joint::axes`].
+    on: Moving,
+    /// Where the spring is relaxed, rad or m.
+    rest: Fixed,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Spring {
+    name: String,
+    /// Whether it is a constant pull.
+    constant: bool,
+    /// The link of each end (`None` for the world) and the point on it.
+    ends: [(Option<usize>, [Fixed; 3]); 2],
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Drive {
+    name: String,
+    actuated: bool,
+    /// The linear form of its coordinate, in words.
+    form: String,
+    /// The coordinates of the joints that it moves.
+    moves: Vec<usize>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -64,6 +97,7 @@ struct Joint {
     parent: Option<usize>,
     /// The link that the joint carries.
     link: usize,
+    coordinates: Vec<usize>,
     /// One entry per coordinate: the link that it moves, the constant frame on the preceding link
     /// as quaternion and position, and the axis in that frame.
     axes: Vec<Moving>,
@@ -218,6 +252,7 @@ pub fn still(scene: &Scene, note: &str) -> Data {
         label: body.label.clone(),
         link: body.link,
         points: body.points.iter().map(|p| p.map(fixed)).collect(),
+        payload: body.is_payload,
     });
     let parents: Vec<Option<usize>> = scene.parents().collect();
     let joints = scene.joints.iter().map(|joint| Joint {
@@ -226,6 +261,7 @@ pub fn still(scene: &Scene, note: &str) -> Data {
         actuated: joint.actuated,
         parent: joint.parent,
         link: joint.links.last().copied().unwrap_or(0),
+        coordinates: joint.coordinates.clone(),
         axes: joint
             .links
             .iter()
@@ -236,6 +272,23 @@ pub fn still(scene: &Scene, note: &str) -> Data {
         name: cut.name.clone(),
         kind: cut.kind,
         sides: cut.sides.each_ref().map(|(link, on)| (*link, compact(on))),
+    });
+    let joint_springs = scene.joint_springs.iter().map(|spring| JointSpring {
+        name: spring.name.clone(),
+        turn: spring.turns,
+        on: axis(scene, spring.link, &parents),
+        rest: fixed(spring.rest),
+    });
+    let springs = scene.springs.iter().map(|spring| Spring {
+        name: spring.name.clone(),
+        constant: spring.is_constant,
+        ends: spring.ends.map(|(link, point)| (link, point.map(fixed))),
+    });
+    let drives = scene.drives.iter().map(|drive| Drive {
+        name: drive.name.clone(),
+        actuated: drive.is_actuated,
+        form: form(drive, &scene.coordinates),
+        moves: drive.terms.iter().map(|(k, _)| *k).collect(),
     });
     let coordinates = scene.coordinates.iter().zip(&scene.turns);
     let (poses, q) = sample(scene, &scene.home);
@@ -255,11 +308,39 @@ pub fn still(scene: &Scene, note: &str) -> Data {
         bodies: bodies.collect(),
         joints: joints.collect(),
         cuts: cuts.collect(),
+        joint_springs: joint_springs.collect(),
+        springs: springs.collect(),
+        drives: drives.collect(),
         duration: 0.0,
         parts: vec![(0, "home as stated".to_owned())],
         poses: vec![poses],
         q: vec![q],
     }
+}
+
+/// The coordinate of a drive as a sum, such as `0.5 q1 - q2`, with factors to six digits.
+fn form(drive: &scene::Drive, coordinates: &[String]) -> String {
+    let mut out = String::new();
+    let name = |k: usize| coordinates.get(k).map_or("?", String::as_str);
+    let terms = drive.terms.iter().map(|(k, factor)| (*factor, name(*k)));
+    let constant = (drive.constant, "");
+    let is_given = drive.constant != 0.0;
+    for (factor, name) in terms.chain(is_given.then_some(constant)) {
+        let sign = match (out.is_empty(), factor < 0.0) {
+            (true, false) => "",
+            (true, true) => "\u{2212}",
+            (false, false) => " + ",
+            (false, true) => " \u{2212} ",
+        };
+        let size = fixed(factor.abs()).0;
+        let size = match (name.is_empty(), size == 1.0) {
+            (false, true) => String::new(),
+            (false, false) => format!("{size} "),
+            (true, _) => size.to_string(),
+        };
+        out.push_str(&format!("{sign}{size}{name}"));
+    }
+    out
 }
 
 fn axis(scene: &Scene, link: usize, parents: &[Option<usize>]) -> Moving {

@@ -8,6 +8,7 @@ use regen_experiment::simulate::SimulationError;
 use regen_identify::data::DataError;
 use regen_identify::estimate::EstimateError;
 use regen_identify::feasibility::FeasibilityError;
+use regen_identify::gains::GainError;
 use regen_identify::session::SessionError;
 use regen_response::{DidimError, ResponseError, TrackError};
 use regen_runtime::SizeError;
@@ -81,6 +82,7 @@ impl RehearseError {
             Self::Session(SessionError::Data(why))
             | Self::Instruments(InstrumentError::Data(why)) => of_data(why),
             Self::Session(SessionError::Feasibility(why)) => of_fit(why),
+            Self::Session(SessionError::Gains(why)) => of_gains(why),
             Self::Session(SessionError::NoWellIdentifiedParameter)
             | Self::Instruments(InstrumentError::Loop(_))
             | Self::Didim(DidimError::Loop(_))
@@ -109,6 +111,14 @@ fn of_estimate(why: &EstimateError) -> bool {
             | EstimateError::Undetermined { .. }
             | EstimateError::NoConvergence
     )
+}
+
+fn of_gains(why: &GainError) -> bool {
+    match why {
+        GainError::Feasibility(why) => of_fit(why),
+        GainError::NotConverged => true,
+        _ => false,
+    }
 }
 
 fn of_fit(why: &FeasibilityError) -> bool {

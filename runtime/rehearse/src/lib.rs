@@ -9,6 +9,7 @@
 mod chance;
 mod error;
 mod estimate;
+mod loads;
 mod plan;
 mod score;
 mod seeds;
@@ -17,6 +18,7 @@ mod trial;
 pub use chance::counts_by_chance;
 pub use error::RehearseError;
 pub use estimate::Estimator;
+pub use loads::Loads;
 pub use plan::{Planned, planned};
 pub use score::{FailedSeed, ParameterScore, Score};
 pub use seeds::{Rehearsal, rehearse};

@@ -38,7 +38,8 @@ pub struct Score {
     pub relative_absolute: Option<f64>,
     /// The same of the true parameters: the part of noise, and of what the model does not have.
     pub relative_absolute_of_truth: Option<f64>,
-    /// The scores of each base parameter.
+    /// The scores of each base parameter, then of unknown gains, then of payloads: mass, centre of mass
+    /// and inertia about it, as far as they are sought.
     pub parameters: Vec<ParameterScore>,
 }
 

@@ -9,12 +9,13 @@ use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::Settings;
 use regen_identify::identify::{EquationKind, Options};
 use regen_response::Number;
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, Model};
 
 use crate::error::RehearseError;
 use crate::estimate::Estimator;
+use crate::loads::Loads;
 use crate::score::Score;
-use crate::trial::Trial;
+use crate::trial::{Fit, Trial};
 
 /// What is simulated, and how it is identified.
 pub struct Rehearsal<'a, M: ?Sized> {
@@ -42,6 +43,9 @@ pub struct Rehearsal<'a, M: ?Sized> {
     pub confidence: f64,
     /// The estimator.
     pub estimator: Estimator,
+    /// Unknown gains and payloads, which [`Estimator::LeastSquares`] and [`Estimator::Physical`]
+    /// without friction find too; `None` where nothing of the kind is unknown.
+    pub loads: Option<Loads>,
     /// The seed of the first trial; the others follow it.
     pub first: u64,
     /// The number of seeds.
@@ -110,6 +114,7 @@ pub struct Rehearsal<'a, M: ?Sized> {
 ///     options: identify::Options::default(),
 ///     confidence: 0.95,
 ///     estimator: Estimator::LeastSquares,
+///     loads: None,
 ///     first: 1,
 ///     seeds: 6,
 ///     threads: 2,
@@ -134,10 +139,16 @@ where
     check(rehearsal)?;
     let model = rehearsal.model;
     let base = BaseModel::<f64>::base_info(model);
-    let labels: Vec<&str> = base.base.iter().map(|b| b.label).collect();
+    let mut labels: Vec<String> = base.base.iter().map(|b| b.label.to_owned()).collect();
     let mut truth = vec![0.0; labels.len()];
-    BaseModel::<f64>::to_base(model, &rehearsal.twin.parameters, &mut truth)?;
+    let known = rehearsal.parameters();
+    BaseModel::<f64>::to_base(model, &known, &mut truth)?;
     let fresh = rehearsal.fresh(&truth)?;
+    if let Some(loads) = &rehearsal.loads {
+        let (more, values) = loads.truth(&Model::<f64>::info(model), &known);
+        labels.extend(more);
+        truth.extend(values);
+    }
     let (fresh, error_of_truth) =
         fresh.map_or((None, None), |(run, error)| (Some(run), Some(error)));
     let next = AtomicUsize::new(0);
@@ -174,14 +185,37 @@ where
     done.sort_by_key(|(k, _)| *k);
     let trials: Result<Vec<Trial>, RehearseError> =
         done.into_iter().map(|(_, trial)| trial).collect();
+    let mut trials = trials?;
+    if rehearsal.loads.is_some() {
+        // what is known of payloads, or not told, is not scored
+        let fits = || trials.iter().filter_map(|trial| trial.outcome.as_ref().ok());
+        let is_sought = |k: usize| {
+            let has = |fit: &Fit| fit.intervals.get(k).is_some_and(Option::is_some);
+            fits().next().is_none() || fits().any(has)
+        };
+        let sought: Vec<bool> = (0..labels.len()).map(is_sought).collect();
+        retain(&mut labels, &sought);
+        retain(&mut truth, &sought);
+        for fit in trials.iter_mut().filter_map(|trial| trial.outcome.as_mut().ok()) {
+            retain(&mut fit.values, &sought);
+            retain(&mut fit.intervals, &sought);
+        }
+    }
+    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
     Ok(Score::new(
         &labels,
         &truth,
-        &trials?,
+        &trials,
         rehearsal.seeds,
         rehearsal.confidence,
         error_of_truth,
     ))
+}
+
+/// Keeps the entries that are sought.
+fn retain<T>(list: &mut Vec<T>, sought: &[bool]) {
+    let mut sought = sought.iter();
+    list.retain(|_| sought.next().copied().unwrap_or(false));
 }
 
 fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(), RehearseError> {
@@ -199,6 +233,22 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
     let is_long = |duration: &f64| duration.is_finite() && *duration >= step;
     if rehearsal.durations.is_empty() || !rehearsal.durations.iter().all(is_long) {
         return wrong("the duration of a run", "must be at least one time step");
+    }
+    if let Some(loads) = &rehearsal.loads {
+        let takes = match &rehearsal.estimator {
+            Estimator::LeastSquares => true,
+            Estimator::Physical { friction, .. } => !friction,
+            _ => false,
+        };
+        if !takes || rehearsal.finds_delays || rehearsal.kind != EquationKind::Forces {
+            return wrong(
+                "the estimator of gains and payloads",
+                "must be least squares of the equations of motion, without delays to find",
+            );
+        }
+        if loads.gains.iter().any(|(_, gain)| !gain.is_normal()) {
+            return wrong("the gain of a drive", "must be a number other than 0");
+        }
     }
     if let Estimator::Physical { draws: 0, .. } = rehearsal.estimator {
         return wrong(

@@ -10,7 +10,8 @@ use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
 use crate::error::RehearseError;
-use crate::estimate::{Made, estimate};
+use crate::estimate::{Estimator, Made, estimate};
+use crate::loads::Loads;
 use crate::seeds::Rehearsal;
 
 /// The estimate of a seed.
@@ -68,28 +69,53 @@ where
             settings: &self.twin.settings,
         };
         let mut session = self.session();
-        let found = estimate(
-            &self.estimator,
-            &mut session,
-            runs,
-            &made,
-            self.finds_delays,
-        )?;
+        let found = match &self.loads {
+            Some(loads) => {
+                let physical = match &self.estimator {
+                    Estimator::Physical {
+                        knowledge, draws, ..
+                    } => Some((knowledge, *draws)),
+                    _ => None,
+                };
+                loads.estimate(&session, runs, physical)?
+            }
+            None => estimate(
+                &self.estimator,
+                &mut session,
+                runs,
+                &made,
+                self.finds_delays,
+            )?,
+        };
         let found = match found {
             Ok(found) => found,
             Err(why) => return Ok(Err(why)),
         };
         let error = match fresh {
-            Some(fresh) => error_of(&session, fresh, found.clone())?,
+            Some(fresh) => self.error_of(&session, fresh, &found)?,
             None => None,
         };
-        let mut intervals = found.intervals.base;
-        intervals.resize(found.beta.len(), None);
+        let more = self.loads.as_ref().map(|loads| loads.found(&found));
+        let (mut values, mut intervals) = (found.beta, found.intervals.base);
+        intervals.resize(values.len(), None);
+        if let Some((own, of_own)) = more {
+            values.extend(own);
+            intervals.extend(of_own);
+        }
         Ok(Ok(Fit {
-            values: found.beta,
+            values,
             intervals,
             error,
         }))
+    }
+
+    /// The true parameters, with the known values of payloads.
+    pub(crate) fn parameters(&self) -> Vec<f64> {
+        let parameters = &self.twin.parameters;
+        match &self.loads {
+            Some(loads) => loads.known(&Model::<f64>::info(self.model), parameters),
+            None => parameters.clone(),
+        }
     }
 
     /// Simulates the run that is predicted only, and predicts it with the true base parameters:
@@ -100,11 +126,14 @@ where
         let Ok(run) = self.log(self.first, number, longest, "fresh.csv")? else {
             return Ok(None);
         };
-        let true_model = IdentifiedModel {
-            beta: truth.to_vec(),
-            ..IdentifiedModel::default()
+        let true_model = match &self.loads {
+            Some(loads) => loads.true_model(truth),
+            None => IdentifiedModel {
+                beta: truth.to_vec(),
+                ..IdentifiedModel::default()
+            },
         };
-        match error_of(&self.session(), &run, true_model) {
+        match self.error_of(&self.session(), &run, &true_model) {
             Ok(error) => Ok(error.map(|error| (run, error))),
             Err(why) if why.is_of_one_seed() => Ok(None),
             Err(why) => Err(why),
@@ -122,10 +151,30 @@ where
         }
     }
 
+    /// eps_RA of a model on the run that is predicted only, percent; `None` where it is not defined.
+    fn error_of(
+        &self,
+        session: &Session<'_, M>,
+        run: &Run,
+        model: &IdentifiedModel,
+    ) -> Result<Option<f64>, RehearseError> {
+        if let Some(loads) = &self.loads {
+            return loads.error(session, run, self.durations.len(), model);
+        }
+        let errors = compare(session, std::slice::from_ref(run), std::slice::from_ref(model))?;
+        let error = errors.first().and_then(|logs| logs.first());
+        Ok(error
+            .map(|log| log.relative_absolute)
+            .filter(|error| error.is_finite()))
+    }
+
     fn session(&self) -> Session<'_, M> {
+        let mut reading = self.reading.clone();
+        let currents = self.loads.iter().flat_map(Loads::columns);
+        reading.columns.extend(currents);
         Session {
             model: self.model,
-            reading: self.reading.clone(),
+            reading,
             kind: self.kind,
             options: self.options,
             confidence: self.confidence,
@@ -143,7 +192,11 @@ where
     ) -> Result<Result<Run, String>, RehearseError> {
         let info = Model::<f64>::info(self.model);
         let settings = self.twin.run(seed, number, self.settle + duration);
-        let log = simulate(self.model, &self.twin.parameters, self.motion, &settings)?;
+        let mut parameters = self.parameters();
+        if let Some(loads) = &self.loads {
+            parameters = loads.carrying(&info, &parameters, number);
+        }
+        let log = simulate(self.model, &parameters, self.motion, &settings)?;
         if log.ended != Termination::Complete {
             let at = log.t.last().copied().unwrap_or(0.0);
             let text = format!("the simulated run ended after {at} s: {}", log.ended);
@@ -157,17 +210,4 @@ where
         })?;
         Ok(Ok(file.into()))
     }
-}
-
-/// eps_RA of a model on a run, percent; `None` where it is not defined.
-fn error_of<M: BaseModel<f64> + ?Sized>(
-    session: &Session<'_, M>,
-    run: &Run,
-    model: IdentifiedModel,
-) -> Result<Option<f64>, RehearseError> {
-    let errors = compare(session, std::slice::from_ref(run), &[model])?;
-    let error = errors.first().and_then(|logs| logs.first());
-    Ok(error
-        .map(|log| log.relative_absolute)
-        .filter(|error| error.is_finite()))
 }

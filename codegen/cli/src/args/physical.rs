@@ -128,7 +128,7 @@ fn draws(text: &str) -> Result<usize, String> {
     }
 }
 
-fn value(text: &str) -> Result<(String, f64), String> {
+pub(super) fn value(text: &str) -> Result<(String, f64), String> {
     let (label, value) = text.split_once('=').ok_or("LABEL=VALUE is needed")?;
     Ok((label.trim().to_owned(), number(value)?))
 }

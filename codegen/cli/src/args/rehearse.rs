@@ -9,7 +9,7 @@ use regen_identify::intervals::DEFAULT_DRAWS;
 
 use super::format::Format;
 use super::identify::{EstimatorArg, WeightingArg};
-use super::physical::PriorArg;
+use super::physical::{PriorArg, value};
 use super::reading::{ReadingArgs, at_least_one, run};
 use super::simulate::TwinArgs;
 
@@ -33,7 +33,9 @@ RUNS is an experiment file: filter, standstill, delay and checks apply to the
 simulated logs, its runs to identify from give number, durations and rate, by
 their logs where these are there, else by rows, times and rate. The logs that
 are simulated have positions, commands and efforts under plain names, so its
-columns, units and gains have no effect. Without RUNS there is one run of one
+columns, units and gains have no effect, but `gain: unknown`: gains and payloads
+are sought and scored as `identify` does it, and what runs say of a payload is
+true of the simulated one; the noise stays in N m or N. Without RUNS there is one run of one
 period. A log in place of RUNS gives duration and rate too.
 
 `didim` and `response` know the controllers, and start from the parameters
@@ -71,6 +73,10 @@ pub(crate) struct RehearseArgs {
     /// stribeck=PART,SPEED
     #[arg(long, value_name = "KIND")]
     pub(crate) unmodelled: Option<UnmodelledArg>,
+    /// The true gain of a drive whose gain RUNS does not know, N m/A or N/A:
+    /// NAME=VALUE (may be repeated) [default: 1]
+    #[arg(long, value_name = "GAIN", value_parser = value)]
+    pub(crate) gain: Vec<(String, f64)>,
     /// Keep the simulated logs in this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) keep: Option<PathBuf>,

@@ -23,8 +23,8 @@ The log has t, the measured positions of the actuated joints and their efforts
 as tau_NAME, which is what `regen identify` reads. Positions and efforts of a
 row belong to the same instant: where a command changes, the effort is the mean
 of what the drive applies just before and just after. With --exact the log has
-positions, velocities and accelerations of all coordinates as they are; these
-accelerations are those of the effort in their row.
+positions, velocities and accelerations of all coordinates as they are, without
+noise and steps; these accelerations are those of the effort in their row.
 
 PARAMS is a JSON object of labels with values, laid over the nominal ones, or a
 file of `regen identify --out`.

@@ -60,12 +60,17 @@
   const at = (poses, link) => (link === null ? WORLD : poses[link]);
   const joints = data.joints.map((j) => ({ ...j, axes: j.axes.map((a) => ({ ...a, frame: pose(a.frame) })) }));
   const cuts = data.cuts.map((c) => ({ ...c, sides: c.sides.map(([link, on]) => [link, pose(on)]) }));
+  const springs = data.springs;
+  const jointSprings = data.joint_springs.map((s) => ({ ...s, on: { ...s.on, frame: pose(s.on.frame) } }));
+  const tips = (poses, spring) => spring.ends.map(([link, v]) => point(at(poses, link), v));
+  const driven = new Set(data.drives.filter((d) => d.actuated).flatMap((d) => d.moves));
   const ends = (poses, cut) => cut.sides.map(([link, on]) => after(at(poses, link), on));
   function solid(poses) {
     const points = [[0, 0, 0]];
     for (const b of data.bodies) for (const p of b.points) points.push(point(poses[b.link], p));
     for (const j of joints) for (const a of j.axes) points.push(after(at(poses, a.parent), a.frame).p);
     for (const c of cuts) for (const e of ends(poses, c)) points.push(e.p);
+    for (const s of springs) points.push(...tips(poses, s));
     return points;
   }
   const everywhere = [];
@@ -117,7 +122,7 @@
   let ink = {};
   function dyes() {
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["ground", "ink", "soft", "line", "grid", "accent", "passive", "cut", "wrong", "x", "y", "z", "halo", "metal"]) {
+    for (const name of ["ground", "ink", "soft", "line", "grid", "accent", "passive", "cut", "wrong", "spring", "pull", "load", "x", "y", "z", "halo", "metal"]) {
       ink[name] = style.getPropertyValue("--" + name).trim();
     }
     const dark = matchMedia("(prefers-color-scheme: dark)").matches;
@@ -183,6 +188,59 @@
     for (const s of [-1, 1]) face(square.map(([i, j]) => c(s, i, j)), fill, edge);
   }
 
+  /** A line through points. */
+  function path(points, width, dye) {
+    for (let k = 1; k < points.length; k++) line(points[k - 1], points[k], width, dye);
+  }
+  /** A spring from one point to another: straight ends, and turns in between. */
+  function coil(a, b, dye) {
+    const way = sub(b, a), axis = unit(way);
+    const u = unit(Math.abs(axis[0]) < 0.8 ? cross(axis, [1, 0, 0]) : cross(axis, [0, 1, 0]));
+    const v = cross(axis, u), radius = 0.45 * glyph, turns = 7, each = 10;
+    const points = [a];
+    for (let k = 0; k <= turns * each; k++) {
+      const t = 2 * Math.PI * k / each;
+      const on = add(a, times(way, 0.12 + 0.76 * k / (turns * each)));
+      points.push(add(on, add(times(u, radius * Math.cos(t)), times(v, radius * Math.sin(t)))));
+    }
+    points.push(b);
+    path(points, 1.75, dye);
+  }
+  /** A pull between two points: a line with an arrow inwards at each end. */
+  function pull(a, b, dye) {
+    line(a, b, 1.75, dye);
+    for (const [from, to] of [[a, b], [b, a]]) {
+      const axis = unit(sub(to, from));
+      const side = unit(Math.abs(axis[0]) < 0.8 ? cross(axis, [1, 0, 0]) : cross(axis, [0, 1, 0]));
+      const tip = add(from, times(axis, 1.4 * glyph));
+      for (const w of [side, cross(axis, side)]) {
+        const back = add(from, times(axis, 0.6 * glyph));
+        face([tip, add(back, times(w, 0.35 * glyph)), add(back, times(w, -0.35 * glyph))], dye);
+      }
+    }
+  }
+  /** A spring about or along the axis of a joint. */
+  function jointSpring(spring, poses) {
+    const frame = after(at(poses, spring.on.parent), spring.on.frame);
+    const axis = turned(frame.r, spring.on.axis);
+    if (!spring.turn) {
+      // from where it is relaxed to the body that slides
+      const rest = add(frame.p, times(axis, spring.rest)), now = poses[spring.on.link].p;
+      const side = unit(Math.abs(axis[0]) < 0.8 ? cross(axis, [1, 0, 0]) : cross(axis, [0, 1, 0]));
+      const beside = times(side, glyph);
+      coil(add(rest, beside), add(now, beside), ink.spring);
+      return;
+    }
+    const u = unit(Math.abs(axis[0]) < 0.8 ? cross(axis, [1, 0, 0]) : cross(axis, [0, 1, 0]));
+    const v = cross(axis, u), points = [];
+    const on = add(frame.p, times(axis, 1.1 * glyph));
+    for (let k = 0; k <= 48; k++) {
+      const t = 2 * Math.PI * k / 16, r = (0.5 + k / 48) * glyph;
+      points.push(add(on, add(times(u, r * Math.cos(t)), times(v, r * Math.sin(t)))));
+    }
+    path(points, 1.75, ink.spring);
+  }
+
   function ground() {
     const base = Math.min(...home.map((p) => dot(p, up)));
     const step = Math.pow(10, Math.floor(Math.log10(reach))) * (reach / Math.pow(10, Math.floor(Math.log10(reach))) > 4 ? 1 : 0.5) / 2;
@@ -206,10 +264,36 @@
     });
   }
 
+  function drawSprings(poses) {
+    const named = by("names").checked;
+    for (const spring of springs) {
+      const [a, b] = tips(poses, spring);
+      const dye = spring.constant ? ink.pull : ink.spring;
+      (spring.constant ? pull : coil)(a, b, dye);
+      for (const p of [a, b]) ball(p, 0.18 * glyph, dye, dye);
+      if (named) word(times(add(a, b), 0.5), spring.name, dye);
+    }
+    for (const spring of jointSprings) jointSpring(spring, poses);
+  }
+  function drawPayload(body, poses) {
+    const frame = poses[body.link];
+    const corner = (i, j, k) => point(frame, [i, j, k].map((v) => 0.9 * v * glyph));
+    for (const [i, j] of [[1, 1], [1, -1], [-1, 1], [-1, -1]]) {
+      line(corner(i, j, -1), corner(i, j, 1), 2, ink.load, [4, 3]);
+      line(corner(i, -1, j), corner(i, 1, j), 2, ink.load, [4, 3]);
+      line(corner(-1, i, j), corner(1, i, j), 2, ink.load, [4, 3]);
+    }
+    if (by("names").checked && !by("labels").checked) word(frame.p, body.label, ink.load);
+  }
   function drawBodies(poses) {
     data.bodies.forEach((body, k) => {
       const frame = poses[body.link];
       const points = body.points.map((p) => point(frame, p));
+      if (body.payload) {
+        drawPayload(body, poses);
+        if (points.length > 1) line(points[0], points[1], 2, ink.load, [4, 3]);
+        return;
+      }
       // where a slide carries the body, its rail belongs to it
       for (const j of joints) {
         const last = j.axes[j.axes.length - 1];
@@ -253,7 +337,8 @@
     for (const j of joints) {
       const first = j.axes[0];
       const before = after(at(poses, first.parent), first.frame);
-      const dye = j.actuated ? ink.accent : ink.passive;
+      const moved = !j.actuated && j.coordinates.some((c) => driven.has(c));
+      const dye = j.actuated || moved ? ink.accent : ink.passive;
       const fill = j.actuated ? ink.accent : ink.metal;
       if (by("axes").checked) {
         for (const a of j.axes.length > 1 && j.kind !== "cylindrical" ? [] : j.axes.slice(0, 1)) {
@@ -309,6 +394,7 @@
     const poses = posesAt(part);
     if (by("bodies").checked) drawBodies(poses);
     drawJoints(poses);
+    if (by("springs").checked) drawSprings(poses);
     if (by("cuts").checked) drawCuts(poses, posesAt(sampleBefore(part)));
     triad(WORLD, 3.2 * glyph, 2, true);
     if (by("frames").checked) data.bodies.forEach((b) => triad(poses[b.link], 2.2 * glyph, 2, true));
@@ -364,10 +450,24 @@
     by("views").append(button);
   }
   const kinds = [["accent", "actuated joint"], ["passive", "passive joint"]];
+  if (driven.size) kinds.splice(1, 0, ["accent", "joint that a drive moves", true]);
   if (cuts.length) kinds.push(["cut", "joint cut to open a loop"]);
-  for (const [dye, text] of kinds) {
+  if (springs.some((s) => !s.constant)) kinds.push(["spring", "spring between points"]);
+  if (jointSprings.length) kinds.push(["spring", "spring at a joint", true]);
+  if (springs.some((s) => s.constant)) kinds.push(["pull", "constant pull (or push) between points"]);
+  if (data.bodies.some((b) => b.payload)) kinds.push(["load", "payload, carried in some runs", true]);
+  by("has-springs").hidden = !springs.length && !jointSprings.length;
+  by("drives").hidden = !data.drives.length;
+  for (const drive of data.drives) {
+    const row = by("drives").querySelector("table").insertRow();
+    row.insertCell().textContent = drive.name;
+    row.insertCell().textContent = "= " + drive.form;
+    if (drive.actuated) { row.className = "actuated"; row.title = "actuated"; }
+  }
+  for (const [dye, text, ring] of kinds) {
     const item = document.createElement("li"), dot = document.createElement("i");
-    dot.style.background = `var(--${dye})`;
+    if (ring) dot.style.boxShadow = `inset 0 0 0 2px var(--${dye})`;
+    else dot.style.background = `var(--${dye})`;
     item.append(dot, text);
     by("legend").append(item);
   }

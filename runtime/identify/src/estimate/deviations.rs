@@ -95,12 +95,20 @@ impl Deviations {
         if change.iter().all(|x| *x == 0.0) {
             return self.clone();
         }
+        let at = |k: usize| change.get(k).copied().unwrap_or_default();
+        let square = (0..n * n).map(|k| at(k % n.max(1)) * at(k / n.max(1)));
+        self.with_added(&square.collect::<Vec<f64>>())
+    }
+
+    /// The same with a further covariance, of errors that are independent of the noise.
+    ///
+    /// - `more`: n x n, symmetric, in the products of the units.
+    #[must_use]
+    pub(crate) fn with_added(&self, more: &[f64]) -> Self {
+        let n = self.degrees_of_freedom.len();
         let add = |matrix: &[f64]| -> Vec<f64> {
-            let entry = |(k, x): (usize, &f64)| {
-                let at = |k: usize| change.get(k).copied().unwrap_or_default();
-                x + at(k % n.max(1)) * at(k / n.max(1))
-            };
-            matrix.iter().enumerate().map(entry).collect()
+            let more = more.iter().copied().chain(core::iter::repeat(0.0));
+            matrix.iter().zip(more).map(|(x, y)| x + y).collect()
         };
         let mut product = vec![0.0; n * n];
         for column in self.root.chunks_exact(n.max(1)) {
@@ -111,6 +119,40 @@ impl Deviations {
         Self {
             covariance: add(&self.covariance),
             root: cholesky(&add(&product), n).unwrap_or_else(|| self.root.clone()),
+            ..self.clone()
+        }
+    }
+
+    /// The deviations of linear combinations of the n parameters.
+    ///
+    /// - `map`: the factors of each combination, n of them; at least n combinations, so that the
+    ///   [`root`](Self::root) can be filled up with zeros.
+    pub(crate) fn mapped(&self, map: &[Vec<f64>]) -> Self {
+        let (n, m) = (self.degrees_of_freedom.len(), map.len());
+        let mut covariance = vec![0.0; m * m];
+        for (a, left) in map.iter().enumerate() {
+            let rows = self.covariance.chunks_exact(n.max(1));
+            let half: Vec<f64> = rows.map(|row| dot(row, left)).collect();
+            for (b, right) in map.iter().enumerate() {
+                covariance[a * m + b] = dot(&half, right);
+            }
+        }
+        let mut root = vec![0.0; m * m.max(n)];
+        let columns = self.root.chunks_exact(n.max(1));
+        for (column, into) in columns.zip(root.chunks_exact_mut(m.max(1))) {
+            for (x, row) in into.iter_mut().zip(map) {
+                *x = dot(column, row);
+            }
+        }
+        let freedom = map.iter().map(|row| {
+            let used = row.iter().zip(&self.degrees_of_freedom);
+            let used = used.filter(|(f, _)| **f != 0.0).map(|(_, d)| *d);
+            used.fold(f64::INFINITY, f64::min)
+        });
+        Self {
+            degrees_of_freedom: freedom.collect(),
+            covariance,
+            root,
             ..self.clone()
         }
     }

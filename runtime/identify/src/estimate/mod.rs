@@ -7,6 +7,7 @@
 mod deviations;
 mod error;
 mod factor;
+pub(crate) mod huber;
 mod noise;
 mod products;
 mod residuals;

@@ -4,6 +4,7 @@ use core::fmt;
 
 use crate::data::DataError;
 use crate::estimate::EstimateError;
+use crate::feasibility::FeasibilityError;
 use regen_runtime::SizeError;
 
 /// Most names of unknowns that a message lists.
@@ -49,6 +50,11 @@ pub enum GainError {
     NoGain(String),
     /// The base parameters of the model are not apart for a body of this label.
     NoPayload(String),
+    /// The inertia of this payload is given without its mass or its centre of mass: then its
+    /// parameters are no convex set.
+    InertiaAlone(String),
+    /// The physical parameters were not found.
+    Feasibility(FeasibilityError),
     /// There is nothing unknown.
     NothingUnknown,
     /// The search did not converge.
@@ -105,6 +111,12 @@ impl fmt::Display for GainError {
                 "the model has no base parameters of the body `{label}` alone: it is no payload, \
                  or no effort depends on it"
             ),
+            Self::InertiaAlone(body) => write!(
+                f,
+                "the inertia of `{body}` is given without its mass or its centre of mass: for \
+                 --feasible give these too, or leave the inertia out"
+            ),
+            Self::Feasibility(why) => write!(f, "{why}"),
             Self::NothingUnknown => f.write_str("all is known: there is nothing to identify"),
             Self::NotConverged => f.write_str(
                 "the search for gains and payload did not converge: give a gain or more of the \
@@ -121,6 +133,7 @@ impl core::error::Error for GainError {
     fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
         match self {
             Self::Data(why) => Some(why),
+            Self::Feasibility(why) => Some(why),
             _ => None,
         }
     }
@@ -129,6 +142,15 @@ impl core::error::Error for GainError {
 impl From<DataError> for GainError {
     fn from(why: DataError) -> Self {
         Self::Data(why)
+    }
+}
+
+impl From<FeasibilityError> for GainError {
+    fn from(why: FeasibilityError) -> Self {
+        match why {
+            FeasibilityError::Estimate(why) => why.into(),
+            why => Self::Feasibility(why),
+        }
     }
 }
 

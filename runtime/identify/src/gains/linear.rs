@@ -4,7 +4,7 @@ use super::payload::Load;
 use super::problem::{GainKind, spread};
 use super::rows::Sample;
 use super::statistics::Solved;
-use crate::estimate::{EstimateError, QrFactor};
+use crate::estimate::{EstimateError, FactorSet, QrFactor};
 use crate::model::Covariance;
 
 /// An unknown of the linearised equations.
@@ -92,7 +92,16 @@ impl Linear<'_> {
         columns: &[Column],
         labels: &[String],
     ) -> Result<QrFactor, EstimateError> {
-        let set = self.solved.problem.set;
+        self.factor_of(self.solved.problem.set, columns, labels)
+    }
+
+    /// The same of other triangles of the efforts, such as those without Huber's weights.
+    pub(super) fn factor_of(
+        &self,
+        set: &FactorSet,
+        columns: &[Column],
+        labels: &[String],
+    ) -> Result<QrFactor, EstimateError> {
         let mut whole = QrFactor::new(labels.to_vec());
         for (effort, factor) in set.factors().iter().enumerate() {
             let g = self.inverse_gain(effort);

@@ -11,21 +11,25 @@
 //! Robots", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014.
 
 mod error;
+mod feasible;
+mod feasible_model;
 mod linear;
 mod payload;
 mod problem;
 mod rank;
 mod result;
 mod robot;
+mod robust;
 mod rows;
 mod statistics;
 
 pub use error::{Free, GainError};
+pub use feasible::{Physical, PhysicalGains};
 pub use payload::KnownPayload;
 
 use crate::data::DataError;
 use crate::estimate::{
-    Accumulator, Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
+    Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
 };
 use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
 use crate::model::{Covariance, IdentifiedModel};
@@ -33,6 +37,7 @@ use crate::status::EffortContributions;
 use payload::Load;
 use problem::{GainKind, Problem};
 use regen_runtime::BaseModel;
+use robust::{reduce, reweighted};
 use rows::Rows;
 
 /// A run, and the payload that the robot carries in it.
@@ -72,6 +77,9 @@ pub struct Plan {
 pub struct GainOptions {
     /// How efforts are weighted against each other, each in the unit in which it was measured.
     pub weighting: Weighting,
+    /// Huber's bound in standard deviations of each effort's noise, see
+    /// [`Options::huber`](crate::identify::Options::huber). `None`: plain least squares.
+    pub huber: Option<f64>,
     /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
     /// The level of the confidence intervals, in (0, 1).
@@ -82,6 +90,7 @@ impl Default for GainOptions {
     fn default() -> Self {
         Self {
             weighting: Weighting::PerEffort,
+            huber: None,
             lags: 20,
             confidence: 0.95,
         }
@@ -162,6 +171,51 @@ where
     S: Source + ?Sized,
     S::Error: Into<DataError>,
 {
+    Ok(fit_both(model, options, plan, runs, None)?.0)
+}
+
+/// Fits base parameters, unknown gains and payloads to all runs, without and with physical
+/// constraints.
+///
+/// Parameters and gains together are no convex problem: the second fit is the optimum of the
+/// equations linearised at itself, to which [`IdentifiedModel::gap`] refers. It is sought from the
+/// gains of the first.
+///
+/// Intervals are those of draws of the first fit that are moved to the nearest physical parameters,
+/// in the linearised equations.
+///
+/// # Errors
+/// As [`fit`]; [`GainError::InertiaAlone`] where a payload's inertia is given without its mass and its
+/// centre of mass; [`GainError::Feasibility`] for constraints that contradict each other or name what
+/// is not there; [`GainError::NotConverged`].
+pub fn feasible<M, S>(
+    model: &M,
+    options: &GainOptions,
+    plan: &Plan,
+    runs: &mut [CarriedRun<'_, S>],
+    physical: &Physical<'_>,
+) -> Result<(GainFit, PhysicalGains), GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
+    let (found, constrained) = fit_both(model, options, plan, runs, Some(physical))?;
+    Ok((found, constrained.ok_or(GainError::NotConverged)?))
+}
+
+fn fit_both<M, S>(
+    model: &M,
+    options: &GainOptions,
+    plan: &Plan,
+    runs: &mut [CarriedRun<'_, S>],
+    physical: Option<&Physical<'_>>,
+) -> Result<(GainFit, Option<PhysicalGains>), GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
     let loads: Result<Vec<Load>, GainError> =
         plan.payloads.iter().map(|p| Load::new(model, p)).collect();
     let loads = loads?;
@@ -187,18 +241,8 @@ where
     };
     let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
     let efforts = rows.efforts.clone();
-    let mut all = Accumulator::new(&Origin { efforts, ..origin });
-    rows.visit(&mut |sample| {
-        let count = sample.measured.len();
-        for (effort, measured) in sample.measured.iter().enumerate() {
-            let weight = sample.weights[effort];
-            if weight != 0.0 {
-                all.push(effort, &sample.w[effort..], count, *measured, weight)?;
-            }
-        }
-        Ok(())
-    })?;
-    let set = all.finish()?;
+    let origin = Origin { efforts, ..origin };
+    let (set, _) = reduce(&mut rows, &origin, None)?;
     for ((kind, factor), name) in gains.iter().zip(set.factors()).zip(&rows.efforts) {
         let is_zero = factor.rss() == 0.0 && factor.z().iter().all(|z| *z == 0.0);
         if is_zero && factor.rows() > 0 && *kind != GainKind::Known {
@@ -216,10 +260,27 @@ where
         return Err(GainError::NothingUnknown);
     }
     let (point, weights, converged) = problem.solve(options.weighting)?;
+    let robust = match options.huber {
+        Some(bound) if converged => {
+            let start = (point.clone(), options.weighting, bound);
+            Some(reweighted(&problem, &mut rows, &origin, start)?)
+        }
+        _ => None,
+    };
+    let (final_set, point, weights) = match &robust {
+        Some(robust) => (&robust.set, &robust.point, &robust.weights),
+        None => (&set, &point, &weights),
+    };
+    let final_problem = Problem {
+        set: final_set,
+        ..problem.clone()
+    };
     let solved = statistics::Solved {
-        problem: &problem,
-        point: &point,
-        weights: &weights,
+        problem: &final_problem,
+        plain: &set,
+        point,
+        weights,
+        huber: robust.as_ref().map(|robust| &robust.huber),
         converged,
         of_robot: &of_robot,
         plan,
@@ -228,7 +289,11 @@ where
     let mut found = solved.finish(&mut rows)?;
     let idle = (0..loads.len()).filter(|k| !carried.contains(k));
     found.model.left_out = idle.flat_map(|k| blocks[k].clone()).collect();
-    Ok(found)
+    let constrained = match physical {
+        Some(physical) => Some(solved.constrained(&mut rows, &found, physical)?),
+        None => None,
+    };
+    Ok((found, constrained))
 }
 
 /// What is known of the gain of each effort.

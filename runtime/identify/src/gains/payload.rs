@@ -19,7 +19,7 @@ pub struct KnownPayload {
 
 /// The ten parameters of a body about the origin of its frame, in the order of
 /// [`Symbol::INERTIAL`].
-type Ten = [f64; 10];
+pub(super) type Ten = [f64; 10];
 
 /// The place of the first moments in [`Ten`].
 const MOMENT: usize = 6;
@@ -245,6 +245,18 @@ impl Load {
             });
         }
         out
+    }
+}
+
+/// The value of this name, see [`Load::told`], of ten parameters.
+pub(super) fn told_value(name: &str, ten: &Ten) -> f64 {
+    let place = |names: &[&str]| names.iter().position(|own| *own == name);
+    if let Some(k) = place(&["cx", "cy", "cz"]) {
+        return ten[MOMENT + k] / ten[MASS];
+    }
+    match place(&["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"]) {
+        Some(k) => ten[k] - steiner(ten).0[k],
+        None => ten[MASS],
     }
 }
 

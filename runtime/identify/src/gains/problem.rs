@@ -17,6 +17,7 @@ pub(super) enum GainKind {
 }
 
 /// A fit: measured efforts `i = g W x`, with gains k = 1/g.
+#[derive(Clone)]
 pub(super) struct Problem<'a> {
     pub(super) set: &'a FactorSet,
     pub(super) gains: Vec<GainKind>,
@@ -166,8 +167,30 @@ impl Problem<'_> {
         Ok(whole)
     }
 
+    /// A bound on how many standard deviations, for white residuals, any unknown changes between two
+    /// points near the optimum.
+    pub(super) fn deviations_between(
+        &self,
+        from: &Point,
+        to: &Point,
+        weights: &[f64],
+    ) -> Result<f64, EstimateError> {
+        let pairs = to.to_vec().into_iter().zip(from.to_vec());
+        let step: Vec<f64> = pairs.map(|(b, a)| b - a).collect();
+        let moved = self.linear(to, weights)?.times_r(&step);
+        let rows: usize = self.set.factors().iter().map(QrFactor::rows).sum();
+        let freedom = rows.saturating_sub(self.unknowns()).max(1) as f64;
+        let variance = self.cost(to, weights) / freedom;
+        let squares: f64 = moved.iter().map(|x| x * x).sum();
+        Ok((squares / variance.max(f64::MIN_POSITIVE)).sqrt())
+    }
+
     /// Levenberg and Marquardt's search at fixed weights: where it ended, and whether it converged.
-    fn search(&self, start: Point, weights: &[f64]) -> Result<(Point, bool), EstimateError> {
+    pub(super) fn search(
+        &self,
+        start: Point,
+        weights: &[f64],
+    ) -> Result<(Point, bool), EstimateError> {
         let mut point = start;
         let mut cost = self.cost(&point, weights);
         let mut damping = DAMPING;

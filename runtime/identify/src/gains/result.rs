@@ -107,7 +107,7 @@ impl Solved<'_> {
             uncertainty.covariance(names, &of)
         });
         IdentifiedModel {
-            name: "least squares with gains and payloads".to_owned(),
+            name: format!("{} with gains and payloads", self.name()),
             beta: linear.x.clone(),
             feasibility: "not judged".to_owned(),
             intervals: Intervals {

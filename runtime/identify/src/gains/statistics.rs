@@ -4,11 +4,13 @@ use super::linear::{Column, Linear};
 use super::problem::{GainKind, Point, Problem};
 use super::rank::require_rank;
 use super::result::Uncertainty;
+use super::robust::Huber;
 use super::rows::{Rows, Sample};
 use super::{GainError, GainFit, GainOptions, Plan, in_si};
 use crate::data::DataError;
+use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autoregression, Blocks, Estimate, EstimateError, ORDER, QrFactor, Residuals, Scores,
+    Autoregression, Blocks, Estimate, EstimateError, FactorSet, ORDER, QrFactor, Residuals, Scores,
 };
 use crate::identify::Source;
 use crate::qr_update::substitute;
@@ -19,8 +21,12 @@ use regen_runtime::BaseModel;
 /// A solved fit, of which the deviations are computed.
 pub(super) struct Solved<'a> {
     pub(super) problem: &'a Problem<'a>,
+    /// The triangles of the equations without Huber's weights.
+    pub(super) plain: &'a FactorSet,
     pub(super) point: &'a Point,
     pub(super) weights: &'a [f64],
+    /// The loss of residuals; `None` for least squares.
+    pub(super) huber: Option<&'a Huber>,
     /// Whether the search ended at the optimum.
     pub(super) converged: bool,
     /// The places of the robot's base parameters, also where they are known.
@@ -51,19 +57,27 @@ impl Solved<'_> {
             .map(|effort| 1.0 / linear.inverse_gain(effort))
             .collect();
         let (errors, noise) = self.residuals(&linear, rows, &gains)?;
-        let blocks = self.scores(&linear, rows, &noise, &estimate.values)?;
+        let (blocks, sums) = self.scores(&linear, rows, &noise, &estimate.values)?;
         let all: Vec<usize> = (0..linear.columns.len()).collect();
-        let mut deviations = blocks.deviations(&factor, &all, &estimate.values, 1.0)?;
+        let plain = linear.factor_of(self.plain, &linear.columns, &labels)?;
+        let mut inside = 1.0;
+        if self.huber.is_some() {
+            estimate.covariance = sums.covariance(&plain)?;
+            inside = sums.fraction_within_bound();
+        }
+        let mut deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
         let of_robot = self.of_robot(&linear, &factor, &efforts)?;
         let is_robot_exact = self.plan.robot.is_some() && of_robot.is_none();
         if let Some(more) = of_robot {
-            for matrix in [&mut deviations.covariance, &mut estimate.covariance] {
-                for (sum, x) in matrix.iter_mut().zip(&more) {
-                    *sum += x;
-                }
+            deviations = deviations.with_added(&more);
+            for (sum, x) in estimate.covariance.iter_mut().zip(&more) {
+                *sum += x;
             }
         }
-        let sigmas = self.problem.sigmas(self.point);
+        let sigmas = match self.huber {
+            Some(huber) => huber.sigmas().to_vec(),
+            None => self.problem.sigmas(self.point),
+        };
         let fits = efforts.iter().zip(set.factors()).zip(&sigmas);
         estimate.efforts = fits
             .zip(&gains)
@@ -80,7 +94,8 @@ impl Solved<'_> {
             ""
         };
         let method = format!(
-            "least squares in units of measurement, {}{exact}",
+            "{} in units of measurement, {}{exact}",
+            self.name(),
             describe(&deviations)
         );
         let model = self.model(&linear, &uncertainty, &efforts, method);
@@ -99,6 +114,13 @@ impl Solved<'_> {
         })
     }
 
+    /// The standard deviation of the weighted residuals.
+    pub(super) fn noise(&self) -> f64 {
+        let rows = self.problem.set.factors().iter().map(QrFactor::rows);
+        let freedom = rows.sum::<usize>().saturating_sub(self.problem.unknowns());
+        (self.problem.cost(self.point, self.weights) / freedom.max(1) as f64).sqrt()
+    }
+
     /// The residuals in SI, and the noise of each effort's weighted residuals.
     fn residuals<M, S>(
         &self,
@@ -112,7 +134,7 @@ impl Solved<'_> {
         S::Error: Into<DataError>,
     {
         let names = rows.efforts.clone();
-        let means = self.problem.set.means();
+        let means = self.plain.means();
         let means: Vec<f64> = means.iter().zip(gains).map(|(m, k)| m * k).collect();
         let mut errors = Residuals::new(&names, &means, self.options.lags);
         let zeros = vec![0.0; names.len()];
@@ -125,7 +147,7 @@ impl Solved<'_> {
             }
             linear.rows(sample, &mut out, &mut fitted);
             let used: Vec<bool> = sample.weights.iter().map(|w| *w > 0.0).collect();
-            let psi = self.psi(sample, &fitted);
+            let (psi, _) = self.psi(sample, &fitted);
             let si = |values: &[f64]| -> Vec<f64> {
                 values.iter().zip(gains).map(|(x, k)| x * k).collect()
             };
@@ -139,14 +161,27 @@ impl Solved<'_> {
         Ok((errors, fits.collect()))
     }
 
-    /// The weighted residuals of a sample.
-    fn psi(&self, sample: &Sample<'_>, fitted: &[f64]) -> Vec<f64> {
+    /// The estimator.
+    pub(super) fn name(&self) -> &'static str {
+        match self.huber {
+            Some(_) => "Huber's estimate",
+            None => "least squares",
+        }
+    }
+
+    /// The weighted residuals of a sample, bounded by Huber's weight, and the derivatives of these by
+    /// the residuals themselves: 1 within the bound, 0 beyond.
+    fn psi(&self, sample: &Sample<'_>, fitted: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let pairs = sample.measured.iter().zip(fitted);
         let factors = sample.weights.iter().zip(self.weights);
-        pairs
-            .zip(factors)
-            .map(|((i, f), (own, effort))| (i - f) * own * effort)
-            .collect()
+        let rows = pairs.zip(factors).enumerate();
+        rows.map(|(effort, ((i, f), (own, weight)))| {
+            let residual = (i - f) * own;
+            let bounded = self.huber.map_or(1.0, |h| h.weight(effort, residual));
+            let slope = if bounded < 1.0 { 0.0 } else { 1.0 };
+            (residual * weight * bounded, slope)
+        })
+        .unzip()
     }
 
     /// The scores of the linearised equations.
@@ -156,7 +191,7 @@ impl Solved<'_> {
         rows: &mut Rows<'_, M, S>,
         noise: &[Autoregression],
         values: &[f64],
-    ) -> Result<Blocks, GainError>
+    ) -> Result<(Blocks, PsiSums), GainError>
     where
         M: BaseModel<f64> + ?Sized,
         S: Source + ?Sized,
@@ -164,18 +199,24 @@ impl Solved<'_> {
     {
         let mut scores = Scores::new(linear.columns.len(), noise);
         let (mut out, mut fitted) = (Vec::new(), Vec::new());
-        let slopes = vec![1.0; self.weights.len()];
+        let mut sums = PsiSums::default();
         rows.visit(&mut |sample| {
             if !sample.follows {
                 scores.interrupt();
             }
             linear.rows(sample, &mut out, &mut fitted);
-            let psi = self.psi(sample, &fitted);
+            let (psi, slopes) = self.psi(sample, &fitted);
+            let used = sample.weights.iter().map(|w| *w > 0.0);
+            for (used, (psi, slope)) in used.zip(psi.iter().zip(&slopes)) {
+                sums.squares += psi * psi;
+                sums.within_bound += usize::from(used && *slope > 0.0);
+                sums.equations += usize::from(used);
+            }
             let pairs = sample.weights.iter().zip(self.weights);
             let weights: Vec<f64> = pairs.map(|(own, effort)| own * effort).collect();
             scores.push(&out, &weights, &psi, &slopes)
         })?;
-        Ok(scores.finish(values)?)
+        Ok((scores.finish(values)?, sums))
     }
 
     /// The covariance of the unknowns that comes from that of a known robot; `None` where it is not
@@ -247,4 +288,39 @@ impl Solved<'_> {
         }
         Ok(EffortContributions::of(&whole))
     }
+}
+
+/// The statistics of the residuals of base parameters and gains, in SI.
+///
+/// - `means`: those of the measured efforts, in their own units.
+pub(super) fn residual_statistics<M, S>(
+    rows: &mut Rows<'_, M, S>,
+    (x, gains): (&[f64], &[f64]),
+    means: &[f64],
+    options: &GainOptions,
+) -> Result<Residuals, GainError>
+where
+    M: BaseModel<f64> + ?Sized,
+    S: Source + ?Sized,
+    S::Error: Into<DataError>,
+{
+    let means: Vec<f64> = means.iter().zip(gains).map(|(m, k)| m * k).collect();
+    let mut errors = Residuals::new(&rows.efforts, &means, options.lags);
+    let mut fitted = vec![0.0; gains.len()];
+    rows.visit(&mut |sample| {
+        if !sample.follows {
+            errors.interrupt();
+        }
+        fitted.fill(0.0);
+        for (column, value) in sample.w.chunks_exact(gains.len().max(1)).zip(x) {
+            for (sum, w) in fitted.iter_mut().zip(column) {
+                *sum += w * value;
+            }
+        }
+        let used: Vec<bool> = sample.weights.iter().map(|w| *w > 0.0).collect();
+        let pairs = sample.measured.iter().zip(gains);
+        let measured: Vec<f64> = pairs.map(|(i, k)| i * k).collect();
+        errors.push_used(&measured, &fitted, &used)
+    })?;
+    Ok(errors)
 }

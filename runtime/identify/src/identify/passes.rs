@@ -1,12 +1,12 @@
 //! Passes over a log that compute QR factors, estimates, residuals and covariances.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::replay::Replay;
 use super::stream::{Filtering, LeftOut};
+use crate::estimate::huber::{self, PsiSums};
 use crate::estimate::{
     Accumulator, Autocorrelated, Autoregression, Blocks, Deviations, EffortError, Estimate,
     EstimateError, FactorSet, ORDER, QrFactor, Residuals, Scores, Weighting,
@@ -91,11 +91,6 @@ impl Identified {
     }
 }
 
-/// Largest number of passes of Huber's reweighting.
-const MAX_HUBER_PASSES: usize = 50;
-/// The reweighting ends once no parameter changes by more than this many standard deviations.
-const HUBER_TOLERANCE_DEVIATIONS: f64 = 1e-6;
-
 /// The estimate that Huber's weights are computed from.
 struct Huber<'a> {
     /// The base parameters, SI.
@@ -111,12 +106,7 @@ impl Huber<'_> {
     /// beyond.
     fn weight(&self, effort: usize, residual: f64) -> f64 {
         let sigma = self.sigmas.get(effort).copied().unwrap_or(1.0);
-        let size = residual.abs() / sigma;
-        if size > self.bound {
-            self.bound / size
-        } else {
-            1.0
-        }
+        huber::weight(residual, sigma, self.bound)
     }
 }
 
@@ -218,7 +208,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
-        for _ in 0..MAX_HUBER_PASSES {
+        for _ in 0..huber::MAX_PASSES {
             let (next, next_factor) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
@@ -226,7 +216,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 m.max((a - b).abs() / deviation(k))
             });
             (estimate, factor) = (next, next_factor);
-            if largest_change < HUBER_TOLERANCE_DEVIATIONS {
+            if largest_change < huber::TOLERANCE_DEVIATIONS {
                 break;
             }
         }
@@ -257,7 +247,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     )?;
     let delays = delays.map_or_else(Delays::default, DelayScores::finish);
     let fraction_within_bound = match options.huber {
-        Some(_) => psi_sums.within_bound as f64 / psi_sums.equations.max(1) as f64,
+        Some(_) => psi_sums.fraction_within_bound(),
         None => 1.0,
     };
     let all_columns: Vec<usize> = (0..estimate.values.len()).collect();
@@ -275,22 +265,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         deviations = deviations.with_covariance(covariance.collect(), estimate.degrees_of_freedom);
     }
     if options.huber.is_some() {
-        // Huber (1973): (W^T W)^-1 times the mean of psi^2 over the squared fraction of residuals
-        // within the bound; the covariance of least squares is (W^T W)^-1 times the variance of its
-        // residuals, which is replaced here
-        let least_squares = Estimate::of(&effort_weighted)?;
-        let degrees_of_freedom = least_squares.degrees_of_freedom.max(1) as f64;
-        let least_squares_variance =
-            effort_weighted.squared_residual(&least_squares.values)? / degrees_of_freedom;
-        let variance =
-            psi_sums.squares / degrees_of_freedom / (fraction_within_bound * fraction_within_bound);
-        let scale = if least_squares_variance > 0.0 {
-            variance / least_squares_variance
-        } else {
-            0.0
-        };
-        let covariance = least_squares.covariance.iter();
-        estimate.covariance = covariance.map(|c| c * scale).collect();
+        estimate.covariance = psi_sums.covariance(&effort_weighted)?;
     }
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),
@@ -321,25 +296,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         bound,
     };
     let (set, psi_squares) = reduce(replay, Some(&huber))?;
-    let normal = Normal::standard();
-    // the expectation of psi^2 for standard normal residuals: that of u^2 within the bound, and
-    // bound^2 in both tails
-    let tail_probability = normal.sf(bound);
-    let square_within_bound = 1.0 - 2.0 * tail_probability - 2.0 * bound * normal.pdf(bound);
-    let expected_square = (2.0 * bound * bound).mul_add(tail_probability, square_within_bound);
-    let equations: usize = set.factors().iter().map(QrFactor::rows).sum();
-    // degrees of freedom per equation
-    let freedom_ratio = 1.0 - previous.values.len() as f64 / equations.max(1) as f64;
-    let scales = psi_squares.iter().zip(set.factors()).zip(&sigmas);
-    let scales = scales.map(|((squares, factor), old)| {
-        let variance = squares / (expected_square * freedom_ratio * factor.rows() as f64);
-        if variance > 0.0 {
-            variance.sqrt()
-        } else {
-            *old
-        }
-    });
-    let scales: Vec<f64> = scales.collect();
+    let scales = huber::scales(&set, &psi_squares, &sigmas, previous.values.len(), bound);
     let weights: Vec<f64> = scales
         .iter()
         .map(|sigma| match weighting {
@@ -401,17 +358,6 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         residuals.push_used(equations.tau, &fitted, &used)
     })?;
     Ok(residuals)
-}
-
-/// Sums over psi, the weighted residuals that are bounded by Huber's weight.
-#[derive(Default)]
-struct PsiSums {
-    /// The sum of psi^2.
-    squares: f64,
-    /// The number of equations whose residual is within Huber's bound.
-    within_bound: usize,
-    /// The number of equations.
-    equations: usize,
 }
 
 /// The errors of an estimate, and for each effort an autoregression of its weighted residuals,

@@ -1,25 +1,41 @@
 //! Unknown gains and payloads from logs, and predictions of runs with payloads.
 
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, LoopClosure};
 
-use super::{Session, SessionError};
+use super::physical::layout_and_base_map;
+use super::{PriorKnowledge, Session, SessionError};
 use crate::data::{FileReport, Run};
 use crate::estimate::Residuals;
-use crate::gains::{self, CarriedRun, GainError, GainFit, GainOptions, Plan};
-use crate::identify::{self, EquationKind, LeftOut, Options};
+use crate::gains::{
+    self, CarriedRun, GainError, GainFit, GainOptions, Physical, PhysicalGains, Plan,
+};
+use crate::identify::{self, EquationKind, LeftOut};
 use crate::model::IdentifiedModel;
 
-/// Fits parameters, unknown gains and payloads to runs; also returns the summaries of the logs.
+/// Fits of unknown gains and payloads.
+pub struct LoadedFits {
+    /// The fit without constraints.
+    pub free: GainFit,
+    /// The fit under physical constraints, where it was asked for.
+    pub physical: Option<PhysicalGains>,
+    /// The summaries of the logs.
+    pub reports: Vec<FileReport>,
+}
+
+/// Fits parameters, unknown gains and payloads to runs.
 ///
-/// - `runs`: each with the index of the payload that it carries, see [`Plan::payloads`].
+/// - `runs`: each with the index of the payload that it carries, see [`Plan::payloads`];
+/// - `knowledge`: for a fit under physical constraints too, what is known besides, with the number of
+///   draws for its intervals.
 ///
 /// # Errors
-/// [`SessionError::Gains`], see [`gains::fit`]; when a log cannot be read.
+/// [`SessionError::Gains`], see [`gains::fit`] and [`gains::feasible`]; when a log cannot be read.
 pub fn with_gains<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     plan: &Plan,
     runs: &[(Run, Option<usize>)],
-) -> Result<(GainFit, Vec<FileReport>), SessionError> {
+    knowledge: Option<(&PriorKnowledge, usize)>,
+) -> Result<LoadedFits, SessionError> {
     if session.kind != EquationKind::Forces {
         return Err(GainError::EnergyBalance.into());
     }
@@ -42,12 +58,39 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
         .collect();
     let options = GainOptions {
         weighting: session.options.weighting,
+        huber: session.options.huber,
         lags: session.options.lags,
         confidence: session.confidence,
     };
-    let found = gains::fit(session.model, &options, plan, &mut sources)?;
+    let model = session.model;
+    let (free, physical) = match knowledge {
+        None => (gains::fit(model, &options, plan, &mut sources)?, None),
+        Some((knowledge, draws)) => {
+            session.watch.work("solving for physical parameters");
+            let (layout, combinations) = layout_and_base_map(model)?;
+            let physical = Physical {
+                layout: &layout,
+                combinations: &combinations,
+                options: &knowledge.options(&model.info(), &layout)?,
+                length: LoopClosure::new(model)?.length_unit(),
+                draws,
+                progress: &|done| {
+                    let text = format!("intervals: {done} of {draws} fits");
+                    session.watch.work(&text);
+                },
+            };
+            let both = gains::feasible(model, &options, plan, &mut sources, &physical);
+            session.watch.rest();
+            let (free, constrained) = both?;
+            (free, Some(constrained))
+        }
+    };
     let reports = logs.iter().flat_map(|own| own.logs().reports().to_vec());
-    Ok((found, reports.collect()))
+    Ok(LoadedFits {
+        free,
+        physical,
+        reports: reports.collect(),
+    })
 }
 
 /// The residuals of a model on one run, efforts in N m or N: currents of unknown gain have the
@@ -74,7 +117,7 @@ pub fn loaded_residuals<M: BaseModel<f64> + ?Sized>(
     let mut log = scaled.open(std::slice::from_ref(run))?;
     let (set, left_out) = identify::observe(model, session.kind, &mut log)?;
     let own = found.carrying(model, bodies, carried);
-    let lags = Options::default().lags;
+    let lags = identify::Options::default().lags;
     let residuals = own.residuals(model, session.kind, &mut log, &set.means(), lags)?;
     Ok((residuals, left_out, log.logs().reports().to_vec()))
 }

@@ -178,12 +178,12 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
 }
 
 /// Describes how intervals under constraints were computed; `known` describes the deviations.
-fn describe_draws(replicates: usize, known: &str) -> String {
+pub(crate) fn describe_draws(replicates: usize, known: &str) -> String {
     format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
 }
 
 /// The interval of a value from its draws; `None` if there are no draws.
-fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
+pub(crate) fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
     let (low, high) = spread.interval(confidence);
     low.is_finite().then_some(Interval {
         sigma: spread.sigma,
@@ -240,7 +240,7 @@ fn describe_gap(gap: f64) -> String {
 
 /// Describes a physically feasible fit: how much the constraints increase the residual, and how far
 /// the result can be from the optimum.
-fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> String {
+pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> String {
     let how = match found.outcome {
         Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
         Outcome::Constrained => format!("physical, {}", describe_gap(found.gap)),
@@ -286,7 +286,7 @@ fn heavy(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
 }
 
 /// The labels of masses that neither the data nor a meaningful limit bounds.
-fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
+pub(crate) fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<String> {
     let limited = found.limited.iter().map(|body| format!("m({body})"));
     limited.chain(heavy(found, layout)).collect()
 }
