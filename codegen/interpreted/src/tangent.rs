@@ -4,8 +4,12 @@
     reason = "what is left as a call is compiled without the token's instruction set"
 )]
 
+use std::any::Any;
+use std::cell::RefCell;
+
 use pulp::{Arch, Simd, WithSimd};
 use regen_runtime::Tangent;
+use regen_runtime::function::Argument;
 
 use crate::Interpret;
 use crate::machine::{Input, Number, Register, Run, flag, one_state, sign};
@@ -138,15 +142,20 @@ impl<const N: usize> Register for Tangent<N> {
     one_state!();
 }
 
-/// A run as a task for one instruction set.
-struct OneState<'a, const N: usize>(Run<'a, Tangent<N>>);
+thread_local! {
+    /// The registers of the last run, whose memory is used again: vectors of tangents.
+    static REGISTERS: RefCell<Option<Box<dyn Any>>> = const { RefCell::new(None) };
+}
+
+/// A run as a task for one instruction set, with memory for its registers.
+struct OneState<'a, const N: usize>(Run<'a, Tangent<N>>, &'a mut Vec<Tangent<N>>);
 
 impl<const N: usize> WithSimd for OneState<'_, N> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.0.run_in::<Tangent<N>>((), &mut Vec::new());
+        self.0.run_in::<Tangent<N>>((), self.1);
     }
 }
 
@@ -156,19 +165,25 @@ impl<const N: usize> Interpret for Tangent<N> {
     }
 
     fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self {
-        let inputs = inputs.iter().map(|entries| Input {
-            entries,
+        let mut own = [Input {
+            entries: &[][..],
             is_parameter: false,
-        });
+        }; Argument::ALL.len()];
+        for (own, entries) in own.iter_mut().zip(inputs) {
+            own.entries = entries;
+        }
         let mut pivots = [Tangent::constant(f64::NAN)];
         let run = Run {
             tape,
             count: 1,
-            inputs: &inputs.collect::<Vec<_>>(),
+            inputs: &own,
             out,
             pivots: &mut pivots,
         };
-        Arch::new().dispatch(OneState(run));
+        let kept = REGISTERS.take().and_then(|kept| kept.downcast().ok());
+        let mut registers: Box<Vec<Self>> = kept.unwrap_or_default();
+        Arch::new().dispatch(OneState(run, &mut registers));
+        REGISTERS.set(Some(registers));
         let [pivot] = pivots;
         pivot
     }

@@ -1,7 +1,7 @@
 //! One state, and many states at once, have the bits of the interpreter of programs.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use regen_batch::TrajectoryClosure;
+use regen_batch::{PredictedClosure, TrajectoryClosure};
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
 use regen_codegen::{interpret, pipeline};
@@ -261,5 +261,64 @@ fn a_trajectory_closed_in_blocks_is_that_closed_state_by_state() {
 #[test]
 fn a_trajectory_that_leaves_the_workspace_ends_in_blocks_where_it_ends_state_by_state() {
     let (closed, open) = compare_closure(include_str!("../../../robots/delta.yaml"), 1.5);
+    assert!(closed > 50 && open > 50, "{closed} closed, {open} open");
+}
+
+/// Closes states along a motion from predictions, good, poor and missing ones, and compares them
+/// with those of `LoopClosure`; returns how many were closed and how many not.
+fn compare_predicted(text: &str, size: f64) -> (usize, usize) {
+    let robot = pipeline::derive(&Source::new("robot.yaml", text)).unwrap();
+    let model = Interpreted::new(&robot);
+    let info = Model::<f64>::info(&model);
+    let mut predicted = PredictedClosure::new(&model).unwrap();
+    let mut one = LoopClosure::new(&model).unwrap();
+    let (mut closed, mut open, mut seed) = (0, 0, 11);
+    for k in 0..400_u32 {
+        let t = 0.01 * f64::from(k);
+        let of = |(i, c): (usize, &usize)| info.home[*c] + size * ((2.0 + i as f64) * t).sin();
+        let q_i: Vec<f64> = info.independent.iter().enumerate().map(of).collect();
+        let expected = one.track(&q_i).unwrap();
+        // near the solution, off by up to 0.2, and none
+        let guess: Vec<f64> = (info.dependent.iter())
+            .map(|c| match k % 4 {
+                0 | 1 => expected.q[*c] + 1e-4 * random(&mut seed),
+                2 => expected.q[*c] + 0.05 * random(&mut seed),
+                _ => f64::NAN,
+            })
+            .collect();
+        let outcome = predicted.close(&q_i, &guess).unwrap();
+        assert_eq!(
+            outcome.is_closed(),
+            expected.outcome.is_closed(),
+            "state {k}"
+        );
+        if !outcome.is_closed() {
+            open += 1;
+            continue;
+        }
+        closed += 1;
+        let bound = 1e-13 / expected.condition.pivot.powi(3).min(1.0);
+        for (found, expected) in predicted.q().iter().zip(&expected.q) {
+            let off = (found - expected).abs() / expected.abs().max(1.0);
+            assert!(off <= bound, "state {k}: {off:e}");
+        }
+        let mut f = vec![0.0; info.rows];
+        model.constraints(predicted.q(), &mut f).unwrap();
+        let residual = f.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!((residual - predicted.residual()).abs() < 1e-15, "state {k}");
+    }
+    (closed, open)
+}
+
+#[test]
+fn a_state_closed_from_a_prediction_is_that_on_the_branch() {
+    for text in [
+        include_str!("../../../robots/3rps.yaml"),
+        include_str!("../../../robots/fourbar.yaml"),
+        include_str!("../../../robots/puma560.yaml"),
+    ] {
+        assert_eq!(compare_predicted(text, 0.1), (400, 0));
+    }
+    let (closed, open) = compare_predicted(include_str!("../../../robots/delta.yaml"), 1.5);
     assert!(closed > 50 && open > 50, "{closed} closed, {open} open");
 }

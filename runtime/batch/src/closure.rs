@@ -8,23 +8,23 @@ use crate::inverse::{Reference, largest};
 /// The most states that are solved at a time.
 const BLOCK: usize = 64;
 /// Bound on |f| of a closed state, relative to the size of the rows' terms: that of [`LoopClosure`].
-const RELATIVE_TOLERANCE: f64 = 1e-12;
+pub(super) const RELATIVE_TOLERANCE: f64 = 1e-12;
 /// A Newton step below this, relative to 1 + the size of the dependent coordinates, has converged.
-const CONVERGED_STEP: f64 = 1e-9;
+pub(super) const CONVERGED_STEP: f64 = 1e-9;
 /// The same for the states that are only predecessors: the error that remains is its square.
 const ROUGH_STEP: f64 = 1e-5;
 /// The most that a coordinate moves from one state to the next, and that the corrector moves
 /// relative to that: those of [`LoopClosure`].
-const MAX_PREDICTOR_MOVE: f64 = 0.25;
-const MAX_CORRECTION_RATIO: f64 = 0.25;
+pub(super) const MAX_PREDICTOR_MOVE: f64 = 0.25;
+pub(super) const MAX_CORRECTION_RATIO: f64 = 0.25;
 /// Both solutions of a state, from the block's start and from the state before it, differ by less:
 /// each is within the square of its last step of the exact one, 1e-10 at most, and other solutions
 /// are far from it where A is regular.
 const SAME_SOLUTION: f64 = 1e-8;
 /// Below this pivot, states are solved one by one, with the condition number of A_e.
-const SUSPECT_PIVOT: f64 = 0.1;
+pub(super) const SUSPECT_PIVOT: f64 = 0.1;
 /// Newton steps per solution; from the state before it, two or three are enough.
-const MAX_STEPS: usize = 8;
+pub(super) const MAX_STEPS: usize = 8;
 
 /// States of motion along a trajectory. Series are stored entry by entry: those of coordinate c
 /// from `c * len()` on.

@@ -2,7 +2,7 @@
 
 /// The most that A may change, as the largest row sum of `A^-1 B - 1`: half of the distance at which
 /// B could be singular.
-const MAX_CHANGE: f64 = 0.5;
+pub(super) const MAX_CHANGE: f64 = 0.5;
 /// A pivot below this part of the largest is too near a singularity: single states are judged by a
 /// condition number there, and with less the rounding errors of the inverse would decide.
 const MIN_PIVOT_RATIO: f64 = 1e-4;
@@ -23,6 +23,8 @@ pub(super) struct Reference {
     column_scale: Vec<f64>,
     /// The inverse of the scaled rows, row-major.
     inverse: Vec<f64>,
+    /// Buffer for the scaled rows of another state, column by column.
+    other: Vec<f64>,
 }
 
 impl Reference {
@@ -96,7 +98,36 @@ impl Reference {
             rows,
             column_scale,
             inverse,
+            other: vec![0.0; n * n],
         })
+    }
+
+    /// How far A is from this one, as the largest row sum of `A^-1 B - 1`: below 1, every matrix
+    /// between the two is regular.
+    pub(super) fn change(&mut self, a: &[f64]) -> f64 {
+        let n = self.size;
+        for ((j, c), column) in self
+            .dependent
+            .iter()
+            .enumerate()
+            .zip(self.other.chunks_exact_mut(n))
+        {
+            let rows = self.rows.iter().zip(&self.row_scale);
+            for (x, (row, scale)) in column.iter_mut().zip(rows) {
+                *x = a[row * self.columns + c] * (scale * self.column_scale[j]);
+            }
+        }
+        let mut worst = 0.0;
+        for (i, row) in self.inverse.chunks_exact(n).enumerate() {
+            let mut sum = 0.0;
+            for (j, column) in self.other.chunks_exact(n).enumerate() {
+                let unit = if i == j { -1.0 } else { 0.0 };
+                let product = row.iter().zip(column).fold(unit, |sum, (x, y)| sum + x * y);
+                sum += product.abs();
+            }
+            worst = largest(worst, sum);
+        }
+        worst
     }
 
     /// Whether A at each of `len` states is so near that every matrix between the two is regular.

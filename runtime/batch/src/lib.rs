@@ -16,11 +16,13 @@ use regen_runtime::{BaseKernel, Condition, Scalar, SizeError};
 mod closure;
 mod inverse;
 mod lane;
+mod predicted;
 mod sines;
 mod states;
 
 pub use closure::{TrackedStates, TrajectoryClosure};
 pub use lane::{Lane, LaneMask};
+pub use predicted::PredictedClosure;
 pub use sines::sin_cos_portable;
 pub use states::{eval_base_many, eval_many};
 

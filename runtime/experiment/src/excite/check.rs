@@ -3,7 +3,8 @@
 use super::ExciteError;
 use super::evaluate::{Number, Problem};
 use super::space::Row;
-use regen_runtime::{BaseModel, LoopClosure};
+use regen_batch::TrajectoryClosure;
+use regen_runtime::BaseModel;
 
 /// The number of grid points in each period of the highest harmonic.
 pub(super) const POINTS_PER_PERIOD: usize = 128;
@@ -67,7 +68,7 @@ pub(super) struct MotionWithinLimits {
 /// when standing still at the pose, or `None` if no tried motion could be closed.
 pub(super) fn shrink_to_limits<M, D>(
     problem: &Problem<'_, M, D>,
-    closure: &mut LoopClosure<'_, M>,
+    closure: &mut TrajectoryClosure<'_, M>,
     dense: &[Row],
     poses: &[Vec<f64>],
     y: &[f64],

@@ -4,7 +4,10 @@ use super::criterion::Objective;
 use super::limits::{Limit, LimitInputs};
 use super::space::{Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
-use regen_runtime::{BaseModel, Info, LoopClosure, Scalar, SizeError};
+use regen_batch::{TrackedStates, TrajectoryClosure, eval_base_many, eval_many};
+use regen_runtime::{
+    Arguments, BaseFunction, BaseModel, ClosureError, Function, Info, Scalar, SizeError,
+};
 
 /// The number type with which derivatives are computed.
 pub(super) type Number = Tangent<DIRECTIONS>;
@@ -166,11 +169,35 @@ where
         self.limits.iter().map(|l| l.value(&inputs)).collect()
     }
 
+    /// The closed states at these grid points; `None` where the loops do not stay closed.
+    fn closed<'a>(
+        &self,
+        closure: &mut TrajectoryClosure<'_, M>,
+        rows: impl ExactSizeIterator<Item = &'a Row>,
+        y: &[f64],
+    ) -> Result<Option<TrackedStates>, ClosureError> {
+        let (count, dof) = (rows.len(), self.dof());
+        let mut series = [(); 3].map(|()| vec![0.0; dof * count]);
+        for (state, row) in rows.enumerate() {
+            for (series, values) in series.iter_mut().zip(row.at(y)) {
+                let slots = series.iter_mut().skip(state).step_by(count);
+                for (slot, value) in slots.zip(values) {
+                    *slot = value;
+                }
+            }
+        }
+        closure.restart();
+        let [q_i, qd_i, qdd_i] = series;
+        let states = closure.track(count, &q_i, &qd_i, &qdd_i)?;
+        let closes = states.outcomes.iter().all(|outcome| outcome.is_closed());
+        Ok(closes.then_some(states))
+    }
+
     /// Computes objective and limits with their derivatives at the variables `y`; `None` where the
     /// loops do not stay closed.
     pub(super) fn evaluate(
         &self,
-        closure: &mut LoopClosure<'_, M>,
+        closure: &mut TrajectoryClosure<'_, M>,
         y: &[f64],
         sharpness: f64,
     ) -> Result<Option<Evaluation>, ExciteError> {
@@ -185,19 +212,18 @@ where
         let zero = Number::constant(0.0);
         let mut step = vec![zero; self.info.dependent.len()];
         let mut block = vec![zero; entries];
-        closure.restart();
+        let Some(states) = self.closed(closure, self.grid.iter(), y)? else {
+            return Ok(None);
+        };
         for (g, row) in self.grid.iter().enumerate() {
             let at = row.at(y);
-            let closed = closure.track(&at[0])?;
-            if !closed.outcome.is_closed() {
-                return Ok(None);
-            }
             for first in (0..directions).step_by(DIRECTIONS) {
                 let part = |order: usize, c: usize| {
                     let direction = (order * dof + c).wrapping_sub(first);
                     Number::along(at[order][c], direction)
                 };
-                let mut q: Vec<Number> = closed.q.iter().map(|x| Number::constant(*x)).collect();
+                let closed = states.at(&states.q, g);
+                let mut q: Vec<Number> = closed.map(Number::constant).collect();
                 for (c, place) in self.info.independent.iter().enumerate() {
                     q[*place] = part(0, c);
                 }
@@ -274,20 +300,74 @@ where
     /// closed.
     pub(super) fn values(
         &self,
-        closure: &mut LoopClosure<'_, M>,
+        closure: &mut TrajectoryClosure<'_, M>,
         rows: &[Row],
         y: &[f64],
     ) -> Result<Option<Vec<f64>>, ExciteError> {
-        let mut out = Vec::with_capacity(rows.len() * self.limits.len());
-        closure.restart();
-        for row in rows {
-            let [q_i, qd_i, qdd_i] = row.at(y);
-            let closed = closure.track(&q_i)?;
-            if !closed.outcome.is_closed() {
-                return Ok(None);
-            }
-            let motion = self.motion(self.model, &closed.q, &qd_i, &qdd_i, 0.0)?;
-            out.extend(self.limit_values(&closed.q, &motion));
+        let Some(states) = self.closed(closure, rows.iter(), y)? else {
+            return Ok(None);
+        };
+        let count = states.len();
+        let mut pivots = vec![1.0; count];
+        let mut cones = vec![0.0; self.info.cones.len() * count];
+        let arguments = Arguments {
+            q: &states.q,
+            qd: &states.qd,
+            qdd: &states.qdd,
+            phi: self.nominal.as_deref().unwrap_or_default(),
+            ..Arguments::EMPTY
+        };
+        let model = self.model;
+        eval_many(
+            model,
+            Function::Cones,
+            count,
+            arguments,
+            &mut cones,
+            &mut pivots,
+        )?;
+        let mut efforts = Vec::new();
+        if self.nominal.is_some() {
+            efforts.resize(self.dof() * count, 0.0);
+            let function = Function::InverseDynamics;
+            eval_many(model, function, count, arguments, &mut efforts, &mut pivots)?;
+        }
+        // last, since the pivots that count are those of the velocities
+        let independent = self.info.independent.iter();
+        let qd_i: Vec<f64> = independent
+            .flat_map(|c| &states.qd[c * count..(c + 1) * count])
+            .copied()
+            .collect();
+        let rates = Arguments {
+            q: &states.q,
+            qd_i: &qd_i,
+            ..Arguments::EMPTY
+        };
+        let mut qd = vec![0.0; states.qd.len()];
+        eval_many(
+            model,
+            Function::Velocities,
+            count,
+            rates,
+            &mut qd,
+            &mut pivots,
+        )?;
+        let mut out = Vec::with_capacity(count * self.limits.len());
+        let at = |series: &[f64], state: usize| states.at(series, state).collect::<Vec<f64>>();
+        for (state, pivot) in pivots.iter().enumerate() {
+            let q = at(&states.q, state);
+            let efforts = match self.nominal {
+                None => Vec::new(),
+                Some(_) => self.of_actuators(model, &q, at(&efforts, state), 0.0)?,
+            };
+            let motion = Motion {
+                qd: at(&qd, state),
+                qdd: at(&states.qdd, state),
+                efforts,
+                cones: at(&cones, state),
+                pivot: *pivot,
+            };
+            out.extend(self.limit_values(&q, &motion));
         }
         Ok(Some(out))
     }
@@ -295,24 +375,38 @@ where
     /// The observation matrix of a trajectory; `None` where the loops do not stay closed.
     pub(super) fn observed(
         &self,
-        closure: &mut LoopClosure<'_, M>,
+        closure: &mut TrajectoryClosure<'_, M>,
         y: &[f64],
     ) -> Result<Option<Observed>, ExciteError> {
         let dof = self.dof();
-        let rows = self.grid.len() / self.stride * dof;
+        let samples = self.grid.iter().step_by(self.stride);
+        let Some(states) = self.closed(closure, samples, y)? else {
+            return Ok(None);
+        };
+        let count = states.len();
+        let mut blocks = vec![0.0; dof * self.columns * count];
+        let arguments = Arguments {
+            q: &states.q,
+            qd: &states.qd,
+            qdd: &states.qdd,
+            ..Arguments::EMPTY
+        };
+        let mut pivots = vec![1.0; count];
+        eval_base_many(
+            self.model,
+            BaseFunction::BaseRegressor,
+            count,
+            arguments,
+            &mut blocks,
+            &mut pivots,
+        )?;
+        // entry k is that of row k % dof of column k / dof at each sample
+        let rows = count * dof;
         let mut w = vec![0.0; rows * self.columns];
-        let mut block = vec![0.0; dof * self.columns];
-        closure.restart();
-        for (s, row) in self.grid.iter().step_by(self.stride).enumerate() {
-            let [q_i, qd_i, qdd_i] = row.at(y);
-            let state = closure.track_state(&q_i, &qd_i, &qdd_i)?;
-            if !state.outcome.is_closed() {
-                return Ok(None);
-            }
-            let model = self.model;
-            let _condition = model.base_regressor(&state.q, &state.qd, &state.qdd, &mut block)?;
-            for (k, entry) in block.iter().enumerate() {
-                w[(k / dof) * rows + s * dof + k % dof] = *entry;
+        for (k, series) in blocks.chunks_exact(count.max(1)).enumerate() {
+            let column = w.iter_mut().skip((k / dof) * rows + k % dof).step_by(dof);
+            for (slot, entry) in column.zip(series) {
+                *slot = *entry;
             }
         }
         let mut weighted = w.clone();

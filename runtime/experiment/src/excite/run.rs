@@ -13,8 +13,9 @@ use super::search::{Search, Stage};
 use super::space::{Row, Space};
 use super::{ExciteError, Limit, Settings};
 use crate::trajectory::Trajectory;
+use regen_batch::TrajectoryClosure;
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, Info, Joint, LoopClosure, SizeError};
+use regen_runtime::{BaseModel, Info, Joint, SizeError};
 
 /// The distance of a trajectory from a limit.
 #[derive(Clone, Debug, PartialEq)]
@@ -346,7 +347,7 @@ where
         let stages = Search::<M, D>::stages();
         let steps = self.settings.steps;
         let [middle, home] = self.poses();
-        let mut closure = LoopClosure::new(self.problem.model)?;
+        let mut closure = TrajectoryClosure::new(self.problem.model)?;
         // the pose about which the start is reduced: one within the limits, if there is one
         let mut pose = &middle;
         for candidate in [&middle, &home] {
@@ -416,7 +417,7 @@ where
     /// The excitation with its series, figures and margins; `None` where the loops do not close.
     fn excitation(
         &self,
-        closure: &mut LoopClosure<'_, M>,
+        closure: &mut TrajectoryClosure<'_, M>,
         motion: &check::MotionWithinLimits,
         start: usize,
     ) -> Result<Option<Box<Excitation>>, ExciteError> {

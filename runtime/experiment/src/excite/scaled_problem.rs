@@ -3,14 +3,15 @@
 use super::evaluate::{Number, Problem};
 use super::run::problem;
 use super::{ExciteError, Limit, Settings};
+use regen_batch::TrajectoryClosure;
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, LoopClosure};
+use regen_runtime::BaseModel;
 
 /// The optimisation problem of a search: objective and limits as functions of scaled Fourier
 /// coefficients.
 pub struct ScaledProblem<'m, M, D> {
     problem: Problem<'m, M, D>,
-    closure: LoopClosure<'m, M>,
+    closure: TrajectoryClosure<'m, M>,
 }
 
 impl<M, D> core::fmt::Debug for ScaledProblem<'_, M, D> {
@@ -48,7 +49,7 @@ where
     pub fn new(model: &'m M, derivatives: &'m D, settings: &Settings) -> Result<Self, ExciteError> {
         Ok(Self {
             problem: problem(model, derivatives, settings)?,
-            closure: LoopClosure::new(model)?,
+            closure: TrajectoryClosure::new(model)?,
         })
     }
 

@@ -16,7 +16,8 @@ use super::ExciteError;
 use super::evaluate::{Evaluation, Number, Problem};
 use super::quadratic::{Quadratic, Step};
 use super::space::dot;
-use regen_runtime::{BaseModel, LoopClosure};
+use regen_batch::TrajectoryClosure;
+use regen_runtime::BaseModel;
 
 /// The sharpness p of each stage. The criteria need the largest and the smallest singular value,
 /// which are not smooth; power means with the exponent 2p replace them and approach them as p grows
@@ -103,7 +104,7 @@ const POWELL_DAMPING: f64 = 0.2;
 /// The state of one start of the trust-region sequential quadratic programming.
 pub(super) struct Search<'p, 'm, M, D> {
     problem: &'p Problem<'m, M, D>,
-    closure: LoopClosure<'m, M>,
+    closure: TrajectoryClosure<'m, M>,
     /// The n current variables, scaled Fourier coefficients without unit: see
     /// [`Space`](super::space::Space).
     y: Vec<f64>,
@@ -156,7 +157,7 @@ where
             let radius = (-2.0 * libm::log(uniform())).sqrt();
             *entry += INITIAL_SPREAD * radius * libm::cos(core::f64::consts::TAU * uniform());
         }
-        let mut closure = LoopClosure::new(problem.model)?;
+        let mut closure = TrajectoryClosure::new(problem.model)?;
         let mut scale = 1.0;
         let mut start = problem.space.stationary(pose);
         for _ in 0..MAX_SHRINKS {

@@ -24,23 +24,6 @@ impl Energy {
     }
 }
 
-/// The kinetic energy at a closed state, J. `phi`: the parameters, friction set to zero.
-pub(super) fn kinetic<M: Model<f64> + ?Sized>(
-    model: &M,
-    phi: &[f64],
-    q: &[f64],
-    qd_i: &[f64],
-) -> Result<f64, SizeError> {
-    let dof = qd_i.len();
-    let mut mass = vec![0.0; dof * dof];
-    let _condition = model.mass_matrix(q, phi, &mut mass)?;
-    let rows = mass.chunks_exact(dof.max(1)).zip(qd_i);
-    let twice: f64 = rows
-        .map(|(row, v)| v * row.iter().zip(qd_i).map(|(m, w)| m * w).sum::<f64>())
-        .sum();
-    Ok(0.5 * twice)
-}
-
 /// Mass, kg, and first moments, kg m, of each body: the parameters `m(b)`, `mx(b)`, `my(b)`,
 /// `mz(b)`; 0 for a parameter that the model does not have.
 pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
@@ -91,25 +74,4 @@ pub(super) fn spring_power<M: Model<f64> + ?Sized>(
     let at_rest = dot(force);
     let _condition = model.bias_forces(q, qd, springs, force)?;
     Ok(at_rest + dot(force))
-}
-
-/// The potential energy at q, J, of the weights and of the offsets (one per coordinate, N m or N).
-pub(super) fn potential<M: Model<f64> + ?Sized>(
-    model: &M,
-    gravity: [f64; 3],
-    moments: &[[f64; 4]],
-    offsets: &[f64],
-    q: &[f64],
-) -> Result<f64, SizeError> {
-    let mut poses = vec![0.0; 12 * moments.len()];
-    model.poses(q, &mut poses)?;
-    let (poses, _) = poses.as_chunks::<12>();
-    let mut energy: f64 = offsets.iter().zip(q).map(|(effort, q)| effort * q).sum();
-    for (pose, [m, mx, my, mz]) in poses.iter().zip(moments) {
-        for (i, g) in gravity.iter().enumerate() {
-            let turned = pose[3 * i] * mx + pose[3 * i + 1] * my + pose[3 * i + 2] * mz;
-            energy -= g * (m * pose[9 + i] + turned);
-        }
-    }
-    Ok(energy)
 }

@@ -91,6 +91,20 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
         };
         fits("efforts", efforts.len())?;
         fits("out", out.len())?;
+        let Some(condition) = self.prepare(q, qd)? else {
+            return Ok(ForwardOutcome::NotPositiveDefinite);
+        };
+        self.solve(efforts, out);
+        Ok(ForwardOutcome::Solved(condition))
+    }
+
+    /// Computes what does not depend on the efforts at a closed state; `None` where the mass matrix
+    /// is not positive definite.
+    pub(super) fn prepare(
+        &mut self,
+        q: &[f64],
+        qd: &[f64],
+    ) -> Result<Option<Condition<f64>>, SizeError> {
         let model = self.model;
         let mut condition = model.accelerations(q, qd, &self.zero, &mut self.accelerations)?;
         condition = condition.worst(model.inverse_dynamics(
@@ -101,18 +115,21 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
             &mut self.forces,
         )?);
         condition = condition.worst(model.mass_matrix(q, &self.phi, &mut self.mass)?);
+        Ok(factor_mass(&mut self.mass, self.dof).then_some(condition))
+    }
+
+    /// The accelerations under the efforts at the state of the last call of
+    /// [`prepare`](Self::prepare).
+    pub(super) fn solve(&self, efforts: &[f64], out: &mut [f64]) {
         for ((out, effort), force) in out.iter_mut().zip(efforts).zip(&self.forces) {
             *out = effort - force;
         }
-        if solve_symmetric(&mut self.mass, out) {
-            Ok(ForwardOutcome::Solved(condition))
-        } else {
-            Ok(ForwardOutcome::NotPositiveDefinite)
-        }
+        solve_mass(&self.mass, out);
     }
 }
 
 /// Solves M x = b in place by the Cholesky factor; false where M is not positive definite.
+#[cfg(test)]
 fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
     let regular = factor_mass(m, b.len());
     if regular {

@@ -10,6 +10,7 @@
 //! contains the error of the energy balance.
 
 mod audit;
+mod complete;
 mod control;
 mod csv;
 mod forward;
@@ -20,6 +21,7 @@ mod noise;
 mod robot;
 mod run;
 mod settings;
+mod targets;
 mod tuning;
 mod twin;
 

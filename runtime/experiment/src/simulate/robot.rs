@@ -1,42 +1,50 @@
 //! The robot between samples: forward dynamics, drives, friction, and the sensors' readings.
 
-use super::audit::{Energy, kinetic, moments, offsets, potential, spring_power, springs};
+use super::audit::{Energy, moments, offsets, spring_power, springs};
+use super::complete::{Weights, complete};
 use super::control::Drive;
-use super::forward::{Forward, ForwardOutcome};
+use super::forward::Forward;
 use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
-use regen_runtime::{Joint, LoopClosure, Model, Outcome, SizeError, Status};
+use regen_batch::{PredictedClosure, eval_many};
+use regen_runtime::{Arguments, Function, Joint, Model, Outcome, SizeError, Status};
 
 /// The continuous-time robot that is integrated between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
     model: &'m M,
     settings: &'m Settings,
-    closure: LoopClosure<'m, M>,
+    closure: PredictedClosure<'m, M>,
     forward: Forward<'m, M>,
     moments: Vec<[f64; 4]>,
     /// The constant effort of each coordinate, N m or N.
     offsets: Vec<f64>,
     /// The parameters of springs and effort terms, all others 0; empty without any.
     springs: Vec<f64>,
-    gravity: [f64; 3],
     pub(super) dof: usize,
-    independent: Vec<usize>,
+    dependent: Vec<usize>,
     pub(super) actuated: Vec<usize>,
     /// The velocity over which the smoothed friction of each coordinate changes its direction.
     friction_widths: Vec<f64>,
     pub(super) command: Vec<f64>,
-    // results of the last call of `rates`
+    /// The independent positions and velocities (2 dof) of the state to which the next entries
+    /// belong; NaN where there is none.
+    at: Vec<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
+    /// What friction takes of the reduced efforts there (dof).
+    friction: Vec<f64>,
+    /// The power of friction, springs and effort terms there, W.
+    loss: f64,
+    // results of the last call of `rates`
     qdd_i: Vec<f64>,
     effort: Vec<f64>,
     pub(super) dy: Vec<f64>,
-    residual: f64,
+    /// The independent accelerations of the samples in the log (dof each).
+    logged: Vec<f64>,
     // buffers
     reduced: Vec<f64>,
-    column: Vec<f64>,
-    unit: Vec<f64>,
+    lanes: Lanes,
 }
 
 impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
@@ -77,14 +85,13 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         Ok(Self {
             model,
             settings,
-            closure: LoopClosure::new(model)?,
+            closure: PredictedClosure::new(model)?,
             moments: moments(&info, phi),
             offsets: offsets(&info, phi),
             springs: springs(&info, phi),
-            gravity: info.gravity,
             forward,
             dof,
-            independent: info.independent.to_vec(),
+            dependent: info.dependent.to_vec(),
             actuated: info.actuated.to_vec(),
             friction_widths: (0..n)
                 .map(|k| friction_width(info.joints.get(k), settings.friction_width))
@@ -94,21 +101,45 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             } else {
                 settings.offset.clone()
             },
+            at: vec![f64::NAN; 2 * dof],
             q: vec![0.0; n],
             qd: vec![0.0; n],
+            friction: vec![0.0; dof],
+            loss: 0.0,
             qdd_i: vec![0.0; dof],
             effort: vec![0.0; a],
-            dy: vec![0.0; 2 * dof + a + 2],
-            residual: 0.0,
+            dy: vec![0.0; 2 * dof + a + info.dependent.len() + 2],
+            logged: Vec::new(),
             reduced: vec![0.0; dof],
-            column: vec![0.0; n],
-            unit: vec![0.0; dof],
+            lanes: Lanes::new(n, dof),
         })
     }
 
-    /// The length of the state vector y: q_i, qd_i, the efforts of drives with lag, work, loss.
-    pub(super) fn size(&self) -> usize {
-        2 * self.dof + self.actuated.len() + 2
+    /// The size of each entry of the state vector below which its tolerance is absolute: 1 rad or m
+    /// (per s) and 100 N, N m or J; the dependent coordinates, which are closed anew, have none.
+    pub(super) fn scales(&self) -> Vec<f64> {
+        let mut scales = vec![1.0; 2 * self.dof];
+        scales.resize(2 * self.dof + self.actuated.len(), 1e2);
+        scales.resize(scales.len() + self.dependent.len(), f64::INFINITY);
+        scales.extend([1e2, 1e2]);
+        scales
+    }
+
+    /// The place of the dependent coordinates in the state vector y: q_i, qd_i, the efforts of drives
+    /// with lag, the dependent coordinates, work, loss.
+    fn dependents(&self) -> std::ops::Range<usize> {
+        let start = 2 * self.dof + self.actuated.len();
+        start..start + self.dependent.len()
+    }
+
+    /// Replaces the dependent coordinates of a state vector, which were integrated, by those that
+    /// close the loops, if `rates` was called for this state last.
+    pub(super) fn settle(&self, y: &mut [f64]) {
+        if y[..2 * self.dof] == self.at {
+            for (slot, c) in y[self.dependents()].iter_mut().zip(&self.dependent) {
+                *slot = self.q[*c];
+            }
+        }
     }
 
     fn drive(&self, k: usize) -> Drive {
@@ -124,25 +155,69 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
     }
 
+    /// Computes what depends on positions and velocities alone.
+    fn move_to(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
+        let dof = self.dof;
+        self.at.fill(f64::NAN);
+        let (q_i, qd_i) = y[..2 * dof].split_at(dof);
+        let outcome = self.closure.close(q_i, &y[self.dependents()])?;
+        if !outcome.is_closed() {
+            return Ok(Err(self.stopped(outcome)));
+        }
+        self.q.copy_from_slice(self.closure.q());
+        self.loss = 0.0;
+        if self.settings.friction.is_empty() {
+            let _condition = self.model.velocities(&self.q, qd_i, &mut self.qd)?;
+        } else {
+            // column k of dq/dq_i: all velocities at unit velocity of q_i[k]
+            let columns = self.lanes.velocities(self.model, &self.q, qd_i)?;
+            for (v, lanes) in self.qd.iter_mut().zip(columns.chunks_exact(dof + 1)) {
+                *v = lanes[dof];
+            }
+            self.friction.fill(0.0);
+            let laws = self.settings.friction.iter().zip(&self.friction_widths);
+            let lanes = columns.chunks_exact(dof + 1);
+            for (((law, width), v), lanes) in laws.zip(&self.qd).zip(lanes) {
+                let effort = law.smooth_effort(*v, *width);
+                self.loss += effort * v;
+                for (share, column) in self.friction.iter_mut().zip(lanes) {
+                    *share += column * effort;
+                }
+            }
+        }
+        match self.forward.prepare(&self.q, &self.qd)? {
+            None => return Ok(Err(Termination::NotPositiveDefinite)),
+            Some(condition) if condition.status() == Status::Singular => {
+                let outcome = Outcome::Singular { at: 1.0, condition };
+                return Ok(Err(self.stopped(outcome)));
+            }
+            Some(_) => {}
+        }
+        if !self.springs.is_empty() {
+            let state = [self.q.as_slice(), self.qd.as_slice(), qd_i];
+            self.loss += spring_power(self.model, &self.springs, state, &mut self.reduced)?;
+        }
+        self.at.copy_from_slice(&y[..2 * dof]);
+        Ok(Ok(()))
+    }
+
     /// Computes the derivative of the state `y` into `dy`, and all coordinates, velocities,
     /// accelerations and efforts into their buffers.
     pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
-        let (q_i, rest) = y.split_at(self.dof);
-        let (qd_i, rest) = rest.split_at(self.dof);
-        let (built_up, _) = rest.split_at(self.actuated.len());
-        if y.iter().any(|v| !v.is_finite()) {
+        let dependents = self.dependents();
+        let mut known = y[..dependents.start].iter().chain(&y[dependents.end..]);
+        if known.any(|v| !v.is_finite()) {
             return Ok(Err(Termination::Diverged));
         }
-        let closed = self.closure.track(q_i)?;
-        if !closed.outcome.is_closed() {
-            return Ok(Err(self.stopped(closed.outcome)));
+        // only the efforts differ where a command changes
+        if y[..2 * self.dof] != self.at
+            && let Err(stop) = self.move_to(y)?
+        {
+            return Ok(Err(stop));
         }
-        self.residual = closed.residual;
-        self.q.copy_from_slice(&closed.q);
-        let _condition = self.model.velocities(&self.q, qd_i, &mut self.qd)?;
         // drives: y' = (command - y) / lag
         let at = 2 * self.dof;
-        for (k, built_up) in built_up.iter().enumerate() {
+        for (k, built_up) in y[at..dependents.start].iter().enumerate() {
             let lag = self.drive(k).lag;
             if lag > 0.0 {
                 self.effort[k] = *built_up;
@@ -155,49 +230,20 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         let _condition = self
             .model
             .generalized_forces(&self.q, &self.effort, &mut self.reduced)?;
-        let mut loss = 0.0;
-        if !self.settings.friction.is_empty() {
-            let laws = self.settings.friction.iter().zip(&self.friction_widths);
-            let friction: Vec<f64> = laws
-                .zip(&self.qd)
-                .map(|((law, width), v)| law.smooth_effort(*v, *width))
-                .collect();
-            loss = friction.iter().zip(&self.qd).map(|(f, v)| f * v).sum();
-            // column k of dq/dq_i: all velocities at unit velocity of q_i[k]
-            for k in 0..self.dof {
-                self.unit.fill(0.0);
-                self.unit[k] = 1.0;
-                let _condition = self
-                    .model
-                    .velocities(&self.q, &self.unit, &mut self.column)?;
-                let share: f64 = self.column.iter().zip(&friction).map(|(c, f)| c * f).sum();
-                self.reduced[k] -= share;
-            }
+        for (reduced, share) in self.reduced.iter_mut().zip(&self.friction) {
+            *reduced -= share;
         }
-        match self
-            .forward
-            .accelerations(&self.q, &self.qd, &self.reduced, &mut self.qdd_i)?
-        {
-            ForwardOutcome::NotPositiveDefinite => {
-                return Ok(Err(Termination::NotPositiveDefinite));
-            }
-            ForwardOutcome::Solved(condition) if condition.status() == Status::Singular => {
-                let outcome = Outcome::Singular { at: 1.0, condition };
-                return Ok(Err(self.stopped(outcome)));
-            }
-            ForwardOutcome::Solved(_) => {}
-        }
-        if !self.springs.is_empty() {
-            let state = [self.q.as_slice(), self.qd.as_slice(), qd_i];
-            loss += spring_power(self.model, &self.springs, state, &mut self.unit)?;
-        }
-        self.dy[..self.dof].copy_from_slice(qd_i);
+        self.forward.solve(&self.reduced, &mut self.qdd_i);
+        self.dy[..self.dof].copy_from_slice(&y[self.dof..at]);
         self.dy[self.dof..at].copy_from_slice(&self.qdd_i);
+        for (slot, c) in self.dy[dependents].iter_mut().zip(&self.dependent) {
+            *slot = self.qd[*c];
+        }
         let joints = self.actuated.iter().zip(&self.effort);
         let power: f64 = joints.map(|(j, e)| self.qd[*j] * e).sum();
         let end = self.dy.len();
         self.dy[end - 2] = power;
-        self.dy[end - 1] = loss;
+        self.dy[end - 1] = self.loss;
         Ok(Ok(()))
     }
 
@@ -207,11 +253,16 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         y: &[f64],
         noise: &mut Noise,
     ) -> Result<Vec<f64>, SimulationError> {
-        let closed = self.closure.track(&y[..self.dof])?;
+        let known = y[..self.dof] == self.at[..self.dof];
+        if !known {
+            self.at.fill(f64::NAN);
+            let _outcome = self.closure.close(&y[..self.dof], &y[self.dependents()])?;
+            self.q.copy_from_slice(self.closure.q());
+        }
         let sensors = self.settings.sensors;
         let joints = self.actuated.iter();
         Ok(joints
-            .map(|j| sensors.position(closed.q[*j], noise))
+            .map(|j| sensors.position(self.q[*j], noise))
             .collect())
     }
 
@@ -239,35 +290,89 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         if let Err(stop) = rates? {
             return Ok(Err(stop));
         }
-        let mut qdd = vec![0.0; self.q.len()];
-        let _condition = self
-            .model
-            .accelerations(&self.q, &self.qd, &self.qdd_i, &mut qdd)?;
-        let qd_i: Vec<f64> = self.independent.iter().map(|c| self.qd[*c]).collect();
+        self.logged.extend(&self.qdd_i);
         log.t.push(t);
         log.q.extend(&self.q);
         log.qd.extend(&self.qd);
-        log.qdd.extend(&qdd);
         log.effort.extend(&self.effort);
         log.measured_position.extend(measured);
         let sensors = self.settings.sensors;
         let measured_effort = self.effort.iter().map(|e| sensors.effort(*e, noise));
         log.measured_effort.extend(measured_effort);
-        log.residual = log.residual.max(self.residual);
-        let phi = self.forward.phi();
+        log.residual = log.residual.max(self.closure.residual());
         log.energy.push(Energy {
-            kinetic: kinetic(self.model, phi, &self.q, &qd_i)?,
-            potential: potential(
-                self.model,
-                self.gravity,
-                &self.moments,
-                &self.offsets,
-                &self.q,
-            )?,
             work: y[y.len() - 2],
             loss: y[y.len() - 1],
+            ..Energy::default()
         });
         Ok(Ok(()))
+    }
+
+    /// Adds to the log what was not computed while the robot ran.
+    pub(super) fn complete(&self, log: &mut Log) -> Result<(), SizeError> {
+        let weights = Weights {
+            phi: self.forward.phi(),
+            moments: &self.moments,
+            offsets: &self.offsets,
+        };
+        complete(self.model, &weights, &self.logged, log)
+    }
+}
+
+/// Velocities at one state: at the unit velocity of each independent coordinate, and at given ones.
+struct Lanes {
+    q: Vec<f64>,
+    /// One series of dof + 1 values per independent coordinate.
+    qd_i: Vec<f64>,
+    out: Vec<f64>,
+    pivots: Vec<f64>,
+}
+
+impl Lanes {
+    fn new(n: usize, dof: usize) -> Self {
+        let lanes = dof + 1;
+        let mut qd_i = vec![0.0; dof * lanes];
+        for k in 0..dof {
+            qd_i[k * lanes + k] = 1.0;
+        }
+        Self {
+            q: vec![0.0; n * lanes],
+            qd_i,
+            out: vec![0.0; n * lanes],
+            pivots: vec![1.0; lanes],
+        }
+    }
+
+    /// For each coordinate, its dof velocities at unit velocities and then the one at `qd_i`.
+    fn velocities<M: Model<f64> + ?Sized>(
+        &mut self,
+        model: &M,
+        q: &[f64],
+        qd_i: &[f64],
+    ) -> Result<&[f64], SizeError> {
+        let lanes = self.pivots.len();
+        for (series, q) in self.q.chunks_exact_mut(lanes).zip(q) {
+            series.fill(*q);
+        }
+        for (series, v) in self.qd_i.chunks_exact_mut(lanes).zip(qd_i) {
+            if let Some(last) = series.last_mut() {
+                *last = *v;
+            }
+        }
+        let arguments = Arguments {
+            q: &self.q,
+            qd_i: &self.qd_i,
+            ..Arguments::EMPTY
+        };
+        eval_many(
+            model,
+            Function::Velocities,
+            lanes,
+            arguments,
+            &mut self.out,
+            &mut self.pivots,
+        )?;
+        Ok(&self.out)
     }
 }
 

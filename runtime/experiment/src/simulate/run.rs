@@ -1,8 +1,9 @@
 //! A run: integrates the forward dynamics with controller, drives, friction and sensors.
 //!
-//! The state vector y has 2 dof + a + 2 entries for a actuated joints: the independent positions
+//! The state vector y has n + dof + a + 2 entries for a actuated joints: the independent positions
 //! (rad or m) and velocities (rad/s or m/s), the efforts that drives with lag have built up (N or N
-//! m), the work of the efforts and the energy lost to friction (J).
+//! m), the dependent coordinates, the work of the efforts and the energy lost to friction (J). The
+//! dependent coordinates are only predictions, from which the loops are closed anew at every state.
 
 use super::control::{Controller, ControllerInput, PidControllers};
 use super::integrate::{Integrator, Stop};
@@ -10,7 +11,8 @@ use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::robot::Robot;
 use super::settings::{Reference, Settings, SimulationError};
-use regen_runtime::{LoopClosure, Model};
+use super::targets::Targets;
+use regen_runtime::Model;
 
 /// Simulates the robot with parameters `phi` (p) along a reference, from the start of the
 /// reference.
@@ -124,119 +126,131 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     phi: &[f64],
     reference: &R,
     settings: &Settings,
-    mut controller: Option<&mut dyn Controller>,
+    controller: Option<&mut dyn Controller>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;
-    let dof = robot.dof;
-    let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
-    reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
-    let mut y = q_i.clone();
-    y.extend(&qd_i);
-    y.extend(&robot.command);
-    y.resize(robot.size(), 0.0);
-    // below 1 rad or m (per s) and 100 N, N m or J, errors are judged by absolute tolerances
-    let mut scales = vec![1.0; y.len()];
-    scales[2 * dof..].fill(1e2);
-    let mut reference_closure = LoopClosure::new(model)?;
-    let mut noise = Noise::new(settings.seed);
     let mut log = Log::empty();
+    let controlled = Controlled {
+        model,
+        reference,
+        settings,
+        controller,
+    };
+    log.ended = controlled.integrate(&mut robot, progress, &mut log)?;
+    robot.complete(&mut log)?;
+    Ok(log)
+}
 
-    if let Err(stop) = robot.rates(&y)? {
-        log.ended = stop;
-        return Ok(log);
-    }
-    let mut integrator = Integrator::new(y, settings.tolerance, &scales);
-    let count = period_count(settings)?;
-    let mut start_energy = None;
-    // the command of the last period, which the drives apply up to the sample
-    let mut held_command = robot.command.clone();
-    for sample in 0..=count {
-        let t = sample as f64 * settings.period;
-        progress(t);
-        // measure, then command
-        let measured = robot.measured(&integrator.y, &mut noise)?;
-        held_command.copy_from_slice(&robot.command);
-        if let Some(controller) = controller.as_deref_mut() {
-            reference.at(t, &mut q_i, &mut qd_i, &mut qdd_i);
-            let target = reference_closure.track(&q_i)?;
-            if !target.outcome.is_closed() {
-                log.ended = Termination::Open(target.outcome);
-                return Ok(log);
-            }
-            let now = ControllerInput {
-                t,
-                period: settings.period,
-                q: &target.q,
-                q_i: &q_i,
-                qd_i: &qd_i,
-                qdd_i: &qdd_i,
-                measured: &measured,
-            };
-            controller.efforts(&now, &mut robot.command);
-            let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));
-            log.command.extend(followed);
-            for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
-                if let Some([lo, hi]) = drive.limit
-                    && !command.is_nan()
-                {
-                    // a NaN is not clamped: `max` and `min` would turn it into a limit
-                    *command = command.max(lo).min(hi);
+/// What a run needs besides the robot.
+struct Controlled<'a, M: ?Sized, R: ?Sized> {
+    model: &'a M,
+    reference: &'a R,
+    settings: &'a Settings,
+    controller: Option<&'a mut dyn Controller>,
+}
+
+impl<M: Model<f64> + ?Sized, R: Reference + ?Sized> Controlled<'_, M, R> {
+    /// Integrates the robot from sample to sample, and logs it; returns how the run ended.
+    fn integrate(
+        self,
+        robot: &mut Robot<'_, M>,
+        progress: &mut dyn FnMut(f64),
+        log: &mut Log,
+    ) -> Result<Termination, SimulationError> {
+        let Self {
+            model,
+            reference,
+            settings,
+            mut controller,
+        } = self;
+        let dof = robot.dof;
+        let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+        reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
+        let scales = robot.scales();
+        let mut y = q_i;
+        y.extend(&qd_i);
+        y.extend(&robot.command);
+        y.resize(scales.len(), 0.0);
+        let mut noise = Noise::new(settings.seed);
+
+        if let Err(stop) = robot.rates(&y)? {
+            return Ok(stop);
+        }
+        robot.settle(&mut y);
+        let mut integrator = Integrator::new(y, settings.tolerance, &scales);
+        let count = period_count(settings)?;
+        let mut targets = Targets::new(model, reference, settings.period, count)?;
+        // the command of the last period, which the drives apply up to the sample
+        let mut held_command = robot.command.clone();
+        for sample in 0..=count {
+            let t = sample as f64 * settings.period;
+            progress(t);
+            // measure, then command
+            let measured = robot.measured(&integrator.y, &mut noise)?;
+            held_command.copy_from_slice(&robot.command);
+            if let Some(controller) = controller.as_deref_mut() {
+                let target = targets.at(sample)?;
+                if !target.outcome.is_closed() {
+                    return Ok(Termination::Open(target.outcome));
+                }
+                let [q_i, qd_i, qdd_i] = target.independent;
+                let now = ControllerInput {
+                    t,
+                    period: settings.period,
+                    q: target.q,
+                    q_i,
+                    qd_i,
+                    qdd_i,
+                    measured: &measured,
+                };
+                controller.efforts(&now, &mut robot.command);
+                let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));
+                log.command.extend(followed);
+                for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
+                    if let Some([lo, hi]) = drive.limit
+                        && !command.is_nan()
+                    {
+                        // a NaN is not clamped: `max` and `min` would turn it into a limit
+                        *command = command.max(lo).min(hi);
+                    }
+                }
+                if robot.command.iter().any(|effort| !effort.is_finite()) {
+                    return Ok(Termination::Diverged);
                 }
             }
-            if robot.command.iter().any(|effort| !effort.is_finite()) {
-                log.ended = Termination::Diverged;
-                return Ok(log);
+            if sample == 0 {
+                // there is no command before the first sample
+                held_command.copy_from_slice(&robot.command);
+            }
+            let recorded =
+                robot.record(t, &integrator.y, &measured, &held_command, &mut noise, log)?;
+            if let Err(stop) = recorded {
+                return Ok(stop);
+            }
+            if sample == count {
+                break;
+            }
+            let end = (sample + 1) as f64 * settings.period;
+            let advanced = integrator.advance(end, |_, y, dy| {
+                match robot.rates(y) {
+                    Err(error) => return Err(RatesFailure::Error(error)),
+                    Ok(Err(stop)) => return Err(RatesFailure::Stop(stop)),
+                    Ok(Ok(())) => {}
+                }
+                dy.copy_from_slice(&robot.dy);
+                Ok(())
+            });
+            log.steps = integrator.steps;
+            match advanced {
+                Ok(()) => robot.settle(&mut integrator.y),
+                Err(Stop::StepTooSmall) => return Ok(Termination::StepTooSmall),
+                Err(Stop::Refused(RatesFailure::Stop(stop))) => return Ok(stop),
+                Err(Stop::Refused(RatesFailure::Error(error))) => return Err(error),
             }
         }
-        if sample == 0 {
-            // there is no command before the first sample
-            held_command.copy_from_slice(&robot.command);
-        }
-        let recorded = robot.record(
-            t,
-            &integrator.y,
-            &measured,
-            &held_command,
-            &mut noise,
-            &mut log,
-        )?;
-        if let Err(stop) = recorded {
-            log.ended = stop;
-            return Ok(log);
-        }
-        if let Some(energy) = log.energy.last() {
-            let start = *start_energy.get_or_insert(*energy);
-            log.imbalance = log.imbalance.max(energy.imbalance(start).abs());
-        }
-        if sample == count {
-            break;
-        }
-        let end = (sample + 1) as f64 * settings.period;
-        let advanced = integrator.advance(end, |_, y, dy| {
-            match robot.rates(y) {
-                Err(error) => return Err(RatesFailure::Error(error)),
-                Ok(Err(stop)) => return Err(RatesFailure::Stop(stop)),
-                Ok(Ok(())) => {}
-            }
-            dy.copy_from_slice(&robot.dy);
-            Ok(())
-        });
-        log.steps = integrator.steps;
-        match advanced {
-            Ok(()) => {}
-            Err(Stop::StepTooSmall) => {
-                log.ended = Termination::StepTooSmall;
-                return Ok(log);
-            }
-            Err(Stop::Refused(RatesFailure::Stop(stop))) => {
-                log.ended = stop;
-                return Ok(log);
-            }
-            Err(Stop::Refused(RatesFailure::Error(error))) => return Err(error),
-        }
+        Ok(Termination::Complete)
     }
-    Ok(log)
 }
 
 /// The number of periods of the run.

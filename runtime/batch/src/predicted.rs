@@ -1,0 +1,215 @@
+//! Loop closure of single states near each other, each from a prediction of its own.
+
+use regen_runtime::{ClosureError, LoopClosure, Model, Outcome};
+
+use crate::closure::{
+    CONVERGED_STEP, MAX_CORRECTION_RATIO, MAX_PREDICTOR_MOVE, MAX_STEPS, RELATIVE_TOLERANCE,
+    SUSPECT_PIVOT,
+};
+use crate::inverse::{MAX_CHANGE, Reference, largest};
+
+/// Beyond this change of A since the reference, the next state is compared to a new one.
+const RENEWAL: f64 = 0.5 * MAX_CHANGE;
+
+/// Closes the loops at one state after another, as [`LoopClosure::track`] does, where the caller can
+/// predict the dependent coordinates: an integrator from their velocities, for example.
+///
+/// A predicted state is corrected by Newton's method and accepted by the rule of [`LoopClosure`]: the
+/// steps halve and are short compared to the motion since the last state, the residual is within the
+/// tolerance, and A has changed by at most half of what could make it singular, since a closed state
+/// at which it was inverted. Any other state, and one near a singularity, is left to [`LoopClosure`].
+#[derive(Debug)]
+pub struct PredictedClosure<'m, M: ?Sized> {
+    model: &'m M,
+    closure: LoopClosure<'m, M>,
+    independent: Vec<usize>,
+    dependent: Vec<usize>,
+    units: Vec<f64>,
+    row_units: Vec<f64>,
+    /// The last closed state; home before the first.
+    q: Vec<f64>,
+    residual: f64,
+    /// Whether `closure` was left at an earlier state than `q`.
+    behind: bool,
+    /// The inverse of A at a closed state; `None` before the first, and near a singularity.
+    reference: Option<Reference>,
+    trial: Vec<f64>,
+    step: Vec<f64>,
+    f: Vec<f64>,
+    a: Vec<f64>,
+}
+
+impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
+    /// Closes the model at home.
+    ///
+    /// # Errors
+    /// When the model's `Info` is inconsistent; see [`LoopClosure::new`].
+    pub fn new(model: &'m M) -> Result<Self, ClosureError> {
+        let closure = LoopClosure::new(model)?;
+        let info = model.info();
+        let n = info.coordinates.len();
+        let (units, row_units) = closure.units();
+        let (units, row_units) = (units.to_vec(), row_units.to_vec());
+        let home = closure.home();
+        let (q, residual) = (home.q.clone(), home.residual);
+        Ok(Self {
+            model,
+            closure,
+            independent: info.independent.to_vec(),
+            dependent: info.dependent.to_vec(),
+            units,
+            row_units,
+            q,
+            residual,
+            behind: false,
+            reference: None,
+            trial: vec![0.0; n],
+            step: vec![0.0; info.dependent.len()],
+            f: vec![0.0; info.rows],
+            a: vec![0.0; info.rows * n],
+        })
+    }
+
+    /// The last closed state (n, rad or m); home before the first.
+    pub fn q(&self) -> &[f64] {
+        &self.q
+    }
+
+    /// The largest |f| (Eq. 6) at that state, in m or without unit.
+    pub fn residual(&self) -> f64 {
+        self.residual
+    }
+
+    /// Closes the loops at `q_i` (dof, rad or m); where the outcome is not [`Outcome::Closed`], the
+    /// last closed state stays.
+    ///
+    /// - `predicted`: the dependent coordinates nearby, in the order of `Info::dependent`, rad or m;
+    ///   without a prediction, NaN or an empty slice.
+    ///
+    /// # Errors
+    /// When `q_i` has a wrong length or an entry that is not finite.
+    ///
+    /// ```
+    /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/slider_crank.rs")); }
+    /// # use models::SliderCrank;
+    /// use regen_batch::PredictedClosure;
+    ///
+    /// // crank 1 m, rod 2 m: q = (crank angle, rod angle, slider)
+    /// let model = SliderCrank::default();
+    /// let mut closure = PredictedClosure::new(&model)?;
+    /// assert!(closure.close(&[0.1], &[])?.is_closed());
+    /// let before = [closure.q()[1], closure.q()[2]];
+    /// assert!(closure.close(&[0.101], &before)?.is_closed());
+    /// let slider = 0.101_f64.cos() + (4.0 - 0.101_f64.sin().powi(2)).sqrt();
+    /// assert!((closure.q()[2] - slider).abs() < 1e-14);
+    /// # Ok::<(), regen_runtime::ClosureError>(())
+    /// ```
+    pub fn close(&mut self, q_i: &[f64], predicted: &[f64]) -> Result<Outcome, ClosureError> {
+        let fits = q_i.len() == self.independent.len() && predicted.len() == self.dependent.len();
+        if fits && self.corrected(q_i, predicted)? {
+            std::mem::swap(&mut self.q, &mut self.trial);
+            self.behind = true;
+            return Ok(Outcome::Closed);
+        }
+        self.tracked(q_i)
+    }
+
+    /// Follows the branch from the last closed state by [`LoopClosure`].
+    fn tracked(&mut self, q_i: &[f64]) -> Result<Outcome, ClosureError> {
+        if self.behind {
+            // no state that is open or singular was accepted
+            let _ = self.closure.resume(&self.q)?;
+            self.behind = false;
+        }
+        let found = self.closure.track(q_i)?;
+        if found.outcome.is_closed() {
+            (self.q, self.residual) = (found.q, found.residual);
+            self.model.jacobian(&self.q, &mut self.a)?;
+            self.reference = Reference::new(&self.a, self.q.len(), &self.dependent);
+        }
+        Ok(found.outcome)
+    }
+
+    /// Corrects the prediction into `trial`; false where the rule does not accept it.
+    fn corrected(&mut self, q_i: &[f64], predicted: &[f64]) -> Result<bool, ClosureError> {
+        self.trial.copy_from_slice(&self.q);
+        for (c, value) in self.independent.iter().zip(q_i) {
+            self.trial[*c] = *value;
+        }
+        for (c, value) in self.dependent.iter().zip(predicted) {
+            self.trial[*c] = *value;
+        }
+        let pairs = self.trial.iter().zip(&self.q).zip(&self.units);
+        let moved = pairs.fold(0.0, |m, ((a, b), unit)| largest(m, ((a - b) / unit).abs()));
+        // false for NaN
+        let near = moved <= MAX_PREDICTOR_MOVE;
+        if !near {
+            return Ok(false);
+        }
+        if self.dependent.is_empty() {
+            self.residual = 0.0;
+            return Ok(self.f.is_empty());
+        }
+        if self.reference.is_none() || !self.converges(moved)? {
+            return Ok(false);
+        }
+        self.is_closed()
+    }
+
+    /// Newton's method from `trial`, by the rule of [`LoopClosure`].
+    fn converges(&mut self, moved: f64) -> Result<bool, ClosureError> {
+        let (trial, units) = (&mut self.trial, &self.units);
+        let sizes = self.dependent.iter().map(|c| (trial[*c] / units[*c]).abs());
+        let floor = CONVERGED_STEP * (1.0 + sizes.fold(0.0, largest));
+        let (mut sum, mut before) = (0.0, f64::INFINITY);
+        for _ in 0..MAX_STEPS {
+            let pivot = self.model.newton_step(trial, &mut self.step)?.pivot;
+            let steps = self.step.iter().zip(&self.dependent);
+            let size = steps.fold(0.0, |m, (x, c)| largest(m, (x / units[*c]).abs()));
+            sum += size;
+            let goes_on = pivot >= SUSPECT_PIVOT
+                && sum <= MAX_CORRECTION_RATIO * moved + floor
+                && size <= 0.5 * before;
+            if !goes_on {
+                return Ok(false);
+            }
+            for (x, c) in self.step.iter().zip(&self.dependent) {
+                trial[*c] += x;
+            }
+            if size <= floor {
+                return Ok(true);
+            }
+            before = size;
+        }
+        Ok(false)
+    }
+
+    /// Whether the residual at `trial` is within the tolerance, and A near that of the reference.
+    fn is_closed(&mut self) -> Result<bool, ClosureError> {
+        let Some(reference) = &mut self.reference else {
+            return Ok(false);
+        };
+        let (trial, units) = (&self.trial, &self.units);
+        self.model.constraints(trial, &mut self.f)?;
+        self.model.jacobian(trial, &mut self.a)?;
+        let (mut residual, mut scaled, mut size) = (0.0, 0.0, 0.0);
+        let rows = self.a.chunks_exact(trial.len()).zip(&self.row_units);
+        for ((row, row_unit), f) in rows.zip(&self.f) {
+            residual = largest(residual, f.abs());
+            scaled = largest(scaled, (f / row_unit).abs());
+            let entries = row.iter().zip(trial).zip(units);
+            let terms = entries.map(|((a, q), unit)| (a * unit).abs() * (q / unit).abs().max(1.0));
+            size = largest(size, terms.sum::<f64>() / row_unit);
+        }
+        let change = reference.change(&self.a);
+        // false for NaN
+        let closed = scaled <= RELATIVE_TOLERANCE * size && change <= MAX_CHANGE;
+        if closed {
+            self.residual = residual;
+            if change > RENEWAL {
+                self.reference = Reference::new(&self.a, trial.len(), &self.dependent);
+            }
+        }
+        Ok(closed)
+    }
+}
