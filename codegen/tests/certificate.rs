@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use regen_codegen::base::certificate::{CertificateError, Float320, Samples, certify};
+use regen_codegen::base::derive;
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::kinematics::{Frames, Geometry};
@@ -355,4 +356,53 @@ limbs:
     assert!(certificate.is_certain());
     assert_eq!(samples.combinations(&[]), Some(vec![vec![]; 10]));
     assert_eq!(samples.residual(&[Float320::ONE; 10]).to_bits(), 0);
+}
+
+/// A trunk with four limbs of seven joints, no two axes in a row parallel.
+fn trunk_with_limbs() -> String {
+    let mut text = String::from(
+        "name: trunk\nlimbs:\n  - name: trunk\n    joints:\n      \
+         - {name: t, type: revolute, body: trunk, actuated: true}\n",
+    );
+    for limb in ["a", "b", "c", "d"] {
+        writeln!(text, "  - name: {limb}\n    from: trunk\n    joints:").unwrap();
+        for (k, axis) in (1..).zip(["y", "z", "x", "y", "z", "x", "z"]) {
+            let xyz = format!(
+                "[0.0{k}, {}, -0.1{k}]",
+                if limb < "c" { "0.1" } else { "-0.2" }
+            );
+            writeln!(
+                text,
+                "      - {{name: {limb}{k}, type: revolute, origin: {{xyz: {xyz}}}, axis: {axis}, \
+                 body: {limb}{k}, actuated: true}}"
+            )
+            .unwrap();
+        }
+    }
+    text
+}
+
+/// Some parameters of such a robot act in one entry of the mass matrix alone.
+#[test]
+fn samples_of_many_coordinates_find_what_one_tree_derives() {
+    let text = trunk_with_limbs();
+    let spec = spec::parse(&Source::new("trunk.yaml", &*text)).unwrap();
+    let (model, samples) = samples(&text);
+    let derived = derive(&spec, &model, Some(0));
+    let certificate = samples.certificate();
+    assert_eq!(model.independent.len(), 29);
+    assert_eq!(certificate.rank, derived.rank());
+    assert!(certificate.is_certain(), "{certificate:?}");
+}
+
+#[test]
+fn samples_join_and_raise_no_rank_that_is_complete() {
+    let (model, home) = mechanism(&file("tests/fixtures/oracle/puma560.yaml"));
+    let [mut one, other] = [1, 2].map(|seed| certify(&model, &home, seed).unwrap());
+    let states = one.certificate().states + other.certificate().states;
+    assert!(!one.join(other));
+    assert_eq!(
+        (one.certificate().rank, one.certificate().states),
+        (36, states)
+    );
 }

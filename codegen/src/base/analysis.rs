@@ -3,12 +3,14 @@
 use crate::model::Model;
 use crate::spec::Spec;
 
-use super::certificate::{Certificate, Samples, certify};
+use super::certificate::{Certificate, certify};
 use super::null_completion::NullCompletion;
-use super::{Base, derive_with_completion, payloads};
+use super::{Base, derive_with_completion, payloads, right_angles};
 
 /// Seed of the random states of every certificate, fixed so that results are reproducible.
 const SEED: u64 = 1;
+/// The seed of the last states that are sampled where those before may have been special.
+const LAST_SEED: u64 = 7;
 
 /// The base parameters of a mechanism, with the evidence for their number.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,22 +42,50 @@ pub struct Analysis {
 /// assert_eq!(analysis.base.rank(), 3);
 /// ```
 pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
-    let samples = certify(model, home, SEED).map_err(|e| e.to_string());
-    let certificate = samples.as_ref().map(Samples::certificate);
-    let certificate = certificate.map_err(Clone::clone);
-    let certain = certificate.as_ref().ok().filter(|c| c.is_certain());
-    let target = certain.map(|c| c.columns - c.rank);
-    let completion = samples.as_ref().ok().filter(|_| target.is_some());
-    let completion = completion.map(|samples| NullCompletion::new(samples, home, SEED));
-    let base = derive_with_completion(spec, model, target, completion.as_ref());
-    // of payloads too: their directions are part of those of all columns
-    let certificate = samples
-        .as_ref()
-        .map(|samples| payloads::certificate(samples, model))
-        .map_err(Clone::clone);
-    Analysis {
-        complete: target == Some(base.from_trees + base.completed) && base.refuted == 0,
-        base,
-        certificate,
+    let Some((restored, replaced)) = right_angles::restored(model) else {
+        return analyse_as_given(spec, model, home);
+    };
+    let mut analysis = analyse_as_given(spec, &restored, home);
+    analysis.base.coincidences.extend(replaced);
+    analysis
+}
+
+fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
+    let mut samples = match certify(model, home, SEED) {
+        Ok(samples) => samples,
+        Err(e) => {
+            return Analysis {
+                base: derive_with_completion(spec, model, None, None),
+                certificate: Err(e.to_string()),
+                complete: false,
+            };
+        }
+    };
+    let mut seed = SEED;
+    loop {
+        let certificate = samples.certificate();
+        let target = certificate.columns - certificate.rank;
+        let target = certificate.is_certain().then_some(target);
+        let completion = NullCompletion::new(&samples, home, seed);
+        let base = derive_with_completion(spec, model, target, Some(&completion));
+        let null = base.from_trees + base.completed;
+        // where both bounds meet, it suffices that what was kept is no rounding
+        let met = certificate.has_sure_pivots() && certificate.columns == certificate.rank + null;
+        let complete = (target == Some(null) || met) && base.refuted == 0;
+        // before a gap between both bounds is reported, other states are sampled: samples that find
+        // fewer than there are were special
+        if !complete && seed < LAST_SEED {
+            // the completion has compared with the seed that follows
+            seed += 2;
+            if certify(model, home, seed).is_ok_and(|other| samples.join(other)) {
+                continue;
+            }
+        }
+        return Analysis {
+            complete,
+            base,
+            // of payloads too: their directions are part of those of all columns
+            certificate: Ok(payloads::certificate(&samples, model)),
+        };
     }
 }

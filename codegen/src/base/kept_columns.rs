@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use crate::model::{Model, ParameterKind};
 
 use super::field::{Element, Field};
-use super::span::{Vector, add_scaled};
+use super::span::{Vector, add_scaled, clear};
 
 /// Columns in the order in which elimination is tried: first those of `first`, then the others so
 /// that the remaining base parameters are simple.
@@ -98,10 +98,7 @@ impl Reduced {
         add_scaled(field, &mut scaled, &inverse, &row);
         scaled.insert(column, Element::one());
         for other in open.iter_mut().chain(self.rows.values_mut()) {
-            if let Some(factor) = other.get(&column).map(Element::neg) {
-                add_scaled(field, other, &factor, &scaled);
-                other.remove(&column);
-            }
+            clear(field, other, column, &scaled);
         }
         self.rows.insert(column, scaled);
     }

@@ -30,6 +30,7 @@ mod linkage;
 mod null_completion;
 mod payloads;
 mod rates;
+mod right_angles;
 mod span;
 mod store;
 mod tree;
@@ -185,14 +186,16 @@ fn derive_with_completion(
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     // layer 2, velocity constraints: directions of friction parameters, then of the bodies
     let mut start = Span::default();
+    // a direction that changes a force at the samples is left out, and layer 3 looks for the right one
+    let accepts = |row: &Vector| completion.is_none_or(|completion| completion.is_null(row));
     for direction in rates::null_directions(&mut field, &linkage, model) {
-        start.insert(&mut field, &direction);
+        start.insert_if(&mut field, &direction, &accepts);
     }
     for direction in coupled::null_directions(&mut field, &linkage, model) {
-        start.insert(&mut field, &direction);
+        start.insert_if(&mut field, &direction, &accepts);
     }
     // layers 1 and 2: the sum of the null spaces of spanning trees
-    let sum = trees::sum(&mut field, &linkage, start, target);
+    let sum = trees::sum(&mut field, &linkage, start, target, &accepts);
     let mut null: Vec<Vector> = sum.span.vectors().cloned().collect();
     let from_trees = null.len();
     let requested: Vec<usize> = spec

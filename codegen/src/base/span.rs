@@ -29,6 +29,46 @@ pub(super) fn sparse(entries: impl IntoIterator<Item = Element>) -> Vector {
     entries.filter(|(_, e)| !e.is_zero()).collect()
 }
 
+/// Entries that are not exact and below this part, 2^-200, of the largest number from which they
+/// were computed are rounding. The certificate has the same bound.
+const ROUNDING: f64 = 6.2e-61;
+
+/// Entries that are not exact and below this part of the largest entry of their vector are pivots
+/// only where there are no others: dividing by them would cost digits.
+const SMALL: f64 = 1e-6;
+
+fn size(entry: &Element) -> f64 {
+    entry.value().to_f64().abs()
+}
+
+/// The magnitude of the largest entry.
+fn largest(vector: &Vector) -> f64 {
+    vector.values().map(size).fold(0.0, f64::max)
+}
+
+fn is_exact(vector: &Vector) -> bool {
+    vector.values().all(|e| e.value().is_exact())
+}
+
+/// Subtracts the multiple of `row`, which has 1 at the index `lead`, that makes the entry of `to`
+/// there 0. What remains of entries that cancel up to rounding becomes 0 too.
+pub(super) fn clear(field: &mut Field, to: &mut Vector, lead: usize, row: &Vector) {
+    let Some(factor) = to.get(&lead).map(Element::neg) else {
+        return;
+    };
+    let exact = factor.value().is_exact() && is_exact(to) && is_exact(row);
+    let before = if exact {
+        0.0
+    } else {
+        largest(to).max(size(&factor) * largest(row))
+    };
+    add_scaled(field, to, &factor, row);
+    to.remove(&lead);
+    if !exact {
+        to.retain(|_, e| e.value().is_exact() || size(e) > ROUNDING * before);
+    }
+}
+
 /// The scalar product.
 pub(super) fn dot(field: &mut Field, a: &Vector, b: &Vector) -> Element {
     let mut sum = Element::zero();
@@ -58,16 +98,30 @@ impl Span {
 
     /// Adds a vector to the span; false if the span contained it already.
     pub(super) fn insert(&mut self, field: &mut Field, vector: &Vector) -> bool {
+        self.insert_if(field, vector, &|_| true)
+    }
+
+    /// As [`insert`](Self::insert), unless `accepts` says no to what the vector adds to the span.
+    pub(super) fn insert_if(
+        &mut self,
+        field: &mut Field,
+        vector: &Vector,
+        accepts: &dyn Fn(&Vector) -> bool,
+    ) -> bool {
         let mut rest = vector.clone();
         for (lead, row) in &self.rows {
-            if let Some(factor) = rest.get(lead).map(Element::neg) {
-                add_scaled(field, &mut rest, &factor, row);
-            }
+            clear(field, &mut rest, *lead, row);
         }
         // the entry with the shortest expression becomes the leading one
+        let bound = if is_exact(&rest) {
+            0.0
+        } else {
+            SMALL * largest(&rest)
+        };
+        let is_small = |e: &Element| bound > 0.0 && !e.value().is_exact() && size(e) < bound;
         let Some(lead) = rest
             .iter()
-            .min_by_key(|(i, e)| (e.weight(), **i))
+            .min_by_key(|(i, e)| (is_small(e), e.weight(), **i))
             .map(|(i, _)| *i)
         else {
             return false;
@@ -77,10 +131,11 @@ impl Span {
         let mut row = Vector::new();
         add_scaled(field, &mut row, &factor, &rest);
         row.insert(lead, Element::one());
+        if !accepts(&row) {
+            return false;
+        }
         for (_, old) in &mut self.rows {
-            if let Some(factor) = old.get(&lead).map(Element::neg) {
-                add_scaled(field, old, &factor, &row);
-            }
+            clear(field, old, lead, &row);
         }
         self.rows.push((lead, row));
         true
@@ -102,5 +157,48 @@ impl Span {
                 vector
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sym::Number;
+
+    fn vector(entries: impl IntoIterator<Item = Number>) -> Vector {
+        sparse(entries.into_iter().map(Element::exact))
+    }
+
+    /// An angle of 1.57079632679 has a cosine of 5e-12. The second vector is the first one,
+    /// computed in another order.
+    #[test]
+    fn what_rounding_leaves_of_a_vector_is_nothing_new() -> Result<(), String> {
+        let angle = Number::parse_decimal("1.57079632679").ok_or("no decimal")?;
+        let (sin, cos) = angle.sin_cos();
+        let mut field = Field::default();
+        let square = cos.mul(&cos);
+        let others = Number::one().sub(&sin.mul(&sin));
+        let first = vector([square.mul(&square), square.mul(&sin), cos.clone()]);
+        let second = vector([others.mul(&others), others.mul(&sin), cos.clone()]);
+        let mut span = Span::default();
+        assert!(span.insert(&mut field, &first));
+        assert!(!span.insert(&mut field, &second));
+        // while a small entry is not rounding
+        let third = vector([square.mul(&square), square.mul(&sin), cos.add(&square)]);
+        assert!(span.insert(&mut field, &third));
+        Ok(())
+    }
+
+    #[test]
+    fn a_vector_that_is_not_accepted_leaves_the_span_as_it_is() {
+        let mut field = Field::default();
+        let mut span = Span::default();
+        let unit = |i: usize| Vector::from([(i, Element::one())]);
+        assert!(span.insert(&mut field, &unit(0)));
+        let no = |row: &Vector| !row.contains_key(&1);
+        let both = Vector::from([(0, Element::one()), (1, Element::one())]);
+        assert!(!span.insert_if(&mut field, &both, &no));
+        assert!(span.insert_if(&mut field, &unit(2), &no));
+        assert_eq!(span.dimension(), 2);
     }
 }

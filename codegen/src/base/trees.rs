@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use super::field::Field;
 use super::linkage::Linkage;
-use super::span::Span;
+use super::span::{Span, Vector};
 use super::tree::null_directions;
 
 /// The largest number of spanning trees that are analysed, even if the sum still grows.
@@ -21,7 +21,14 @@ pub(super) struct Sum {
 
 /// Adds the null spaces of spanning trees to `start`, until the sum has `target` dimensions, or
 /// until no exchange of one joint of one loop, in any tree that added something, adds anything.
-pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Option<usize>) -> Sum {
+/// Directions that `accepts` refuses are left out.
+pub(super) fn sum(
+    field: &mut Field,
+    linkage: &Linkage,
+    start: Span,
+    target: Option<usize>,
+    accepts: &dyn Fn(&Vector) -> bool,
+) -> Sum {
     let first: BTreeSet<usize> = (0..linkage.edges.len())
         .filter(|e| linkage.edges[*e].in_spec_tree)
         .collect();
@@ -32,7 +39,7 @@ pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Opt
     let mut seen = BTreeSet::from([first.clone()]);
     // trees that added something: their neighbours are analysed too
     let mut used = VecDeque::new();
-    result.add(field, linkage, &first);
+    result.add(field, linkage, &first, accepts);
     used.push_back(first);
     let done = |r: &Sum| target.is_some_and(|t| r.span.dimension() >= t) || r.trees >= MAX_TREES;
     while let Some(tree) = used.pop_front() {
@@ -40,7 +47,7 @@ pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Opt
             if done(&result) {
                 return result;
             }
-            if seen.insert(neighbour.clone()) && result.add(field, linkage, &neighbour) {
+            if seen.insert(neighbour.clone()) && result.add(field, linkage, &neighbour, accepts) {
                 used.push_back(neighbour);
             }
         }
@@ -49,12 +56,18 @@ pub(super) fn sum(field: &mut Field, linkage: &Linkage, start: Span, target: Opt
 }
 
 impl Sum {
-    fn add(&mut self, field: &mut Field, linkage: &Linkage, tree: &BTreeSet<usize>) -> bool {
+    fn add(
+        &mut self,
+        field: &mut Field,
+        linkage: &Linkage,
+        tree: &BTreeSet<usize>,
+        accepts: &dyn Fn(&Vector) -> bool,
+    ) -> bool {
         self.trees += 1;
         let before = self.span.dimension();
         let edges: Vec<usize> = tree.iter().copied().collect();
         for direction in null_directions(field, linkage, &edges) {
-            self.span.insert(field, &direction);
+            self.span.insert_if(field, &direction, accepts);
         }
         self.span.dimension() > before
     }

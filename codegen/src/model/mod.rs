@@ -3,11 +3,13 @@
 //! between them.
 
 mod build;
+mod limits;
 mod parameters;
 mod springs;
 mod stated;
 
 pub use build::build;
+pub use limits::contradicting_limits;
 pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
 pub use springs::{EffortTerm, JointSpring, PointSpring, SpringEnd, SpringPart};
 pub use stated::{joints_of_coordinates, nominal};

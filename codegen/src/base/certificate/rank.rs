@@ -31,6 +31,12 @@ pub struct Certificate {
 }
 
 impl Certificate {
+    /// Whether all pivots are far above the rounding of 96 digits, so that the rank is at least what
+    /// it says, even where it may be more.
+    pub fn has_sure_pivots(&self) -> bool {
+        self.smallest_kept >= MAX_DROPPED
+    }
+
     /// Whether the gap between pivots and dropped numbers leaves no doubt about the rank.
     pub fn is_certain(&self) -> bool {
         // nothing is dropped where all columns are pivots' columns, nor where all are 0
@@ -38,10 +44,6 @@ impl Certificate {
             || self.largest_dropped <= MAX_DROPPED
                 && self.smallest_kept >= MIN_GAP * self.largest_dropped
     }
-}
-
-fn largest_of(values: &[Float320]) -> Float320 {
-    values.iter().fold(Float320::ZERO, |m, x| m.max(x.abs()))
 }
 
 /// Sampled rows, with one entry per parameter.
@@ -108,6 +110,13 @@ impl Samples {
         grown
     }
 
+    /// Adds the rows of another sample of the same mechanism. Returns whether the rank grew, which
+    /// it does only if the states of this sample were special.
+    pub fn join(&mut self, other: Samples) -> bool {
+        let states = self.certificate.states + other.certificate.states;
+        self.extend(other.rows, states)
+    }
+
     /// The rank and the evidence for it.
     pub fn certificate(&self) -> Certificate {
         self.certificate
@@ -154,15 +163,22 @@ impl Samples {
     /// The largest product of a row and a direction, relative to the largest entry of all rows and
     /// of the direction: rounding for a null direction, also for one whose columns are all zero.
     pub fn left_over(&self, direction: &[Float320]) -> f64 {
-        let direction = &self.in_units(direction)[..];
-        let largest = self.largest * largest_of(direction);
-        // a direction has few nonzero entries
-        let support: Vec<usize> = (0..direction.len())
-            .filter(|&c| !direction[c].is_zero())
+        let nonzero = direction.iter().enumerate().filter(|(_, x)| !x.is_zero());
+        self.left_over_of(&nonzero.map(|(c, x)| (c, *x)).collect::<Vec<_>>())
+    }
+
+    /// As [`left_over`](Self::left_over), of a direction's nonzero entries with their columns.
+    pub(in crate::base) fn left_over_of(&self, direction: &[(usize, Float320)]) -> f64 {
+        let entries = direction.iter();
+        let direction: Vec<(usize, Float320)> = entries
+            .map(|(c, x)| (*c, x.scaled(-self.units[*c])))
             .collect();
-        let sums = self.rows.iter().map(|row| {
-            let terms = support.iter();
-            let terms = terms.filter_map(|&c| Some(*row.entry(c)? * direction[c]));
+        let entries = direction.iter().map(|(_, x)| x.abs());
+        let largest = self.largest * entries.fold(Float320::ZERO, Float320::max);
+        // the pivots' rows span all rows
+        let sums = self.basis.rows.iter().map(|row| {
+            let terms = direction.iter();
+            let terms = terms.filter_map(|(c, x)| Some(*row.entry(*c)? * *x));
             terms.fold(Float320::ZERO, |sum, term| sum + term).abs()
         });
         let worst = sums.fold(Float320::ZERO, Float320::max);

@@ -26,8 +26,8 @@ type Twist = [Float320; 6];
 /// The least number of states, even if fewer give enough rows.
 const MIN_STATES: usize = 8;
 
-/// Number of entries of the mass matrix sampled per parameter's column, unless there are fewer
-/// entries.
+/// Number of rows of kinetic energy sampled per parameter's column, unless the mass matrices have
+/// fewer entries.
 const ROWS_PER_COLUMN: usize = 4;
 
 /// The number of states that give at least twice as many rows as there are columns, also if only
@@ -216,8 +216,9 @@ pub(super) struct Rows<'a> {
     in_motion: Evaluator<'a>,
     /// Number of random velocities per state for the rows of friction.
     velocities: usize,
-    /// The fraction of the mass matrix's off-diagonal entries that is sampled.
-    share: f64,
+    /// Number of random velocities per state for the rows of kinetic energy; `None` if each entry
+    /// of the mass matrix has a row.
+    momenta: Option<usize>,
     units: Units,
     /// For each parameter, the exponent of the power of two by which its column is scaled.
     columns: Vec<i32>,
@@ -244,9 +245,11 @@ impl<'a> Rows<'a> {
             let rows = states * n.max(1);
             (2 * model.parameters.len()).div_ceil(rows).max(4)
         };
-        // with many coordinates, a part of the entries suffices to cover all columns
+        // With many coordinates the entries of the mass matrix are far more than the columns. A
+        // part of the entries would not do: some parameters act in one entry alone.
         let entries = states * (n * (n + 1) / 2);
-        let share = (ROWS_PER_COLUMN * model.parameters.len()) as f64 / entries.max(1) as f64;
+        let enough = ROWS_PER_COLUMN * model.parameters.len();
+        let momenta = (enough < entries).then(|| enough.div_ceil((states * n).max(1)));
         Rows {
             model,
             expressions,
@@ -260,7 +263,7 @@ impl<'a> Rows<'a> {
                     .collect(),
             ),
             velocities,
-            share,
+            momenta,
             units,
             columns: column_units(model, units),
             collected: Vec::new(),
@@ -303,21 +306,9 @@ impl<'a> Rows<'a> {
         for effort in &self.expressions.at_rest {
             effort.project(&mut values, state, &mut forces);
         }
+        self.sample_kinetic(state, &bodies, random);
         let separate = self.expressions.in_motion.is_empty();
         for j in 0..width {
-            for k in j..width {
-                if k > j && self.share < 1.0 && random.next() > 2.0 * self.share - 1.0 {
-                    continue;
-                }
-                let entry = |_: usize, kind: ParameterKind| match kind {
-                    ParameterKind::Rotor { coordinate } => {
-                        state.j[coordinate][j] * state.j[coordinate][k]
-                    }
-                    _ => Float320::ZERO,
-                };
-                let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
-                self.push(0, &blocks.collect::<Vec<_>>(), entry);
-            }
             if !separate {
                 continue;
             }
@@ -339,6 +330,78 @@ impl<'a> Rows<'a> {
             }
         }
         Some(())
+    }
+
+    /// Adds the rows of kinetic energy: the entries of the mass matrix, or, where these are many, its
+    /// products with random velocities, which contain every entry.
+    fn sample_kinetic(
+        &mut self,
+        state: &State,
+        bodies: &[(Vec<Twist>, Twist)],
+        random: &mut Random,
+    ) {
+        let width = self.model.independent.len();
+        let unit = |j: usize| {
+            let rates = (0..width).map(|k| {
+                if k == j {
+                    Float320::ONE
+                } else {
+                    Float320::ZERO
+                }
+            });
+            rates.collect::<Vec<_>>()
+        };
+        let Some(momenta) = self.momenta else {
+            for j in 0..width {
+                for k in j..width {
+                    let twists = bodies.iter().map(|(twists, _)| twists[k]);
+                    self.push_kinetic(state, bodies, j, &twists.collect::<Vec<_>>(), &unit(k));
+                }
+            }
+            return;
+        };
+        for _ in 0..momenta {
+            let rates: Vec<Float320> = (0..width)
+                .map(|_| Float320::from_f64(random.next()))
+                .collect();
+            let moving = bodies.iter().map(|(twists, _)| {
+                let mut sum = [Float320::ZERO; 6];
+                for (twist, rate) in twists.iter().zip(&rates) {
+                    for (sum, x) in sum.iter_mut().zip(twist).filter(|(_, x)| !x.is_zero()) {
+                        *sum = *sum + *rate * *x;
+                    }
+                }
+                sum
+            });
+            let moving: Vec<Twist> = moving.collect();
+            for j in 0..width {
+                self.push_kinetic(state, bodies, j, &moving, &rates);
+            }
+        }
+    }
+
+    /// Adds the row of the momentum at the independent coordinate `j`, where the bodies move with
+    /// the given twists, and the independent coordinates with the given rates.
+    fn push_kinetic(
+        &mut self,
+        state: &State,
+        bodies: &[(Vec<Twist>, Twist)],
+        j: usize,
+        moving: &[Twist],
+        rates: &[Float320],
+    ) {
+        let entry = |_: usize, kind: ParameterKind| match kind {
+            ParameterKind::Rotor { coordinate } => {
+                let row = &state.j[coordinate];
+                let terms = row.iter().zip(rates);
+                let rate = terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r);
+                row[j] * rate
+            }
+            _ => Float320::ZERO,
+        };
+        let blocks = bodies.iter().zip(moving);
+        let blocks = blocks.map(|((twists, _), twist)| polar(&twists[j], twist));
+        self.push(0, &blocks.collect::<Vec<_>>(), entry);
     }
 
     /// Adds rows of all forces but those of inertia, at a random velocity; `None` where an effort

@@ -117,9 +117,12 @@ impl<'a> Walk<'a> {
             ratio = pivot_ratio(&dependent(model, &a));
             size = a.iter().flatten().fold(size, |m: f64, x| m.max(x.abs()));
         }
-        let ranges: Vec<[f64; 2]> = (0..model.coordinates.len())
+        let mut ranges: Vec<[f64; 2]> = (0..model.coordinates.len())
             .map(|c| range(model, home, c, units))
             .collect();
+        for (follower, _) in crate::model::contradicting_limits(model) {
+            ranges[follower] = [f64::NEG_INFINITY, f64::INFINITY];
+        }
         let independent = model.independent.iter();
         let walk = Walk {
             largest_steps: independent

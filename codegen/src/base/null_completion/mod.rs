@@ -78,16 +78,15 @@ impl<'a> NullCompletion<'a> {
     /// The number of directions that are not null at the sampled states; above 0 only if their
     /// derivation is wrong.
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {
-        let columns = self.samples.certificate().columns;
-        let residual = |direction: &Vector| {
-            // entries beyond the parameters' columns mark completed directions
-            let in_parameters = direction.range(..columns);
-            let in_parameters: Vector = in_parameters.map(|(c, e)| (*c, e.clone())).collect();
-            self.samples.left_over(&values(&in_parameters, columns))
-        };
-        null.iter()
-            .filter(|direction| residual(direction) > MAX_NULL_RESIDUAL)
-            .count()
+        null.iter().filter(|row| !self.is_null(row)).count()
+    }
+
+    /// Whether a direction is null at the sampled states. Entries beyond the parameters' columns,
+    /// which mark completed directions, are passed over.
+    pub(super) fn is_null(&self, direction: &Vector) -> bool {
+        let entries = direction.range(..self.samples.certificate().columns);
+        let entries = entries.map(|(c, e)| (*c, Float320::from_number(e.value())));
+        self.samples.left_over_of(&entries.collect::<Vec<_>>()) <= MAX_NULL_RESIDUAL
     }
 
     /// Finds null directions of the sampled regressor in addition to the derived ones.
@@ -106,7 +105,8 @@ impl<'a> NullCompletion<'a> {
     ) -> Completed {
         let mut completed = Completed::default();
         let certificate = self.samples.certificate();
-        if null.len() + certificate.rank >= certificate.columns {
+        // a rank that is open says nothing about directions that might be missing
+        if !certificate.is_certain() || null.len() + certificate.rank >= certificate.columns {
             return completed;
         }
         let derived = kept_columns::reduce(field, null, order, requested).rows;
