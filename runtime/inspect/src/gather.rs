@@ -6,9 +6,9 @@ use crate::clock::{Clock, ClockPass};
 use crate::columns::Surveyed;
 use crate::spectrum::{Density, Welch, block_rows};
 
-/// Values of a stretch, at about this rate, Hz: means of as many rows as that takes.
+/// The approximate rate of the values of a stretch, Hz; each is the mean of several rows.
 const STRETCH_RATE: f64 = 250.0;
-/// Values of all stretches.
+/// The largest number of values in all stretches together.
 const STRETCH_VALUES: usize = 16_384;
 /// Number of stretches of a longer log.
 const STRETCHES: usize = 8;

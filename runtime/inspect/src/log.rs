@@ -27,11 +27,11 @@ const MAX_FALLING: f64 = 1e-3;
 const MAX_CUTOFF_PART: f64 = 0.125;
 /// The cutoff where no signal says one, as a part of the rate.
 const PLAIN_CUTOFF_PART: f64 = 0.05;
-/// Rates that differ by more are not the same one.
+/// Rates are the same up to this relative difference.
 const SAME_RATE: f64 = 0.1;
-/// A rate found from velocities that is this near to a round one is that.
+/// A rate that was found from velocities is rounded if it changes by less than this part.
 const ROUND_PART: f64 = 0.01;
-/// rad.
+/// One degree, rad.
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
 /// What is known of one column.

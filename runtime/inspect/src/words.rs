@@ -6,17 +6,17 @@ use crate::clock::ClockSource;
 use crate::log::LogFacts;
 use crate::names::Role;
 
-/// The least share of rows at an extreme that is told as saturation.
+/// The least share of rows at an extreme that is reported as saturation.
 const SATURATED_SHARE: f64 = 1e-3;
-/// The least number of consecutive rows at it.
+/// The least number of consecutive rows at an extreme that is reported as saturation.
 const SATURATED_ROWS: usize = 4;
-/// A delay is told that is more than this many deviations, and part of a step.
+/// A delay is reported if it is more than this many standard deviations and this part of a step.
 const CERTAIN_DEVIATIONS: f64 = 4.0;
 const MIN_DELAY_STEPS: f64 = 0.5;
-/// Shares of rest that are told.
-const MUCH_REST: f64 = 0.05;
-/// A joint that rests in more of the rows never moves.
-const ALL_REST: f64 = 0.999;
+/// The least share of rest that is reported.
+const MIN_REST_SHARE: f64 = 0.05;
+/// A joint that rests in a larger share of the rows counts as one that never moves.
+const STILL_SHARE: f64 = 0.999;
 /// Units by the factor between a position and the integral of its velocity.
 const UNITS: [(f64, &str); 4] = [
     (
@@ -98,10 +98,10 @@ fn columns(found: &LogFacts, out: &mut Vec<String>) {
         let name = title(found, column.number);
         let constant = column.low.value >= column.high.value;
         match column.role {
-            Role::Position if constant || column.resting > ALL_REST => {
+            Role::Position if constant || column.resting > STILL_SHARE => {
                 out.push(format!("{name} never moves"));
             }
-            Role::Position if column.resting > MUCH_REST => out.push(format!(
+            Role::Position if column.resting > MIN_REST_SHARE => out.push(format!(
                 "{name} rests in {} of the rows, where friction is static",
                 percent(column.resting)
             )),
