@@ -123,8 +123,8 @@ fn shifted(values: &[f64], by: f64) -> Vec<f64> {
         .collect()
 }
 
-/// What the regression is made from.
-pub(crate) struct Motion<'a> {
+/// The signals from which the regression is computed.
+pub(crate) struct RegressionInput<'a> {
     pub(crate) stretches: &'a [Stretch],
     /// The time between values, s.
     pub(crate) step: f64,
@@ -145,7 +145,7 @@ pub(crate) struct Signal {
 }
 
 /// Finds the joint, the sign and the delay of each effort.
-pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
+pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
     let n = motion.joints.len();
     let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
     let (narrow, wide) = (
@@ -304,7 +304,7 @@ fn inner(rows: &[Vec<Vec<f64>>], margin: usize) -> impl Iterator<Item = &[Vec<f6
 /// sine and the cosine of its position, its acceleration, velocity, and direction in two shapes;
 /// then the sines and cosines of the sums of positions from each joint on, which for parallel axes
 /// are the angles to the vertical.
-fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
+fn basis(all: &[Filtered], motion: &RegressionInput<'_>) -> Vec<Vec<Vec<f64>>> {
     let n = motion.joints.len();
     let speeds: Vec<f64> = (0..n)
         .map(|j| {
@@ -357,7 +357,7 @@ fn delay(
     rows: &[Vec<Vec<f64>>],
     mut efforts: Vec<Vec<f64>>,
     margin: usize,
-    motion: &Motion<'_>,
+    motion: &RegressionInput<'_>,
 ) -> Option<[f64; 2]> {
     let raw = efforts.clone();
     let half: usize = rows.iter().map(Vec::len).sum::<usize>() / 2;

@@ -24,7 +24,7 @@ const TRACE_POINTS: usize = 4096;
 pub(crate) enum Times {
     /// This entry of a row times this factor, s.
     Entry(usize, f64),
-    /// This rate, Hz.
+    /// The rows have this rate, Hz.
     Rate(f64),
 }
 
@@ -32,7 +32,7 @@ pub(crate) enum Times {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stretch {
     pub(crate) times: Vec<f64>,
-    /// By column.
+    /// The values of each column.
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
@@ -138,7 +138,7 @@ impl Rests {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
     pub(crate) clock: Clock,
-    /// By column.
+    /// The spectral density of each column.
     pub(crate) densities: Vec<Option<Density>>,
     /// The share of rows at rest, by column.
     pub(crate) resting: Vec<f64>,

@@ -14,7 +14,7 @@ const MAX_SPEED_VARIATION: f64 = 0.05;
 const MIN_RANGE: f64 = 0.1;
 /// A joint that rests in a larger share of the states counts as one that does not move.
 const STILL_SHARE: f64 = 0.99;
-/// The number of states that are stored, spread over the log.
+/// The largest number of states that [`Motions::spread`] returns.
 const KEPT_STATES: usize = 64;
 
 /// How an independent joint moves.
@@ -34,7 +34,7 @@ pub struct JointMotion {
     pub acceleration: f64,
     /// The share of the states at rest.
     pub resting: f64,
-    /// What it does not do, in words: `never moves`, `never turns round`, `never accelerates`, and
+    /// What it does not do, in words: `never moves`, `never changes direction`, `never accelerates`, and
     /// others.
     pub lacks: Vec<String>,
 }
@@ -69,7 +69,7 @@ pub(crate) struct Motions {
     speeds: Vec<Vec<f64>>,
 }
 
-/// Speeds that are kept for the shares of directions.
+/// The largest number of speeds that are stored, from which the shares of directions follow.
 const KEPT_SPEEDS: usize = 4096;
 
 impl Motions {
@@ -170,7 +170,7 @@ impl Motions {
                 lacks("never moves");
             } else {
                 if forward < MIN_SHARE || backward < MIN_SHARE {
-                    lacks("never turns round");
+                    lacks("never changes direction");
                 }
                 if high - low < MAX_SPEED_VARIATION * most {
                     lacks("never accelerates");

@@ -47,7 +47,7 @@ pub enum Kind {
 pub struct Need {
     /// The joint's name.
     pub joint: String,
-    /// How it must move.
+    /// The kind of motion that is needed.
     pub kind: Kind,
 }
 

@@ -226,7 +226,7 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 /// let [inertia, weight] = &found.parameters[..] else { panic!() };
 /// assert_eq!((inertia.label.as_str(), inertia.status), ("Izz(1)", ExpectedStatus::Unseen));
 /// assert_eq!(inertia.needs[0].to_string(), "acceleration of q1");
-/// assert_eq!(found.motion[0].lacks, ["never turns round", "never accelerates"]);
+/// assert_eq!(found.motion[0].lacks, ["never changes direction", "never accelerates"]);
 /// // sigma of even noise, over the square root of the sum of (9.81 sin q)^2
 /// let expected = (1.0_f64 / 12.0).sqrt() / (9.81 * 2000.0_f64.sqrt());
 /// assert!((weight.sigma.unwrap() / expected - 1.0).abs() < 0.1);

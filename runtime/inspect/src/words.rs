@@ -1,4 +1,4 @@
-//! What is worth knowing of a log, as sentences.
+//! Sentences about a log: its clock, columns, derivatives and efforts.
 
 use regen_identify::text::figure_of;
 
@@ -35,7 +35,7 @@ fn percent(share: f64) -> String {
     format!("{} %", figure_of(2, 100.0 * share))
 }
 
-/// How a column is called.
+/// The name of a column in sentences.
 pub(crate) fn title(found: &LogFacts, number: usize) -> String {
     match found.column(number) {
         Some(column) if found.named => format!("`{}`", column.name),
@@ -43,7 +43,7 @@ pub(crate) fn title(found: &LogFacts, number: usize) -> String {
     }
 }
 
-/// Everything that is worth telling.
+/// All sentences about a log.
 pub(crate) fn notes(found: &LogFacts) -> Vec<String> {
     let mut out = Vec::new();
     clock(found, &mut out);
@@ -112,8 +112,8 @@ fn columns(found: &LogFacts, out: &mut Vec<String>) {
                 for extreme in [column.low, column.high] {
                     if extreme.longest >= SATURATED_ROWS && extreme.share >= SATURATED_SHARE {
                         out.push(format!(
-                            "{name} stands at its extreme {} in {} of the rows, up to {} one \
-                             behind the other: it may be saturated",
+                            "{name} is at its extreme {} in {} of the rows, up to {} in \
+                             succession: it may be saturated",
                             figure_of(4, extreme.value),
                             percent(extreme.share),
                             extreme.longest
@@ -162,9 +162,7 @@ fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
             .iter()
             .find(|(factor, _)| (derivative.factor / factor - 1.0).abs() < 0.1)
         {
-            out.push(format!(
-                "{of} looks like one in {words}: a unit must be stated"
-            ));
+            out.push(format!("{of} seems to be in {words}: state the unit"));
         } else if (derivative.factor - 1.0).abs() > 0.2 {
             out.push(format!(
                 "{of} changes {} times as fast as {own} says: a unit or a gear differs",
@@ -199,7 +197,7 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
         (seen && seconds.abs() * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
     });
     let certain: Vec<(usize, f64)> = certain.collect();
-    // an effort before its motion shows what the regression lacks, and then nothing is certain
+    // an effort cannot precede its motion: the regression lacks something, and no delay is certain
     if certain.iter().any(|(_, seconds)| *seconds < 0.0) {
         return;
     }

@@ -9,7 +9,7 @@ use super::Format;
 /// What the new spec describes, to begin with
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Kind {
-    /// An arm: joints one behind the other
+    /// An arm: joints one after the other
     Serial,
     /// A loop in a plane: two limbs that meet
     Planar,

@@ -9,8 +9,8 @@ use super::Format;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Names, limits, inertias and friction are the file's; a coordinate is 0 where it
-is 0 in the file. Meshes are not read. What was decided or left out is told on
-standard error, with its place in the file.
+is 0 in the file. Meshes are not read. Standard error lists what was decided or
+left out, with its place in the file.
 
 Angles that print a multiple of pi are taken as such (1.5708 is pi/2), since
 axes that are nearly parallel have other base parameters than parallel ones;
@@ -83,8 +83,8 @@ body's frame, and friction by joint; each part and each entry may be missing.
 Masses, centres of mass and inertias are moved into the frames of the file and
 replace the numbers there; damping and friction likewise, of Fc+ and Fc- the
 larger; in MJCF also J as armature and K as stiffness. Nothing else of the file
-changes. What it has no place for is told. Values that no body can have are
-refused.
+changes. Parameters that the file has no place for are listed. Values that no
+body can have are refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\

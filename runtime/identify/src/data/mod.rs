@@ -21,6 +21,7 @@ mod rates;
 mod raw;
 mod reader;
 mod resample;
+mod row_checker;
 mod run;
 mod sample;
 mod settings;

@@ -107,7 +107,7 @@ pub struct GainFit {
     pub relative_absolute: f64,
     /// The number of samples that count as correlated.
     pub bandwidth: usize,
-    /// What was left out.
+    /// The equations that were left out, by reason.
     pub left_out: LeftOut,
     /// Whether the parameters of a known robot were taken as exact, as their covariance is not known.
     pub is_robot_exact: bool,
