@@ -1,6 +1,6 @@
 //! Numbers, texts and lists as bytes, and back.
 
-/// Writes values one behind the other.
+/// Writes values one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Writer(Vec<u8>);
 

@@ -83,7 +83,7 @@ mod tests {
         let text = "name: arm\nlimbs:\n  - name: arm\n    joints:\n      \
                     - {name: q1, type: revolute, body: link, actuated: true}\n";
         let folder = std::env::temp_dir().join(format!("regen-macro-{}", std::process::id()));
-        let cache = Cache::at(&folder).with_least_time(Duration::ZERO);
+        let cache = Cache::at(&folder).with_min_time(Duration::ZERO);
         let options = emit::Options {
             runtime: "::regen_runtime".to_owned(),
         };

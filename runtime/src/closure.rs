@@ -210,7 +210,7 @@ pub struct LoopClosure<'m, M: ?Sized> {
 /// The state at which a line in the independent coordinates starts.
 #[derive(Clone, Copy)]
 enum Start {
-    /// Home.
+    /// The home configuration.
     Home,
     /// The last closed solution of a `track` call, or home before the first.
     Last,

@@ -29,7 +29,7 @@ pub use place::{VARIABLE, folder_of_user};
 pub const LIMIT: u64 = 256 << 20;
 
 /// What is derived in less time than this is not kept by default.
-pub const LEAST_TIME: Duration = Duration::from_millis(50);
+pub const MIN_TIME: Duration = Duration::from_millis(50);
 
 /// A folder with results of derivations.
 ///
@@ -50,7 +50,7 @@ pub const LEAST_TIME: Duration = Duration::from_millis(50);
 pub struct Cache {
     folder: PathBuf,
     limit: u64,
-    least_time: Duration,
+    min_time: Duration,
     /// Since when the results are derived that were not found.
     sought: Mutex<BTreeMap<Key, Instant>>,
 }
@@ -61,7 +61,7 @@ impl Cache {
         Self {
             folder: folder.into(),
             limit: LIMIT,
-            least_time: LEAST_TIME,
+            min_time: MIN_TIME,
             sought: Mutex::default(),
         }
     }
@@ -81,8 +81,8 @@ impl Cache {
 
     /// The same folder, where results are kept that take at least this time to derive.
     #[must_use]
-    pub fn with_least_time(self, least_time: Duration) -> Self {
-        Self { least_time, ..self }
+    pub fn with_min_time(self, min_time: Duration) -> Self {
+        Self { min_time, ..self }
     }
 
     /// The folder.
@@ -135,7 +135,7 @@ impl Keeper for Cache {
 
     fn keep(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>) {
         let since = self.sought.lock().ok().and_then(|mut s| s.remove(key));
-        if since.is_some_and(|since| since.elapsed() >= self.least_time)
+        if since.is_some_and(|since| since.elapsed() >= self.min_time)
             && let Some(bytes) = bytes()
         {
             // a result that cannot be kept is derived again; nothing else depends on it

@@ -107,7 +107,7 @@ fn where_nothing_can_be_written_everything_is_derived() {
     let file = scratch("unwritable");
     fs::create_dir_all(file.parent().unwrap()).unwrap();
     fs::write(&file, "a file, no folder").unwrap();
-    let cache = Arc::new(Cache::at(file.join("below")).with_least_time(Duration::ZERO));
+    let cache = Arc::new(Cache::at(file.join("below")).with_min_time(Duration::ZERO));
     assert!(cache.write(&key("a"), b"x").is_err());
     let open = || Mechanism::open(&pendulum("q1")).unwrap();
     let derived = open();
@@ -137,18 +137,18 @@ fn only_what_takes_time_is_kept() {
     };
     let an_hour = Duration::from_hours(1);
     assert_eq!(
-        derive(Cache::at(scratch("quick")).with_least_time(an_hour)),
+        derive(Cache::at(scratch("quick")).with_min_time(an_hour)),
         0
     );
     assert_eq!(
-        derive(Cache::at(scratch("slow")).with_least_time(Duration::ZERO)),
+        derive(Cache::at(scratch("slow")).with_min_time(Duration::ZERO)),
         1
     );
 }
 
 #[test]
 fn another_text_other_payloads_and_other_functions_are_other_entries() {
-    let cache = Arc::new(Cache::at(scratch("entries")).with_least_time(Duration::ZERO));
+    let cache = Arc::new(Cache::at(scratch("entries")).with_min_time(Duration::ZERO));
     let mut count = 0;
     for joint in ["q1", "q2"] {
         for payloads in [Payloads::Apart, Payloads::Absent, Payloads::Carried] {
@@ -173,7 +173,7 @@ fn another_text_other_payloads_and_other_functions_are_other_entries() {
 #[test]
 fn a_kept_robot_is_the_derived_one() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let cache = Arc::new(Cache::at(scratch("robots")).with_least_time(Duration::ZERO));
+    let cache = Arc::new(Cache::at(scratch("robots")).with_min_time(Duration::ZERO));
     let base: &[FunctionKind] = &[];
     for (file, kinds) in [
         ("robots/3rps_friction.yaml", &FunctionKind::ALL[..]),

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     let table =
         Table::new(&robot, analysis, style, &reasons).with_remedy("--expressions prints it");
     terminal::print(&match args.format {
-        TableFormat::Human => table.human(),
+        TableFormat::Human => table.plain_text(),
         TableFormat::Markdown => table.markdown(),
         TableFormat::Latex => table.latex(),
         TableFormat::Csv => table.csv(),

@@ -3,19 +3,19 @@
 use regen_runtime::{LoopClosure, Outcome};
 
 use crate::exit::Failure;
-use regen_identify::files::Motion;
+use regen_identify::files::MotionState;
 use regen_interpreted::Interpreted;
 
 /// Solves the dependent coordinates, velocities and accelerations of a motion of the independent
 /// ones; the inner error says why the loops do not close.
 pub(crate) fn close(
     closure: &mut LoopClosure<'_, Interpreted<'_>>,
-    independent: &Motion,
-) -> Result<Result<Motion, String>, Failure> {
-    let Motion { q, qd, qdd } = independent;
+    independent: &MotionState,
+) -> Result<Result<MotionState, String>, Failure> {
+    let MotionState { q, qd, qdd } = independent;
     let state = closure.solve_state(q, qd, qdd)?;
     Ok(match state.outcome {
-        Outcome::Closed => Ok(Motion {
+        Outcome::Closed => Ok(MotionState {
             q: state.q,
             qd: state.qd,
             qdd: state.qdd,

@@ -13,7 +13,7 @@ use crate::args::{EvalArgs, Format};
 use crate::closed::close;
 use crate::exit::Failure;
 use crate::{load, mistakes, table, terminal};
-use regen_identify::files::{Motion, State, states};
+use regen_identify::files::{MotionState, State, states};
 use regen_interpreted::Interpreted;
 
 /// The JSON of one state.
@@ -69,8 +69,12 @@ fn read(path: &Path) -> Result<Source, Failure> {
     Ok(Source { name, text })
 }
 
-fn evaluate(model: &Interpreted<'_>, motion: Motion, number: usize) -> Result<Evaluated, Failure> {
-    let Motion { q, qd, qdd } = motion;
+fn evaluate(
+    model: &Interpreted<'_>,
+    motion: MotionState,
+    number: usize,
+) -> Result<Evaluated, Failure> {
+    let MotionState { q, qd, qdd } = motion;
     let info = model.info();
     let (n, dof) = (q.len(), info.dof());
     let mut residual = vec![0.0; info.rows];

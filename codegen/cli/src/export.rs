@@ -39,7 +39,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
     }
     let exported = regen_import::export(
         &file,
-        &mut load::beside(&args.urdf),
+        &mut load::included_files(&args.urdf),
         &spec,
         &given,
         &parameters,

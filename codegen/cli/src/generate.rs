@@ -84,7 +84,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let wrong = entries.iter().filter(|e| e.state != State::Current).count();
     if args.check && wrong > 0 {
         return Err(Failure::Check(format!(
-            "{wrong} of {} files are not what regen writes; mend them with\n  {}",
+            "{wrong} of {} files are not what regen writes; update them with\n  {}",
             entries.len(),
             update_command(args)
         )));

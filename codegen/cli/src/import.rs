@@ -31,7 +31,7 @@ struct NoteJson<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     let source = load::file(&args.file)?;
-    let mut reader = load::beside(&args.file);
+    let mut reader = load::included_files(&args.file);
     let options = Options {
         name: args.name.clone(),
         exact: args.exact,

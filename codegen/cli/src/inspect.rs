@@ -24,7 +24,7 @@ struct InspectJson<'a> {
     robot: Option<&'a str>,
     logs: &'a [LogFacts],
     prediction: Option<&'a Prediction>,
-    /// What contradicts the robot.
+    /// The contradictions between the logs and the robot.
     doubts: &'a [Suspected],
     /// Why there is no prediction although a robot is given.
     unpredicted: Option<&'a str>,
@@ -54,8 +54,8 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .iter()
         .map(|run| inspect(run, &settings, info.as_ref()))
         .collect::<Result<Vec<LogFacts>, _>>()?;
-    let beside = beside(&args.logs, args.out.as_deref());
-    let proposed = proposal(&beside, &logs, robot.is_some());
+    let relative = relative_to(&args.logs, args.out.as_deref());
+    let proposed = proposal(&relative, &logs, robot.is_some());
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
         (Some(model), Some(robot)) => match predicted(model, robot, &args, &logs)? {
             Ok((found, doubts)) => (Some(found), doubts, None),
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
 }
 
 /// The runs with their files as an experiment file names them: from its own folder on.
-fn beside(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
+fn relative_to(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
     let folder = out
         .and_then(Path::parent)
         .filter(|f| !f.as_os_str().is_empty());
@@ -180,7 +180,7 @@ fn predicted(
     }
     let mut session = observe::session(model, &args.reading);
     session.reading = reading(&args.reading, logs, robot, &model.info(), &args.logs)?;
-    // whatever is wrong with single rows is told, and no reason to say nothing
+    // faulty rows are reported, and do not prevent the inspection
     if args.reading.problems.is_none() && args.reading.experiment.is_none() {
         session.reading.policy = Policy::Drop;
         session.reading.checks = Checks {

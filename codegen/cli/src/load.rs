@@ -52,7 +52,7 @@ fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
 }
 
 /// Reads files that an MJCF file includes, from the folder that it is in.
-pub(crate) fn beside(file: &Path) -> impl FnMut(&str) -> Result<String, String> {
+pub(crate) fn included_files(file: &Path) -> impl FnMut(&str) -> Result<String, String> {
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     move |name: &str| {
         let bytes = std::fs::read(folder.join(name)).map_err(|error| error.to_string())?;

@@ -58,10 +58,14 @@ fn observe_and_validate_find_the_delays_that_were_put_in() {
     run("simulate arm.yaml --noise 1e-6,0.001 --bandwidth 6 --out log.csv --format json");
     shift(&dir);
     let read = "--butterworth 4,15 --format json";
-    let right = run(&format!("identify arm.yaml log.csv --out right.json {read}"));
+    let right = run(&format!(
+        "identify arm.yaml log.csv --out right.json {read}"
+    ));
     let values = |found: &Value| -> Vec<f64> {
         let rows = found["parameters"].as_array().unwrap();
-        rows.iter().map(|row| row["value"].as_f64().unwrap()).collect()
+        rows.iter()
+            .map(|row| row["value"].as_f64().unwrap())
+            .collect()
     };
     let close = |found: &Value| {
         let delays = found["corrected_delays"].as_array().unwrap();
@@ -81,7 +85,11 @@ fn observe_and_validate_find_the_delays_that_were_put_in() {
     }
 
     // predictions fit once the delays are corrected
-    let error = |found: &Value| found["models"][0]["logs"][0]["relative_rms"].as_f64().unwrap();
+    let error = |found: &Value| {
+        found["models"][0]["logs"][0]["relative_rms"]
+            .as_f64()
+            .unwrap()
+    };
     let line = format!("validate arm.yaml right.json late.csv {read}");
     let before = run(&line);
     assert!(before["corrected_delays"].is_null(), "{before}");

@@ -13,6 +13,8 @@ fn every_kind_of_new_spec_is_a_robot_with_certified_base_parameters() {
         ("planar", 2, 15),
         ("parallel", 3, 31),
         ("drives", 3, 24),
+        ("delta", 3, 40),
+        ("stewart", 6, 94),
     ] {
         let name = format!("my_{kind}");
         let run = regen(&dir, &["new", &name, "--kind", kind]).ended(0);
@@ -35,6 +37,52 @@ fn every_kind_of_new_spec_is_a_robot_with_certified_base_parameters() {
             .json();
         assert_eq!(base["certificate"]["rank"], rank);
     }
+}
+
+/// The chain of a first hour, on a motion that is short to search for.
+#[test]
+fn every_kind_goes_from_a_new_spec_to_a_report_without_an_edit() {
+    let dir = scratch("new_chain");
+    for kind in ["serial", "planar", "parallel", "drives", "delta", "stewart"] {
+        let run = |line: &str| {
+            let line = line.replace("KIND", kind);
+            let words: Vec<&str> = line.split_whitespace().collect();
+            regen(&dir, &words).ended(0)
+        };
+        run("new KIND --kind KIND");
+        run("check KIND.yaml");
+        run("view KIND.yaml --out KIND.html");
+        run("excite KIND.yaml --out KIND.json --seed 1 --starts 1 --harmonics 3");
+        run("simulate KIND.yaml --trajectory KIND.json --out KIND.csv");
+        let fit = run("identify KIND.yaml KIND.csv --butterworth 4,20 --out KIND.p.json --format json");
+        // without noise, what is left is the filter's and the sampling's error
+        let error = fit.json()["relative_absolute"].as_f64().unwrap();
+        assert!(error < 3.0, "{kind}: {error} %");
+        run("validate KIND.yaml KIND.p.json KIND.csv --butterworth 4,20");
+        run("report KIND.yaml KIND.p.json KIND.csv --butterworth 4,20 --out KIND.report.html");
+    }
+}
+
+#[test]
+fn a_table_of_denavit_and_hartenberg_becomes_an_arm_that_is_identified() {
+    let dir = scratch("new_table");
+    fs::write(
+        dir.join("table.csv"),
+        "joint,alpha [deg],a [mm],theta,d\nbase,90,0,0,0.3\nshoulder,0,400,0,0\nelbow,0,350,0,0\n",
+    )
+    .unwrap();
+    regen(&dir, &["new", "arm", "--from-dh", "table.csv", "--classic"]).ended(0);
+    let base = regen(&dir, &["base", "arm.yaml", "--format", "json"]).ended(0);
+    // Ixx of the first link does not count, nor does any rotation about another axis: 15, and
+    // linear friction of three joints
+    assert_eq!(base.json()["certificate"]["rank"], 15 + 6);
+    let run = regen(&dir, &["new", "other", "--kind", "serial", "--from-dh", "table.csv"]);
+    assert_eq!(run.code, 2, "{}", run.err);
+    fs::write(dir.join("table.csv"), "alpha,a,theta\n0,0,0\n").unwrap();
+    let run = regen(&dir, &["new", "other", "--from-dh", "table.csv"]).ended(3);
+    assert!(run.err.contains("table.csv:1:1"), "{}", run.err);
+    assert!(run.err.contains("there is no column 'd'"), "{}", run.err);
+    assert!(!dir.join("other.yaml").exists());
 }
 
 #[test]

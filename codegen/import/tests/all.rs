@@ -3,6 +3,7 @@
 
 mod common;
 mod cuts;
+mod dh_table;
 mod equalities;
 mod export;
 mod mjcf;

@@ -59,12 +59,12 @@ impl Interpret for f64 {
     }
 }
 
-/// A program, and its tapes once they were run.
+/// A program with its tapes, each of which is made when it is first run.
 pub(super) struct Entry<'a> {
     program: Option<&'a Program>,
-    /// For one state.
+    /// The tape that runs at one state.
     one: OnceLock<Tape>,
-    /// For many.
+    /// The tape that runs at blocks of states.
     many: OnceLock<Tape>,
 }
 

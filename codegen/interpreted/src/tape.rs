@@ -129,8 +129,9 @@ impl Tape {
         tape
     }
 
-    /// Translates a program, every value in a register of its own: constants become parts of instructions, outputs are stored as soon as
-    /// they are computed. Returns the number of registers too.
+    /// Translates a program, giving each value a register of its own: constants become parts of
+    /// instructions, and outputs are stored as soon as they are computed. Also returns the number of
+    /// registers.
     fn lowered(program: &Program) -> (Self, usize) {
         let mut lowering = Lowering {
             values: vec![Value::Constant(f64::NAN); program.names.len()],
@@ -441,8 +442,7 @@ fn index(number: usize) -> u32 {
 }
 
 impl Code {
-    /// How many of `a`, `b` and `c` are registers that it reads: the first ones, but for products
-    /// with a constant, which read `a` and `c`.
+    /// Whether each of `a`, `b` and `c` is a register that the instruction reads.
     pub(super) fn reads(self) -> [bool; 3] {
         match self {
             Code::Load | Code::Solve => [false; 3],

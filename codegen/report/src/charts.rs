@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::Ranged;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -87,6 +89,18 @@ fn at(x: u32, y: u32) -> (i32, i32) {
 
 fn letters() -> TextStyle<'static> {
     (FONT, px(12)).into_font().color(&INK)
+}
+
+/// Gives the axes and lines of a mesh the look that all charts have in common.
+fn styled<'m, 'a, 'b, X: Ranged, Y: Ranged, DB: DrawingBackend>(
+    mesh: &'m mut MeshStyle<'a, 'b, X, Y, DB>,
+) -> &'m mut MeshStyle<'a, 'b, X, Y, DB> {
+    mesh.light_line_style(TRANSPARENT)
+        .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+        .axis_style(GREY.stroke_width(px(1)))
+        .set_all_tick_mark_size(px(4))
+        .label_style(letters())
+        .axis_desc_style(letters())
 }
 
 /// The symbol of a series in a legend.
@@ -193,14 +207,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
         .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
         .y_label_area_size(px(AXIS_WIDTH_PX))
         .build_cartesian_2d(across, up)?;
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
-        .axis_style(GREY.stroke_width(px(1)))
-        .set_all_tick_mark_size(px(4))
-        .label_style(letters())
-        .axis_desc_style(letters())
+    styled(&mut chart.configure_mesh())
         .x_labels(if x.is_empty() { 0 } else { 10 })
         .y_labels(6)
         .x_label_formatter(&|v| number(*v, across_digits))
@@ -241,14 +248,7 @@ pub(super) fn spectrum(
             .x_label_area_size(px(40))
             .y_label_area_size(px(AXIS_WIDTH_PX))
             .build_cartesian_2d(0.0..(count + 1) as f64, (FLOOR..3.0).log_scale())?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
-            .axis_style(GREY.stroke_width(px(1)))
-            .set_all_tick_mark_size(px(4))
-            .label_style(letters())
-            .axis_desc_style(letters())
+        styled(&mut chart.configure_mesh())
             .x_labels(12)
             .x_label_formatter(&|v| format!("{v:.0}"))
             .y_labels(7)
@@ -309,14 +309,7 @@ pub(super) fn densities(
             .x_label_area_size(px(40))
             .y_label_area_size(px(AXIS_WIDTH_PX))
             .build_cartesian_2d(across.log_scale(), up.clone().log_scale())?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
-            .axis_style(GREY.stroke_width(px(1)))
-            .set_all_tick_mark_size(px(4))
-            .label_style(letters())
-            .axis_desc_style(letters())
+        styled(&mut chart.configure_mesh())
             .x_labels(10)
             .y_labels(7)
             .x_label_formatter(&|v| number(*v, 3))
@@ -361,16 +354,9 @@ pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError
             .x_label_area_size(px(40))
             .y_label_area_size(px(margin))
             .build_cartesian_2d((lo..hi).log_scale(), rows.len() as f64..0.0)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GREY.mix(0.18).stroke_width(px(1)))
+        styled(&mut chart.configure_mesh())
             .disable_y_mesh()
             .disable_y_axis()
-            .axis_style(GREY.stroke_width(px(1)))
-            .set_all_tick_mark_size(px(4))
-            .label_style(letters())
-            .axis_desc_style(letters())
             .x_labels(7)
             .x_label_formatter(&|v| number(*v, 2))
             .x_desc("standard deviation, percent of the value")

@@ -56,9 +56,9 @@ pub(super) struct Errors {
 /// Singular values of the regressor over a log, columns scaled to unit length; in descending order,
 /// relative to the largest.
 pub(super) struct Spectra {
-    /// Of all parameters' columns.
+    /// The singular values of all parameters' columns.
     pub(super) all: Vec<f64>,
-    /// Of the base parameters' columns.
+    /// The singular values of the base parameters' columns.
     pub(super) base: Vec<f64>,
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_identify::status::WELL_IDENTIFIED_PERCENT;
-use regen_inspect::{Column, Joint, LogFacts, Prediction, Role, Sight};
+use regen_inspect::{Column, ExpectedStatus, Joint, LogFacts, Prediction, Role};
 
 use crate::ReportError;
 use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE};
@@ -307,9 +307,9 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
         .map(|p| Bar {
             label: p.label.clone(),
             percent: p.percent.unwrap_or(f64::NAN),
-            dye: match p.sight {
-                Sight::Well => BLUE,
-                Sight::Poor => ORANGE,
+            dye: match p.status {
+                ExpectedStatus::Well => BLUE,
+                ExpectedStatus::Poor => ORANGE,
                 _ => GREY,
             },
         })
@@ -331,14 +331,14 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
             let needs: Vec<String> = p.needs.iter().map(ToString::to_string).collect();
             vec![
                 escaped(&p.label),
-                match p.sight {
-                    Sight::Well | Sight::Seen => p.sight.name().to_owned(),
-                    _ => format!("<b>{}</b>", p.sight.name()),
+                match p.status {
+                    ExpectedStatus::Well | ExpectedStatus::Determined => p.status.name().to_owned(),
+                    _ => format!("<b>{}</b>", p.status.name()),
                 },
                 number(p.nominal),
                 number(p.sigma),
                 number(p.percent),
-                number(p.seen_from),
+                number(p.well_from),
                 escaped(&needs.join(", or ")),
             ]
         })
@@ -348,7 +348,7 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
          by which a poor one would be seen better",
         &[
             "parameter",
-            "sight",
+            "status",
             "nominal",
             "sigma",
             "%",

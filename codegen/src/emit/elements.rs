@@ -1,7 +1,4 @@
-//! What the sizes of a robot count, by name, and what is said about its base parameters in every
-//! language.
-
-use std::fmt::Write as _;
+//! What the sizes of a robot count, by name.
 
 use crate::base::Analysis;
 use crate::robot::Robot;
@@ -61,30 +58,4 @@ pub(super) fn eliminated_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
     columns.map(|c| robot.parameters[c].label.clone()).collect()
-}
-
-/// States in words whether the base is certified to be minimal.
-pub(super) fn certified(analysis: &Analysis) -> String {
-    let mut words = if analysis.complete {
-        "certified to be minimal".to_owned()
-    } else {
-        "NOT certified to be minimal".to_owned()
-    };
-    let dropped = analysis
-        .base
-        .parameters
-        .iter()
-        .filter(|p| p.dropped)
-        .count();
-    if dropped > 0 {
-        let _ = write!(words, " before `base.drop` left {dropped} out");
-    }
-    if !analysis.base.known.is_empty() {
-        let known = analysis.base.known.len();
-        let _ = write!(
-            words,
-            ", with {known} parameters known by `base.zero` and `base.equal`"
-        );
-    }
-    words
 }

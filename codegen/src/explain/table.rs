@@ -4,19 +4,21 @@
 mod csv;
 mod factor;
 mod latex;
+mod rows;
 mod words;
 
 use std::fmt::Write as _;
 
 use super::Grouped;
 use super::lines::{WIDTH, field, paragraph};
-use crate::base::{self, Analysis, Exactness, Provenance, Substitution, Term};
+use crate::base::{self, Analysis, Exactness, Substitution, Term};
 use crate::robot::Robot;
 
 pub use factor::Style;
 pub use words::{certificate, completed, doubt, label, layer};
 
 use factor::{Factor, Signed};
+use rows::{Part, Row};
 use words::{mark, payloads};
 
 /// The number of inertial parameters of a body; they come first, body by body.
@@ -24,23 +26,6 @@ const PER_BODY: usize = 10;
 
 /// The mark before a number that replaces a long expression.
 const NUMBER_MARK: &str = "~";
-
-/// A term of a combination: a factor, and the parameter's label as plain text and as LaTeX.
-#[derive(Clone, Debug)]
-struct Part {
-    signed: Signed,
-    label: String,
-    latex: String,
-}
-
-#[derive(Clone, Debug)]
-struct Row {
-    /// The payload that the combination belongs to; `None` for the robot's own.
-    payload: Option<String>,
-    parts: Vec<Part>,
-    layer: Provenance,
-    exactness: Exactness,
-}
 
 /// A table of base parameters: the combinations, whether each was derived or completed, and facts
 /// about the table as a whole.
@@ -157,7 +142,7 @@ impl Table {
     }
 
     /// The table as plain text of 80 columns.
-    pub fn human(&self) -> String {
+    pub fn plain_text(&self) -> String {
         const GAP: &str = "  ";
         let mut out = paragraph(&self.title());
         out.push('\n');
@@ -216,102 +201,6 @@ impl Table {
         }
         out
     }
-}
-
-impl Part {
-    /// The sign before the term at index `k`; none before a first, positive term.
-    fn sign(&self, k: usize) -> &'static str {
-        match (k, self.signed.negative) {
-            (0, false) => "",
-            (0, true) => "-",
-            (_, false) => " + ",
-            (_, true) => " - ",
-        }
-    }
-
-    fn plain(&self, k: usize) -> String {
-        let factor = match &self.signed.factor {
-            Factor::One => String::new(),
-            Factor::Expression(sum) if sum.is_sum() => format!("({sum}) "),
-            Factor::Expression(expression) => format!("{expression} "),
-            Factor::Number(text) => format!("{text} "),
-            Factor::Instead(text) => format!("~{text} "),
-        };
-        format!("{}{factor}{}", self.sign(k), self.label)
-    }
-}
-
-impl Row {
-    /// The layer, with a mark where factors are not known as functions of the geometry names.
-    fn rests_on(&self) -> String {
-        format!("{}{}", layer(self.layer), mark(self.exactness))
-    }
-
-    fn plain(&self) -> String {
-        let parts = self.parts.iter().enumerate();
-        parts.map(|(k, part)| part.plain(k)).collect()
-    }
-
-    /// The combination in lines of at most this width, broken between terms, or else within a term.
-    fn lines(&self, width: usize) -> Vec<String> {
-        let mut lines = vec![String::new()];
-        let mut append = |piece: &str, joint: &str| {
-            let fits = |line: &String| {
-                line.is_empty() || line.chars().count() + (joint.len() + piece.len()) <= width
-            };
-            match lines.last_mut() {
-                Some(line) if fits(line) => {
-                    if !line.is_empty() {
-                        line.push_str(joint);
-                    }
-                    line.push_str(piece);
-                }
-                _ => lines.push(piece.to_owned()),
-            }
-        };
-        for (k, part) in self.parts.iter().enumerate() {
-            let text = part.plain(k);
-            let text = text.trim_start();
-            if text.len() <= width {
-                append(text, " ");
-                continue;
-            }
-            let mut sign = String::new();
-            for word in text.split(' ') {
-                if matches!(word, "+" | "-") {
-                    // a sign stays on the line of the term that it belongs to
-                    word.clone_into(&mut sign);
-                    sign.push(' ');
-                    continue;
-                }
-                let word = std::mem::take(&mut sign) + word;
-                for (n, piece) in pieces(&word, width).into_iter().enumerate() {
-                    append(piece, if n == 0 { " " } else { "" });
-                }
-            }
-        }
-        lines
-    }
-}
-
-/// Splits a word into pieces of at most this width, after operators where there are some.
-fn pieces(word: &str, width: usize) -> Vec<&str> {
-    let mut pieces = Vec::new();
-    let mut rest = word;
-    while rest.chars().count() > width {
-        let limit = rest
-            .char_indices()
-            .nth(width)
-            .map_or(rest.len(), |(at, _)| at);
-        let end = rest[..limit]
-            .rfind(['*', '/', '('])
-            .map_or(limit, |at| at + 1);
-        let (piece, after) = rest.split_at(end);
-        pieces.push(piece);
-        rest = after;
-    }
-    pieces.push(rest);
-    pieces
 }
 
 /// The reasons of completed directions, each with the parameters that it explains.

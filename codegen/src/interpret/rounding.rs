@@ -17,7 +17,7 @@ pub trait Precision: Copy {
     const UNIT: f64;
 
     /// Whether the format represents a number exactly.
-    fn holds(value: f64) -> bool;
+    fn represents(value: f64) -> bool;
 }
 
 /// Single precision, `f32`.
@@ -31,7 +31,7 @@ pub struct Double;
 impl Precision for Single {
     const UNIT: f64 = f32::EPSILON as f64 / 2.0;
 
-    fn holds(value: f64) -> bool {
+    fn represents(value: f64) -> bool {
         f64::from(value as f32).to_bits() == value.to_bits()
     }
 }
@@ -39,10 +39,10 @@ impl Precision for Single {
 impl Precision for Double {
     const UNIT: f64 = f64::EPSILON / 2.0;
 
-    fn holds(value: f64) -> bool {
+    fn represents(value: f64) -> bool {
         // A constant of a program was rounded once from its exact value. A constant that single
         // precision represents is a small whole number or fraction, and was exact.
-        Single::holds(value)
+        Single::represents(value)
     }
 }
 
@@ -145,7 +145,7 @@ impl<P: Precision> Neg for Rounded<P> {
 
 impl<P: Precision> Number for Rounded<P> {
     fn constant(value: f64) -> Self {
-        if P::holds(value) {
+        if P::represents(value) {
             Self::exact(value)
         } else {
             Self::nearest(value)

@@ -24,6 +24,7 @@ mod raw;
 mod resolve;
 mod schema;
 mod shape;
+mod springs;
 mod suggest;
 mod types;
 mod yaml;

@@ -53,7 +53,7 @@ pub(crate) struct Definition {
     types: Vec<Vec<Field>>,
 }
 
-/// What a field holds.
+/// The type of the values of a field.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Value {
     Number(f64),

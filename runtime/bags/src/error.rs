@@ -50,9 +50,9 @@ pub enum BagError {
     Broken {
         /// The file.
         file: PathBuf,
-        /// Where, in words.
+        /// The place in the file, in words.
         place: String,
-        /// What is wrong.
+        /// The reason, in words.
         why: String,
     },
     /// A message cannot be decoded.
@@ -65,7 +65,7 @@ pub enum BagError {
         number: u64,
         /// Where it is, in words.
         place: String,
-        /// What is wrong.
+        /// The reason, in words.
         why: String,
     },
     /// The topic to read is not determined: none was named and several have joint states, or none
@@ -84,7 +84,7 @@ pub enum BagError {
         file: PathBuf,
         /// The topic.
         topic: String,
-        /// What is wrong.
+        /// The reason, in words.
         why: String,
     },
 }

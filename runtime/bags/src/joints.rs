@@ -12,7 +12,7 @@ pub(crate) struct Shape {
     pub(crate) entries: Vec<(String, usize)>,
 }
 
-/// One message.
+/// The joints, stamp and values of one message.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sample {
     /// The stamp of the header, ns.

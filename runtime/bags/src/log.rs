@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::BagError;
 use crate::known::Arrangement;
-use crate::survey::{Found, scan};
+use crate::survey::{TopicSurvey, scan};
 use crate::table::{self, Table};
 
 /// A topic of a recording.
@@ -147,14 +147,14 @@ impl Log {
 }
 
 /// The index of the topic that is read.
-fn choose(path: &Path, found: &[Found], topic: Option<&str>) -> Result<usize, BagError> {
+fn choose(path: &Path, found: &[TopicSurvey], topic: Option<&str>) -> Result<usize, BagError> {
     let refused = |why: String| BagError::Topic {
         file: path.to_path_buf(),
         why,
         topics: found.iter().map(|own| own.topic.clone()).collect(),
     };
-    let usable = |own: &Found| own.topic.is_known() && own.topic.messages > 0;
-    let places = |keep: &dyn Fn(&Found) -> bool| -> Vec<usize> {
+    let usable = |own: &TopicSurvey| own.topic.is_known() && own.topic.messages > 0;
+    let places = |keep: &dyn Fn(&TopicSurvey) -> bool| -> Vec<usize> {
         let all = found.iter().enumerate().filter(|(_, own)| keep(own));
         all.map(|(k, _)| k).collect()
     };
@@ -173,7 +173,7 @@ fn choose(path: &Path, found: &[Found], topic: Option<&str>) -> Result<usize, Ba
         };
     };
     let bare = |text: &str| text.trim_start_matches('/').to_owned();
-    let named = places(&|own: &Found| bare(&own.topic.name) == bare(name));
+    let named = places(&|own: &TopicSurvey| bare(&own.topic.name) == bare(name));
     let first = match named[..] {
         [] => {
             return Err(refused(format!("it has no topic `{name}`; there are")));

@@ -1,4 +1,4 @@
-//! What a recording holds, from one pass over its messages.
+//! Surveys the topics of a recording in one pass over its messages.
 
 use std::path::Path;
 
@@ -10,10 +10,11 @@ use crate::storage::{Channel, Messages};
 /// Most kinds of messages on a topic, by their joints and lists.
 const MAX_SHAPES: usize = 1000;
 
-/// What is on a topic.
-pub(crate) struct Found {
+/// The messages of a topic: their joints, stamps and errors.
+pub(crate) struct TopicSurvey {
     pub(crate) topic: Topic,
-    /// What the messages have, with their numbers, in the order of appearance.
+    /// The joints and lists of messages, with the number of such messages, in the order of
+    /// appearance.
     pub(crate) shapes: Vec<(Shape, u64)>,
     /// The stamp of the first message, ns.
     pub(crate) first_stamp: Option<i64>,
@@ -25,7 +26,7 @@ pub(crate) struct Found {
     pub(crate) error: Option<BagError>,
 }
 
-impl Found {
+impl TopicSurvey {
     fn new(channel: &Channel) -> Self {
         Self {
             topic: Topic {
@@ -61,19 +62,19 @@ impl Found {
 }
 
 /// The place of a channel's topic among those found.
-fn place(all: &mut Vec<Found>, channel: &Channel) -> usize {
+fn place(all: &mut Vec<TopicSurvey>, channel: &Channel) -> usize {
     let own = all
         .iter()
         .position(|found| channel.same(&found.topic.name, &found.topic.type_name));
     own.unwrap_or_else(|| {
-        all.push(Found::new(channel));
+        all.push(TopicSurvey::new(channel));
         all.len() - 1
     })
 }
 
 /// Reads a whole recording; the topics are in the order of their first messages.
-pub(crate) fn scan(path: &Path) -> Result<Vec<Found>, BagError> {
-    let mut all: Vec<Found> = Vec::new();
+pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
+    let mut all: Vec<TopicSurvey> = Vec::new();
     let mut messages = Messages::open(path, None)?;
     loop {
         let mut begun = |channel: &Channel, count: u64| {
@@ -115,7 +116,7 @@ pub(crate) fn scan(path: &Path) -> Result<Vec<Found>, BagError> {
 }
 
 /// The error with what could be read before it.
-fn with_readable(error: BagError, all: &[Found]) -> BagError {
+fn with_readable(error: BagError, all: &[TopicSurvey]) -> BagError {
     match error {
         BagError::Truncated {
             file,

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use crate::error::BagError;
 use crate::joints::{Sample, Shape};
 use crate::storage::Messages;
-use crate::survey::Found;
+use crate::survey::TopicSurvey;
 
 /// Nanoseconds of a second.
 const NANO: f64 = 1e-9;
 /// Most lists of joints in an error.
 const MAX_LISTED: usize = 5;
 
-/// What a column holds.
+/// The content of a column.
 #[derive(Clone, Debug, PartialEq)]
 enum Column {
     /// The stamp of the header.
@@ -51,7 +51,7 @@ pub struct Row {
 
 /// The tables of a topic, those with most messages first: joints are in the same one if any message
 /// has both.
-pub(crate) fn tables(path: &Path, found: &Found) -> Result<Vec<Table>, BagError> {
+pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, BagError> {
     let mut groups: Vec<Vec<&(Shape, u64)>> = Vec::new();
     for shape in found.shapes.iter().filter(|own| !own.0.entries.is_empty()) {
         let mut own = vec![shape];

@@ -4,7 +4,7 @@
 use core::fmt;
 
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::Motion;
+use regen_identify::identify::MotionSeries;
 use regen_runtime::{Model, SizeError};
 
 use crate::simulate::{
@@ -153,11 +153,11 @@ pub fn motion<M: Model<f64> + ?Sized>(
     model: &M,
     closed_loop: &ClosedLoop<'_>,
     phi: &[f64],
-    measured: &Motion,
-) -> Result<Motion, LoopError> {
+    measured: &MotionSeries,
+) -> Result<MotionSeries, LoopError> {
     let info = model.info();
     let n = info.coordinates.len();
-    let mut out = Motion::new(info.dof());
+    let mut out = MotionSeries::new(info.dof());
     for run in measured.runs() {
         let times = measured.times().get(run).unwrap_or_default();
         if times.len() < 2 {

@@ -5,7 +5,7 @@ use core::fmt;
 
 use regen_identify::data::{DataError, Logs, Run, Settings as Reading};
 use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{self, InstrumentOptions, Instrumental, Motion};
+use regen_identify::identify::{self, InstrumentOptions, Instrumental, MotionSeries};
 use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_identify::session::{LeastSquaresStart, Session};
 use regen_identify::signals::{Method, SignalError};
@@ -20,7 +20,7 @@ const BANDWIDTH_HZ: f64 = 3.0;
 
 /// The result of identification by instrumental variables.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct InstrumentalResult {
     /// The estimate, its rounds, and its difference from least squares.
     pub instrumental: Instrumental,
     /// The cut-off frequency at which the measured motion was smoothed, Hz; `None` where the motion
@@ -50,7 +50,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     start: &LeastSquaresStart,
     logs: &[Run],
     reference: Option<(&FourierReference, &[Gains])>,
-) -> Result<Found, InstrumentError> {
+) -> Result<InstrumentalResult, InstrumentError> {
     let model = session.model;
     // all positions, unfiltered, whatever filter the regressor passes: filtered rows would be
     // decimated
@@ -60,7 +60,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         ..session.reading.clone()
     };
     session.watch.work("reading the measured motion");
-    let measured = Logs::open(model, logs, &raw).and_then(|mut l| Motion::recorded(model, &mut l));
+    let measured =
+        Logs::open(model, logs, &raw).and_then(|mut l| MotionSeries::recorded(model, &mut l));
     session.watch.rest();
     let measured = measured?;
     let options = InstrumentOptions {
@@ -104,7 +105,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         (found, cutoff) = (simulation?, None);
     }
     let model = identified(session, start, &found);
-    Ok(Found {
+    Ok(InstrumentalResult {
         instrumental: found,
         cutoff,
         bandwidth,
@@ -150,7 +151,7 @@ fn nearest<M: BaseModel<f64> + ?Sized>(
     model: &M,
     reference: &FourierReference,
     gains: &[Gains],
-    measured: &Motion,
+    measured: &MotionSeries,
     values: &[f64],
 ) -> Option<f64> {
     let info = model.info();
@@ -169,14 +170,14 @@ fn nearest<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The squared differences of two motions' positions, each coordinate relative to how far it moves.
-fn distance(simulated: &Motion, measured: &Motion, dof: usize) -> f64 {
+fn distance(simulated: &MotionSeries, measured: &MotionSeries, dof: usize) -> f64 {
     let rows: Vec<usize> = measured
         .runs()
         .into_iter()
         .filter(|run| run.len() > 1)
         .flatten()
         .collect();
-    let position = |motion: &Motion, row: usize, c: usize| {
+    let position = |motion: &MotionSeries, row: usize, c: usize| {
         let [q, ..] = motion.state(row);
         q.get(c).copied().unwrap_or(0.0)
     };
@@ -199,9 +200,9 @@ fn simulated<M: BaseModel<f64> + ?Sized>(
     model: &M,
     (reference, bandwidth): (&FourierReference, f64),
     gains: &[Gains],
-    measured: &Motion,
+    measured: &MotionSeries,
     values: &[f64],
-) -> Result<Motion, InstrumentError> {
+) -> Result<MotionSeries, InstrumentError> {
     let mut phi = vec![0.0; model.info().parameters.len()];
     let free = vec![0.0; model.base_info().free.len()];
     model.parameters_from_base(values, &free, &mut phi)?;

@@ -8,7 +8,7 @@ const GAP_STEPS: f64 = 3.0;
 const EVEN_PART: f64 = 0.1;
 /// Most steps that are stored, spread over the whole log.
 const MAX_STEPS: usize = 8192;
-/// Gaps that are listed.
+/// The largest number of gaps that are listed.
 const LISTED_GAPS: usize = 10;
 
 /// Where the times of the rows come from.

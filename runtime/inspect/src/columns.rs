@@ -7,10 +7,10 @@ use crate::clock::median;
 
 /// Rows from whose values the usual steps are computed.
 const STEP_ROWS: usize = 1001;
-/// Problems that are listed.
+/// The largest number of problems that are listed.
 const LISTED_PROBLEMS: usize = 5;
 
-/// How often a column stands at one of its extremes.
+/// How often a column is at one of its extremes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Extreme {
     /// The value.

@@ -1,9 +1,9 @@
-//! Which joint each effort follows, whether its sign is that of the joint, and by how much it is
-//! behind the motion.
+//! Finds the joint that each effort belongs to, whether both have the same sign, and by how much the
+//! effort is logged late.
 //!
 //! The friction of a joint acts on its own effort and on no other: of a regression on positions,
 //! velocities, directions and accelerations of all joints, what velocity and direction of one joint
-//! explain tells whose effort it is, and their sign is positive.
+//! explain shows whose effort it is, and whether the signs agree.
 
 use regen_identify::signals::Butterworth;
 use serde::Serialize;
@@ -13,32 +13,33 @@ use crate::solve::{Normal, Solved};
 
 /// Order of the filter of positions and efforts.
 const FILTER_ORDER: usize = 4;
-/// Cutoff of the filter of positions over that of efforts and of the columns of the regression.
-const WIDER: f64 = 3.0;
-/// Speeds below these parts of the usual one are near the change of direction: friction may change
-/// there at once, or by and by.
-const SLOW: [f64; 2] = [0.02, 0.2];
-/// The least share of an effort's variance that decides whose it is, over the share that no joint
-/// explains.
+/// The cutoff of the filter of positions, divided by that of the efforts and of the columns of the
+/// regression.
+const POSITION_CUTOFF_RATIO: f64 = 3.0;
+/// The widths of the two shapes in which friction changes its sign with the direction of motion, as
+/// parts of the usual speed: nearly at once, and gradually.
+const DIRECTION_WIDTHS: [f64; 2] = [0.02, 0.2];
+/// The least share of an effort's variance that decides which joint the effort belongs to, divided
+/// by the share that no joint explains.
 const MIN_SHARE: f64 = 0.15;
-/// And the least at all: rounding.
-const SMALLEST_SHARE: f64 = 1e-6;
-/// How many times more than any other joint a joint must explain of an effort.
-const CLEAR: f64 = 2.0;
-/// The least correlation of what is taken for friction with the velocity.
+/// Smaller shares are rounding errors and decide nothing.
+const ROUNDING_SHARE: f64 = 1e-6;
+/// How many times more of an effort its joint must explain than any other joint.
+const MIN_SHARE_RATIO: f64 = 2.0;
+/// The least correlation of the identified friction with the velocity.
 const MIN_CORRELATION: f64 = 0.5;
 /// The least part of an effort's variance that must be explained before a delay is looked for.
 const MIN_EXPLAINED: f64 = 0.5;
-/// Times that the effort is shifted and the delay estimated again.
+/// How often the effort is shifted by the estimated delay and the delay estimated again.
 const DELAY_PASSES: usize = 4;
-/// Rows at the ends of a stretch that are left out, in periods of the cutoff.
-const SETTLING: f64 = 1.0;
+/// How much of each end of a stretch is left out, in periods of the cutoff.
+const MARGIN_PERIODS: f64 = 1.0;
 /// The least number of rows for each column of the regression.
 const ROWS_PER_COLUMN: usize = 4;
 /// The columns of the regression for one joint.
-const OF_JOINT: usize = 6;
+const COLUMNS_PER_JOINT: usize = 6;
 
-/// What an effort follows.
+/// The joint whose motion an effort follows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Following {
     /// The number of the effort's column, from 1.
@@ -58,13 +59,13 @@ pub struct Following {
     pub delay: Option<[f64; 2]>,
 }
 
-/// Positions and efforts on an even grid, filtered.
+/// Filtered positions and efforts on an even grid of times.
 struct Filtered {
     positions: Vec<Vec<f64>>,
     efforts: Vec<Vec<f64>>,
 }
 
-/// The values at the times of an even grid, by lines.
+/// The values at the times of an even grid, interpolated linearly.
 fn even(times: &[f64], values: &[f64], step: f64) -> Vec<f64> {
     let (Some(start), Some(end)) = (times.first(), times.last()) else {
         return Vec::new();
@@ -90,7 +91,7 @@ fn even(times: &[f64], values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Central differences, over the step.
+/// The derivative by central differences.
 fn slope(values: &[f64], step: f64) -> Vec<f64> {
     let n = values.len();
     (0..n)
@@ -101,7 +102,7 @@ fn slope(values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The value at a place between samples, by a cubic; at the ends by lines.
+/// The values that many samples later, interpolated by a cubic; the ends are repeated.
 fn shifted(values: &[f64], by: f64) -> Vec<f64> {
     let n = values.len();
     // the value so many samples before or behind another; those at the ends go on
@@ -122,10 +123,10 @@ fn shifted(values: &[f64], by: f64) -> Vec<f64> {
         .collect()
 }
 
-/// What the regression is made from.
-pub(crate) struct Motion<'a> {
+/// The signals from which the regression is computed.
+pub(crate) struct RegressionInput<'a> {
     pub(crate) stretches: &'a [Stretch],
-    /// Between values, s.
+    /// The time between values, s.
     pub(crate) step: f64,
     /// The cutoff of the filter, Hz.
     pub(crate) cutoff: f64,
@@ -143,11 +144,14 @@ pub(crate) struct Signal {
     pub(crate) factor: f64,
 }
 
-/// Looks at each effort.
-pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
+/// Finds the joint, the sign and the delay of each effort.
+pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
     let n = motion.joints.len();
     let filter = |cutoff: f64| Butterworth::new(FILTER_ORDER, cutoff, motion.step).ok();
-    let (narrow, wide) = (filter(motion.cutoff), filter(WIDER * motion.cutoff));
+    let (narrow, wide) = (
+        filter(motion.cutoff),
+        filter(POSITION_CUTOFF_RATIO * motion.cutoff),
+    );
     let pass = |filter: &Option<Butterworth>, values: Vec<f64>| match filter {
         Some(filter) => filter.zero_phase(&values).ok(),
         None => Some(values),
@@ -191,7 +195,7 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         return Vec::new();
     }
     #[allow(clippy::cast_sign_loss, reason = "positive")]
-    let margin = (SETTLING / motion.cutoff / motion.step).ceil() as usize;
+    let margin = (MARGIN_PERIODS / motion.cutoff / motion.step).ceil() as usize;
     let normal = Normal::new(width, inner(&rows, margin).flatten());
     let Some(normal) = normal else {
         return Vec::new();
@@ -206,13 +210,13 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             explained: solved.explained(),
             ..Following::default()
         };
-        let first = |j: usize| 1 + OF_JOINT * j;
+        let first = |j: usize| 1 + COLUMNS_PER_JOINT * j;
         // behind sine and cosine the acceleration, then velocity and direction
         let of_friction = |j: usize| [first(j) + 3, first(j) + 4, first(j) + 5];
         let friction: Vec<f64> = (0..n)
             .map(|j| normal.share(&solved, &of_friction(j)))
             .collect();
-        let least = (MIN_SHARE * (1.0 - found.explained)).max(SMALLEST_SHARE);
+        let least = (MIN_SHARE * (1.0 - found.explained)).max(ROUNDING_SHARE);
         let shows = friction.iter().any(|share| *share >= least);
         found.shares = if shows {
             friction
@@ -227,7 +231,7 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| found.shares[*b].total_cmp(&found.shares[*a]));
         let share = |k: usize| order.get(k).map_or(0.0, |j| found.shares[*j]);
-        if share(0) >= least && share(0) >= CLEAR * share(1) {
+        if share(0) >= least && share(0) >= MIN_SHARE_RATIO * share(1) {
             let j = order[0];
             let (terms, with) = if shows {
                 (of_friction(j).to_vec(), first(j) + 3)
@@ -238,8 +242,9 @@ pub(crate) fn follow(motion: &Motion<'_>) -> Vec<Following> {
             // may share out their friction with any sign
             let alone: Vec<usize> = (0..width)
                 .filter(|k| {
-                    let of_weight = *k > OF_JOINT * n || (*k - usize::from(*k > 0)) % OF_JOINT < 2;
-                    of_weight || (first(j)..first(j) + OF_JOINT).contains(k)
+                    let of_weight = *k > COLUMNS_PER_JOINT * n
+                        || (*k - usize::from(*k > 0)) % COLUMNS_PER_JOINT < 2;
+                    of_weight || (first(j)..first(j) + COLUMNS_PER_JOINT).contains(k)
                 })
                 .collect();
             let with_all = normal.correlation(&solved, &terms, with);
@@ -295,11 +300,11 @@ fn inner(rows: &[Vec<Vec<f64>>], margin: usize) -> impl Iterator<Item = &[Vec<f6
     })
 }
 
-/// The columns of the regression at every value of the stretches: a constant, and of each joint the
-/// sine and the cosine of its position, its acceleration, velocity, and direction in two shapes; then the sines and
-/// cosines of the sums of positions from each joint on, which are the angles to the vertical of
-/// parallel axes.
-fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
+/// The columns of the regression at every value of the stretches: a constant; for each joint the
+/// sine and the cosine of its position, its acceleration, velocity, and direction in two shapes;
+/// then the sines and cosines of the sums of positions from each joint on, which for parallel axes
+/// are the angles to the vertical.
+fn basis(all: &[Filtered], motion: &RegressionInput<'_>) -> Vec<Vec<Vec<f64>>> {
     let n = motion.joints.len();
     let speeds: Vec<f64> = (0..n)
         .map(|j| {
@@ -314,12 +319,13 @@ fn basis(all: &[Filtered], motion: &Motion<'_>) -> Vec<Vec<Vec<f64>>> {
         let count = f.positions.first().map_or(0, Vec::len);
         (0..count)
             .map(|k| {
-                let mut row = Vec::with_capacity(1 + OF_JOINT * n + 2 * n);
+                let mut row = Vec::with_capacity(1 + COLUMNS_PER_JOINT * n + 2 * n);
                 row.push(1.0);
                 for j in 0..n {
                     let (q, v) = (f.positions[j][k], rates[j][k]);
                     row.extend([libm::sin(q), libm::cos(q), second[j][k], v]);
-                    let slow = SLOW.map(|part| (part * speeds[j]).max(f64::MIN_POSITIVE));
+                    let slow =
+                        DIRECTION_WIDTHS.map(|part| (part * speeds[j]).max(f64::MIN_POSITIVE));
                     row.extend(slow.map(|slow| libm::tanh(v / slow)));
                 }
                 for from in 0..n.saturating_sub(1) {
@@ -351,7 +357,7 @@ fn delay(
     rows: &[Vec<Vec<f64>>],
     mut efforts: Vec<Vec<f64>>,
     margin: usize,
-    motion: &Motion<'_>,
+    motion: &RegressionInput<'_>,
 ) -> Option<[f64; 2]> {
     let raw = efforts.clone();
     let half: usize = rows.iter().map(Vec::len).sum::<usize>() / 2;

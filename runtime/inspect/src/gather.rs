@@ -6,9 +6,9 @@ use crate::clock::{Clock, ClockPass};
 use crate::columns::Surveyed;
 use crate::spectrum::{Density, Welch, block_rows};
 
-/// Values of a stretch, at about this rate, Hz: means of as many rows as that takes.
+/// The approximate rate of the values of a stretch, Hz; each is the mean of several rows.
 const STRETCH_RATE: f64 = 250.0;
-/// Values of all stretches.
+/// The largest number of values in all stretches together.
 const STRETCH_VALUES: usize = 16_384;
 /// Number of stretches of a longer log.
 const STRETCHES: usize = 8;
@@ -24,7 +24,7 @@ const TRACE_POINTS: usize = 4096;
 pub(crate) enum Times {
     /// This entry of a row times this factor, s.
     Entry(usize, f64),
-    /// This rate, Hz.
+    /// The rows have this rate, Hz.
     Rate(f64),
 }
 
@@ -32,7 +32,7 @@ pub(crate) enum Times {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stretch {
     pub(crate) times: Vec<f64>,
-    /// By column.
+    /// The values of each column.
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
@@ -138,7 +138,7 @@ impl Rests {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
     pub(crate) clock: Clock,
-    /// By column.
+    /// The spectral density of each column.
     pub(crate) densities: Vec<Option<Density>>,
     /// The share of rows at rest, by column.
     pub(crate) resting: Vec<f64>,

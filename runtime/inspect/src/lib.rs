@@ -6,7 +6,8 @@
 //!   follows, with which sign and how late.
 //! - [`proposal`] writes that down as a first experiment file, which identification reads.
 //! - [`predict`] says, for a robot's model, how well each base parameter will be determined at the
-//!   noise of the efforts, which stay unseen, and which joint would have to move how.
+//!   noise of the efforts, on which parameters no effort depends, and how which joint would have to
+//!   move to determine more.
 //!
 //! Logs are read row by row in a time linear in their length, and in memory that does not grow with
 //! it. Everything is a judgement from the data and the names of columns: each has its reason, and
@@ -42,10 +43,10 @@ pub use motion::JointMotion;
 pub use names::Role;
 pub use needs::{Kind, Need};
 pub use period::Period;
-pub use predict::{EffortNoise, PredictedParameter, Prediction, Sight, predict};
+pub use predict::{EffortNoise, ExpectedStatus, PredictedParameter, Prediction, predict};
 pub use proposal::proposal;
 pub use relations::Derivative;
 pub use spectrum::Spectrum;
 
 /// The version of what is serialised here: a change of a name or a meaning increases it.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;

@@ -1,4 +1,4 @@
-//! What one log holds.
+//! Inspects one log: its clock, its columns and its joints.
 
 use regen_identify::data::{DataError, Quantity, RawLog, Run, Settings};
 use regen_identify::text::figure_of;
@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::clock::{Clock, ClockSource};
 use crate::columns::{Extreme, Surveyed, survey};
-use crate::follow::{Following, Motion, Signal, follow};
+use crate::follow::{Following, RegressionInput, Signal, follow};
 use crate::gather::{Gathered, Times, gather};
 use crate::joints::{Joint, joints};
 use crate::names::{Role, meaning};
@@ -27,11 +27,11 @@ const MAX_FALLING: f64 = 1e-3;
 const MAX_CUTOFF_PART: f64 = 0.125;
 /// The cutoff where no signal says one, as a part of the rate.
 const PLAIN_CUTOFF_PART: f64 = 0.05;
-/// Rates that differ by more are not the same one.
+/// Rates are the same up to this relative difference.
 const SAME_RATE: f64 = 0.1;
-/// A rate found from velocities that is this near to a round one is that.
+/// A rate that was found from velocities is rounded if it changes by less than this part.
 const ROUND_PART: f64 = 0.01;
-/// rad.
+/// One degree, rad.
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
 /// What is known of one column.
@@ -41,7 +41,7 @@ pub struct Column {
     pub number: usize,
     /// Its name; its number where the log names none.
     pub name: String,
-    /// What it may be.
+    /// The role that the column is judged to have.
     pub role: Role,
     /// Why it is taken for that.
     pub reason: String,
@@ -49,9 +49,9 @@ pub struct Column {
     pub unit: Option<&'static str>,
     /// The column whose derivative it is.
     pub derivative: Option<Derivative>,
-    /// How often it stands at its smallest value.
+    /// How often the column is at its smallest value.
     pub low: Extreme,
-    /// How often it stands at its largest value.
+    /// How often the column is at its largest value.
     pub high: Extreme,
     /// The resolution of its encoder; 0 where its values show no steps.
     pub encoder_step: f64,
@@ -69,7 +69,7 @@ pub struct Column {
     pub density: Vec<(f64, f64)>,
 }
 
-/// What a log holds.
+/// The facts found about a log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LogFacts {
     /// The name of the run: its file, or files, and the part that was read.
@@ -344,7 +344,7 @@ pub fn inspect(
         let place = moving.iter().position(|(_, name)| *name == joint.name)?;
         Some((signal(joint.effort)?, place, joint.effort?))
     });
-    let motion = Motion {
+    let motion = RegressionInput {
         efforts: efforts.collect(),
         joints: moving,
         stretches: &gathered.stretches,

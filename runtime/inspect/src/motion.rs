@@ -5,16 +5,16 @@ use regen_runtime::Info;
 use serde::Serialize;
 
 /// Speeds below this part of the largest are near a change of direction.
-const SLOW: f64 = 0.03;
+const SLOW_PART: f64 = 0.03;
 /// The least share of the states in which a joint moves in either direction.
 const MIN_SHARE: f64 = 0.02;
 /// A speed that varies by less, over its largest value, is constant.
-const CONSTANT: f64 = 0.05;
+const MAX_SPEED_VARIATION: f64 = 0.05;
 /// The least part of a joint's range that a motion should cover.
 const MIN_RANGE: f64 = 0.1;
-/// A joint that rests in more of the states does not move.
-const ALL_REST: f64 = 0.99;
-/// States that are kept.
+/// A joint that rests in a larger share of the states counts as one that does not move.
+const STILL_SHARE: f64 = 0.99;
+/// The largest number of states that [`Motions::spread`] returns.
 const KEPT_STATES: usize = 64;
 
 /// How an independent joint moves.
@@ -34,7 +34,7 @@ pub struct JointMotion {
     pub acceleration: f64,
     /// The share of the states at rest.
     pub resting: f64,
-    /// What it does not do, in words: `never moves`, `never turns round`, `never accelerates`, and
+    /// What it does not do, in words: `never moves`, `never changes direction`, `never accelerates`, and
     /// others.
     pub lacks: Vec<String>,
 }
@@ -69,7 +69,7 @@ pub(crate) struct Motions {
     speeds: Vec<Vec<f64>>,
 }
 
-/// Speeds that are kept for the shares of directions.
+/// The largest number of speeds that are stored, from which the shares of directions follow.
 const KEPT_SPEEDS: usize = 4096;
 
 impl Motions {
@@ -144,7 +144,10 @@ impl Motions {
             let most = low.abs().max(high.abs());
             let all = self.speeds.len().max(1) as f64;
             let share = |sign: f64| {
-                let moving = self.speeds.iter().filter(|v| sign * v[k] > SLOW * most);
+                let moving = self
+                    .speeds
+                    .iter()
+                    .filter(|v| sign * v[k] > SLOW_PART * most);
                 moving.count() as f64 / all
             };
             let limits = info.joints.get(*c).and_then(|j| j.limits.position);
@@ -163,13 +166,13 @@ impl Motions {
             };
             let [forward, backward] = out.directions;
             let mut lacks = |what: &str| out.lacks.push(what.to_owned());
-            if out.resting >= ALL_REST || most.is_nan() || most <= 0.0 {
+            if out.resting >= STILL_SHARE || most.is_nan() || most <= 0.0 {
                 lacks("never moves");
             } else {
                 if forward < MIN_SHARE || backward < MIN_SHARE {
-                    lacks("never turns round");
+                    lacks("never changes direction");
                 }
-                if high - low < CONSTANT * most {
+                if high - low < MAX_SPEED_VARIATION * most {
                     lacks("never accelerates");
                 }
                 if out.covered.is_some_and(|covered| covered < MIN_RANGE) {

@@ -47,7 +47,7 @@ impl Role {
     }
 }
 
-/// What a name says.
+/// The meaning of a name: quantity, unit and joint.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Meaning {
     pub(crate) role: Role,

@@ -13,20 +13,20 @@ use serde::Serialize;
 use crate::motion::{JointMotion, State};
 use crate::predict::{Spread, spread};
 
-/// By what factor a deviation must fall.
-const MIN_GAIN: f64 = 3.0;
-/// Another motion that is this near to the best one is told too.
-const AS_GOOD: f64 = 1.5;
-/// Most motions that are told of one parameter.
-const MOST: usize = 2;
-/// States of the log that each motion is tried at.
+/// The least factor by which a proposed motion must reduce the standard deviation.
+const MIN_IMPROVEMENT: f64 = 3.0;
+/// Another motion is reported too if its deviation is within this factor of the best one.
+const EQUIVALENT_RATIO: f64 = 1.5;
+/// Most motions that are reported for one parameter.
+const MAX_NEEDS: usize = 2;
+/// The number of states of the log at which each motion is tried.
 const STATES: usize = 12;
 /// Speed of joints without limits, rad/s or m/s.
 const PLAIN_SPEED: [f64; 2] = [1.0, 0.2];
 /// Range of joints without limits, on either side, rad or m.
 const PLAIN_RANGE: [f64; 2] = [1.0, 0.1];
 /// The frequency, Hz, at which a joint of a speed accelerates.
-const FREQUENCY: f64 = 0.5;
+const ACCELERATION_HZ: f64 = 0.5;
 /// The part of limits that is used.
 const PART_OF_LIMITS: f64 = 0.5;
 
@@ -47,7 +47,7 @@ pub enum Kind {
 pub struct Need {
     /// The joint's name.
     pub joint: String,
-    /// How it must move.
+    /// The kind of motion that is needed.
     pub kind: Kind,
 }
 
@@ -100,7 +100,7 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
                     (Some(before), Some(after)) if after > 0.0 => before / after,
                     _ => 0.0,
                 };
-                if gain >= MIN_GAIN {
+                if gain >= MIN_IMPROVEMENT {
                     let joint = info.coordinates.get(*c).map_or("", |n| n).to_owned();
                     gains[place].push((gain, Need { joint, kind }));
                 }
@@ -110,8 +110,8 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
     for (needs, mut found) in out.iter_mut().zip(gains) {
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let best = found.first().map_or(0.0, |f| f.0);
-        let near = found.into_iter().filter(|f| f.0 * AS_GOOD >= best);
-        needs.extend(near.take(MOST).map(|f| f.1));
+        let near = found.into_iter().filter(|f| f.0 * EQUIVALENT_RATIO >= best);
+        needs.extend(near.take(MAX_NEEDS).map(|f| f.1));
     }
     Ok(out)
 }
@@ -131,7 +131,7 @@ fn with<M: BaseModel<f64> + ?Sized>(
     let most = |limit: Option<[f64; 2]>| limit.map(|[a, b]| PART_OF_LIMITS * a.abs().max(b.abs()));
     let limits = joint.map(|j| j.limits).unwrap_or_default();
     let speed = most(limits.velocity).unwrap_or(plain(PLAIN_SPEED));
-    let rate = core::f64::consts::TAU * FREQUENCY * speed;
+    let rate = core::f64::consts::TAU * ACCELERATION_HZ * speed;
     let rate = most(limits.acceleration).map_or(rate, |limit| limit.min(rate));
     let centre = trial
         .motions

@@ -4,15 +4,15 @@ use serde::Serialize;
 
 use crate::gather::Trace;
 
-/// Means of squares of differences, over twice the variance, from which on a signal has left where
-/// it was.
-const LEFT: f64 = 0.3;
-/// The largest of these at which a motion repeats itself.
-const REPEATS: f64 = 0.02;
+/// The mean square difference between a signal and the shifted signal, divided by twice the
+/// variance, above which the signal has moved away from its start.
+const DEPARTED_DIFFERENCE: f64 = 0.3;
+/// The largest mean square difference, in the same measure, between periods of a motion.
+const MAX_PERIOD_DIFFERENCE: f64 = 0.02;
 /// A shorter period is preferred if it repeats the motion as well up to this factor.
-const AS_WELL: f64 = 4.0;
-/// And up to this difference: that of rounding and noise.
-const SAME: f64 = 2e-4;
+const EQUIVALENT_RATIO: f64 = 4.0;
+/// It is also preferred if its difference is at most this, which is rounding and noise.
+const EQUIVALENT_DIFFERENCE: f64 = 2e-4;
 /// The least part of the log that is compared.
 const MIN_OVERLAP: f64 = 0.2;
 /// The least part of the whole variance that the compared parts must have: the same rest at the
@@ -80,7 +80,9 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
     let found: Vec<Option<f64>> = (0..longest)
         .map(|lag| difference(&signals, &whole, lag))
         .collect();
-    let left = found.iter().position(|d| d.is_some_and(|d| d > LEFT))?;
+    let left = found
+        .iter()
+        .position(|d| d.is_some_and(|d| d > DEPARTED_DIFFERENCE))?;
     let at = |lag: usize| found.get(lag).copied().flatten();
     let valleys = (left + 1..longest.saturating_sub(1)).filter_map(|lag| {
         let (a, b, c) = (at(lag - 1)?, at(lag)?, at(lag + 1)?);
@@ -92,11 +94,13 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
             0.0
         };
         let bottom = (b - 0.25 * (a - c) * shift).max(0.0);
-        (b <= a && b <= c && bottom < REPEATS).then_some((lag as f64 + shift, bottom))
+        (b <= a && b <= c && bottom < MAX_PERIOD_DIFFERENCE).then_some((lag as f64 + shift, bottom))
     });
     let valleys: Vec<(f64, f64)> = valleys.collect();
     let least = valleys.iter().map(|v| v.1).fold(f64::INFINITY, f64::min);
-    let first = valleys.iter().find(|v| v.1 <= AS_WELL * least + SAME)?;
+    let first = valleys
+        .iter()
+        .find(|v| v.1 <= EQUIVALENT_RATIO * least + EQUIVALENT_DIFFERENCE)?;
     // noise makes several valleys of one: the deepest of those around it
     let near = valleys
         .iter()

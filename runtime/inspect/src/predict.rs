@@ -1,9 +1,9 @@
-//! How well base parameters will be determined by a log, before they are.
+//! Predicts how well a log will determine the base parameters, before anything is fitted.
 //!
 //! With efforts of white noise of density S, the covariance of the parameters is
-//! (W^T W)^-1 (S / 2) (rate of the rows of W), each row weighted by its own effort's. A filter of
-//! the equations whose pass band has the motion changes nothing in that: what it takes from the
-//! variance of the noise it adds to its memory.
+//! (W^T W)^-1 (S / 2) (rate of the rows of W), each row weighted by the noise of its own effort. A
+//! filter of the equations that passes the motion does not change this: it reduces the variance of
+//! the noise and makes consecutive noise depend on each other in the same proportion.
 
 use nalgebra::DMatrix;
 use regen_identify::estimate::{EstimateError, QrFactor};
@@ -18,10 +18,10 @@ use crate::motion::{JointMotion, Motions};
 use crate::needs::{Need, Trial, needs};
 use crate::spectrum::{Welch, block_rows};
 
-/// Steps from which the time between states is computed.
-const STEPS: usize = 1001;
-/// The least noise, over the rms of an effort: rounding of logged numbers.
-const LEAST_NOISE: f64 = 1e-9;
+/// The largest number of steps whose median is the time between states.
+const MAX_STEPS: usize = 1001;
+/// The least noise of an effort, as a part of its root mean square: logged numbers are rounded.
+const MIN_NOISE_PART: f64 = 1e-9;
 
 /// The noise of an effort.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,28 +37,28 @@ pub struct EffortNoise {
     pub flat: bool,
 }
 
-/// Whether data determine a parameter.
+/// How well an identification from this log would determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Sight {
-    /// The deviation is below 15 % of the nominal value.
+pub enum ExpectedStatus {
+    /// The standard deviation is below 15 % of the nominal value.
     Well,
-    /// It is determined, and how well depends on its value, of which nothing is known.
-    Seen,
-    /// The deviation is 15 % of the nominal value or more.
+    /// The parameter is determined; there is no nominal value to compare its deviation with.
+    Determined,
+    /// The standard deviation is 15 % of the nominal value or more.
     Poor,
-    /// Only a combination with others is determined.
+    /// Only a combination with other parameters is determined.
     Combined,
-    /// No effort depends on it.
+    /// No effort depends on the parameter at these states.
     Unseen,
 }
 
-impl Sight {
-    /// The word for it.
+impl ExpectedStatus {
+    /// The word for it in tables and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Well => "well",
-            Self::Seen => "seen",
+            Self::Determined => "determined",
             Self::Poor => "poor",
             Self::Combined => "combined",
             Self::Unseen => "unseen",
@@ -69,7 +69,7 @@ impl Sight {
 /// What to expect of one base parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PredictedParameter {
-    /// Its label.
+    /// The label of its first term, such as `Izz(1)`.
     pub label: String,
     /// Its nominal value, SI, where all parameters of its combination have one.
     pub nominal: Option<f64>,
@@ -77,10 +77,10 @@ pub struct PredictedParameter {
     pub sigma: Option<f64>,
     /// The same in percent of the nominal value.
     pub percent: Option<f64>,
-    /// The size from which on it would be well identified, SI: sigma over 15 %.
-    pub seen_from: Option<f64>,
-    /// Whether data determine it.
-    pub sight: Sight,
+    /// The magnitude from which on it would be well identified, SI: sigma over 15 %.
+    pub well_from: Option<f64>,
+    /// How well data determine it.
+    pub status: ExpectedStatus,
     /// The motions that would determine it better, the best first; empty where it is well
     /// identified, or no motion of a single joint helps.
     pub needs: Vec<Need>,
@@ -93,7 +93,7 @@ pub struct Prediction {
     pub equations: usize,
     /// The noise of each effort.
     pub noise: Vec<EffortNoise>,
-    /// All base parameters.
+    /// All base parameters, in the order of `BaseModel::base_info`.
     pub parameters: Vec<PredictedParameter>,
     /// The condition number of the weighted equations with columns scaled to unit length.
     pub condition: f64,
@@ -101,7 +101,7 @@ pub struct Prediction {
     pub motion: Vec<JointMotion>,
 }
 
-/// A source whose states are looked at in passing.
+/// A source that also shows each of its states to another function.
 struct Tap<'a, S: ?Sized> {
     source: &'a mut S,
     each: &'a mut dyn FnMut(&StateSample<'_>),
@@ -211,7 +211,7 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 /// # }
 /// # use models::Pendulum;
 /// use regen_identify::identify::{EquationKind, Recorded};
-/// use regen_inspect::{Sight, predict};
+/// use regen_inspect::{ExpectedStatus, predict};
 ///
 /// // a pendulum that turns at a constant speed shows its weight and not its inertia
 /// let mut log = Recorded::new();
@@ -224,9 +224,9 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 /// }
 /// let found = predict(&Pendulum, EquationKind::Forces, &mut log, 4000, 0.01)?;
 /// let [inertia, weight] = &found.parameters[..] else { panic!() };
-/// assert_eq!((inertia.label.as_str(), inertia.sight), ("Izz(1)", Sight::Unseen));
+/// assert_eq!((inertia.label.as_str(), inertia.status), ("Izz(1)", ExpectedStatus::Unseen));
 /// assert_eq!(inertia.needs[0].to_string(), "acceleration of q1");
-/// assert_eq!(found.motion[0].lacks, ["never turns round", "never accelerates"]);
+/// assert_eq!(found.motion[0].lacks, ["never changes direction", "never accelerates"]);
 /// // sigma of even noise, over the square root of the sum of (9.81 sin q)^2
 /// let expected = (1.0_f64 / 12.0).sqrt() / (9.81 * 2000.0_f64.sqrt());
 /// assert!((weight.sigma.unwrap() / expected - 1.0).abs() < 0.1);
@@ -259,7 +259,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                     welches[k].push(*tau);
                     squares[k] += tau * tau;
                 }
-                if let (true, Some(last)) = (row.follows && steps.len() < STEPS, last) {
+                if let (true, Some(last)) = (row.follows && steps.len() < MAX_STEPS, last) {
                     steps.push(row.time - last);
                 }
                 last = Some(row.time);
@@ -276,7 +276,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .zip(&squares)
         .map(|((c, welch), squares)| {
             let found = welch.finish(1.0 / between).map(|density| density.judge(0));
-            let least = LEAST_NOISE * (squares / f64::max(count, 1.0)).sqrt();
+            let least = MIN_NOISE_PART * (squares / f64::max(count, 1.0)).sqrt();
             let density = found
                 .map_or(0.0, |s| s.floor)
                 .max(2.0 * between * least * least);
@@ -323,26 +323,28 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 .zip(sigma)
                 .map(|(value, sigma)| 100.0 * sigma / value.abs())
                 .filter(|p| p.is_finite());
-            let sight = match (sigma, percent) {
-                (None, _) if norms.get(k).is_none_or(|norm| *norm <= 0.0) => Sight::Unseen,
-                (None, _) => Sight::Combined,
-                (Some(_), Some(percent)) if percent < WELL_IDENTIFIED_PERCENT => Sight::Well,
-                (Some(_), Some(_)) => Sight::Poor,
-                (Some(_), None) => Sight::Seen,
+            let status = match (sigma, percent) {
+                (None, _) if norms.get(k).is_none_or(|norm| *norm <= 0.0) => ExpectedStatus::Unseen,
+                (None, _) => ExpectedStatus::Combined,
+                (Some(_), Some(percent)) if percent < WELL_IDENTIFIED_PERCENT => {
+                    ExpectedStatus::Well
+                }
+                (Some(_), Some(_)) => ExpectedStatus::Poor,
+                (Some(_), None) => ExpectedStatus::Determined,
             };
             PredictedParameter {
                 label: parameter.label.to_owned(),
                 nominal,
                 sigma,
                 percent,
-                seen_from: sigma.map(|s| 100.0 * s / WELL_IDENTIFIED_PERCENT),
-                sight,
+                well_from: sigma.map(|s| 100.0 * s / WELL_IDENTIFIED_PERCENT),
+                status,
                 needs: Vec::new(),
             }
         })
         .collect();
     let in_question: Vec<usize> = (0..parameters.len())
-        .filter(|k| parameters[*k].sight >= Sight::Poor)
+        .filter(|k| parameters[*k].status >= ExpectedStatus::Poor)
         .collect();
     let trial = Trial {
         model,

@@ -12,7 +12,8 @@ use crate::names::Role;
 
 /// The order of the proposed filter.
 const ORDER: usize = 4;
-/// Units of positions and velocities by the factor between a position and its velocity's integral.
+/// The relative difference up to which the factor between a position and the integral of its
+/// velocity counts as the factor of a unit.
 const UNIT_TOLERANCE: f64 = 0.05;
 
 /// A text as YAML reads it back: in quotes unless it is plain.

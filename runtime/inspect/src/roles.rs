@@ -6,10 +6,10 @@ use crate::columns::Surveyed;
 use crate::names::{Meaning, Role, meaning};
 use crate::relations::{Derivative, Relations};
 
-/// A column of smooth positions has at most this part of the noise of one of efforts.
-const SMOOTHER: f64 = 0.2;
-/// The smallest correlation by which columns without names are told apart.
-const CERTAIN: f64 = 0.98;
+/// Columns of positions have at most this part of the relative noise of columns of efforts.
+const MAX_NOISE_RATIO: f64 = 0.2;
+/// The least correlation at which a column without a name counts as a derivative.
+const MIN_CORRELATION: f64 = 0.98;
 
 /// Factors between a column and the integral of its derivative where units differ by nothing or by
 /// degrees.
@@ -18,15 +18,15 @@ const SAME_UNIT: [f64; 3] = [
     180.0 / core::f64::consts::PI,
     core::f64::consts::PI / 180.0,
 ];
-/// By what part factors may differ from these.
-const SAME_PART: f64 = 0.1;
+/// The relative difference up to which a factor counts as one of these.
+const UNIT_TOLERANCE: f64 = 0.1;
 
-/// What a column is taken for.
+/// The role that a column is judged to have.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Judged {
     pub(crate) role: Role,
     pub(crate) unit: Option<&'static str>,
-    /// Why, in words.
+    /// The reason for the role, in words.
     pub(crate) reason: String,
     pub(crate) derivative: Option<Derivative>,
     /// The factor of its unit, as assigned; 1 where nothing is.
@@ -221,7 +221,7 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
 fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
     let positive = |b: usize| {
         let derivative = found.get(b).copied().flatten();
-        derivative.filter(|(_, _, c)| *c >= CERTAIN)
+        derivative.filter(|(_, _, c)| *c >= MIN_CORRELATION)
     };
     for b in 0..out.len() {
         let Some((a, factor, _)) = positive(b) else {
@@ -233,7 +233,7 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
             && known.timed
             && !SAME_UNIT
                 .iter()
-                .any(|u| (factor / u - 1.0).abs() < SAME_PART)
+                .any(|u| (factor / u - 1.0).abs() < UNIT_TOLERANCE)
         {
             continue;
         }
@@ -308,7 +308,7 @@ fn by_order(known: &Known<'_>, out: &mut [Judged]) {
         let all: Vec<f64> = columns.iter().map(|k| known.roughness(*k)).collect();
         crate::clock::median(&all)
     };
-    let rough_enough = typical(first) <= SMOOTHER * typical(second);
+    let rough_enough = typical(first) <= MAX_NOISE_RATIO * typical(second);
     if first.is_empty() || first.len() != second.len() || !rough_enough {
         return;
     }

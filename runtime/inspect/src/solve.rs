@@ -20,7 +20,7 @@ pub(crate) struct Normal {
 /// The solution for one right side.
 #[derive(Clone, Debug)]
 pub(crate) struct Solved {
-    /// Of the scaled columns.
+    /// The solution for the scaled columns.
     values: Vec<f64>,
     /// The products of the scaled columns with the right side.
     side: Vec<f64>,

@@ -118,9 +118,9 @@ fn without_trend(values: &[f64]) -> Vec<f64> {
 /// A one-sided power spectral density.
 #[derive(Clone, Debug)]
 pub(crate) struct Density {
-    /// Unit^2/Hz, from frequency 0.
+    /// The densities, unit^2/Hz, from frequency 0.
     values: Vec<f64>,
-    /// Hz between the values.
+    /// The frequency step between the values, Hz.
     step: f64,
     blocks: usize,
 }

@@ -1,4 +1,4 @@
-//! What is worth knowing of a log, as sentences.
+//! Sentences about a log: its clock, columns, derivatives and efforts.
 
 use regen_identify::text::figure_of;
 
@@ -6,17 +6,17 @@ use crate::clock::ClockSource;
 use crate::log::LogFacts;
 use crate::names::Role;
 
-/// The least share of rows at an extreme that is told as saturation.
+/// The least share of rows at an extreme that is reported as saturation.
 const SATURATED_SHARE: f64 = 1e-3;
-/// The least number of consecutive rows at it.
+/// The least number of consecutive rows at an extreme that is reported as saturation.
 const SATURATED_ROWS: usize = 4;
-/// A delay is told that is more than this many deviations, and part of a step.
+/// A delay is reported if it is more than this many standard deviations and this part of a step.
 const CERTAIN_DEVIATIONS: f64 = 4.0;
 const MIN_DELAY_STEPS: f64 = 0.5;
-/// Shares of rest that are told.
-const MUCH_REST: f64 = 0.05;
-/// A joint that rests in more of the rows never moves.
-const ALL_REST: f64 = 0.999;
+/// The least share of rest that is reported.
+const MIN_REST_SHARE: f64 = 0.05;
+/// A joint that rests in a larger share of the rows counts as one that never moves.
+const STILL_SHARE: f64 = 0.999;
 /// Units by the factor between a position and the integral of its velocity.
 const UNITS: [(f64, &str); 4] = [
     (
@@ -35,7 +35,7 @@ fn percent(share: f64) -> String {
     format!("{} %", figure_of(2, 100.0 * share))
 }
 
-/// How a column is called.
+/// The name of a column in sentences.
 pub(crate) fn title(found: &LogFacts, number: usize) -> String {
     match found.column(number) {
         Some(column) if found.named => format!("`{}`", column.name),
@@ -43,7 +43,7 @@ pub(crate) fn title(found: &LogFacts, number: usize) -> String {
     }
 }
 
-/// Everything that is worth telling.
+/// All sentences about a log.
 pub(crate) fn notes(found: &LogFacts) -> Vec<String> {
     let mut out = Vec::new();
     clock(found, &mut out);
@@ -98,10 +98,10 @@ fn columns(found: &LogFacts, out: &mut Vec<String>) {
         let name = title(found, column.number);
         let constant = column.low.value >= column.high.value;
         match column.role {
-            Role::Position if constant || column.resting > ALL_REST => {
+            Role::Position if constant || column.resting > STILL_SHARE => {
                 out.push(format!("{name} never moves"));
             }
-            Role::Position if column.resting > MUCH_REST => out.push(format!(
+            Role::Position if column.resting > MIN_REST_SHARE => out.push(format!(
                 "{name} rests in {} of the rows, where friction is static",
                 percent(column.resting)
             )),
@@ -112,8 +112,8 @@ fn columns(found: &LogFacts, out: &mut Vec<String>) {
                 for extreme in [column.low, column.high] {
                     if extreme.longest >= SATURATED_ROWS && extreme.share >= SATURATED_SHARE {
                         out.push(format!(
-                            "{name} stands at its extreme {} in {} of the rows, up to {} one \
-                             behind the other: it may be saturated",
+                            "{name} is at its extreme {} in {} of the rows, up to {} in \
+                             succession: it may be saturated",
                             figure_of(4, extreme.value),
                             percent(extreme.share),
                             extreme.longest
@@ -162,9 +162,7 @@ fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
             .iter()
             .find(|(factor, _)| (derivative.factor / factor - 1.0).abs() < 0.1)
         {
-            out.push(format!(
-                "{of} looks like one in {words}: a unit must be stated"
-            ));
+            out.push(format!("{of} seems to be in {words}: state the unit"));
         } else if (derivative.factor - 1.0).abs() > 0.2 {
             out.push(format!(
                 "{of} changes {} times as fast as {own} says: a unit or a gear differs",
@@ -199,7 +197,7 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
         (seen && seconds.abs() * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
     });
     let certain: Vec<(usize, f64)> = certain.collect();
-    // an effort before its motion shows what the regression lacks, and then nothing is certain
+    // an effort cannot precede its motion: the regression lacks something, and no delay is certain
     if certain.iter().any(|(_, seconds)| *seconds < 0.0) {
         return;
     }

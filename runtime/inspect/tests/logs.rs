@@ -232,7 +232,7 @@ fn saturation_and_rest_are_told_with_their_shares() {
     let (found, _) = found("bounds", &facts);
     let effort = &found.columns[3];
     assert!((effort.high.value - 8.0).abs() < 1e-9 && effort.high.share > 0.05);
-    assert!(told(&found, "`tau_a` stands at its extreme 8.000"));
+    assert!(told(&found, "`tau_a` is at its extreme 8.000"));
     assert!(!told(&found, "`tau_b` stands"));
     for column in &found.columns[1..3] {
         assert!((column.resting - 0.2).abs() < 0.02, "{}", column.resting);

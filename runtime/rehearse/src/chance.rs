@@ -1,6 +1,6 @@
-//! What chance does to a share: counts of the binomial distribution.
+//! The counts of successes that chance explains: quantiles of the binomial distribution.
 
-/// The probability that chance leaves out on either side.
+/// The probability of the counts that are left out on either side.
 const TAIL: f64 = 1e-3;
 
 /// The counts of successes among `trials` independent ones that are not unlikely, from the least to

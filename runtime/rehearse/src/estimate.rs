@@ -1,18 +1,17 @@
 //! The estimate of one seed, by the estimator that is rehearsed.
 
-use regen_experiment::closed_loop::{ClosedLoop, Controllers};
+use regen_experiment::closed_loop::Controllers;
 use regen_experiment::instruments::instrumental;
 use regen_experiment::simulate::{Gains, Pid, Reference, Settings as Simulated};
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{Run, Track, tracks};
 use regen_identify::feasibility::MAX_OPTIMAL_GAP;
-use regen_identify::identify::Filtering;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{
     LeastSquaresStart, PriorKnowledge, Session, from_logs, physical, settled_delays, with_friction,
 };
 use regen_response::{
-    Commanded, DidimOptions, EffortRun, Law, Number, Run as Response, Setup, Value, didim, efforts,
+    DidimOptions, EffortTracks, KnownReference, Law, Number, Run as Response, Setup, Value, didim,
     respond,
 };
 use regen_runtime::{BaseModel, Info, Model};
@@ -196,7 +195,6 @@ fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
     start: &[f64],
 ) -> Result<Estimated, RehearseError> {
     let model = session.model;
-    let info = model.info();
     let controllers = match bandwidth {
         Some(bandwidth) => Controllers::Tuned {
             bandwidth,
@@ -210,41 +208,12 @@ fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
     let motion = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
         made.motion.at(made.settle + t, q, qd, qdd);
     };
-    let mut commanded = Vec::new();
-    let mut measured = Vec::with_capacity(all.len());
-    for track in all {
-        measured.push(efforts(track, &info)?);
-        if !along {
-            commanded.push(Commanded::new(model, track)?);
-        }
-    }
-    let runs = all.iter().zip(&measured).enumerate();
-    let runs: Vec<EffortRun<'_>> = runs
-        .map(|(k, (track, efforts))| {
-            let (reference, lead): (&(dyn Reference + Sync), f64) = match commanded.get(k) {
-                Some(commanded) => (commanded, 0.0),
-                None => (&motion, made.motion.period()),
-            };
-            EffortRun {
-                times: &track.times,
-                efforts,
-                positions: &track.positions,
-                closed_loop: ClosedLoop {
-                    reference,
-                    lead,
-                    controllers,
-                },
-            }
-        })
-        .collect();
-    let reading = &session.reading;
+    let known: KnownReference<'_> = (&motion, made.motion.period());
+    let tracks = EffortTracks::new(model, all, along.then_some(known))?;
+    let runs = tracks.runs(|_| controllers);
     let options = DidimOptions {
         least_squares: session.options,
-        filtering: Filtering {
-            smoothing: reading.method.smoothing(),
-            decimation: reading.decimation,
-            standstill: reading.standstill,
-        },
+        filtering: session.reading.filtering(),
         settle,
         ..DidimOptions::default()
     };

@@ -135,14 +135,15 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     mean.is_finite().then_some(mean)
 }
 
-/// The greatest percentage of the truth: of more, the truth is a rounding error of 0.
-const MOST_PERCENT: f64 = 1e9;
+/// The largest error that is given in percent of the true value; above it, the true value is zero up
+/// to rounding.
+const MAX_PERCENT: f64 = 1e9;
 
 /// An error in percent of the truth; `None` where that is 0, up to rounding.
 fn percent_of(error: f64, truth: f64) -> Option<f64> {
     let percent = 100.0 * error / truth.abs();
     // false for NaN
-    (percent < MOST_PERCENT).then_some(percent)
+    (percent < MAX_PERCENT).then_some(percent)
 }
 
 /// The score of the base parameter with the index `k`; fewer than `fewest` intervals that hold the

@@ -41,7 +41,7 @@ impl Sensitive {
 pub(crate) struct Controller {
     pub(crate) coordinate: usize,
     law: Law,
-    /// kp, ki, kd, offset.
+    /// kp, ki, kd and the offset.
     gains: [Entry; 4],
     /// The number of the window's own unknowns, which come before those that all windows share.
     offset: usize,
@@ -175,7 +175,7 @@ impl Controller {
         effort
     }
 
-    /// The stiffness and the damping that it adds between samples.
+    /// The stiffness and the damping that the controller adds between samples.
     pub(crate) fn stiffness(&self, action: Action) -> [f64; 2] {
         if action == Action::Sampled {
             return [0.0; 2];

@@ -16,7 +16,7 @@ use crate::window::{Experiment, Window};
 use crate::{Number, ResponseError};
 
 /// The fewest rows of a window, as a multiple of the unknowns of its own.
-const LEAST_ROWS: usize = 2;
+const MIN_ROWS: usize = 2;
 
 /// A value that was estimated together with the base parameters: a gain, a delay, a bias.
 #[derive(Clone, Debug, PartialEq)]
@@ -285,7 +285,7 @@ where
     let own = experiment.own();
     let mut out = Vec::new();
     for (k, run) in runs.iter().enumerate() {
-        for rows in run.windows(setup.window, LEAST_ROWS * own + 2) {
+        for rows in run.windows(setup.window, MIN_ROWS * own + 2) {
             let Some(mut state) = start::state(model, setup, run, &rows)? else {
                 let time = run.times.get(rows.start).copied().unwrap_or(0.0);
                 return Err(ResponseError::Start {

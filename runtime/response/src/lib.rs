@@ -17,6 +17,7 @@
 mod control;
 mod departure;
 mod didim;
+mod effort_tracks;
 mod error;
 mod files;
 mod fit;
@@ -34,6 +35,7 @@ mod window;
 
 pub use departure::{Departure, departures};
 pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
+pub use effort_tracks::{EffortTracks, KnownReference};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
 pub use fit::{Estimated, Responded, respond};

@@ -11,10 +11,10 @@ use crate::{Number, ResponseError};
 
 /// The first damping, relative to the squared lengths of the columns.
 const FIRST_DAMPING: f64 = 1e-3;
-/// The least damping: far below what any determined direction has.
-const LEAST_DAMPING: f64 = 1e-15;
-/// Damping beyond which no step is long enough to matter.
-const MOST_DAMPING: f64 = 1e9;
+/// The least damping, far below the curvature of every direction that the data determine.
+const MIN_DAMPING: f64 = 1e-15;
+/// The largest damping; beyond it steps are too short to change anything.
+const MAX_DAMPING: f64 = 1e9;
 /// A step that moves all unknowns by less than this part of their standard deviations, in the root
 /// mean square, is the last one.
 const TOLERANCE_DEVIATIONS: f64 = 1e-3;
@@ -138,7 +138,7 @@ where
                     settled = small || cost - next_cost <= ROUNDING * rows as f64;
                     (at, cost) = (next, next_cost);
                     (windows, shared) = (next_windows, next_shared);
-                    damping = (0.1 * damping).max(LEAST_DAMPING);
+                    damping = (0.1 * damping).max(MIN_DAMPING);
                     break;
                 }
                 if small && next_cost.is_finite() {
@@ -147,7 +147,7 @@ where
                     break;
                 }
                 damping *= 10.0;
-                if damping > MOST_DAMPING {
+                if damping > MAX_DAMPING {
                     return self.finish(signals, &at, windows, shared, [steps, refused], false);
                 }
             }

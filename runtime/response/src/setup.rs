@@ -145,7 +145,7 @@ impl Default for SignalModel {
     }
 }
 
-/// What a signal shows.
+/// The quantity that a signal measures or commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SignalKind {
     /// The measured position of a coordinate, by its index.
@@ -161,7 +161,7 @@ pub enum SignalKind {
 pub struct Setup {
     /// The controllers, in the order of `Info::actuated`.
     pub laws: Vec<Law>,
-    /// When the controllers act.
+    /// Whether the controllers act at the samples or continuously.
     pub action: Action,
     /// The models of signals that are not logged as they are.
     pub signals: Vec<(SignalKind, SignalModel)>,

@@ -13,7 +13,7 @@ use crate::{Number, ResponseError};
 const MAX_STEP_RATE: f64 = 1.0;
 /// The longest step of the integration, s.
 const MAX_STEP: f64 = 0.005;
-/// The most steps between two samples.
+/// The largest number of steps between two samples.
 const MAX_STEPS: usize = 2000;
 
 /// A window of a run, with the unknowns of its own: the first state, and the integral of each
@@ -22,11 +22,11 @@ const MAX_STEPS: usize = 2000;
 pub(crate) struct Window {
     pub(crate) run: usize,
     pub(crate) rows: core::ops::Range<usize>,
-    /// q_i, qd_i, integrals.
+    /// The first q_i and qd_i, then the integral of each controller that has one.
     pub(crate) own: Vec<f64>,
 }
 
-/// What is simulated in every window.
+/// The robot, its controllers and the runs: all that a simulation of a window reads.
 pub(crate) struct Experiment<'a, 'm, M: ?Sized, D: ?Sized> {
     pub(crate) plant: &'a Plant<'m, M, D>,
     pub(crate) model: &'m M,
@@ -63,7 +63,7 @@ impl Refused {
             Self::Mass => "the mass matrix is not positive definite",
             Self::Diverged => "the motion grows beyond all bounds",
             Self::Stiff => {
-                "friction turns round too fast to be integrated, which a greater width makes slower"
+                "friction changes its sign too fast to be integrated: a greater width makes it slower"
             }
         }
     }

@@ -40,7 +40,7 @@ enum SolvedRows {
     All,
 }
 
-/// How the corrector ended.
+/// The result of the corrector.
 pub(super) enum Correction {
     /// It converged to a solution near the start.
     Converged,

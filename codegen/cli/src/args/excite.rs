@@ -48,7 +48,7 @@ pub(crate) struct ExciteArgs {
     /// Samples in a period
     #[arg(long, value_name = "N", default_value_t = 75)]
     pub(crate) samples: usize,
-    /// What is sought
+    /// What the trajectory is optimised for
     #[arg(long, value_enum, default_value_t)]
     pub(crate) criterion: CriterionArg,
     /// Start and end with velocities and accelerations of zero
@@ -65,7 +65,7 @@ pub(crate) struct ExciteArgs {
     /// The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
     #[arg(long, value_name = "PIVOT", default_value_t = 0.05)]
     pub(crate) margin: f64,
-    /// Which random starts
+    /// The seed of the random starts
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub(crate) seed: u64,
     /// The number of random starts; the best counts
@@ -82,7 +82,7 @@ pub(crate) struct ExciteArgs {
     pub(crate) format: Format,
 }
 
-/// What is sought
+/// What a trajectory is optimised for
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CriterionArg {
     /// A small condition number, columns scaled to unit length (Eq. 27)

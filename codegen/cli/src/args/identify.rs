@@ -68,11 +68,11 @@ Examples:
   regen identify arm.yaml run.csv --estimator response --controller gains.yaml
   regen identify arm.yaml loaded.csv --payload unknown --parameters p.json
 
-With --iv the regressor at another motion takes the place of the regressor's
-transpose: that of the robot simulated under PID control along --reference with
-the present estimate, in up to five rounds; the log's time is the reference's.
-Without --reference it is the measured motion, smoothed as far as it has
-nothing but noise: then the noise below the cutoff that is told still counts.
+With --iv the transposed regressor of least squares is replaced by the one at
+another motion: that of the robot simulated under PID control along --reference
+with the present estimate, in up to five rounds; the log's time is the
+reference's. Without --reference it is the measured motion without frequencies
+above a printed cutoff; the noise below the cutoff then still biases the result.
 The test of Durbin, Wu and Hausman says whether least squares is biased.
 
 Two estimators compare what the robot would do under its controllers with what
@@ -203,7 +203,7 @@ pub(crate) struct SimulatedArgs {
     /// Length of the windows of `response`, s, whose first states are estimated
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub(crate) window: f64,
-    /// The speed within which friction turns round in `response`, rad/s or m/s
+    /// The speed within which friction changes its sign in `response`, rad/s or m/s
     #[arg(long, value_name = "V", default_value_t = 1e-3)]
     pub(crate) friction_width: f64,
     /// Parameters to start from [default: the spec's nominal ones]
@@ -268,6 +268,6 @@ pub(crate) enum WeightingArg {
     /// By the standard deviations of their residuals
     #[default]
     PerEffort,
-    /// All alike
+    /// All efforts have the same weight
     Equal,
 }

@@ -98,7 +98,7 @@ pub(crate) struct TwinArgs {
     /// Leave friction out
     #[arg(long)]
     pub(crate) no_friction: bool,
-    /// The speed within which friction turns round, rad/s or m/s
+    /// The speed within which friction changes its sign, rad/s or m/s
     #[arg(long, value_name = "V", default_value_t = 1e-3)]
     pub(crate) friction_width: f64,
     /// Standard deviations of measured positions (rad or m) and efforts

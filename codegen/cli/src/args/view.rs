@@ -11,8 +11,8 @@ frames and cut joints at home and moving along the trajectory, or else with each
 independent coordinate swept in turn as far as limits and loops let it.
 Drag to turn, wheel or pinch to come nearer, right button to shift.
 
-A mechanism whose loops do not close is shown as its home states it, with what
-gapes in red; the exit code is then that of the error.
+A mechanism whose loops do not close is shown at the stated home, with the gaps
+in red; the exit code is then that of the error.
 
 Examples:
   regen view robots/3rps.yaml --out 3rps.html

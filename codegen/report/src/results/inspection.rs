@@ -237,7 +237,7 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
             let number = |value: Option<f64>| value.map_or("-".to_owned(), three);
             vec![
                 p.label.clone(),
-                p.sight.name().to_owned(),
+                p.status.name().to_owned(),
                 number(p.nominal),
                 number(p.sigma),
                 p.percent.map_or("-".to_owned(), |x| {
@@ -248,11 +248,11 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
                         ">10000".to_owned()
                     }
                 }),
-                number(p.seen_from),
+                number(p.well_from),
             ]
         })
         .collect();
-    let head = ["parameter", "sight", "nominal", "sigma", "%", "well from"];
+    let head = ["parameter", "status", "nominal", "sigma", "%", "well from"];
     out.push_str(&columns(&head, &lines));
     let mut lacking = found
         .parameters

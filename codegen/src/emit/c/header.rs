@@ -3,10 +3,9 @@
 use std::fmt::Write as _;
 
 use crate::digest::digest;
-use crate::optimize::Operations;
 use crate::robot::{Function, Robot};
 
-use super::super::elements::{base_of, certified};
+use super::super::documentation::{DIGEST, EQUATIONS, base_sizes, operations, sizes};
 use super::constants;
 use super::functions::{Functions, guard, prototype};
 use super::names::{comment, literal};
@@ -31,7 +30,7 @@ pub(super) fn text(robot: &Robot, names: &Spelling, functions: &Functions) -> St
          #else\n\
          #define {macros}_RESTRICT\n\
          #endif\n#endif\n\n\
-         /* What tells models apart: parameters that were identified for another one have another number. */\n\
+         /* {DIGEST} */\n\
          #define {macros}_DIGEST 0x{:016x}ULL\n\n\
          /* A state is singular where a returned condition is not at least the first number (nothing that\n   \
          is solved there has a meaning), and nearly singular where it is not at least the second. */\n\
@@ -69,28 +68,14 @@ fn description(robot: &Robot, names: &Spelling, out: &mut String) {
     let _ = write!(
         out,
         "/* {}: {}.\n\n   \
-         Equations are those of V. Mata, N. Farhat, M. Diaz-Rodriguez, A. Valera, A. Page, \"Dynamic\n   \
-         Parameter Identification for Parallel Manipulators\", in H. Wu (ed.), Parallel Manipulators,\n   \
-         towards New Applications, I-Tech, 2008. K_i and K_e are the rows of the spanning tree's\n   \
-         Gibbs-Appell regressor at independent and dependent coordinates (Eq. 4, 5), X carries velocities,\n   \
-         qd_e = -X qd_i (Eq. 10), and the base parameters phi_b are the fewest combinations of the\n   \
-         parameters phi with (K_i - X^T K_e) phi = W phi_b at every state (Eq. 11, 23).\n\n",
+         {}\n\n   {}\n",
         comment(&robot.name),
-        comment(description)
+        comment(description),
+        EQUATIONS.join("\n   "),
+        sizes(robot),
     );
-    let _ = writeln!(
-        out,
-        "   {} coordinates, {} independent; {} bodies, {} parameters; {} closure rows, {} of them redundant.",
-        robot.coordinates.len(),
-        robot.independent.len(),
-        robot.bodies.len(),
-        robot.parameters.len(),
-        robot.rows,
-        robot.redundant_rows.len(),
-    );
-    if let Some(analysis) = base_of(robot) {
-        let rank = analysis.base.rank();
-        let _ = writeln!(out, "   {rank} base parameters, {}.", certified(analysis));
+    if let Some(base) = base_sizes(robot) {
+        let _ = writeln!(out, "   {base}");
     }
     let _ = write!(
         out,
@@ -123,22 +108,11 @@ fn documentation(function: &Function, names: &Spelling, functions: &Functions, o
             "   Returns the condition: the smallest pivot of A_e relative to its usual size, 1 without loops."
         );
     }
-    let Operations {
-        add,
-        mul,
-        div,
-        sincos,
-        sqrt,
-    } = program.operations();
-    let roots = match sqrt {
-        0 => String::new(),
-        1 => ", 1 square root".to_owned(),
-        many => format!(", {many} square roots"),
-    };
+    let operations = operations(program.operations());
     let [double, float] = Precision::ALL.map(|p| functions.stack(*kind, p));
     let _ = writeln!(
         out,
-        "\n   {add} additions, {mul} multiplications, {div} divisions, {sincos} sines and cosines{roots}.\n   \
+        "\n   {operations}\n   \
          Stack: at most {double} bytes on double, {float} on float. */"
     );
 }

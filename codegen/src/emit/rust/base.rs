@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use crate::base::Analysis;
 use crate::robot::Robot;
 
-use super::super::elements::{certified, eliminated_labels};
+use super::super::documentation::certified;
+use super::super::elements::eliminated_labels;
 use super::names::literal;
 
 pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {

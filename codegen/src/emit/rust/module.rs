@@ -8,7 +8,8 @@ use crate::robot::{Function, Robot};
 use crate::signature::Passing;
 
 use super::super::body::statements;
-use super::super::elements::{base_of, certified, preferred_names};
+use super::super::documentation::{DIGEST, EQUATIONS, base_sizes, operations, sizes};
+use super::super::elements::{base_of, preferred_names};
 use super::super::plan::{is_zero, reads_argument};
 use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::statements::Rust;
@@ -71,8 +72,7 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     constants(robot, &mut out);
     let _ = writeln!(
         out,
-        "/// What tells models apart: parameters that were identified for another one have another number.\n\
-         pub const DIGEST: u64 = 0x{:016x};",
+        "/// {DIGEST}\npub const DIGEST: u64 = 0x{:016x};",
         digest(robot)
     );
     if let Some(analysis) = base_of(robot) {
@@ -110,32 +110,14 @@ fn header(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "//!");
     let _ = writeln!(
         out,
-        "//! Written by `regen` from the robot's spec; edits here are lost.\n\
-         //!\n\
-         //! Equations are those of V. Mata, N. Farhat, M. Diaz-Rodriguez, A. Valera, A. Page, \"Dynamic\n\
-         //! Parameter Identification for Parallel Manipulators\", in H. Wu (ed.), Parallel Manipulators,\n\
-         //! towards New Applications, I-Tech, 2008. K_i and K_e are the rows of the spanning tree's\n\
-         //! Gibbs-Appell regressor at independent and dependent coordinates (Eq. 4, 5), X carries velocities,\n\
-         //! qd_e = -X qd_i (Eq. 10), and the base parameters phi_b are the fewest combinations of the\n\
-         //! parameters phi with (K_i - X^T K_e) phi = W phi_b at every state (Eq. 11, 23)."
+        "//! Written by `regen` from the robot's spec; edits here are lost.\n//!"
     );
-    let _ = writeln!(out, "//!");
-    let _ = writeln!(
-        out,
-        "//! {} coordinates, {} independent; {} bodies, {} parameters; {} closure rows, {} of them redundant.",
-        robot.coordinates.len(),
-        robot.independent.len(),
-        robot.bodies.len(),
-        robot.parameters.len(),
-        robot.rows,
-        robot.redundant_rows.len(),
-    );
-    let _ = writeln!(out, "//!");
-    if let Some(analysis) = base_of(robot) {
-        let certified = certified(analysis);
-        let rank = analysis.base.rank();
-        let _ = writeln!(out, "//! {rank} base parameters, {certified}.");
-        let _ = writeln!(out, "//!");
+    for line in EQUATIONS {
+        let _ = writeln!(out, "//! {line}");
+    }
+    let _ = writeln!(out, "//!\n//! {}\n//!", sizes(robot));
+    if let Some(base) = base_sizes(robot) {
+        let _ = writeln!(out, "//! {base}\n//!");
     }
     let has_roots = robot
         .functions
@@ -291,23 +273,8 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         let _ = writeln!(out, "/// - `{}`: {}", argument.name, argument.doc);
     }
     let _ = writeln!(out, "/// - `{}`: {}", output.name, output.doc);
-    let Operations {
-        add,
-        mul,
-        div,
-        sincos,
-        sqrt,
-    } = program.operations();
-    let _ = writeln!(out, "///");
-    let _ = writeln!(
-        out,
-        "/// {add} additions, {mul} multiplications, {div} divisions, {sincos} sines and cosines{}.",
-        match sqrt {
-            0 => String::new(),
-            1 => ", 1 square root".to_owned(),
-            many => format!(", {many} square roots"),
-        }
-    );
+    let operations = operations(program.operations());
+    let _ = writeln!(out, "///\n/// {operations}");
     let mut parameters: Vec<String> = program
         .arguments
         .iter()

@@ -18,7 +18,7 @@ pub enum Style {
     Short,
     /// As an expression of any length.
     Expressions,
-    /// As a number.
+    /// Every factor as a number.
     Numbers,
 }
 

@@ -1,4 +1,6 @@
+use super::values::*;
 use super::*;
+use crate::optimize::program::{Operand, Step, Temp};
 use crate::optimize::{Group, Output};
 
 /// An element of the only argument.

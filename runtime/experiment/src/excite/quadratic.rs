@@ -38,8 +38,8 @@ const MAX_ITERATIONS: usize = 80;
 /// The mean product of slack and multiplier, and the gradient of the Lagrangian, relative to their
 /// sizes, below which the programme is solved.
 const TOLERANCE: f64 = 1e-9;
-/// The same where the iterations end otherwise: the search takes such a step too, for what it
-/// decreases is computed afterwards.
+/// The looser tolerance at which a solution is used if the iterations end without convergence: the
+/// search computes the decrease anew, and so can use an inexact step.
 const ALMOST: f64 = 1e-5;
 /// The part of the way to the nearest bound that a step takes.
 const TO_BOUND: f64 = 0.995;
@@ -64,7 +64,7 @@ impl Rows {
         self.limits.iter().chain(elastic).chain(bounds)
     }
 
-    /// Combines two of them entry by entry.
+    /// Combines the entries of two lists, one by one.
     fn with(&self, other: &Self, function: impl Fn(f64, f64) -> f64) -> Self {
         let each = |a: &[f64], b: &[f64]| -> Vec<f64> {
             a.iter().zip(b).map(|(a, b)| function(*a, *b)).collect()

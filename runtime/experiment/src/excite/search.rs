@@ -117,7 +117,7 @@ pub(super) struct Search<'p, 'm, M, D> {
     penalty: f64,
 }
 
-/// How a stage ended.
+/// The reason why a stage of the search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
     /// The search converged, the solver found no step, or the maximum number of steps was taken.

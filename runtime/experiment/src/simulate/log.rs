@@ -42,7 +42,7 @@ impl std::fmt::Display for Termination {
 /// by half a period, and friction identified from it would be biased.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
-    /// How the run ended.
+    /// Whether the run reached its end, and if not, why it ended.
     pub ended: Termination,
     /// The times of the rows, s.
     pub t: Vec<f64>,

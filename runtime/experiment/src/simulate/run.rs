@@ -121,12 +121,12 @@ pub fn simulate_controlled<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
 }
 
 /// Simulates with the given controller, or without one.
-fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
-    model: &M,
+fn run<'a, M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+    model: &'a M,
     phi: &[f64],
-    reference: &R,
-    settings: &Settings,
-    controller: Option<&mut dyn Controller>,
+    reference: &'a R,
+    settings: &'a Settings,
+    controller: Option<&'a mut dyn Controller>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;

@@ -2,131 +2,19 @@
 //! [`Source`] of states.
 
 use super::average::Average;
-use super::columns::Assignment;
 use super::kept_rows::{KeptRows, MAX_NUMBERS};
-use super::policy::{Checks, Keeps, Policies, Policy};
+use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
 use super::run::Run;
+use super::settings::Settings;
 use super::shift;
 use super::standstill::{self, Differences, Encoder};
-use super::table::Format;
 use super::window::Window;
 use crate::estimate::EstimateError;
-use crate::identify::{Completion, Filtering, Source, Standstill, StateSample};
+use crate::identify::{Completion, Filtering, Source, StateSample};
 use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
 use regen_runtime::{Info, Model};
-
-/// Settings for reading logs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Assignments of columns whose headers do not name their quantities; of several for the same
-    /// quantity the first one counts.
-    pub columns: Vec<Assignment>,
-    /// How CSV files are written.
-    pub format: Format,
-    /// The topic of recordings that is read, in place of those of the runs.
-    pub topic: Option<String>,
-    /// The episode of files of LeRobot that is read, in place of those of the runs.
-    pub episode: Option<u64>,
-    /// The rate of the rows, Hz, where no column has their time: the first row of a file is at 0.
-    pub rate: Option<f64>,
-    /// The rate of an even grid of times, Hz, onto which the rows are interpolated.
-    pub resample: Option<f64>,
-    /// Whether columns of measured velocities and accelerations are used.
-    pub measured_rates: bool,
-    /// How positions are differentiated, and what filter efforts and regressor pass. Measured
-    /// velocities pass the filter of the positions, and accelerations are their derivative; with a
-    /// Fourier series all is that of the positions. Where accelerations are measured too, velocities
-    /// and accelerations are used as they are.
-    pub method: Method,
-    /// What is done with faulty rows.
-    pub policy: Policy,
-    /// What is done with doubtful rows, where it differs from that.
-    pub checks: Checks,
-    /// Decimation ratio: one of this many states gives equations; at least 1.
-    pub decimation: usize,
-    /// The period in s of a trajectory that is run several times: the runs are averaged, and their
-    /// variance gives the rows' weights.
-    pub period: Option<f64>,
-    /// Standard deviations of positions by coordinate, rad or m, where more coordinates are
-    /// measured than needed; 1 for those not named.
-    pub deviations: Vec<(String, f64)>,
-    /// What is done with equations of coordinates that rest: whose raw positions stay within the
-    /// encoder's step or noise for 0.2 s, or whose velocities are within two standard deviations of
-    /// zero or reverse within the samples that they are computed from.
-    pub standstill: Standstill,
-    /// The speed below which a coordinate counts as resting too, rad/s or m/s.
-    pub rest_speed: f64,
-    /// By how many seconds efforts are logged after the motion that they belong to, by
-    /// coordinate; 0 for those not named.
-    pub delays: Vec<(String, f64)>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            columns: Vec::new(),
-            format: Format::default(),
-            topic: None,
-            episode: None,
-            rate: None,
-            resample: None,
-            measured_rates: true,
-            method: Method::Central,
-            policy: Policy::Fail,
-            checks: Checks::default(),
-            decimation: 1,
-            period: None,
-            deviations: Vec::new(),
-            standstill: Standstill::Drop,
-            rest_speed: 0.0,
-            delays: Vec::new(),
-        }
-    }
-}
-
-impl Settings {
-    /// What is done with each kind of fault.
-    pub fn policies(&self) -> Policies {
-        Policies {
-            all: self.policy,
-            checks: self.checks,
-        }
-    }
-
-    /// Gives currents of unknown gain these gains, N m/A or N/A, by coordinate; those not named are
-    /// read in A.
-    ///
-    /// ```
-    /// use regen_identify::data::{Assignment, Settings};
-    ///
-    /// let current = Assignment { gain: None, .."tau_q1=i1:mA*1".parse()? };
-    /// let settings = Settings { columns: vec![current], ..Settings::default() };
-    /// let columns = settings.clone().with_gains(&[("q1".to_owned(), 4.0)]).columns;
-    /// assert_eq!((columns[0].gain, columns[0].factor), (Some(4.0), 4e-3));
-    /// let columns = settings.with_gains(&[]).columns;
-    /// assert_eq!((columns[0].gain, columns[0].factor), (Some(1.0), 1e-3));
-    /// # Ok::<(), regen_identify::data::AssignmentError>(())
-    /// ```
-    #[must_use]
-    pub fn with_gains(mut self, gains: &[(String, f64)]) -> Self {
-        for column in &mut self.columns {
-            if column.is_current() && column.gain.is_none() {
-                let name = column.quantity.coordinate();
-                let known = gains.iter().find(|(own, _)| Some(own.as_str()) == name);
-                let gain = known.map_or(1.0, |(_, gain)| *gain);
-                column.factor *= gain;
-                column.gain = Some(gain);
-            }
-        }
-        self
-    }
-
-    pub(super) fn keeps(&self) -> Keeps {
-        self.policies().keeps()
-    }
-}
 
 /// Summary of reading one run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -421,11 +309,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
     }
 
     fn filtering(&self) -> Filtering {
-        Filtering {
-            smoothing: self.settings.method.smoothing(),
-            decimation: self.settings.decimation,
-            standstill: self.settings.standstill,
-        }
+        self.settings.filtering()
     }
 }
 

@@ -1,4 +1,5 @@
-//! Logs from CSV and Parquet files and recordings: assigns columns, checks rows and computes states of motion.
+//! Logs from CSV and Parquet files and recordings: assigns columns, checks rows and computes states
+//! of motion.
 
 mod average;
 #[cfg(feature = "bags")]
@@ -20,8 +21,10 @@ mod rates;
 mod raw;
 mod reader;
 mod resample;
+mod row_checker;
 mod run;
 mod sample;
+mod settings;
 mod shift;
 mod standstill;
 mod stuck;
@@ -31,11 +34,12 @@ mod window;
 
 pub(crate) use columns::UNITS;
 pub use columns::{Assignment, AssignmentError, Quantity};
-pub use logs::{FileReport, Logs, Settings};
+pub use logs::{FileReport, Logs};
 pub use policy::{Checks, Policies, Policy};
 pub use problem::{DataError, Fault, Problem, Problems};
 pub use raw::{RawLog, RawRow};
 pub use run::{Join, Run};
+pub use settings::Settings;
 pub use standstill::{Differences, Encoder, context as rest_context, resting};
 pub use table::{Decimal, Format, Header, Separator};
 pub use tracks::{Track, tracks};

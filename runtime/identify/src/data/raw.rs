@@ -5,10 +5,10 @@ use super::columns::{Assignment, Quantity};
 use super::file_rows::{Table, Wanted};
 use super::joined::JoinedRows;
 use super::layout::{Channel, ColumnLayout, Finder, Search, Unfit};
-use super::logs::Settings;
 use super::problem::{DataError, Problem};
 use super::reader::LogFile;
 use super::run::Run;
+use super::settings::Settings;
 use regen_runtime::Info;
 
 /// Rows of a file from which it is judged whether a column has numbers.

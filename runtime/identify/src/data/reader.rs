@@ -1,18 +1,19 @@
 //! Reads the rows of one run and checks them for faults.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 use super::columns::Assignment;
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
 use super::kept_rows::{KeptRows, RecordSink};
 use super::layout::{ColumnLayout, Search, Unfit};
-use super::logs::Settings;
 use super::policy::Keeps;
-use super::problem::{DataError, Fault, Problem, median};
+use super::problem::{DataError, Problem, median};
 use super::rates::Rates;
 use super::resample::Resampler;
+use super::row_checker::RowChecker;
 use super::run::Run;
+use super::settings::Settings;
 use super::stuck::{PositionChanges, PositionHistory, Stuck};
 use crate::text;
 use regen_runtime::Info;
@@ -30,15 +31,15 @@ pub(super) struct LogRow {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Survey {
     /// The median time step between rows of the log, s.
-    raw_step: f64,
+    pub(super) raw_step: f64,
     /// The time step between rows that are handed out, s.
-    time_step: f64,
+    pub(super) time_step: f64,
     /// The smallest and largest value of each effort, N or N m.
-    extremes: Vec<(f64, f64)>,
+    pub(super) extremes: Vec<(f64, f64)>,
     /// The stretches of rows in which an encoder was stuck, by the line of their first row.
-    stuck: BTreeMap<u64, Vec<Stuck>>,
+    pub(super) stuck: BTreeMap<u64, Vec<Stuck>>,
     /// For each measured position, the sizes of its changes between rows.
-    position_changes: Vec<PositionChanges>,
+    pub(super) position_changes: Vec<PositionChanges>,
 }
 
 impl Survey {
@@ -88,17 +89,6 @@ const RESAMPLED_GAP_STEPS: f64 = 3.0;
 const MIN_RESAMPLED_RATE: f64 = 0.5;
 /// The highest rate of an even grid over that of the log: above it, one of the two is wrong.
 const MAX_RESAMPLED_RATE: f64 = 20.0;
-/// Rows on either side of a value that decide whether it is an outlier.
-const OUTLIER_NEIGHBOURS: usize = 3;
-/// How far a position may be from the median of those around it, in median changes between these
-/// rows: smooth motion and noise stay within a few.
-const OUTLIER_CHANGES: f64 = 30.0;
-/// How far a position may be from the median of those around it, in steps of the encoder's
-/// resolution: a joint at rest on the border of two steps changes between both.
-const OUTLIER_ENCODER_STEPS: f64 = 2.0;
-/// Number of consecutive rows at its smallest or largest value from which on an effort counts as
-/// saturated.
-const SATURATED_ROWS: usize = 4;
 
 /// The files of one run with their columns.
 #[derive(Clone, Debug)]
@@ -335,261 +325,12 @@ impl LogFile {
             Some(_) => RESAMPLED_GAP_STEPS,
             None => GAP_STEPS,
         };
-        let mut checker = RowChecker {
-            layout: &self.layout,
-            survey,
-            longest_step: gap_steps * survey.raw_step,
-            queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
-            last_time: None,
-            segment_ended: true,
-            gap_reported: true,
-            previous_time: None,
-            clock_set_back: false,
-            stuck_until: 0,
-            rows_skipped: false,
-            rows_at_extreme: vec![0; self.layout.efforts],
-            keeps: self.keeps,
-        };
-        self.records(&mut |row| {
-            match row {
-                Ok(row) => checker.take(row, problem),
-                Err(found) => {
-                    problem(found);
-                    checker.gap_reported = true;
-                }
-            }
-            if checker.queue.len() > OUTLIER_ROWS {
-                checker.release(problem, each)?;
-            }
-            Ok(())
-        })?;
-        while !checker.queue.is_empty() {
-            checker.release(problem, each)?;
-        }
-        Ok(())
+        let longest_step = gap_steps * survey.raw_step;
+        let mut checker = RowChecker::new(&self.layout, survey, longest_step, self.keeps);
+        self.records(&mut |row| checker.take(row, problem, each))?;
+        checker.finish(problem, each)
     }
 }
 
 /// Receives each row with whether it follows the one before without a gap.
 pub(super) type RowSink<'a> = dyn FnMut(LogRow, bool) -> Result<(), DataError> + 'a;
-
-/// Number of rows that an outlier is searched in: a value and its neighbours.
-const OUTLIER_ROWS: usize = 2 * OUTLIER_NEIGHBOURS + 1;
-
-/// A row in the look-ahead buffer: it is judged once the next rows have been read.
-struct PendingRow {
-    row: LogRow,
-    /// Whether there is no gap between the row before and this one.
-    follows: bool,
-    fault: Option<Fault>,
-}
-
-#[allow(
-    clippy::struct_excessive_bools,
-    reason = "the flags are independent of each other"
-)]
-/// Checks the rows of a file for faults in a look-ahead buffer.
-struct RowChecker<'a> {
-    layout: &'a ColumnLayout,
-    survey: &'a Survey,
-    /// The longest time step that is no gap, s.
-    longest_step: f64,
-    /// The look-ahead buffer, the oldest row first.
-    queue: VecDeque<PendingRow>,
-    /// The time, s, of the last row that was in order of time, whether it is used or not.
-    last_time: Option<f64>,
-    /// Whether the next row that is released does not follow the last one released.
-    segment_ended: bool,
-    /// Whether a gap before the next row comes from a row that was already reported.
-    gap_reported: bool,
-    /// The time, s, of the row before, in order or not, used or not.
-    previous_time: Option<f64>,
-    /// The line up to which rows are left out because an encoder is stuck.
-    stuck_until: u64,
-    /// Whether the rows just before the next one were left out because an encoder was stuck.
-    rows_skipped: bool,
-    /// Whether the clock was set back and has not yet caught up.
-    clock_set_back: bool,
-    /// For each effort, the number of consecutive rows so far at its smallest or largest value.
-    rows_at_extreme: Vec<usize>,
-    /// Which doubtful rows are used.
-    keeps: Keeps,
-}
-
-impl RowChecker<'_> {
-    /// Checks the time of a row and adds it to the buffer.
-    fn take(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
-        let time = row.values.first().copied().unwrap_or(f64::NAN);
-        let mut report = |what| {
-            problem(Problem {
-                row: row.line,
-                what,
-            });
-        };
-        let mut follows = true;
-        let previous_time = self.previous_time.replace(time).unwrap_or(time);
-        if let Some(last_time) = self.last_time {
-            let step = time - last_time;
-            let longest_step = self.longest_step;
-            if step <= 0.0 {
-                // A row that is not after the last one in order is not used. If its time is behind
-                // by more than `longest_step`, the clock was set back; by less, the rows are
-                // unsorted; by nothing, the time is a duplicate. After the clock was set back,
-                // which is reported once, rows that go on regularly from there are not reported.
-                let follows_previous = (0.0..=longest_step).contains(&(time - previous_time));
-                if !(self.clock_set_back && follows_previous) {
-                    self.clock_set_back = -step > longest_step;
-                    report(if self.clock_set_back {
-                        Fault::ClockBack { step: -step }
-                    } else if step < 0.0 {
-                        Fault::Unsorted { time }
-                    } else {
-                        Fault::Duplicate { time }
-                    });
-                }
-                // the gap that this row leaves is not reported as well
-                self.gap_reported = true;
-                return;
-            }
-            if step > longest_step {
-                follows = false;
-                if !self.gap_reported {
-                    let usual = self.survey.raw_step;
-                    report(Fault::Gap { step, usual });
-                }
-            }
-        }
-        for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
-            if !self.keeps.stuck {
-                self.stuck_until = self.stuck_until.max(stuck.last);
-            }
-            report(Fault::Stuck {
-                column: self.layout.title(stuck.entry),
-                value: row.values[stuck.entry],
-                until: stuck.last,
-            });
-        }
-        if row.line <= self.stuck_until {
-            // the gap that these rows leave is not reported, and the next row starts a segment
-            self.gap_reported = true;
-            self.last_time = Some(time);
-            self.rows_skipped = true;
-            return;
-        }
-        if core::mem::take(&mut self.rows_skipped) {
-            follows = false;
-        }
-        self.gap_reported = false;
-        self.clock_set_back = false;
-        self.last_time = Some(time);
-        let efforts = self.layout.efforts();
-        let saturated = self.saturated_efforts(&row.values[efforts.clone()]);
-        self.queue.push_back(PendingRow {
-            row,
-            follows,
-            fault: None,
-        });
-        for (k, count) in saturated {
-            // when the limit is reached, the rows before this one are marked as saturated too
-            let marked_rows = if count == SATURATED_ROWS {
-                SATURATED_ROWS
-            } else {
-                1
-            };
-            for pending in self.queue.iter_mut().rev().take(marked_rows) {
-                pending.fault = Some(Fault::Saturated {
-                    column: self.layout.title(efforts.start + k),
-                    value: pending.row.values[efforts.start + k],
-                });
-            }
-        }
-        if self.queue.len() >= OUTLIER_ROWS {
-            self.check_outliers();
-        }
-    }
-
-    /// Counts the rows for which each effort has been at its smallest or largest value; returns the
-    /// efforts with [`SATURATED_ROWS`] or more, each with its count.
-    fn saturated_efforts(&mut self, values: &[f64]) -> Vec<(usize, usize)> {
-        let mut saturated = Vec::new();
-        let extremes = self.survey.extremes.iter();
-        let counts = self.rows_at_extreme.iter_mut();
-        for (k, ((value, extreme), count)) in values.iter().zip(extremes).zip(counts).enumerate() {
-            let (low, high) = *extreme;
-            let is_at_extreme = (*value >= high || *value <= low) && low < high;
-            *count = if is_at_extreme { *count + 1 } else { 0 };
-            if *count >= SATURATED_ROWS {
-                saturated.push((k, *count));
-            }
-        }
-        saturated
-    }
-
-    /// Checks the positions of the row in the middle of the last [`OUTLIER_ROWS`] for outliers.
-    fn check_outliers(&mut self) {
-        let start = self.queue.len() - OUTLIER_ROWS;
-        let first = self.layout.positions().start;
-        for entry in self.layout.positions() {
-            let mut values = [0.0; OUTLIER_ROWS];
-            for (value, pending) in values.iter_mut().zip(self.queue.iter().skip(start)) {
-                *value = pending.row.values[entry];
-            }
-            let middle = values[OUTLIER_NEIGHBOURS];
-            // relative to the median change between these rows, so that fast motion is no outlier
-            let mut changes = [0.0; OUTLIER_ROWS - 1];
-            for (change, pair) in changes.iter_mut().zip(values.windows(2)) {
-                *change = (pair[1] - pair[0]).abs();
-            }
-            // changes as large as regular ones elsewhere in the log, or as a few encoder steps,
-            // are allowed too
-            let log_changes = self.survey.position_changes.get(entry - first);
-            let allowed =
-                log_changes.map_or(0.0, |c| (OUTLIER_ENCODER_STEPS * c.encoder).max(c.regular));
-            // no value is farther from the median than from all others, and no median is below
-            // the smallest change: nearly all rows are judged so, without sorting
-            let least = changes.iter().copied().fold(f64::INFINITY, f64::min);
-            let farthest = values
-                .iter()
-                .fold(0.0, |m: f64, x| m.max((x - middle).abs()));
-            if farthest <= allowed.max(OUTLIER_CHANGES * least) {
-                continue;
-            }
-            let usual = median(&changes);
-            let around = median(&values);
-            let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
-            // with a tolerance, as encoder steps are sums of rounded numbers
-            if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
-                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Fault::Outlier {
-                    column: self.layout.title(entry),
-                    value: middle,
-                    around,
-                });
-            }
-        }
-    }
-
-    /// Removes the oldest row from the buffer, and passes it to `each`, or its fault to `problem`.
-    fn release(
-        &mut self,
-        problem: &mut dyn FnMut(Problem),
-        each: &mut RowSink<'_>,
-    ) -> Result<(), DataError> {
-        let Some(pending) = self.queue.pop_front() else {
-            return Ok(());
-        };
-        if let Some(what) = pending.fault {
-            let keep = self.keeps.uses(&what);
-            problem(Problem {
-                row: pending.row.line,
-                what,
-            });
-            if !keep {
-                self.segment_ended = true;
-                return Ok(());
-            }
-        }
-        let follows = pending.follows && !self.segment_ended;
-        self.segment_ended = false;
-        each(pending.row, follows)
-    }
-}

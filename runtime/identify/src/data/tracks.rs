@@ -4,11 +4,12 @@
 use super::columns::{Assignment, Quantity};
 use super::file_rows::Table;
 use super::layout::{ColumnLayout, Finder, Search, Unfit};
-use super::logs::{FileReport, Settings, signal};
+use super::logs::{FileReport, signal};
 use super::policy::Policy;
 use super::problem::{DataError, Problems};
 use super::reader::LogFile;
 use super::run::Run;
+use super::settings::Settings;
 use crate::signals::SignalError;
 use regen_runtime::Info;
 

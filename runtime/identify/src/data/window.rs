@@ -1,10 +1,11 @@
 //! Computes states of motion from the rows of a log, one window of rows after another.
 
-use super::logs::{Log, Settings, signal};
+use super::logs::{Log, signal};
 use super::motion;
 use super::policy::Policy;
 use super::problem::{DataError, Fault, Problem, Problems};
 use super::reader::LogRow;
+use super::settings::Settings;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use crate::estimate::EstimateError;

@@ -2,6 +2,7 @@
 
 use regen_runtime::Info;
 
+use super::quantity_kind::{QUANTITY_KINDS, QuantityKind, matched, meant};
 use super::shape::{Column, Sink, below, column, did_you_mean, value};
 use super::tree::{Key, Node};
 use crate::data::{Assignment, Quantity, UNITS};
@@ -12,106 +13,6 @@ pub(super) struct Columns {
     pub(super) assignments: Vec<Assignment>,
     /// The efforts whose gain is unknown, each with the place of that word.
     pub(super) unknown_gains: Vec<(String, usize)>,
-}
-
-/// One of the kinds of quantities that a coordinate has.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Position,
-    Velocity,
-    Acceleration,
-    Effort,
-}
-
-const KINDS: [Kind; 4] = [
-    Kind::Position,
-    Kind::Velocity,
-    Kind::Acceleration,
-    Kind::Effort,
-];
-
-impl Kind {
-    fn of(self, coordinate: &str) -> Quantity {
-        let name = coordinate.to_owned();
-        match self {
-            Self::Position => Quantity::Position(name),
-            Self::Velocity => Quantity::Velocity(name),
-            Self::Acceleration => Quantity::Acceleration(name),
-            Self::Effort => Quantity::Effort(name),
-        }
-    }
-
-    /// The keys that mean this quantity of a coordinate: `qd1` where that is `q1`, and `qd_q1`.
-    fn spellings(self, coordinate: &str) -> [Option<String>; 2] {
-        let prefix = match self {
-            Self::Position => return [None, Some(coordinate.to_owned())],
-            Self::Velocity => "qd",
-            Self::Acceleration => "qdd",
-            Self::Effort => "tau",
-        };
-        let short = coordinate.strip_prefix('q').filter(|rest| !rest.is_empty());
-        [
-            short.map(|rest| format!("{prefix}{rest}")),
-            Some(format!("{prefix}_{coordinate}")),
-        ]
-    }
-
-    /// The units of this quantity.
-    fn units(self) -> &'static [&'static str] {
-        match self {
-            Self::Position => &["rad", "deg", "rev", "m", "cm", "mm", "um"],
-            Self::Velocity => &["rad/s", "deg/s", "rpm", "m/s", "mm/s"],
-            Self::Acceleration => &["rad/s^2", "deg/s^2", "m/s^2"],
-            Self::Effort => &["Nm", "mNm", "N", "kN", "A", "mA"],
-        }
-    }
-}
-
-/// The part of a text that the `*` of a pattern stands for; the empty text if a text without `*` is
-/// equal; `None` if they do not match.
-fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
-    match pattern.split_once('*') {
-        None => (pattern == text).then_some(""),
-        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
-    }
-}
-
-/// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
-fn meant(key: &str, info: &Info<'_>, kinds: &[Kind]) -> Option<(Kind, Vec<(String, String)>)> {
-    // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
-    let mut ways = kinds.iter().flat_map(|kind| [(*kind, 0), (*kind, 1)]);
-    ways.find_map(|(kind, way)| {
-        let names = info.coordinates.iter().enumerate();
-        let names = names.filter(|(k, _)| kind != Kind::Effort || info.actuated.contains(k));
-        let found: Vec<(String, String)> = names
-            .filter_map(|(_, name)| {
-                let spelling = kind.spellings(name)[way].take()?;
-                let star = matched(key, &spelling)?;
-                Some(((*name).to_owned(), star.to_owned()))
-            })
-            .collect();
-        (!found.is_empty()).then(|| (kind, ordered(found)))
-    })
-}
-
-/// Sorts coordinates by their numbers where their names differ in these only, such as q1, q2, q10;
-/// else they stay in the robot's order.
-fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
-    let parts = |name: &str| {
-        let text = name
-            .trim_end_matches(|c: char| c.is_ascii_digit())
-            .to_owned();
-        let number = name.get(text.len()..)?.parse::<u64>().ok()?;
-        Some((text, number))
-    };
-    let first = found.first().and_then(|(name, _)| parts(name));
-    let same = |(name, _): &(String, String)| {
-        parts(name).map(|own| own.0) == first.as_ref().map(|first| first.0.clone())
-    };
-    if first.is_some() && found.iter().all(same) {
-        found.sort_by_key(|(name, _)| parts(name).map(|own| own.1));
-    }
-    found
 }
 
 /// The coordinates that the keys of `columns` name.
@@ -168,7 +69,7 @@ const MAX_COLUMNS: usize = 256;
 /// Reads `columns`, `time` and `rate` of a file.
 pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Columns {
     let columns = root.get("columns");
-    let mut out = assigned(columns, info, "`columns`", &KINDS, sink);
+    let mut out = assigned(columns, info, "`columns`", &QUANTITY_KINDS, sink);
     if let (Some(rate), Some(_)) = (root.get("rate"), root.get("time")) {
         let message = "a rate and a column of time exclude each other".to_owned();
         sink.push(
@@ -202,7 +103,7 @@ pub(super) fn commands(
         actuated: &every,
         ..*info
     };
-    assigned(node, &driven, path, &[Kind::Position], sink).assignments
+    assigned(node, &driven, path, &[QuantityKind::Position], sink).assignments
 }
 
 /// Reads a mapping from quantities to columns.
@@ -210,7 +111,7 @@ fn assigned(
     columns: Option<&Node>,
     info: &Info<'_>,
     place: &str,
-    kinds: &[Kind],
+    kinds: &[QuantityKind],
     sink: &mut Sink,
 ) -> Columns {
     let mut out = Columns::default();
@@ -296,7 +197,7 @@ fn unit(text: &str) -> Option<(&'static str, f64)> {
 fn one(
     key: &Key,
     node: &Node,
-    (info, kinds): (&Info<'_>, &[Kind]),
+    (info, kinds): (&Info<'_>, &[QuantityKind]),
     [place, path]: [&str; 2],
     sink: &mut Sink,
     out: &mut Columns,
@@ -306,7 +207,7 @@ fn one(
         return;
     }
     let Some((kind, found)) = meant(&key.text, info, kinds) else {
-        if kinds.len() < KINDS.len() {
+        if kinds.len() < QUANTITY_KINDS.len() {
             not_actuated(key, info, place, sink);
         } else {
             unknown(key, info, sink);
@@ -358,7 +259,13 @@ fn one(
 }
 
 /// Whether the unit of a column is one of its quantity.
-fn fits(kind: Kind, found: &[(String, String)], node: &Node, path: &str, sink: &mut Sink) -> bool {
+fn fits(
+    kind: QuantityKind,
+    found: &[(String, String)],
+    node: &Node,
+    path: &str,
+    sink: &mut Sink,
+) -> bool {
     let unit = node.get("unit");
     let Some((node, word)) = unit.and_then(|unit| Some((unit, unit.text()?))) else {
         return true;
@@ -375,9 +282,9 @@ fn fits(kind: Kind, found: &[(String, String)], node: &Node, path: &str, sink: &
 }
 
 /// Whether a column has a gain if it is a current, and none otherwise.
-fn needs_gain(kind: Kind, node: &Node, place: &Node, path: &str, sink: &mut Sink) -> bool {
+fn needs_gain(kind: QuantityKind, node: &Node, place: &Node, path: &str, sink: &mut Sink) -> bool {
     let unit = node.get("unit").and_then(Node::text);
-    let is_current = kind == Kind::Effort && matches!(unit, Some("A" | "mA"));
+    let is_current = kind == QuantityKind::Effort && matches!(unit, Some("A" | "mA"));
     match (node.get("gain"), is_current) {
         (None, true) => {
             let message = "a current is no effort".to_owned();
@@ -498,7 +405,7 @@ fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
         .filter_map(|k| info.coordinates.get(*k).copied())
         .collect();
     if let Some(name) = passive.find(|name| {
-        let mut spellings = Kind::Effort.spellings(name).into_iter().flatten();
+        let mut spellings = QuantityKind::Effort.spellings(name).into_iter().flatten();
         spellings.any(|own| matched(text, &own).is_some())
     }) {
         let message = format!("{name} is not actuated: it has no effort");
@@ -506,7 +413,7 @@ fn unknown(key: &Key, info: &Info<'_>, sink: &mut Sink) {
         sink.push(key.at, "`columns`", message, &remedy);
         return;
     }
-    let known: Vec<String> = KINDS
+    let known: Vec<String> = QUANTITY_KINDS
         .into_iter()
         .flat_map(|kind| {
             info.coordinates

@@ -1,9 +1,10 @@
 //! The keys of an experiment file, in the one table from which its checks, their messages and the
 //! JSON Schema follow.
 
+use super::keys_of_runs::{CONTROLLER, CONTROLLERS, PAYLOAD};
 use super::shape::{Entry, Range, Record, Shape};
 
-const fn optional(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
+pub(super) const fn optional(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
     Entry {
         name,
         shape,
@@ -12,7 +13,7 @@ const fn optional(name: &'static str, shape: Shape, doc: &'static str) -> Entry 
     }
 }
 
-const fn required(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
+pub(super) const fn required(name: &'static str, shape: Shape, doc: &'static str) -> Entry {
     Entry {
         name,
         shape,
@@ -21,7 +22,7 @@ const fn required(name: &'static str, shape: Shape, doc: &'static str) -> Entry 
     }
 }
 
-const fn record(noun: &'static str, keys: &'static [Entry]) -> Record {
+pub(super) const fn record(noun: &'static str, keys: &'static [Entry]) -> Record {
     Record {
         noun,
         keys,
@@ -338,7 +339,7 @@ static CHECKS: Record = record(
         optional(
             "saturated",
             POLICY,
-            "Rows in which an effort stands at its extreme",
+            "Rows in which an effort stays at its smallest or largest value",
         ),
         optional("stuck", POLICY, "Rows in which an encoder looks stuck"),
     ],
@@ -444,115 +445,6 @@ static COMMAND: Record = record(
             "offset",
             Shape::Either(&[OFFSET, Shape::List(&OFFSET, None)]),
             "What is added to the value in SI",
-        ),
-    ],
-);
-
-/// A number that is known, or that is estimated from a first value.
-const VALUE: Shape = Shape::Either(&[Shape::Number(Range::Any), Shape::Record(&ESTIMATED)]);
-
-static ESTIMATED: Record = record(
-    "a number to estimate",
-    &[required(
-        "estimate",
-        Shape::Number(Range::Any),
-        "The number from which the search starts",
-    )],
-);
-
-static CONTROLLERS: Record = record(
-    "controllers",
-    &[
-        optional(
-            "action",
-            Shape::Words(&[
-                (
-                    "sampled",
-                    "the efforts are constant between rows of the log",
-                ),
-                ("continuous", "they follow the motion all the time"),
-            ]),
-            "When the controllers act; sampled if missing",
-        ),
-        optional(
-            "signals",
-            Shape::Map(
-                &Shape::Record(&SIGNAL),
-                "coordinates, or qd_ and cmd_ with one,",
-            ),
-            "How logged signals follow from true ones: gain x(t - delay) + bias",
-        ),
-    ],
-);
-
-static CONTROLLER: Record = record(
-    "a controller",
-    &[
-        optional(
-            "kp",
-            VALUE,
-            "Proportional gain, N m/rad or N/m; 0 if missing",
-        ),
-        optional(
-            "ki",
-            VALUE,
-            "Integral gain, N m/(rad s) or N/(m s); 0 if missing",
-        ),
-        optional(
-            "kd",
-            VALUE,
-            "Derivative gain, N m s/rad or N s/m; 0 if missing",
-        ),
-        optional("offset", VALUE, "Constant effort, N m or N; 0 if missing"),
-        optional(
-            "limit",
-            Shape::List(&Shape::Number(Range::Any), Some(2)),
-            "Least and greatest effort, N m or N",
-        ),
-        optional(
-            "damping",
-            Shape::Words(&[
-                ("error", "the rate of the position error"),
-                ("velocity", "the joint's velocity, with a negative sign"),
-            ]),
-            "What the derivative gain multiplies; error if missing",
-        ),
-    ],
-);
-
-static SIGNAL: Record = record(
-    "a signal",
-    &[
-        optional("delay", VALUE, "By how much it is late, s; 0 if missing"),
-        optional("gain", VALUE, "Its factor; 1 if missing"),
-        optional("bias", VALUE, "What is added to it, SI; 0 if missing"),
-    ],
-);
-
-const UNKNOWN: Shape = Shape::Words(&[("unknown", "to be identified")]);
-
-static PAYLOAD: Record = record(
-    "a payload",
-    &[
-        optional(
-            "body",
-            Shape::Text,
-            "The body of the spec that it is, where the spec has several payloads",
-        ),
-        optional(
-            "m",
-            Shape::Either(&[Shape::Number(Range::Positive), UNKNOWN]),
-            "Its mass, kg; unknown if missing",
-        ),
-        optional(
-            "com",
-            Shape::Either(&[Shape::List(&Shape::Number(Range::Any), Some(3)), UNKNOWN]),
-            "Its centre of mass in the frame of the body that carries it, m; unknown if missing",
-        ),
-        optional(
-            "inertia",
-            Shape::Either(&[Shape::List(&Shape::Number(Range::Any), Some(6)), UNKNOWN]),
-            "Ixx, Ixy, Ixz, Iyy, Iyz, Izz about its centre of mass, kg m^2; unknown if missing",
         ),
     ],
 );

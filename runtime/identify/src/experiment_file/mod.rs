@@ -22,7 +22,9 @@
 
 mod columns;
 mod keys;
+mod keys_of_runs;
 mod process;
+mod quantity_kind;
 mod runs;
 mod shape;
 #[cfg(test)]
@@ -79,9 +81,9 @@ pub enum Delay {
 pub struct PlannedRun {
     /// The files, as the experiment file names them, and the part that is read.
     pub run: Run,
-    /// What it is for.
+    /// Whether the run is identified from or validated on.
     pub purpose: Purpose,
-    /// What the robot carries.
+    /// The payload that the robot carries in the run.
     pub payload: Payload,
     /// The columns of the commanded positions, as positions of the joints.
     pub commands: Vec<Assignment>,
@@ -103,7 +105,7 @@ pub enum Purpose {
 /// What the robot carries in a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Payload {
-    /// Nothing.
+    /// The robot carries nothing.
     #[default]
     None,
     /// A body; what is not known of it is `None`.

@@ -4,7 +4,7 @@ use regen_runtime::Info;
 
 use super::Delay;
 use super::shape::{Sink, below, did_you_mean};
-use super::tree::{Kind, Node};
+use super::tree::{Node, NodeKind};
 use crate::data::{Checks, Decimal, Format, Header, Policy, Separator, Settings};
 use crate::identify::{EquationKind, Standstill};
 use crate::signals::Method;
@@ -167,7 +167,7 @@ fn by_name(
     path: &str,
     sink: &mut Sink,
 ) -> Vec<(String, f64)> {
-    let Some(Kind::Map(entries)) = node.map(|node| &node.kind) else {
+    let Some(NodeKind::Map(entries)) = node.map(|node| &node.kind) else {
         return Vec::new();
     };
     let known: Vec<&str> = only

@@ -3,7 +3,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::tree::{Kind, Node, shorten};
+use super::tree::{Node, NodeKind, shorten};
 use crate::data::expression;
 use crate::files::{Mistake, Mistakes};
 
@@ -44,7 +44,7 @@ pub(super) enum Range {
 
 /// A mapping with known keys.
 pub(super) struct Record {
-    /// What it describes.
+    /// The thing that the mapping describes, as messages call it.
     pub(super) noun: &'static str,
     pub(super) keys: &'static [Entry],
     /// Whether exactly one of the keys must be given.
@@ -183,8 +183,10 @@ impl Shape {
             }
             Self::Column => node.number().is_some() || node.text().is_some(),
             Self::Text | Self::Words(_) => node.text().is_some(),
-            Self::Record(_) | Self::Map(..) | Self::Open(..) => matches!(node.kind, Kind::Map(_)),
-            Self::List(..) => matches!(node.kind, Kind::List(_)),
+            Self::Record(_) | Self::Map(..) | Self::Open(..) => {
+                matches!(node.kind, NodeKind::Map(_))
+            }
+            Self::List(..) => matches!(node.kind, NodeKind::List(_)),
             Self::Either(shapes) => shapes.iter().any(|shape| shape.is_of_kind(node)),
         }
     }
@@ -236,11 +238,11 @@ impl Shape {
                 }
             }
             Self::Record(record) => match &node.kind {
-                Kind::Map(_) => record.check(node, path, sink),
+                NodeKind::Map(_) => record.check(node, path, sink),
                 _ => mismatch(""),
             },
             Self::List(of, count) => match &node.kind {
-                Kind::List(items) => {
+                NodeKind::List(items) => {
                     if count.is_some_and(|count| count != items.len()) || items.is_empty() {
                         let count = count.map_or("at least 1".to_owned(), |c| c.to_string());
                         let found = items.len();
@@ -254,7 +256,7 @@ impl Shape {
                 _ => mismatch(""),
             },
             Self::Map(of, _) => match &node.kind {
-                Kind::Map(entries) => {
+                NodeKind::Map(entries) => {
                     for (key, item) in entries {
                         of.check(item, &below(path, &key.text), sink);
                     }
@@ -262,7 +264,7 @@ impl Shape {
                 _ => mismatch(""),
             },
             Self::Open(record, of, _) => match &node.kind {
-                Kind::Map(entries) => {
+                NodeKind::Map(entries) => {
                     for (key, item) in entries {
                         let known = record.keys.iter().find(|own| own.name == key.text);
                         let shape = known.map_or(*of, |own| &own.shape);

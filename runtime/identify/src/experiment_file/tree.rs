@@ -10,14 +10,14 @@ use crate::files::Mistake;
 /// A node of the document.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Node {
-    pub(super) kind: Kind,
+    pub(super) kind: NodeKind,
     /// The byte at which it begins.
     pub(super) at: usize,
 }
 
-/// What a node is.
+/// The content of a node.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum NodeKind {
     Null,
     Flag(bool),
     Whole(u64),
@@ -69,7 +69,7 @@ impl Node {
     /// The entries of a mapping; none of other nodes.
     pub(super) fn entries(&self) -> &[(Key, Self)] {
         match &self.kind {
-            Kind::Map(entries) => entries,
+            NodeKind::Map(entries) => entries,
             _ => &[],
         }
     }
@@ -77,7 +77,7 @@ impl Node {
     /// The items of a list; none of other nodes.
     pub(super) fn items(&self) -> &[Self] {
         match &self.kind {
-            Kind::List(items) => items,
+            NodeKind::List(items) => items,
             _ => &[],
         }
     }
@@ -85,7 +85,7 @@ impl Node {
     /// The text of a node that is text.
     pub(super) fn text(&self) -> Option<&str> {
         match &self.kind {
-            Kind::Text(text) => Some(text),
+            NodeKind::Text(text) => Some(text),
             _ => None,
         }
     }
@@ -93,8 +93,8 @@ impl Node {
     /// The number of a node that is one.
     pub(super) fn number(&self) -> Option<f64> {
         match self.kind {
-            Kind::Whole(value) => Some(value as f64),
-            Kind::Number(value) => Some(value),
+            NodeKind::Whole(value) => Some(value as f64),
+            NodeKind::Number(value) => Some(value),
             _ => None,
         }
     }
@@ -102,7 +102,7 @@ impl Node {
     /// The whole number of a node that is one.
     pub(super) fn whole(&self) -> Option<u64> {
         match self.kind {
-            Kind::Whole(value) => Some(value),
+            NodeKind::Whole(value) => Some(value),
             _ => None,
         }
     }
@@ -110,13 +110,13 @@ impl Node {
     /// The node without places.
     pub(super) fn to_json(&self) -> serde_json::Value {
         match &self.kind {
-            Kind::Null => serde_json::Value::Null,
-            Kind::Flag(value) => (*value).into(),
-            Kind::Whole(value) => (*value).into(),
-            Kind::Number(value) => (*value).into(),
-            Kind::Text(text) => text.as_str().into(),
-            Kind::List(items) => items.iter().map(Self::to_json).collect(),
-            Kind::Map(entries) => entries
+            NodeKind::Null => serde_json::Value::Null,
+            NodeKind::Flag(value) => (*value).into(),
+            NodeKind::Whole(value) => (*value).into(),
+            NodeKind::Number(value) => (*value).into(),
+            NodeKind::Text(text) => text.as_str().into(),
+            NodeKind::List(items) => items.iter().map(Self::to_json).collect(),
+            NodeKind::Map(entries) => entries
                 .iter()
                 .map(|(key, node)| (key.text.clone(), node.to_json()))
                 .collect(),
@@ -126,13 +126,13 @@ impl Node {
     /// How messages call the contents.
     pub(super) fn describe(&self) -> String {
         match &self.kind {
-            Kind::Null => "nothing".to_owned(),
-            Kind::Flag(value) => format!("'{value}'"),
-            Kind::Whole(value) => format!("'{value}'"),
-            Kind::Number(value) => format!("'{value}'"),
-            Kind::Text(text) => format!("'{}'", shorten(text)),
-            Kind::List(_) => "a list".to_owned(),
-            Kind::Map(_) => "a mapping".to_owned(),
+            NodeKind::Null => "nothing".to_owned(),
+            NodeKind::Flag(value) => format!("'{value}'"),
+            NodeKind::Whole(value) => format!("'{value}'"),
+            NodeKind::Number(value) => format!("'{value}'"),
+            NodeKind::Text(text) => format!("'{}'", shorten(text)),
+            NodeKind::List(_) => "a list".to_owned(),
+            NodeKind::Map(_) => "a mapping".to_owned(),
         }
     }
 }
@@ -168,7 +168,7 @@ fn offset(place: Location) -> usize {
 
 impl<'de> Deserialize<'de> for Node {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let found = Spanned::<Kind>::deserialize(deserializer)?;
+        let found = Spanned::<NodeKind>::deserialize(deserializer)?;
         Ok(Self {
             kind: found.value,
             at: offset(found.referenced),
@@ -176,7 +176,7 @@ impl<'de> Deserialize<'de> for Node {
     }
 }
 
-impl<'de> Deserialize<'de> for Kind {
+impl<'de> Deserialize<'de> for NodeKind {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(KindVisitor)
     }
@@ -185,53 +185,53 @@ impl<'de> Deserialize<'de> for Kind {
 struct KindVisitor;
 
 impl<'de> Visitor<'de> for KindVisitor {
-    type Value = Kind;
+    type Value = NodeKind;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a YAML value")
     }
 
-    fn visit_unit<E>(self) -> Result<Kind, E> {
-        Ok(Kind::Null)
+    fn visit_unit<E>(self) -> Result<NodeKind, E> {
+        Ok(NodeKind::Null)
     }
 
-    fn visit_none<E>(self) -> Result<Kind, E> {
-        Ok(Kind::Null)
+    fn visit_none<E>(self) -> Result<NodeKind, E> {
+        Ok(NodeKind::Null)
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Kind, E> {
-        Ok(Kind::Flag(value))
+    fn visit_bool<E>(self, value: bool) -> Result<NodeKind, E> {
+        Ok(NodeKind::Flag(value))
     }
 
-    fn visit_u64<E>(self, value: u64) -> Result<Kind, E> {
-        Ok(Kind::Whole(value))
+    fn visit_u64<E>(self, value: u64) -> Result<NodeKind, E> {
+        Ok(NodeKind::Whole(value))
     }
 
-    fn visit_i64<E>(self, value: i64) -> Result<Kind, E> {
-        Ok(u64::try_from(value).map_or(Kind::Number(value as f64), Kind::Whole))
+    fn visit_i64<E>(self, value: i64) -> Result<NodeKind, E> {
+        Ok(u64::try_from(value).map_or(NodeKind::Number(value as f64), NodeKind::Whole))
     }
 
-    fn visit_f64<E>(self, value: f64) -> Result<Kind, E> {
-        Ok(Kind::Number(value))
+    fn visit_f64<E>(self, value: f64) -> Result<NodeKind, E> {
+        Ok(NodeKind::Number(value))
     }
 
-    fn visit_str<E>(self, value: &str) -> Result<Kind, E> {
-        Ok(Kind::Text(value.to_owned()))
+    fn visit_str<E>(self, value: &str) -> Result<NodeKind, E> {
+        Ok(NodeKind::Text(value.to_owned()))
     }
 
-    fn visit_string<E>(self, value: String) -> Result<Kind, E> {
-        Ok(Kind::Text(value))
+    fn visit_string<E>(self, value: String) -> Result<NodeKind, E> {
+        Ok(NodeKind::Text(value))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Kind, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<NodeKind, A::Error> {
         let mut items = Vec::new();
         while let Some(item) = list.next_element()? {
             items.push(item);
         }
-        Ok(Kind::List(items))
+        Ok(NodeKind::List(items))
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Kind, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<NodeKind, A::Error> {
         let mut entries = Vec::new();
         while let Some(key) = map.next_key::<Spanned<String>>()? {
             let value = map.next_value()?;
@@ -241,6 +241,6 @@ impl<'de> Visitor<'de> for KindVisitor {
             };
             entries.push((key, value));
         }
-        Ok(Kind::Map(entries))
+        Ok(NodeKind::Map(entries))
     }
 }

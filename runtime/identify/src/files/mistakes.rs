@@ -23,7 +23,7 @@ pub struct Mistake {
     pub at: usize,
     /// The part of the file in words, such as `cosine, row 2`; empty for the whole.
     pub path: String,
-    /// What is wrong.
+    /// The mistake, in words.
     pub message: String,
     /// What to do about it, where that can be said.
     pub remedy: Option<Remedy>,

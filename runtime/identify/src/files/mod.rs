@@ -22,7 +22,7 @@ pub use loads::{CovarianceRows, GainRow, PayloadRow, PayloadValueRow};
 pub use mistakes::{Mistake, Mistakes, Remedy};
 pub use predictions::Predictions;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
-pub use states::{Motion, State, states};
+pub use states::{MotionState, State, states};
 
 use crate::feasibility::ParameterLayout;
 use crate::identify::digest;

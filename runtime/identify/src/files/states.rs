@@ -10,7 +10,7 @@ use super::mistakes::{Mistake, Mistakes, Remedy};
 /// Position, velocity and acceleration of some coordinates: rad or m, and their derivatives by time
 /// in s.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct MotionState {
     /// Positions.
     pub q: Vec<f64>,
     /// Velocities.
@@ -23,9 +23,9 @@ pub struct Motion {
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
     /// A state over all coordinates, used as it is.
-    Full(Motion),
+    Full(MotionState),
     /// A state over the independent coordinates; the dependent ones are to be solved.
-    Independent(Motion),
+    Independent(MotionState),
 }
 
 #[derive(Deserialize)]
@@ -159,7 +159,7 @@ impl<'a> Reader<'a> {
         size: usize,
         what: &str,
         path: &str,
-    ) -> Option<Motion> {
+    ) -> Option<MotionState> {
         let mut values = ["q", "qd", "qdd"]
             .into_iter()
             .zip(parts)
@@ -179,7 +179,7 @@ impl<'a> Reader<'a> {
             });
         // All three are read before the first missing one returns, so that every error is reported.
         let (q, qd, qdd) = (values.next()?, values.next()?, values.next()?);
-        Some(Motion {
+        Some(MotionState {
             q: q?,
             qd: qd?,
             qdd: qdd?,

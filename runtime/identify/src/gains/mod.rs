@@ -28,9 +28,7 @@ pub use feasible::{Physical, PhysicalGains};
 pub use payload::KnownPayload;
 
 use crate::data::DataError;
-use crate::estimate::{
-    Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
-};
+use crate::estimate::{Deviations, EffortError, EffortFit, Estimate, Origin, Weighting};
 use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
 use crate::model::{Covariance, IdentifiedModel};
 use crate::status::EffortContributions;
@@ -116,7 +114,7 @@ pub struct GainFit {
     pub relative_absolute: f64,
     /// The number of samples that count as correlated.
     pub bandwidth: usize,
-    /// What was left out.
+    /// The equations that were left out, by reason.
     pub left_out: LeftOut,
     /// Whether the parameters of a known robot were taken as exact, as their covariance is not known.
     pub is_robot_exact: bool,

@@ -8,7 +8,7 @@ use crate::estimate::QrFactor;
 /// nothing fixes is one of the equations themselves, and zero up to rounding.
 const RANK_TOLERANCE: f64 = 1e-11;
 /// Entries of a direction below this part of the largest, columns scaled, take no part in it.
-const LEAST_PART: f64 = 1e-6;
+const MIN_PART: f64 = 1e-6;
 
 /// Returns an error that names the directions which the equations leave open.
 pub(super) fn require_rank(linear: &Linear<'_>, factor: &QrFactor) -> Result<(), GainError> {
@@ -29,7 +29,7 @@ pub(super) fn require_rank(linear: &Linear<'_>, factor: &QrFactor) -> Result<(),
             break;
         };
         let (best, largest) = (best.0, size(best.1));
-        if largest < LEAST_PART {
+        if largest < MIN_PART {
             continue;
         }
         null.swap(done, best);
@@ -46,7 +46,7 @@ pub(super) fn require_rank(linear: &Linear<'_>, factor: &QrFactor) -> Result<(),
     }
     let free = null.iter().map(|direction| {
         let largest = direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let part = |k: &usize| direction[*k].abs() > LEAST_PART * largest;
+        let part = |k: &usize| direction[*k].abs() > MIN_PART * largest;
         let mut places: Vec<usize> = (0..n).filter(part).collect();
         places.sort_by_key(|k| !linear.columns[*k].is_gain());
         Free {

@@ -4,19 +4,21 @@
 mod delay;
 mod equation_builder;
 mod fusion;
+mod huber;
 mod instruments;
 mod motion;
 mod passes;
 mod pending;
 mod recorded;
 mod replay;
+mod residual_passes;
 mod stream;
 pub mod suspect;
 
 pub use delay::{Delay, Delays};
 pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 pub use instruments::{
-    Hausman, InstrumentOptions, Instrumental, Motion, MotionSource, instrumental,
+    Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
 };
 pub use motion::{Completed, CompletedStates, Completeness, Completion};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};

@@ -54,10 +54,10 @@ impl CompletedStates {
     }
 }
 
-/// Whether the state of a sample was found.
+/// Whether the state of a sample was found, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Completeness {
-    /// It was.
+    /// The state was found, with closed loops.
     Closed,
     /// The loops could not be closed there.
     Open(Outcome),

@@ -4,12 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
+use super::huber::{Huber, reweighted};
 use super::replay::Replay;
+use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::stream::{Filtering, LeftOut};
-use crate::estimate::huber::{self, PsiSums};
+use crate::estimate::huber as loss;
 use crate::estimate::{
-    Accumulator, Autocorrelated, Autoregression, Blocks, Deviations, EffortError, Estimate,
-    EstimateError, FactorSet, ORDER, QrFactor, Residuals, Scores, Weighting,
+    Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,
+    Residuals, Weighting,
 };
 use regen_runtime::BaseModel;
 
@@ -91,25 +93,6 @@ impl Identified {
     }
 }
 
-/// The estimate that Huber's weights are computed from.
-struct Huber<'a> {
-    /// The base parameters, SI.
-    values: &'a [f64],
-    /// The standard deviation of each effort's residuals, N or N m, or J.
-    sigmas: &'a [f64],
-    /// Huber's bound in standard deviations.
-    bound: f64,
-}
-
-impl Huber<'_> {
-    /// Huber's weight of an equation with this residual (N or N m, or J): 1 within the bound, less
-    /// beyond.
-    fn weight(&self, effort: usize, residual: f64) -> f64 {
-        let sigma = self.sigmas.get(effort).copied().unwrap_or(1.0);
-        huber::weight(residual, sigma, self.bound)
-    }
-}
-
 /// Reduces a log to one QR factor for each effort; also returns what was left out.
 ///
 /// # Errors
@@ -127,7 +110,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 /// Reduces a log to one QR factor for each effort. With `huber` the equations have Huber's weights,
 /// and the second result is, for each effort, the sum of the squares of Huber's weight times the
 /// residual, N^2 or (N m)^2, or J^2 for energy balances; without, these sums are 0.
-fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+pub(super) fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     huber: Option<&Huber<'_>>,
 ) -> Result<(FactorSet, Vec<f64>), S::Error> {
@@ -208,7 +191,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
-        for _ in 0..huber::MAX_PASSES {
+        for _ in 0..loss::MAX_PASSES {
             let (next, next_factor) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
@@ -216,7 +199,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 m.max((a - b).abs() / deviation(k))
             });
             (estimate, factor) = (next, next_factor);
-            if largest_change < huber::TOLERANCE_DEVIATIONS {
+            if largest_change < loss::TOLERANCE_DEVIATIONS {
                 break;
             }
         }
@@ -280,40 +263,6 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     })
 }
 
-/// One step of Huber's estimate of values and scales (his second proposal) from the `previous` one:
-/// the scales, one standard deviation for each effort, are such that the bounded residuals have the
-/// variance they would have for normal noise.
-fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    previous: &Estimate,
-    bound: f64,
-    weighting: Weighting,
-) -> Result<(Estimate, QrFactor), S::Error> {
-    let sigmas: Vec<f64> = previous.efforts.iter().map(|e| e.sigma).collect();
-    let huber = Huber {
-        values: &previous.values,
-        sigmas: &sigmas,
-        bound,
-    };
-    let (set, psi_squares) = reduce(replay, Some(&huber))?;
-    let scales = huber::scales(&set, &psi_squares, &sigmas, previous.values.len(), bound);
-    let weights: Vec<f64> = scales
-        .iter()
-        .map(|sigma| match weighting {
-            Weighting::Equal => 1.0,
-            Weighting::PerEffort => 1.0 / sigma,
-        })
-        .collect();
-    let factor = set.combined(&weights)?;
-    let mut next = Estimate::of(&factor)?;
-    next.efforts.clone_from(&previous.efforts);
-    for (effort, (sigma, weight)) in next.efforts.iter_mut().zip(scales.iter().zip(&weights)) {
-        effort.sigma = *sigma;
-        effort.weight = *weight;
-    }
-    Ok((next, factor))
-}
-
 /// Computes the residuals of given parameters on a log.
 ///
 /// - `values`: base parameters, SI;
@@ -358,184 +307,4 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         residuals.push_used(equations.tau, &fitted, &used)
     })?;
     Ok(residuals)
-}
-
-/// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
-/// which are bounded by Huber's weight.
-fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    options: &Options,
-    estimate: &Estimate,
-    means: &[f64],
-    mut delays: Option<&mut DelayFit<'_>>,
-) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
-    let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
-    let mut errors = Residuals::new(&names, means, options.lags);
-    let zeros = vec![0.0; names.len()];
-    let mut noise = Residuals::new(&names, &zeros, ORDER);
-    let mut weighted = WeightedResiduals::new(options, estimate);
-    replay.visit(&mut |equations| {
-        if !equations.follows {
-            errors.interrupt();
-            noise.interrupt();
-        }
-        if equations.tau.is_empty() {
-            return Ok(());
-        }
-        if let Some(delays) = &mut delays {
-            delays.push(equations)?;
-        }
-        weighted.compute(equations);
-        errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
-        noise.push_used(&weighted.psi, &zeros, &weighted.used)
-    })?;
-    let noise = noise.efforts();
-    let fits = noise
-        .iter()
-        .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
-    Ok((errors, fits.collect()))
-}
-
-/// The weighted and bounded residuals of one sample, from which scores are computed. The lists have
-/// one entry per equation.
-struct WeightedResiduals<'a> {
-    estimate: &'a Estimate,
-    /// Huber's bound in standard deviations; infinite for plain least squares.
-    bound: f64,
-    /// The standard deviation of each effort's residuals, N or N m, or J.
-    sigmas: Vec<f64>,
-    /// The predicted right-hand sides, N or N m, or J.
-    fitted: Vec<f64>,
-    /// Whether the equation is used: at standstill it may be left out.
-    used: Vec<bool>,
-    /// The factor on the equation: its own weight times that of its effort.
-    weights: Vec<f64>,
-    /// The residual times its factor and Huber's weight.
-    psi: Vec<f64>,
-    /// The derivative of psi by the weighted residual: 1 within Huber's bound, 0 beyond.
-    slopes: Vec<f64>,
-}
-
-impl<'a> WeightedResiduals<'a> {
-    fn new(options: &Options, estimate: &'a Estimate) -> Self {
-        Self {
-            estimate,
-            bound: options.huber.unwrap_or(f64::INFINITY),
-            sigmas: estimate.efforts.iter().map(|e| e.sigma).collect(),
-            fitted: Vec::new(),
-            used: Vec::new(),
-            weights: Vec::new(),
-            psi: Vec::new(),
-            slopes: Vec::new(),
-        }
-    }
-
-    /// Replaces the residuals by those of a sample's equations.
-    fn compute(&mut self, equations: &Equations<'_>) {
-        self.fitted.clear();
-        self.used.clear();
-        self.weights.clear();
-        self.psi.clear();
-        self.slopes.clear();
-        let huber = Huber {
-            values: &self.estimate.values,
-            sigmas: &self.sigmas,
-            bound: self.bound,
-        };
-        let rows = equations.tau.iter().zip(equations.weights);
-        for (e, (tau, equation_weight)) in rows.enumerate() {
-            let fitted = predicted(equations, e, &self.estimate.values);
-            let effort_weight = self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
-            let weight = equation_weight * effort_weight;
-            let huber_weight = huber.weight(e, (tau - fitted) * equation_weight);
-            self.fitted.push(fitted);
-            self.used.push(*equation_weight > 0.0);
-            self.weights.push(weight);
-            self.psi.push((tau - fitted) * weight * huber_weight);
-            self.slopes.push(if huber_weight < 1.0 { 0.0 } else { 1.0 });
-        }
-    }
-}
-
-/// The sums over the scores (regressor rows times psi) for the covariance that accounts for
-/// correlation in time; for a given bandwidth also those of Newey and West; and the sums over psi.
-fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    replay: &mut Replay<'_, M, S>,
-    options: &Options,
-    estimate: &Estimate,
-    noise: &[Autoregression],
-    bandwidth: Option<usize>,
-    mut delays: Option<&mut DelayScores<'_>>,
-) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
-    let n = estimate.values.len();
-    let mut scores = Scores::new(n, noise);
-    let mut newey_west = bandwidth.map(|b| Autocorrelated::new(n, b));
-    let mut psi_sums = PsiSums::default();
-    let mut score = vec![0.0; n];
-    let mut weighted = WeightedResiduals::new(options, estimate);
-    replay.visit(&mut |equations| {
-        if !equations.follows {
-            scores.interrupt();
-            if let Some(newey_west) = &mut newey_west {
-                newey_west.interrupt();
-            }
-        }
-        let count = equations.tau.len();
-        if count == 0 {
-            return Ok(());
-        }
-        if let Some(delays) = &mut delays {
-            delays.push(equations)?;
-        }
-        weighted.compute(equations);
-        for (e, used) in weighted.used.iter().enumerate() {
-            if *used {
-                psi_sums.squares += weighted.psi[e].powi(2);
-                psi_sums.within_bound += usize::from(weighted.slopes[e] > 0.0);
-                psi_sums.equations += 1;
-            }
-        }
-        let WeightedResiduals {
-            weights,
-            psi,
-            slopes,
-            ..
-        } = &weighted;
-        scores.push(equations.w, weights, psi, slopes)?;
-        let Some(newey_west) = &mut newey_west else {
-            return Ok(());
-        };
-        score.fill(0.0);
-        for (e, (weight, psi)) in weights.iter().zip(psi).enumerate() {
-            let entries = equations.w.iter().skip(e).step_by(count);
-            for (s, w) in score.iter_mut().zip(entries) {
-                *s += w * weight * psi;
-            }
-        }
-        newey_west.push(&score)
-    })?;
-    Ok((scores.finish(&estimate.values)?, newey_west, psi_sums))
-}
-
-/// How many consecutive samples carry the information of one independent sample, rounded.
-fn samples_per_independent_one(blocks: &Blocks) -> usize {
-    #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-    let samples = blocks.correlation_length().round() as usize;
-    samples
-}
-
-/// Bartlett's bandwidth from the autocorrelation at lag 1 (Andrews, 1991), for the effort with
-/// the strongest one; 1 for white residuals.
-fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
-    let strongest = efforts
-        .iter()
-        .filter_map(|e| e.autocorrelation.first())
-        .fold(0.0, |m: f64, r| m.max(r.abs()));
-    // a larger correlation would make the bandwidth as long as the log
-    let rho = strongest.min(0.999);
-    let alpha = 4.0 * rho * rho / (1.0 - rho * rho).powi(2);
-    let lags = 1.1447 * (alpha * rows as f64).cbrt();
-    #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
-    let lags = lags as usize;
-    1 + lags.min(rows / 4)
 }

@@ -3,7 +3,7 @@
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    EquationKind, InstrumentOptions, Instrumental, Motion, Options, Recorded, identify,
+    EquationKind, InstrumentOptions, Instrumental, MotionSeries, Options, Recorded, identify,
     instrumental,
 };
 
@@ -47,7 +47,7 @@ fn log(seed: u64, noisy: bool) -> Recorded {
 fn both(log: &mut Recorded) -> (Instrumental, [f64; 2]) {
     let least = identify(&Pendulum, EquationKind::Forces, &Options::default(), log).unwrap();
     let off = |k: usize| (least.estimate.values[k] - TRUTH[k]).abs() / least.estimate.sigma(k);
-    let measured = Motion::recorded(&Pendulum, log).unwrap();
+    let measured = MotionSeries::recorded(&Pendulum, log).unwrap();
     let (smooth, _) = measured.smoothed(None).unwrap();
     let mut smooth = Some(smooth);
     let options = InstrumentOptions::default();
@@ -93,8 +93,8 @@ fn without_noise_of_positions_the_test_finds_no_bias() {
 #[test]
 fn instruments_that_do_not_move_are_refused() {
     let mut log = log(0, true);
-    let measured = Motion::recorded(&Pendulum, &mut log).unwrap();
-    let mut still = Motion::new(1);
+    let measured = MotionSeries::recorded(&Pendulum, &mut log).unwrap();
+    let mut still = MotionSeries::new(1);
     for (k, time) in measured.times().iter().enumerate() {
         let rest: [&[f64]; 3] = [&[0.3], &[0.0], &[0.0]];
         still.push(*time, rest, k > 0).unwrap();

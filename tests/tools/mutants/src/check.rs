@@ -15,7 +15,8 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
     let output = Command::new("cargo")
         .args([
             "check",
-            "--release",
+            "--profile",
+            &crate::profile(),
             "--tests",
             "--keep-going",
             "--message-format=json",

@@ -45,6 +45,12 @@ fn main() -> ExitCode {
     }
 }
 
+/// The profile of cargo in which the planted sources are checked and tested: `release`, or the one
+/// that the environment names.
+fn profile() -> String {
+    std::env::var("REGEN_MUTANTS_PROFILE").unwrap_or_else(|_| "release".to_owned())
+}
+
 /// Reads a JSON file that contains a list.
 fn read(path: &Path) -> TextResult<Vec<serde_json::Value>> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;

@@ -253,7 +253,8 @@ fn build(copy: &Path, crates: &[&str]) -> TextResult<Vec<Program>> {
     let mut command = Command::new("cargo");
     command.args([
         "test",
-        "--release",
+        "--profile",
+        &crate::profile(),
         "--no-run",
         "--tests",
         "--message-format=json",

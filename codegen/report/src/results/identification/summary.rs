@@ -18,7 +18,7 @@ pub struct Identification {
     /// The adopted model.
     #[serde(flatten)]
     pub file: ParameterFile,
-    /// Everything but its parameters.
+    /// The statistics of the fit, the steps and the other models.
     #[serde(flatten)]
     pub summary: Summary,
 }
@@ -108,7 +108,7 @@ pub struct ModelErrors {
 /// A suspected mistake in a log, with its remedy.
 #[derive(Clone, Debug, Serialize)]
 pub struct Suspected {
-    /// What looks wrong.
+    /// The contradiction between the log and the model.
     #[serde(flatten)]
     pub found: Suspicion,
     /// How to read the log correctly, or other advice.

@@ -47,12 +47,13 @@ pub(in crate::data) struct Contents {
     pub(super) rows: Option<(u64, u64)>,
 }
 
-/// What `meta/info.json` says of a feature and of the rate; nothing where there is none.
+/// The contents of `meta/info.json` in a folder above a file, which names features and the rate;
+/// empty without such a file.
 #[derive(Default)]
 struct Info(Value);
 
 impl Info {
-    fn beside(path: &Path) -> Self {
+    fn near(path: &Path) -> Self {
         let folders = path.ancestors().skip(1).take(MAX_LEVELS);
         let mut files = folders.map(|folder| folder.join("meta/info.json"));
         let text = files.find_map(|file| {
@@ -139,7 +140,7 @@ pub(in crate::data) fn contents(
     let has_time = plain("t").or_else(|| plain("time")).is_some();
     let has_lists = schema.columns().iter().any(|c| c.max_rep_level() > 0);
     let info = if has_lists || episodes.is_some() {
-        Info::beside(path)
+        Info::near(path)
     } else {
         Info::default()
     };

@@ -1,6 +1,6 @@
 //! The equations of a log with instruments as additional columns.
 
-use super::Motion;
+use super::MotionSeries;
 use crate::estimate::EstimateError;
 use crate::identify::equation_builder::{EquationKind, Equations, StateSample};
 use crate::identify::passes::Source;
@@ -11,7 +11,7 @@ use regen_runtime::{BaseModel, ClosureError, LoopClosure, Outcome, Status};
 struct InstrumentRegressor<'a, 'm, M: ?Sized> {
     model: &'m M,
     closure: LoopClosure<'m, M>,
-    motion: &'a Motion,
+    motion: &'a MotionSeries,
     /// The index of the last sample in `motion`.
     last: Option<usize>,
 }
@@ -58,7 +58,7 @@ const MAX_NUMBERS: usize = 1 << 23;
 pub(super) struct Log<'a, M: ?Sized, S: ?Sized> {
     model: &'a M,
     source: &'a mut S,
-    motion: Motion,
+    motion: MotionSeries,
     /// All samples after the first pass, unless there are too many.
     kept: Vec<Sample>,
     pub(super) left: LeftOut,
@@ -77,14 +77,14 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
         Self {
             model,
             source,
-            motion: Motion::new(model.info().dof()),
+            motion: MotionSeries::new(model.info().dof()),
             kept: Vec::new(),
             left: LeftOut::default(),
         }
     }
 
     /// Computes the instruments from another motion from now on.
-    pub(super) fn change(&mut self, motion: Motion) {
+    pub(super) fn change(&mut self, motion: MotionSeries) {
         self.motion = motion;
         self.kept.clear();
     }

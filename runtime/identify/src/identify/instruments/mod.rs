@@ -11,14 +11,14 @@
 //! is consistent. Here Z is the regressor at another motion, which the caller gives for the
 //! present estimate: that of a simulation of the robot under control (IDIM-IV: Janot, Vandanjon
 //! and Gautier, A generic instrumental variable approach for industrial robot identification,
-//! 2014), or the measured one after smoothing ([`Motion::smoothed`]). Z is filtered like W.
+//! 2014), or the measured one after smoothing ([`MotionSeries::smoothed`]). Z is filtered like W.
 
 mod hausman;
 mod log;
 mod motion;
 mod sums;
 
-pub use motion::Motion;
+pub use motion::MotionSeries;
 
 use hausman::{covariances, hausman};
 use log::Log;
@@ -137,7 +137,7 @@ const TOLERANCE_DEVIATIONS: f64 = 1e-3;
 
 /// Callback that returns the motion of the instruments for base parameters, or `None` if it is the
 /// same as in the last call.
-pub type MotionSource<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
+pub type MotionSource<'a, E> = dyn FnMut(&[f64]) -> Result<Option<MotionSeries>, E> + 'a;
 
 /// Identifies base parameters by instrumental variables.
 ///

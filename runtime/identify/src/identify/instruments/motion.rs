@@ -21,7 +21,7 @@ const REMOVED_MOTION_PART: f64 = 0.005;
 /// The motion of the independent coordinates: positions, velocities and accelerations, sample by
 /// sample.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct MotionSeries {
     dof: usize,
     times: Vec<f64>,
     /// Whether each sample follows the one before it without a gap.
@@ -30,7 +30,7 @@ pub struct Motion {
     values: Vec<f64>,
 }
 
-impl Motion {
+impl MotionSeries {
     /// Creates a motion without samples, of a robot with `dof` independent coordinates.
     pub fn new(dof: usize) -> Self {
         Self {
@@ -159,10 +159,10 @@ impl Motion {
     /// When the sampling is not uniform, no run is long enough, or the cutoff does not suit it.
     ///
     /// ```
-    /// use regen_identify::identify::Motion;
+    /// use regen_identify::identify::MotionSeries;
     ///
     /// // 1 Hz with an error of 1 mrad that changes its sign from sample to sample
-    /// let mut measured = Motion::new(1);
+    /// let mut measured = MotionSeries::new(1);
     /// for k in 0..1000 {
     ///     let t = 0.01 * f64::from(k);
     ///     let error = if k % 2 == 0 { 1e-3 } else { -1e-3 };

@@ -1,0 +1,118 @@
+//! The controllers of the simulated loops: those of the options, else those of an experiment file.
+
+use regen_experiment::simulate::Gains;
+use regen_identify::data::Run as LogRun;
+use regen_interpreted::Interpreted;
+use regen_response::{Action, Damping, Law, Setup, controllers};
+use regen_runtime::Info;
+
+use crate::args::IdentifyArgs;
+use crate::exit::Failure;
+use crate::experiment::Controlled;
+use crate::parameters;
+
+/// What the experiment file says of the loop of a run.
+pub(super) fn controlled<'a>(args: &'a IdentifyArgs, run: &LogRun) -> Option<&'a Controlled> {
+    args.reading.experiment.as_ref()?.controlled(run)
+}
+
+/// The controllers of each log: those of the options, else those of the experiment file.
+pub(super) fn setups(
+    args: &IdentifyArgs,
+    model: &Interpreted<'_>,
+) -> Result<Vec<Option<Setup>>, Failure> {
+    if let Some(own) = setup(args, model)? {
+        return Ok(vec![Some(own); args.logs.len()]);
+    }
+    if !args.pid.is_empty() {
+        return Ok(vec![None; args.logs.len()]);
+    }
+    let of_run = |run: &LogRun| controlled(args, run).and_then(|own| own.setup.clone());
+    Ok(args.logs.iter().map(of_run).collect())
+}
+
+/// The controllers that all logs have in common.
+pub(super) fn common(args: &IdentifyArgs, setups: Vec<Option<Setup>>) -> Result<Setup, Failure> {
+    let mut found: Option<(usize, Setup)> = None;
+    for (k, setup) in setups.into_iter().enumerate() {
+        let Some(setup) = setup else {
+            let run = args.logs.get(k).map(ToString::to_string);
+            return Err(Failure::Usage(format!(
+                "--estimator response needs the gains of the controllers of {}: --controller FILE \
+                 with `q1: {{kp: 40, kd: 2}}` for each actuated joint, `kp: {{estimate: 40}}` where \
+                 they are not known, or the same as `controller` of the run in an experiment file",
+                run.unwrap_or_default()
+            )));
+        };
+        match &found {
+            Some((first, own)) if *own != setup => {
+                let run = |k: usize| args.logs.get(k).map(ToString::to_string);
+                return Err(Failure::Input(format!(
+                    "{} and {} have different controllers, and responses are fitted with one: \
+                     fit them apart",
+                    run(*first).unwrap_or_default(),
+                    run(k).unwrap_or_default()
+                )));
+            }
+            Some(_) => {}
+            None => found = Some((k, setup)),
+        }
+    }
+    found
+        .map(|(_, setup)| setup)
+        .ok_or_else(|| Failure::Input("there is no log".to_owned()))
+}
+
+/// The gains that the experiment file says of the controllers, where all runs have the same and all
+/// are known: for instruments.
+pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<Gains>> {
+    let mut found: Option<&Setup> = None;
+    for run in &args.logs {
+        let own = controlled(args, run)?.setup.as_ref()?;
+        if found.is_some_and(|other| other.laws != own.laws) {
+            return None;
+        }
+        found = Some(own);
+    }
+    let laws = &found?.laws;
+    let is_known = laws
+        .iter()
+        .all(|law| !law.gains().iter().any(|g| g.is_estimated()));
+    let named = info.actuated.iter().zip(laws).map(|(joint, law)| Gains {
+        name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
+        values: [law.kp.value, law.ki.value, law.kd.value],
+    });
+    is_known.then(|| named.collect())
+}
+
+/// The controllers of the options' file.
+fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, Failure> {
+    let Some(path) = &args.simulated.controller else {
+        return Ok(None);
+    };
+    let found = controllers(&parameters::value(path)?, &model.info());
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(why) => Err(Failure::Input(format!("{}: {why}", path.display()))),
+    }
+}
+
+/// Refuses controllers that `didim` does not simulate.
+pub(super) fn require_known(setup: &Setup) -> Result<(), Failure> {
+    let is_any = |is: fn(&Law) -> bool| setup.laws.iter().any(is);
+    let wrong = if is_any(|law| law.gains().iter().any(|g| g.is_estimated())) {
+        "gains as they are: leave `estimate` out, or say no controllers, then the loop keeps the \
+         bandwidth of --loop-bandwidth"
+    } else if is_any(|law| law.damping != Damping::OfError) {
+        "controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, or \
+         choose --estimator response"
+    } else if setup.action != Action::Sampled {
+        "controllers that act at the rows of the log: leave out `action: continuous`, or choose \
+         --estimator response"
+    } else if !setup.signals.is_empty() {
+        "signals as they are logged: leave `signals` out, or choose --estimator response"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::Input(format!("didim takes {wrong}")))
+}

@@ -1,0 +1,97 @@
+//! The estimator of `regen identify`, and the options that it does not take.
+
+use regen_identify::data::Run as LogRun;
+use regen_identify::identify::EquationKind;
+
+use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, ReadingArgs};
+use crate::exit::Failure;
+use crate::terminal;
+
+/// Huber's bound where none is given.
+pub(crate) const HUBER_BOUND: f64 = 1.345;
+/// Seconds at the start of each log that DIDIM leaves out where none are given.
+pub(crate) const SETTLE: f64 = 0.5;
+
+/// The options with the estimator that they choose; refuses options that it does not take.
+pub(crate) fn with_estimator(args: &IdentifyArgs) -> Result<IdentifyArgs, Failure> {
+    let mut args = args.clone();
+    let given = args.estimator;
+    let simulated = matches!(given, Some(EstimatorArg::Didim | EstimatorArg::Response));
+    let own = |wanted: EstimatorArg| given.is_none_or(|e| e == wanted);
+    let mut wrong: Vec<&str> = Vec::new();
+    let mut refuse = |is: bool, option: &'static str| {
+        if is {
+            wrong.push(option);
+        }
+    };
+    refuse(args.huber.is_some() && !own(EstimatorArg::Huber), "--huber");
+    refuse(args.iv && !own(EstimatorArg::Iv), "--iv");
+    if given == Some(EstimatorArg::Iv) || simulated {
+        let physical = &args.physical;
+        refuse(!args.from.is_empty(), "--from");
+        refuse(args.cross, "--cross");
+        refuse(args.reading.energy.is_some(), "--energy");
+        refuse(physical.wanted(), "--feasible or --friction");
+        refuse(physical.reduce, "--reduce");
+    }
+    if simulated {
+        refuse(!args.physical.against.is_empty(), "--against");
+        refuse(!args.reading.delay.is_empty(), "--delay");
+        refuse(args.reading.period.is_some(), "--period");
+    }
+    let along = args.iv || matches!(given, Some(EstimatorArg::Iv | EstimatorArg::Didim));
+    refuse(args.reference.is_some() && !along, "--reference");
+    refuse(!args.pid.is_empty() && !along, "--pid");
+    let own = &args.simulated;
+    refuse(own.controller.is_some() && !simulated, "--controller");
+    refuse(!own.command.is_empty() && !simulated, "--command");
+    refuse(own.start.is_some() && !simulated, "--start");
+    if let Some(option) = wrong.first() {
+        let name = given.map_or("least squares", name);
+        return Err(Failure::Usage(format!(
+            "{option} is of no use to {name}: leave it out, or choose another --estimator"
+        )));
+    }
+    match given {
+        Some(EstimatorArg::Huber) => args.huber = args.huber.or(Some(HUBER_BOUND)),
+        Some(EstimatorArg::Iv) => args.iv = true,
+        _ => {}
+    }
+    Ok(args)
+}
+
+fn name(estimator: EstimatorArg) -> &'static str {
+    match estimator {
+        EstimatorArg::Ls => "least squares",
+        EstimatorArg::Huber => "Huber's estimate",
+        EstimatorArg::Iv => "instrumental variables",
+        EstimatorArg::Didim => "DIDIM",
+        EstimatorArg::Response => "the fit to responses",
+    }
+}
+
+/// Tells what of an experiment file an estimator that simulates has no use for, and leaves it out.
+///
+/// - `planned`: the runs to validate on, which may lack efforts or positions.
+pub(crate) fn note_unused(estimator: EstimatorArg, reading: &mut ReadingArgs, planned: &[LogRun]) {
+    let Some(experiment) = &reading.experiment else {
+        return;
+    };
+    let settings = &experiment.settings;
+    let is_auto = reading.delay.contains(&DelayArg::Auto);
+    let unused = [
+        (is_auto || !settings.delays.is_empty(), "delay"),
+        (settings.period.is_some(), "period"),
+        (experiment.kind != EquationKind::Forces, "energy"),
+        (!planned.is_empty(), "runs to validate on"),
+    ];
+    let unused: Vec<&str> = unused.iter().filter(|u| u.0).map(|u| u.1).collect();
+    reading.delay.clear();
+    if !unused.is_empty() {
+        terminal::note(&format!(
+            "{} leaves out of the experiment file: {}",
+            name(estimator),
+            unused.join(", ")
+        ));
+    }
+}

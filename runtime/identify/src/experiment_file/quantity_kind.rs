@@ -1,0 +1,110 @@
+//! The quantities that a coordinate has, and the keys and patterns that mean them.
+
+use regen_runtime::Info;
+
+use crate::data::Quantity;
+
+/// One of the kinds of quantities that a coordinate has.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum QuantityKind {
+    Position,
+    Velocity,
+    Acceleration,
+    Effort,
+}
+
+pub(super) const QUANTITY_KINDS: [QuantityKind; 4] = [
+    QuantityKind::Position,
+    QuantityKind::Velocity,
+    QuantityKind::Acceleration,
+    QuantityKind::Effort,
+];
+
+impl QuantityKind {
+    pub(super) fn of(self, coordinate: &str) -> Quantity {
+        let name = coordinate.to_owned();
+        match self {
+            Self::Position => Quantity::Position(name),
+            Self::Velocity => Quantity::Velocity(name),
+            Self::Acceleration => Quantity::Acceleration(name),
+            Self::Effort => Quantity::Effort(name),
+        }
+    }
+
+    /// The keys that mean this quantity of a coordinate: `qd1` where that is `q1`, and `qd_q1`.
+    pub(super) fn spellings(self, coordinate: &str) -> [Option<String>; 2] {
+        let prefix = match self {
+            Self::Position => return [None, Some(coordinate.to_owned())],
+            Self::Velocity => "qd",
+            Self::Acceleration => "qdd",
+            Self::Effort => "tau",
+        };
+        let short = coordinate.strip_prefix('q').filter(|rest| !rest.is_empty());
+        [
+            short.map(|rest| format!("{prefix}{rest}")),
+            Some(format!("{prefix}_{coordinate}")),
+        ]
+    }
+
+    /// The units of this quantity.
+    pub(super) fn units(self) -> &'static [&'static str] {
+        match self {
+            Self::Position => &["rad", "deg", "rev", "m", "cm", "mm", "um"],
+            Self::Velocity => &["rad/s", "deg/s", "rpm", "m/s", "mm/s"],
+            Self::Acceleration => &["rad/s^2", "deg/s^2", "m/s^2"],
+            Self::Effort => &["Nm", "mNm", "N", "kN", "A", "mA"],
+        }
+    }
+}
+
+/// The part of a text that the `*` of a pattern stands for; the empty text if a text without `*` is
+/// equal; `None` if they do not match.
+pub(super) fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
+    match pattern.split_once('*') {
+        None => (pattern == text).then_some(""),
+        Some((before, after)) => text.strip_prefix(before)?.strip_suffix(after),
+    }
+}
+
+/// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
+pub(super) fn meant(
+    key: &str,
+    info: &Info<'_>,
+    kinds: &[QuantityKind],
+) -> Option<(QuantityKind, Vec<(String, String)>)> {
+    // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
+    let mut ways = kinds.iter().flat_map(|kind| [(*kind, 0), (*kind, 1)]);
+    ways.find_map(|(kind, way)| {
+        let names = info.coordinates.iter().enumerate();
+        let names =
+            names.filter(|(k, _)| kind != QuantityKind::Effort || info.actuated.contains(k));
+        let found: Vec<(String, String)> = names
+            .filter_map(|(_, name)| {
+                let spelling = kind.spellings(name)[way].take()?;
+                let star = matched(key, &spelling)?;
+                Some(((*name).to_owned(), star.to_owned()))
+            })
+            .collect();
+        (!found.is_empty()).then(|| (kind, ordered(found)))
+    })
+}
+
+/// Sorts coordinates by their numbers where their names differ in these only, such as q1, q2, q10;
+/// else they stay in the robot's order.
+fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
+    let parts = |name: &str| {
+        let text = name
+            .trim_end_matches(|c: char| c.is_ascii_digit())
+            .to_owned();
+        let number = name.get(text.len()..)?.parse::<u64>().ok()?;
+        Some((text, number))
+    };
+    let first = found.first().and_then(|(name, _)| parts(name));
+    let same = |(name, _): &(String, String)| {
+        parts(name).map(|own| own.0) == first.as_ref().map(|first| first.0.clone())
+    };
+    if first.is_some() && found.iter().all(same) {
+        found.sort_by_key(|(name, _)| parts(name).map(|own| own.1));
+    }
+    found
+}

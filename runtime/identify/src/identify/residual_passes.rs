@@ -1,0 +1,192 @@
+//! Passes over the residuals of an estimate: errors, noise, and the scores of covariances.
+
+use super::delay::{DelayFit, DelayScores};
+use super::equation_builder::Equations;
+use super::huber::Huber;
+use super::passes::{Options, Source, predicted};
+use super::replay::Replay;
+use crate::estimate::huber::PsiSums;
+use crate::estimate::{
+    Autocorrelated, Autoregression, Blocks, EffortError, Estimate, ORDER, Residuals, Scores,
+};
+use regen_runtime::BaseModel;
+
+/// The errors of an estimate, and for each effort an autoregression of its weighted residuals,
+/// which are bounded by Huber's weight.
+pub(super) fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    options: &Options,
+    estimate: &Estimate,
+    means: &[f64],
+    mut delays: Option<&mut DelayFit<'_>>,
+) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
+    let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
+    let mut errors = Residuals::new(&names, means, options.lags);
+    let zeros = vec![0.0; names.len()];
+    let mut noise = Residuals::new(&names, &zeros, ORDER);
+    let mut weighted = WeightedResiduals::new(options, estimate);
+    replay.visit(&mut |equations| {
+        if !equations.follows {
+            errors.interrupt();
+            noise.interrupt();
+        }
+        if equations.tau.is_empty() {
+            return Ok(());
+        }
+        if let Some(delays) = &mut delays {
+            delays.push(equations)?;
+        }
+        weighted.compute(equations);
+        errors.push_used(equations.tau, &weighted.fitted, &weighted.used)?;
+        noise.push_used(&weighted.psi, &zeros, &weighted.used)
+    })?;
+    let noise = noise.efforts();
+    let fits = noise
+        .iter()
+        .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
+    Ok((errors, fits.collect()))
+}
+
+/// The weighted and bounded residuals of one sample, from which scores are computed. The lists have
+/// one entry per equation.
+struct WeightedResiduals<'a> {
+    estimate: &'a Estimate,
+    /// Huber's bound in standard deviations; infinite for plain least squares.
+    bound: f64,
+    /// The standard deviation of each effort's residuals, N or N m, or J.
+    sigmas: Vec<f64>,
+    /// The predicted right-hand sides, N or N m, or J.
+    fitted: Vec<f64>,
+    /// Whether the equation is used: at standstill it may be left out.
+    used: Vec<bool>,
+    /// The factor on the equation: its own weight times that of its effort.
+    weights: Vec<f64>,
+    /// The residual times its factor and Huber's weight.
+    psi: Vec<f64>,
+    /// The derivative of psi by the weighted residual: 1 within Huber's bound, 0 beyond.
+    slopes: Vec<f64>,
+}
+
+impl<'a> WeightedResiduals<'a> {
+    fn new(options: &Options, estimate: &'a Estimate) -> Self {
+        Self {
+            estimate,
+            bound: options.huber.unwrap_or(f64::INFINITY),
+            sigmas: estimate.efforts.iter().map(|e| e.sigma).collect(),
+            fitted: Vec::new(),
+            used: Vec::new(),
+            weights: Vec::new(),
+            psi: Vec::new(),
+            slopes: Vec::new(),
+        }
+    }
+
+    /// Replaces the residuals by those of a sample's equations.
+    fn compute(&mut self, equations: &Equations<'_>) {
+        self.fitted.clear();
+        self.used.clear();
+        self.weights.clear();
+        self.psi.clear();
+        self.slopes.clear();
+        let huber = Huber {
+            values: &self.estimate.values,
+            sigmas: &self.sigmas,
+            bound: self.bound,
+        };
+        let rows = equations.tau.iter().zip(equations.weights);
+        for (e, (tau, equation_weight)) in rows.enumerate() {
+            let fitted = predicted(equations, e, &self.estimate.values);
+            let effort_weight = self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
+            let weight = equation_weight * effort_weight;
+            let huber_weight = huber.weight(e, (tau - fitted) * equation_weight);
+            self.fitted.push(fitted);
+            self.used.push(*equation_weight > 0.0);
+            self.weights.push(weight);
+            self.psi.push((tau - fitted) * weight * huber_weight);
+            self.slopes.push(if huber_weight < 1.0 { 0.0 } else { 1.0 });
+        }
+    }
+}
+
+/// The sums over the scores (regressor rows times psi) for the covariance that accounts for
+/// correlation in time; for a given bandwidth also those of Newey and West; and the sums over psi.
+pub(super) fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    options: &Options,
+    estimate: &Estimate,
+    noise: &[Autoregression],
+    bandwidth: Option<usize>,
+    mut delays: Option<&mut DelayScores<'_>>,
+) -> Result<(Blocks, Option<Autocorrelated>, PsiSums), S::Error> {
+    let n = estimate.values.len();
+    let mut scores = Scores::new(n, noise);
+    let mut newey_west = bandwidth.map(|b| Autocorrelated::new(n, b));
+    let mut psi_sums = PsiSums::default();
+    let mut score = vec![0.0; n];
+    let mut weighted = WeightedResiduals::new(options, estimate);
+    replay.visit(&mut |equations| {
+        if !equations.follows {
+            scores.interrupt();
+            if let Some(newey_west) = &mut newey_west {
+                newey_west.interrupt();
+            }
+        }
+        let count = equations.tau.len();
+        if count == 0 {
+            return Ok(());
+        }
+        if let Some(delays) = &mut delays {
+            delays.push(equations)?;
+        }
+        weighted.compute(equations);
+        for (e, used) in weighted.used.iter().enumerate() {
+            if *used {
+                psi_sums.squares += weighted.psi[e].powi(2);
+                psi_sums.within_bound += usize::from(weighted.slopes[e] > 0.0);
+                psi_sums.equations += 1;
+            }
+        }
+        let WeightedResiduals {
+            weights,
+            psi,
+            slopes,
+            ..
+        } = &weighted;
+        scores.push(equations.w, weights, psi, slopes)?;
+        let Some(newey_west) = &mut newey_west else {
+            return Ok(());
+        };
+        score.fill(0.0);
+        for (e, (weight, psi)) in weights.iter().zip(psi).enumerate() {
+            let entries = equations.w.iter().skip(e).step_by(count);
+            for (s, w) in score.iter_mut().zip(entries) {
+                *s += w * weight * psi;
+            }
+        }
+        newey_west.push(&score)
+    })?;
+    Ok((scores.finish(&estimate.values)?, newey_west, psi_sums))
+}
+
+/// How many consecutive samples carry the information of one independent sample, rounded.
+pub(super) fn samples_per_independent_one(blocks: &Blocks) -> usize {
+    #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+    let samples = blocks.correlation_length().round() as usize;
+    samples
+}
+
+/// Bartlett's bandwidth from the autocorrelation at lag 1 (Andrews, 1991), for the effort with
+/// the strongest one; 1 for white residuals.
+pub(super) fn andrews_bandwidth(efforts: &[EffortError], rows: usize) -> usize {
+    let strongest = efforts
+        .iter()
+        .filter_map(|e| e.autocorrelation.first())
+        .fold(0.0, |m: f64, r| m.max(r.abs()));
+    // a larger correlation would make the bandwidth as long as the log
+    let rho = strongest.min(0.999);
+    let alpha = 4.0 * rho * rho / (1.0 - rho * rho).powi(2);
+    let lags = 1.1447 * (alpha * rows as f64).cbrt();
+    #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+    let lags = lags as usize;
+    1 + lags.min(rows / 4)
+}

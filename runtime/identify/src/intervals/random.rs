@@ -1,0 +1,58 @@
+//! Random draws that are the same on every machine.
+
+use crate::estimate::Deviations;
+
+/// Decimals of the least-squares parameters that seed the draws: the same log gives the same
+/// intervals on every machine, and another log other draws, so that the chance of a hundred draws
+/// is not the same for all logs.
+const SEED_DECIMALS: usize = 6;
+
+/// A seed from the decimals of the parameters (FNV-1a hash).
+pub(super) fn seed(values: &[f64]) -> u64 {
+    let texts = values.iter().map(|x| format!("{x:.SEED_DECIMALS$e}"));
+    texts
+        .flat_map(String::into_bytes)
+        .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
+}
+
+/// Generator of random numbers that are the same on every machine (SplitMix64; Box and Muller).
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// A uniform number between 0 and 1, neither included.
+    fn part(&mut self) -> f64 {
+        ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * libm::log(self.part())).sqrt();
+        radius * libm::cos(core::f64::consts::TAU * self.part())
+    }
+
+    /// A draw of the difference between another log's least-squares parameters and these, from
+    /// Student's distribution, as the covariance is itself an estimate.
+    pub(super) fn step(&mut self, deviations: &Deviations, n: usize) -> Vec<f64> {
+        // with more than a hundred degrees of freedom it is almost normal
+        let freedom = deviations.terms.clamp(1, 100);
+        let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
+        let by = (freedom as f64 / squares).sqrt();
+        let normal: Vec<f64> = (0..n).map(|_| by * self.normal()).collect();
+        let mut out = vec![0.0; n];
+        for (column, x) in deviations.root().chunks_exact(n.max(1)).zip(&normal) {
+            for (sum, l) in out.iter_mut().zip(column) {
+                *sum += l * x;
+            }
+        }
+        out
+    }
+}
