@@ -2,21 +2,20 @@
 //! intervals, cone angles, pitches, masses, inertias.
 
 mod drives;
+mod springs;
 
 use std::collections::BTreeMap;
 
 use super::check::canonical;
-use super::expression::{Ast, effort_term, evaluate, linear, quantity};
+use super::expression::{Ast, evaluate, linear, quantity};
 use super::physical::{Flaw, flaw};
 use super::raw::{
     RawBase, RawCut, RawDh, RawInertia, RawJoint, RawLimb, RawLimits, RawPlacement, RawSpec,
-    RawSpring,
 };
 use super::shape::{BodyReference, Scalar, Word};
 use super::types::{
-    Axis, BaseChoices, BodyInertia, Cut, CutSide, EffortExpr, Expr, Interval, Joint, JointFrame,
-    JointKind, JointSpring, Limb, Limits, LinearForm, Placement, PointSpring, Quantity, Spanned,
-    Spec, SpringEnd, SpringForce,
+    Axis, BaseChoices, BodyInertia, Cut, CutSide, Expr, Interval, Joint, JointFrame, JointKind,
+    JointSpring, Limb, Limits, LinearForm, Placement, Quantity, Spanned, Spec,
 };
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
@@ -291,67 +290,6 @@ impl Resolver<'_> {
             spring: spring?,
             terms: terms?,
             limits: limits?,
-            nominal: nominal?,
-            span: raw.span,
-        })
-    }
-
-    /// Evaluates the constants of an effort term's factor.
-    fn effort_term(&mut self, scalar: &Scalar) -> Option<EffortExpr> {
-        if self.uses_failed_value(&scalar.ast) {
-            return None;
-        }
-        let lookup = |name: &str| self.values.get(name).cloned().flatten();
-        match effort_term(&scalar.ast, &lookup) {
-            Ok(EffortExpr::Constant(constant)) if constant.value.is_zero() => {
-                self.report(scalar, "this effort term is always 0");
-                None
-            }
-            Ok(factor) => Some(factor),
-            Err(error) => {
-                self.sink.push(error.at(&scalar.path));
-                None
-            }
-        }
-    }
-
-    fn spring(&mut self, raw: &RawSpring) -> Option<PointSpring> {
-        let ends = collect_all(&raw.between, |point| {
-            Some(SpringEnd {
-                body: body_label(&point.body),
-                xyz: self.quantities(&point.xyz)?,
-            })
-        });
-        let length = match &raw.length {
-            Some(length) => {
-                let value = self.quantity(length)?;
-                if value.value.is_negative() {
-                    self.report(length, "the length of a spring must not be negative");
-                    return None;
-                }
-                Some(value)
-            }
-            None => None,
-        };
-        let nominal = collect_all(
-            raw.nominal.iter().flat_map(|nominal| &nominal.0),
-            |(symbol, scalar)| {
-                let quantity = self.quantity(scalar)?;
-                if symbol.0.text != "f" && quantity.value.is_negative() {
-                    self.report(scalar, "the stiffness of a spring must not be negative");
-                    return None;
-                }
-                Some((spanned(&symbol.0), quantity))
-            },
-        );
-        Some(PointSpring {
-            name: spanned(&raw.name.0),
-            ends: ends?.try_into().ok()?,
-            force: if raw.constant.value {
-                SpringForce::Constant
-            } else {
-                SpringForce::Elastic { length }
-            },
             nominal: nominal?,
             span: raw.span,
         })

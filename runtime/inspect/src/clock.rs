@@ -19,9 +19,9 @@ pub enum ClockSource {
     Column,
     /// The stated rate.
     Rate,
-    /// Velocities: the rate at which positions change as velocities say.
+    /// The velocities, at the rate at which their integrals are the changes of the positions.
     Velocities,
-    /// Nothing: frequencies are per row and not in Hz.
+    /// Nothing gives the time: frequencies are per row and not in Hz.
     #[default]
     Unknown,
 }

@@ -34,32 +34,34 @@ const ROUND_PART: f64 = 0.01;
 /// One degree, rad.
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
-/// What is known of one column.
+/// The facts found about one column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Column {
-    /// Its number, from 1.
+    /// The number of the column, from 1.
     pub number: usize,
-    /// Its name; its number where the log names none.
+    /// The name of the column; its number where the log has no names.
     pub name: String,
     /// The role that the column is judged to have.
     pub role: Role,
-    /// Why it is taken for that.
+    /// The reason for the role, in words.
     pub reason: String,
-    /// Its unit, where the name tells it.
+    /// The unit, where the name contains one.
     pub unit: Option<&'static str>,
-    /// The column whose derivative it is.
+    /// The column whose derivative this one is.
     pub derivative: Option<Derivative>,
     /// How often the column is at its smallest value.
     pub low: Extreme,
     /// How often the column is at its largest value.
     pub high: Extreme,
-    /// The resolution of its encoder; 0 where its values show no steps.
+    /// The resolution of the encoder, in the column's unit; 0 where the values show no steps.
     pub encoder_step: f64,
-    /// The standard deviation of the noise from row to row, that of the encoder's steps included.
+    /// The standard deviation of the noise from row to row, in the column's unit, including that of
+    /// the encoder's steps.
     pub noise: f64,
-    /// The share of rows at which it rests: stays within a step or the noise for 0.2 s.
+    /// The share of rows at which the column rests: stays within a step or the noise for 0.2 s; from
+    /// 0 to 1.
     pub resting: f64,
-    /// Its spectrum; `None` for text, the time, constants, and logs that are too short.
+    /// The spectrum; `None` for text, the time, constants, and logs that are too short.
     pub spectrum: Option<Spectrum>,
     /// Means over the log for a picture: time, s, and value.
     #[serde(skip)]
@@ -76,30 +78,30 @@ pub struct LogFacts {
     pub log: String,
     /// Whether the files name their columns.
     pub named: bool,
-    /// The rows that can be read.
+    /// The number of rows that can be read.
     pub rows: usize,
-    /// The rows that cannot.
+    /// The number of rows that cannot be read.
     pub unusable: usize,
-    /// The first of them, with their place.
+    /// The first problems of these rows, each with its place.
     pub problems: Vec<String>,
     /// The clock.
     pub clock: Clock,
-    /// All columns.
+    /// All columns, in the order of the log.
     pub columns: Vec<Column>,
     /// The columns of each joint.
     pub joints: Vec<Joint>,
-    /// Which joint each effort follows; empty where the motion does not tell.
+    /// The joint that each effort follows; empty where the motion does not show it.
     pub efforts: Vec<Following>,
     /// The cutoff of a filter above which the motion is noise, Hz.
     pub cutoff: Option<f64>,
     /// The period, where the motion repeats itself.
     pub period: Option<Period>,
-    /// What is worth knowing before these data are used, as sentences.
+    /// Sentences about what to know before these data are used.
     pub notes: Vec<String>,
 }
 
 impl LogFacts {
-    /// The column of a number.
+    /// The column of a number, counted from 1; `None` if there is no such column.
     pub fn column(&self, number: usize) -> Option<&Column> {
         self.columns.get(number.checked_sub(1)?)
     }
@@ -157,7 +159,7 @@ fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
         let column = log.numbers().iter().position(|i| *i == index);
         let given = settings.columns.iter();
         let mut given = given.filter(|a| a.quantity == Quantity::Time);
-        // a unit that was stated is that
+        // a stated unit replaces that of the name
         let stated = given.next().map(|a| a.unit.unwrap_or("s"));
         return of(0, column, stated);
     }
@@ -190,7 +192,8 @@ fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
     }
 }
 
-/// The rate at which positions change as velocities say, Hz, of values that are one row apart.
+/// The rate at which the integrals of velocities are the changes of positions, Hz, for values that
+/// are one row apart.
 fn rate_of(judged: &[Judged]) -> Option<f64> {
     let factors: Vec<f64> = judged
         .iter()

@@ -1,4 +1,4 @@
-//! Which motion would determine a parameter that the log does not.
+//! Finds the motions that would determine a parameter which the log does not determine.
 //!
 //! For each joint three motions are tried: other positions at rest, both directions of velocity,
 //! and acceleration, each at states of the log and added to its equations with as much weight as all
@@ -25,9 +25,9 @@ const STATES: usize = 12;
 const PLAIN_SPEED: [f64; 2] = [1.0, 0.2];
 /// Range of joints without limits, on either side, rad or m.
 const PLAIN_RANGE: [f64; 2] = [1.0, 0.1];
-/// The frequency, Hz, at which a joint of a speed accelerates.
+/// The frequency of the oscillation by which a tried motion accelerates a joint, Hz.
 const ACCELERATION_HZ: f64 = 0.5;
-/// The part of limits that is used.
+/// The part of a joint's limits that tried motions use.
 const PART_OF_LIMITS: f64 = 0.5;
 
 /// A kind of motion of a joint.
@@ -62,7 +62,7 @@ impl fmt::Display for Need {
     }
 }
 
-/// What motions are tried with.
+/// The equations and states of the log, with which each motion is tried.
 pub(crate) struct Trial<'a, M: ?Sized> {
     pub(crate) model: &'a M,
     /// The weighted equations of the log.
@@ -88,7 +88,7 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
     let mut gains: Vec<Vec<(f64, Need)>> = vec![Vec::new(); in_question.len()];
     for (k, c) in info.independent.iter().enumerate() {
         for kind in [Kind::Positions, Kind::Velocity, Kind::Acceleration] {
-            let Some(factor) = with(trial, &mut closure, k, kind)? else {
+            let Some(factor) = with_motion(trial, &mut closure, k, kind)? else {
                 continue;
             };
             let then = spread(&factor)?;
@@ -118,7 +118,7 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
 
 /// The equations of the log and those of a motion of the k-th independent joint; `None` if it cannot
 /// be made anywhere.
-fn with<M: BaseModel<f64> + ?Sized>(
+fn with_motion<M: BaseModel<f64> + ?Sized>(
     trial: &Trial<'_, M>,
     closure: &mut LoopClosure<'_, M>,
     k: usize,

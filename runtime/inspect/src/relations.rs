@@ -38,7 +38,7 @@ pub(crate) struct Relations {
 impl Relations {
     /// Compares all columns of some stretches; linear in their length.
     ///
-    /// - `step`: between values, s; `None` where nothing gives the time.
+    /// - `step`: the time between values, s; `None` where nothing gives the time.
     pub(crate) fn new(stretches: &[Stretch], count: usize, step: Option<f64>) -> Self {
         let mut out = Self {
             count,

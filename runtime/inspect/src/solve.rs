@@ -1,4 +1,4 @@
-//! Regressions of many right sides on the same columns.
+//! Regressions of many right-hand sides on the same columns.
 
 use nalgebra::DMatrix;
 
@@ -17,12 +17,12 @@ pub(crate) struct Normal {
     scales: Vec<f64>,
 }
 
-/// The solution for one right side.
+/// The solution for one right-hand side.
 #[derive(Clone, Debug)]
 pub(crate) struct Solved {
     /// The solution for the scaled columns.
     values: Vec<f64>,
-    /// The products of the scaled columns with the right side.
+    /// The products of the scaled columns with the right-hand side.
     side: Vec<f64>,
     mean: f64,
     variance: f64,
@@ -202,7 +202,7 @@ impl Normal {
         }
     }
 
-    /// The part of the variance that is left over more if some columns are left out.
+    /// By how much the unexplained part of the variance grows if some columns are left out.
     pub(crate) fn share(&self, solved: &Solved, columns: &[usize]) -> f64 {
         let m = columns.len();
         let block = DMatrix::from_fn(m, m, |i, j| self.inverse[(columns[i], columns[j])]);

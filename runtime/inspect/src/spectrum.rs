@@ -1,4 +1,4 @@
-//! Power spectral densities by Welch's method, row by row, and what they say of signal and noise.
+//! Power spectral densities by Welch's method, row by row, from which signal and noise follow.
 //!
 //! P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE
 //! Transactions on Audio and Electroacoustics 15(2), 1967: means over blocks that overlap by half,
@@ -89,7 +89,7 @@ impl Welch {
             return None;
         }
         let energy: f64 = self.window.iter().map(|w| w * w).sum();
-        // of both signs of a frequency
+        // a one-sided density adds those of both signs of a frequency
         let scale = 2.0 / (rate * energy * self.blocks as f64);
         Some(Density {
             values: self.sums.iter().map(|x| x * scale).collect(),
@@ -125,7 +125,7 @@ pub(crate) struct Density {
     blocks: usize,
 }
 
-/// What a column's spectrum says.
+/// The noise and the signal in a column's spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spectrum {
     /// The density of the noise at high frequencies, unit^2/Hz.

@@ -1,10 +1,16 @@
 //! The equations of motion over the independent coordinates, solved for the accelerations, with
 //! exact derivatives by state, efforts and base parameters.
 
+mod direction;
+mod posture;
+
 use regen_experiment::simulate::{factor_mass, solve_mass};
 use regen_runtime::{BaseModel, Friction, SizeError, Status};
 
 use crate::{DIRECTIONS, Number, ResponseError};
+
+use direction::{Directed, Side};
+pub(crate) use posture::Posture;
 
 /// Most Newton steps of the closure from one stage of the integration to the next.
 const MAX_NEWTON_STEPS: usize = 12;
@@ -13,43 +19,6 @@ const MAX_NEWTON_STEPS: usize = 12;
 const NEWTON_TOLERANCE: f64 = 1e-9;
 /// A correction of a dependent coordinate beyond this, rad or m, may leave the assembly branch.
 const MAX_CORRECTION: f64 = 0.5;
-
-/// A friction coefficient that multiplies the direction of a joint's motion.
-#[derive(Clone, Debug)]
-struct Directed {
-    coordinate: usize,
-    /// Whether the coefficient counts in both directions, only forward or only backward.
-    side: Side,
-    /// The coefficient as a linear combination of base parameters.
-    combination: Vec<f64>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Side {
-    Both,
-    Forward,
-    Backward,
-}
-
-impl Side {
-    /// The direction column with the smooth sign minus that with the sign itself, and the slope of
-    /// the smooth one by the velocity.
-    fn softening(self, v: f64, width: f64) -> (f64, f64) {
-        let soft = libm::tanh(v / width);
-        let slope = (1.0 - soft * soft) / width;
-        let hard = if v == 0.0 { 0.0 } else { v.signum() };
-        let absent = match self {
-            Self::Both => false,
-            Self::Forward => v < 0.0,
-            Self::Backward => v > 0.0,
-        };
-        if absent {
-            (0.0, 0.0)
-        } else {
-            (soft - hard, slope)
-        }
-    }
-}
 
 /// A robot whose motion is integrated: a model with soft friction.
 pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
@@ -65,35 +34,6 @@ pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
     direct: bool,
     directed: Vec<Directed>,
     width: f64,
-}
-
-/// All coordinates at a state, with their derivatives by the independent ones.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Posture {
-    pub(crate) q: Vec<f64>,
-    pub(crate) qd: Vec<f64>,
-    /// dq/dq_i, n x dof, column by column.
-    pub(crate) reach: Vec<f64>,
-    /// The derivatives of all velocities by the independent positions, n x dof, column by column;
-    /// empty without derivatives.
-    pub(crate) turning: Vec<f64>,
-    /// Coordinates and velocities as numbers with derivatives, one pair for every [`DIRECTIONS`]
-    /// directions of the state.
-    numbers: Vec<[Vec<Number>; 2]>,
-}
-
-impl Posture {
-    /// The row of dq/dq_i of one coordinate.
-    pub(crate) fn row(&self, coordinate: usize) -> impl Iterator<Item = f64> {
-        let n = self.q.len().max(1);
-        self.reach.iter().skip(coordinate).step_by(n).copied()
-    }
-
-    /// The derivatives of one velocity by the independent positions.
-    pub(crate) fn turning_row(&self, coordinate: usize) -> impl Iterator<Item = f64> {
-        let n = self.q.len().max(1);
-        self.turning.iter().skip(coordinate).step_by(n).copied()
-    }
 }
 
 /// The accelerations of the independent coordinates and their derivatives, row by row.

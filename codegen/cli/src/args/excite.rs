@@ -17,7 +17,7 @@ between samples too: positions, velocities and accelerations of all coordinates,
 cones of spherical joints, efforts of the actuators at the nominal parameters,
 and a margin from singularities. The loops stay closed on the branch of `home`.
 
-If no trajectory keeps all limits, the one that is in the way is named, and the
+If no trajectory keeps all limits, the limit that prevents it is named, and the
 exit code is 4. Ctrl-C ends the search with the best found so far. The same seed
 gives the same file, on any number of threads.
 
@@ -35,8 +35,8 @@ pub(crate) struct ExciteArgs {
     /// printed; its JSON holds the trajectory too]
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) out: Option<PathBuf>,
-    /// Whether the payloads of the description are carried; with a payload this must
-    /// be said
+    /// Whether the payloads of the description are carried; required where it has
+    /// a payload
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// The number of harmonics
@@ -45,7 +45,7 @@ pub(crate) struct ExciteArgs {
     /// The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
     #[arg(long, value_name = "HZ", default_value_t = 1.0 / 7.5, hide_default_value = true)]
     pub(crate) frequency: f64,
-    /// Samples in a period
+    /// The number of samples in a period
     #[arg(long, value_name = "N", default_value_t = 75)]
     pub(crate) samples: usize,
     /// What the trajectory is optimised for
@@ -71,10 +71,10 @@ pub(crate) struct ExciteArgs {
     /// The number of random starts; the best counts
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) starts: usize,
-    /// Steps in each of the five stages of a start
+    /// The number of steps in each of the five stages of a start
     #[arg(long, value_name = "N", default_value_t = 60)]
     pub(crate) steps: usize,
-    /// Threads [default: as many as the machine has]
+    /// The number of threads [default: as many as the machine has]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) threads: usize,
     /// How the summary is printed

@@ -46,8 +46,8 @@ pub(crate) struct PhysicalArgs {
     /// Bodies that are the same, in frames that correspond: 1,4,6
     #[arg(long, value_name = "BODIES", requires = "physical")]
     pub(crate) identical: Vec<String>,
-    /// Logs that are drawn by chance for the intervals of values under
-    /// constraints, one small fit each, at least 5; 0: no intervals
+    /// The number of random logs from which the intervals of values under
+    /// constraints follow, one small fit each, at least 5; 0: no intervals
     #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, requires = "physical", value_parser = draws)]
     pub(crate) draws: usize,
     /// Write the spec with `bodies:` and the joints' `nominal:` filled with the

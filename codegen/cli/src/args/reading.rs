@@ -54,8 +54,8 @@ pub(crate) struct ReadingArgs {
     /// Average the runs of a trajectory of this period in s
     #[arg(long, value_name = "S")]
     pub(crate) period: Option<f64>,
-    /// Whether the payloads of the description are carried in all these logs; with a
-    /// payload this must be said, here or for each run of an experiment file
+    /// Whether the payloads of the description are carried in all these logs; required
+    /// where it has a payload, here or for each run of an experiment file
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// The standard deviation of a measured coordinate, where more are measured

@@ -44,7 +44,7 @@ iv (with the controllers' gains) and didim the trajectory, as the option of that
 name does in `identify`.
 
 --unmodelled stribeck=PART adds to joints with `friction: coulomb` or `linear`
-what the model has not: static friction exceeds Coulomb's by that part of it,
+an effect that the model lacks: static friction exceeds Coulomb's by that part of it,
 fading as exp(-(v/SPEED)^2) with the speed, 0.1 rad/s or m/s by default.
 
 Examples:
@@ -69,7 +69,7 @@ pub(crate) struct RehearseArgs {
     /// Runs of each seed to identify from [default: 1]
     #[arg(long, value_name = "N", value_parser = at_least_one, conflicts_with = "logs")]
     pub(crate) runs: Option<usize>,
-    /// What the simulated robot has and the model has not: stribeck=PART or
+    /// An effect that the simulated robot has and the model lacks: stribeck=PART or
     /// stribeck=PART,SPEED
     #[arg(long, value_name = "KIND")]
     pub(crate) unmodelled: Option<UnmodelledArg>,
@@ -80,7 +80,7 @@ pub(crate) struct RehearseArgs {
     /// Keep the simulated logs in this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) keep: Option<PathBuf>,
-    /// Threads, which change nothing in the result [default: all]
+    /// The number of threads, which does not change the result [default: all]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) threads: usize,
     /// How the result is printed
@@ -111,7 +111,7 @@ pub(crate) struct SolvingArgs {
     /// The level of the confidence intervals
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     pub(crate) confidence: f64,
-    /// Physically feasible parameters
+    /// Identify physically feasible parameters
     #[arg(long)]
     pub(crate) feasible: bool,
     /// Identify the nonlinear friction of the spec too
@@ -121,10 +121,10 @@ pub(crate) struct SolvingArgs {
     /// entropic or entropic:WEIGHT
     #[arg(long, value_name = "KIND")]
     pub(crate) prior: Option<PriorArg>,
-    /// Draws for the intervals of feasible parameters
+    /// The number of draws for the intervals of feasible parameters
     #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS)]
     pub(crate) draws: usize,
-    /// The trajectory is known to iv and didim
+    /// Give iv and didim the trajectory
     #[arg(long)]
     pub(crate) reference: bool,
     /// Controllers of this bandwidth in Hz take the place of the robot's in didim

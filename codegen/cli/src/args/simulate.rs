@@ -37,8 +37,8 @@ Examples:
 pub(crate) struct SimulateArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Whether the payloads of the description are carried; with a payload this must
-    /// be said
+    /// Whether the payloads of the description are carried; required where it has
+    /// a payload
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// Where the log is written; with --runs, a number is put before .csv
@@ -68,19 +68,19 @@ pub(crate) struct SimulateArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "The simulated robot and its runs")]
 pub(crate) struct TwinArgs {
-    /// What to follow, as `regen excite` writes it
+    /// The trajectory to follow, as `regen excite` writes it
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) trajectory: Option<PathBuf>,
     /// The robot's true parameters [default: the spec's nominal ones]
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: Option<PathBuf>,
-    /// Change each body's and each other parameter by up to this part, by chance
+    /// Change each body's and each other parameter by up to this part, at random
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     pub(crate) perturb: f64,
-    /// Seconds [default: one period]
+    /// The duration of a run in s [default: one period]
     #[arg(long, value_name = "S")]
     pub(crate) duration: Option<f64>,
-    /// Seconds at the start that are left out of the log
+    /// The time at the start that is left out of the log, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub(crate) settle: f64,
     /// Time between samples of the controller and of the log, s [default: 0.01]
@@ -89,7 +89,7 @@ pub(crate) struct TwinArgs {
     /// Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
-    /// Of controllers without --pid, Hz
+    /// The bandwidth of controllers without --pid, Hz
     #[arg(long, value_name = "HZ", default_value_t = 3.0)]
     pub(crate) bandwidth: f64,
     /// Time constant of the drives, s
@@ -104,10 +104,10 @@ pub(crate) struct TwinArgs {
     /// Standard deviations of measured positions (rad or m) and efforts
     #[arg(long, value_name = "Q,TAU", value_parser = two)]
     pub(crate) noise: Option<[f64; 2]>,
-    /// Steps of measured positions and, if given, of efforts
+    /// The resolution of measured positions and, if given, of efforts
     #[arg(long, value_name = "Q[,TAU]", value_parser = one_or_two)]
     pub(crate) quantum: Option<[f64; 2]>,
-    /// For all that is by chance: the same seed gives the same logs
+    /// The seed of noise and perturbation: the same seed gives the same logs
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
 }
