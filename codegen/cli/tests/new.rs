@@ -54,7 +54,8 @@ fn every_kind_goes_from_a_new_spec_to_a_report_without_an_edit() {
         run("view KIND.yaml --out KIND.html");
         run("excite KIND.yaml --out KIND.json --seed 1 --starts 1 --harmonics 3");
         run("simulate KIND.yaml --trajectory KIND.json --out KIND.csv");
-        let fit = run("identify KIND.yaml KIND.csv --butterworth 4,20 --out KIND.p.json --format json");
+        let fit =
+            run("identify KIND.yaml KIND.csv --butterworth 4,20 --out KIND.p.json --format json");
         // without noise, what is left is the filter's and the sampling's error
         let error = fit.json()["relative_absolute"].as_f64().unwrap();
         assert!(error < 3.0, "{kind}: {error} %");
@@ -76,7 +77,10 @@ fn a_table_of_denavit_and_hartenberg_becomes_an_arm_that_is_identified() {
     // Ixx of the first link does not count, nor does any rotation about another axis: 15, and
     // linear friction of three joints
     assert_eq!(base.json()["certificate"]["rank"], 15 + 6);
-    let run = regen(&dir, &["new", "other", "--kind", "serial", "--from-dh", "table.csv"]);
+    let run = regen(
+        &dir,
+        &["new", "other", "--kind", "serial", "--from-dh", "table.csv"],
+    );
     assert_eq!(run.code, 2, "{}", run.err);
     fs::write(dir.join("table.csv"), "alpha,a,theta\n0,0,0\n").unwrap();
     let run = regen(&dir, &["new", "other", "--from-dh", "table.csv"]).ended(3);

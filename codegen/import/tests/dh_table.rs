@@ -12,15 +12,15 @@ fn spec_of(table: &str, rows: Rows) -> String {
 /// The row of each joint as the spec's reader sees it: alpha, a, theta, d.
 fn rows_of(text: &str) -> Vec<String> {
     let read = spec::parse(&Source::new("arm.yaml", text)).unwrap();
-    assert_eq!(read.name, "arm");
+    assert_eq!(read.name.value, "arm");
     let lines = text.lines().map(str::trim);
-    let mut rows = Vec::new();
+    let mut rows: Vec<String> = Vec::new();
     for line in lines {
         if line.starts_with("type:") {
             rows.push(String::new());
         }
         if let (Some(dh), Some(row)) = (line.strip_prefix("dh: "), rows.last_mut()) {
-            *row = dh.to_owned();
+            dh.clone_into(row);
         }
     }
     rows
@@ -29,13 +29,11 @@ fn rows_of(text: &str) -> Vec<String> {
 #[test]
 fn alpha_and_a_of_classic_rows_stand_one_row_later() {
     let classic = "joint;type;alpha;a;theta;d\nq1;R;pi/2;0;q1;0.4\nq2;R;0;0.3;q2 + pi/2;0\nq3;P;pi/2;0.1;0;d3\n";
-    let modified = "joint;type;alpha;a;theta;d\nq1;R;0;0;q1;0.4\nq2;R;pi/2;0;q2 + pi/2;0\nq3;P;0;0.3;0;q3\n";
+    let modified =
+        "joint;type;alpha;a;theta;d\nq1;R;0;0;q1;0.4\nq2;R;pi/2;0;q2 + pi/2;0\nq3;P;0;0.3;0;q3\n";
     let rows = rows_of(&spec_of(classic, Rows::Classic));
     assert_eq!(rows, rows_of(&spec_of(modified, Rows::Modified)));
-    assert_eq!(
-        rows,
-        ["{d: 0.4}", "{alpha: pi/2, theta: pi/2}", "{a: 0.3}"]
-    );
+    assert_eq!(rows, ["{d: 0.4}", "{alpha: pi/2, theta: pi/2}", "{a: 0.3}"]);
 }
 
 #[test]
@@ -53,17 +51,36 @@ fn mistakes_are_named_with_their_place() {
         ("alpha,a,theta,d\n", 1, "the table has no row of a joint"),
         ("alpha,a,theta,e\n0,0,0,0\n", 1, "unknown column 'e'"),
         ("alpha,a,theta\n0,0,0\n", 1, "there is no column 'd'"),
-        ("alpha,a,theta,d\n0,0,0,0\n0,0,0\n", 3, "3 cells, but the first line has 4"),
+        (
+            "alpha,a,theta,d\n0,0,0,0\n0,0,0\n",
+            3,
+            "3 cells, but the first line has 4",
+        ),
         ("alpha,a,theta,d\n0,L1,0,0\n", 2, "'L1' is no number"),
-        ("alpha,a,theta,d\n0,\"0.3\",0,0\n", 2, "'\"0.3\"' is no number"),
+        (
+            "alpha,a,theta,d\n0,\"0.3\",0,0\n",
+            2,
+            "'\"0.3\"' is no number",
+        ),
         ("alpha [rpm],a,theta,d\n0,0,0,0\n", 1, "unknown unit 'rpm'"),
-        ("joint,alpha,a,theta,d\n1st,0,0,0,0\n", 2, "'1st' is no name of a joint"),
-        ("type,alpha,a,theta,d\nscrew,0,0,0,0\n", 2, "unknown type 'screw'"),
+        (
+            "joint,alpha,a,theta,d\n1st,0,0,0,0\n",
+            2,
+            "'1st' is no name of a joint",
+        ),
+        (
+            "type,alpha,a,theta,d\nscrew,0,0,0,0\n",
+            2,
+            "unknown type 'screw'",
+        ),
     ] {
         let report =
             from_dh_table(&Source::new("arm.csv", table), "arm", Rows::Modified).unwrap_err();
         let text = report.render(false);
         assert!(text.contains(message), "{table:?}: {text}");
-        assert!(text.contains(&format!("arm.csv:{line}:")), "{table:?}: {text}");
+        assert!(
+            text.contains(&format!("arm.csv:{line}:")),
+            "{table:?}: {text}"
+        );
     }
 }

@@ -103,7 +103,7 @@ fn absolute_sum_of(operand: &Operand, absolute_sums: &[(f64, bool)]) -> (f64, bo
 }
 
 /// The values of a program at random inputs, modulo the prime.
-struct RandomValues {
+pub(super) struct RandomValues {
     /// The number of the set of random numbers, 0 or 1.
     draw: u64,
     /// The residue of each temporary.
@@ -111,7 +111,7 @@ struct RandomValues {
 }
 
 impl RandomValues {
-    fn new(program: &Program, draw: u64) -> Self {
+    pub(super) fn new(program: &Program, draw: u64) -> Self {
         let mut drawn = RandomValues {
             draw,
             temps: vec![0; program.names.len()],
@@ -158,7 +158,7 @@ impl RandomValues {
     }
 
     /// The residue of an operand.
-    fn residue(&self, operand: &Operand) -> u64 {
+    pub(super) fn residue(&self, operand: &Operand) -> u64 {
         match *operand {
             Operand::Input { argument, element } => {
                 field::drawn(((argument as u64) << 32) + element as u64, self.draw)
