@@ -266,6 +266,7 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     assert_eq!(json["failed"], Value::Array(vec![]));
     let rows = json["parameters"].as_array().unwrap();
     let row = |label: &str| rows.iter().find(|row| row["label"] == label);
+    let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
     for (label, truth) in [("gain(x)", -8.0), ("gain(q)", 1.0)] {
         let row = row(label).unwrap();
         assert_eq!(of(row, "truth"), truth);
