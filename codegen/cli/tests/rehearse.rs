@@ -248,3 +248,44 @@ fn what_is_wrong_is_said_with_the_remedy() {
         assert!(found.err.contains(says), "{words}: {}", found.err);
     }
 }
+
+/// A crane whose rod carries a load in the second run, both efforts as currents.
+#[test]
+fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
+    let dir = prepared("rehearse_loads");
+    let hook = "      - {type: fixed, origin: {xyz: [0, 0, -0.5]}, body: load, payload: true}\nbodies:\n  \
+                load: {mass: 1.5, com: [0.02, 0, -0.05], inertia: [0.004, 0, 0, 0.004, 0, 0.002]}\n";
+    fs::write(dir.join("hook.yaml"), SPEC.replacen("bodies:\n", hook, 1)).unwrap();
+    let runs = "columns:\n  tau_x: {column: 4, unit: A, gain: unknown}\n  tau_q: {column: 5, unit: A, \
+                gain: unknown}\nprocess:\n  filter: {butterworth: {order: 4, cutoff: 15}}\nruns:\n  \
+                - {files: a.csv}\n  - {files: b.csv, payload: {m: 2}}\n";
+    fs::write(dir.join("runs.yaml"), runs).unwrap();
+    let words = "rehearse hook.yaml runs.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 \
+                 --duration 4 --bandwidth 6 --gain x=-8 --seeds 4 --score 60 --format json";
+    let json = run(&dir, words).ended(0).json();
+    assert_eq!(json["failed"], Value::Array(vec![]));
+    let rows = json["parameters"].as_array().unwrap();
+    let row = |label: &str| rows.iter().find(|row| row["label"] == label);
+    let of = |value: &Value, key: &str| value[key].as_f64().unwrap();
+    for (label, truth) in [("gain(x)", -8.0), ("gain(q)", 1.0)] {
+        let row = row(label).unwrap();
+        assert_eq!(of(row, "truth"), truth);
+        assert!((of(row, "mean") / truth - 1.0).abs() < 0.05, "{row}");
+        assert!(of(row, "sigma") > 0.0 && row["within"].as_u64().unwrap() >= 3, "{row}");
+    }
+    // the load was drawn with the rest, the mass is the one that is known
+    let centre = row("cz of load").unwrap();
+    let truth = of(centre, "truth");
+    assert!((truth + 0.05).abs() < 0.03, "{centre}");
+    assert!((of(centre, "mean") - truth).abs() < 0.02, "{centre}");
+    assert!(row("m of load").is_none());
+    // with the mass the moment of the load about its hook is 2 cz
+    let moment = row("mz(load)").unwrap();
+    assert!((of(moment, "truth") - 2.0 * truth).abs() < 1e-12, "{moment}");
+    let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
+    assert!(exact > 0.01 && ours < 1.2 * exact, "{ours} {exact}");
+
+    let words = words.replace("--seeds 4", "--estimator iv --seeds 1");
+    let refused = run(&dir, &words).ended(3);
+    assert!(refused.err.contains("gains and payloads"), "{}", refused.err);
+}

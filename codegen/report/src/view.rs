@@ -207,6 +207,7 @@ pub fn page(data: &Data) -> String {
     let parts = [
         ("{{name}}", escaped.as_str()),
         ("{{style}}", include_str!("view/view.css")),
+        ("{{mechanics}}", include_str!("view/mechanics.js")),
         ("{{script}}", include_str!("view/view.js")),
         // the data come last, so that no placeholder is replaced inside them
         ("{{data}}", json.as_str()),

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Simulated twins of the three machines of robots/measured, rehearsed: how often each base parameter is
-# within 3 sigma of the truth, by estimator. Prints a line for each, and keeps all figures as JSON.
+# Simulated twins of the machines of robots/measured, rehearsed: how often each base parameter (gain,
+# value of a payload) is within 3 sigma of the truth, by estimator. Prints a line for each, and keeps all figures as JSON.
 #
 #     tests/tools/twins/twins.sh OUT [SEEDS] [regen] [MACHINES] [ESTIMATORS]
 set -eu
@@ -19,6 +19,18 @@ for machine in $machines; do
         excite="--frequency 0.1"
         runs="--noise 1e-5,0.3 --step 0.01 --duration 20"
         filter="--butterworth 5,7" ;;
+    ur10e_gains | ur10e_payload)
+        # a load at the flange, without the constants of the description that is measured
+        sed '/^home:/i\      - {type: fixed, origin: {rpy: [-pi/2, 0, 0]}, body: load, payload: true}' \
+            "$here/ur10e.yaml" > "$machine.yaml"
+        echo "  load: {mass: 2.805, com: [0.01, 0.02, 0.06], inertia: [0.008, 0, 0, 0.007, 0, 0.006]}" \
+            >> "$machine.yaml"
+        excite="--frequency 0.1 --payload carried"
+        runs="--noise 1e-5,0.3 --step 0.01 --duration 20"
+        case $machine in
+        ur10e_gains) filter="$here/loads.yaml" ;;
+        *) filter="$here/payload.yaml" ;;
+        esac ;;
     psm)
         cat "$robots/psm.yaml" "$here/psm.bodies.yaml" > psm.yaml
         excite="--frequency 0.18 --limit q1.position=-1,1 --limit q2.position=-0.8,0.8 \
