@@ -310,7 +310,14 @@ fn stack(folder: &Path, compared: &Compared) {
     };
     // the frames below a function: a solve, and rows in it
     let below = |suffix: &str| {
-        let helpers = ["sin_cos_lanes", "angle", "solve_pivoted", "row_size"];
+        let helpers = [
+            "sin_cos_lanes",
+            "sin_cos",
+            "angle",
+            "near",
+            "solve_pivoted",
+            "row_size",
+        ];
         let known = helpers.map(|helper| format!("{name}_{helper}{suffix}"));
         let found = known
             .iter()

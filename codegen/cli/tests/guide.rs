@@ -92,6 +92,12 @@ fn the_table_and_what_makes_it_certain_print_as_told() {
 }
 
 #[test]
+fn a_robot_in_c_and_equations_are_written_as_told() {
+    assert_eq!(follow("c").len(), 2);
+    assert_eq!(follow("equations").len(), 5);
+}
+
+#[test]
 fn every_recipe_is_run_and_has_at_most_forty_lines() {
     let run = follow("recipes").concat();
     for entry in fs::read_dir(root().join("runtime/guide/recipes")).unwrap() {

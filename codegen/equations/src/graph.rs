@@ -68,6 +68,11 @@ impl Graph {
         self.nodes.len()
     }
 
+    /// The number of an expression, if it occurs.
+    pub(crate) fn find(&self, node: Node) -> Option<Id> {
+        self.known.get(&node).copied()
+    }
+
     /// The value of a number.
     pub(crate) fn number(&self, id: Id) -> Option<f64> {
         match self.node(id) {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::constants::Length;
+use crate::constants::Form;
 use crate::names::Name;
 use crate::page::{Entry, Page};
 use crate::plain::{Level, Spelling, Writer, digits};
@@ -34,25 +34,36 @@ impl Spelling for Latex<'_> {
         term(name)
     }
 
-    fn length(&self, length: &Length<'_>) -> (String, Level) {
-        let [above, root, below] = length.factor;
-        let mut text = String::new();
+    fn form(&self, form: &Form<'_>) -> (String, Level) {
+        let [above, root, below] = form.factor;
+        let (mut over, mut under) = (Vec::new(), Vec::new());
         if above > 1 {
-            let _ = write!(text, "{above} ");
+            over.push(above.to_string());
         }
         if root > 1 {
-            let _ = write!(text, "\\sqrt{{{root}}} ");
+            over.push(format!("\\sqrt{{{root}}}"));
         }
-        text.push_str(&symbol(length.name, ""));
-        let level = if below > 1 || length.factor == [1, 1, 1] {
-            Level::Atom
-        } else {
-            Level::Product
-        };
         if below > 1 {
-            text = format!("\\tfrac{{{text}}}{{{below}}}");
+            under.push(below.to_string());
         }
-        (text, level)
+        if let Some(name) = form.name {
+            let side = if form.inverse { &mut under } else { &mut over };
+            side.push(symbol(name, ""));
+        }
+        let level = if over.len() > 1 && under.is_empty() {
+            Level::Product
+        } else {
+            Level::Atom
+        };
+        if over.is_empty() {
+            over.push("1".to_owned());
+        }
+        let (over, under) = (over.join("\\,"), under.join("\\,"));
+        if under.is_empty() {
+            (over, level)
+        } else {
+            (format!("\\tfrac{{{over}}}{{{under}}}"), level)
+        }
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -88,7 +99,7 @@ impl Spelling for Latex<'_> {
 
 /// A named term.
 fn term(name: &Name) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == ',' || c == '.';
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
     let index = if name.index.chars().all(plain) {
         name.index.clone()
     } else {

@@ -36,6 +36,10 @@ impl Names {
             // what a sign is used for, its operand is
             let count = match g.node(id) {
                 Node::Neg(_) => uses[id],
+                // an angle's sine and cosine are one use of it
+                Node::Cos(angle) if g.find(Node::Sin(angle)).is_some_and(|sine| uses[sine] > 0) => {
+                    0
+                }
                 _ => usize::from(uses[id] > 0),
             };
             for operand in g.node(id).operands() {
@@ -97,14 +101,25 @@ impl Names {
         coordinate: &dyn Fn(Node) -> Option<String>,
     ) -> Name {
         let mut parts = Vec::new();
-        let known = summands(g, angle, &mut parts, coordinate);
-        // q1 and q2 give 12, longer names are kept apart by commas
-        let digits: Vec<&str> = parts
-            .iter()
-            .map(|name| name.strip_prefix('q').unwrap_or(name))
-            .collect();
-        let short = digits.iter().all(|digit| digit.len() == 1);
-        let index = digits.join(if short { "" } else { "," });
+        let known = summands(g, angle, false, &mut parts, coordinate);
+        // in the order of the coordinates, those that are subtracted last
+        parts.sort();
+        // q1 and q2 give 12, longer names and differences have signs between them
+        let name = |part: &Summand| {
+            let digits = part.name.strip_prefix('q');
+            digits.unwrap_or(&part.name).to_owned()
+        };
+        let names: Vec<String> = parts.iter().map(name).collect();
+        let short = names.iter().all(|name| name.len() == 1);
+        let mut index = String::new();
+        for (part, name) in parts.iter().zip(&names) {
+            match (part.minus, index.is_empty()) {
+                (true, _) => index.push('-'),
+                (false, false) if !short || parts.iter().any(|part| part.minus) => index.push('+'),
+                _ => {}
+            }
+            index.push_str(name);
+        }
         let taken = |name: &Name| self.by_id.iter().flatten().any(|other| other == name);
         let mut name = Name { letter, index };
         if !known || taken(&name) {
@@ -122,21 +137,36 @@ impl Names {
     }
 }
 
-/// Collects the coordinates of a sum; false for anything else.
+/// A coordinate of a sum: those that are added come first, then in their order.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Summand {
+    minus: bool,
+    place: usize,
+    name: String,
+}
+
+/// Collects the coordinates of a sum or difference; false for anything else.
 fn summands(
     g: &Graph,
     id: Id,
-    parts: &mut Vec<String>,
+    minus: bool,
+    parts: &mut Vec<Summand>,
     coordinate: &dyn Fn(Node) -> Option<String>,
 ) -> bool {
     match g.node(id) {
-        Node::Add(a, b) => summands(g, a, parts, coordinate) && summands(g, b, parts, coordinate),
-        node => match coordinate(node) {
-            Some(name) => {
-                parts.push(name);
+        Node::Add(a, b) => {
+            summands(g, a, minus, parts, coordinate) && summands(g, b, minus, parts, coordinate)
+        }
+        Node::Sub(a, b) => {
+            summands(g, a, minus, parts, coordinate) && summands(g, b, !minus, parts, coordinate)
+        }
+        Node::Neg(a) => summands(g, a, !minus, parts, coordinate),
+        node => match (node, coordinate(node)) {
+            (Node::Input { element: place, .. }, Some(name)) => {
+                parts.push(Summand { minus, place, name });
                 true
             }
-            None => false,
+            _ => false,
         },
     }
 }

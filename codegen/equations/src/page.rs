@@ -6,7 +6,7 @@ use std::fmt;
 use regen_codegen::base::latex::parameter;
 use regen_codegen::robot::{FunctionKind, Robot};
 
-use crate::constants::length;
+use crate::constants::form;
 use crate::graph::{Graph, Id, Node};
 use crate::latex::{self, symbol};
 use crate::names::Names;
@@ -261,9 +261,8 @@ impl<'p> Page<'p> {
             let Node::Number(bits) = self.graph.node(id) else {
                 continue;
             };
-            if let Some(length) = length(f64::from_bits(bits), self.lengths) {
-                used.insert(length.name);
-            }
+            let form = form(f64::from_bits(bits), self.lengths);
+            used.extend(form.and_then(|form| form.name));
         }
         let all = self.lengths.iter();
         all.filter(move |(name, _)| used.contains(name.as_str()))

@@ -1,6 +1,6 @@
 //! Expressions on one line, as in programming languages.
 
-use crate::constants::{Length, length};
+use crate::constants::{Form, form};
 use crate::graph::{Graph, Id, Node};
 use crate::names::{Name, Names};
 
@@ -21,8 +21,8 @@ pub(crate) trait Spelling {
     fn input(&self, argument: usize, element: usize) -> String;
     /// A named term.
     fn name(&self, name: &Name) -> String;
-    /// A length times a factor.
-    fn length(&self, length: &Length<'_>) -> (String, Level);
+    /// A number with a root or a length.
+    fn form(&self, form: &Form<'_>) -> (String, Level);
     /// A function that is neither a root nor a step.
     fn call(&self, function: &str, operand: &str) -> String;
     /// A product.
@@ -75,8 +75,8 @@ impl<S: Spelling> Writer<'_, S> {
         match self.graph.node(id) {
             Node::Number(bits) => {
                 let value = f64::from_bits(bits);
-                match length(value, self.lengths) {
-                    Some(length) => spelling.length(&length),
+                match form(value, self.lengths) {
+                    Some(form) => spelling.form(&form),
                     None => (spelling.number(value), Level::Atom),
                 }
             }

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use crate::constants::Length;
+use crate::constants::Form;
 use crate::identifiers::Identifiers;
 use crate::names::Name;
 use crate::page::Page;
 use crate::plain::{Level, Spelling, Writer, digits};
-use crate::text::{infix_length, infix_quotient};
+use crate::text::{infix_form, infix_quotient};
 
 /// Python with the identifiers of inputs, lengths and terms.
 struct Python {
@@ -57,11 +57,11 @@ impl Spelling for &Python {
         self.names.get(name).cloned().unwrap_or_default()
     }
 
-    fn length(&self, length: &Length<'_>) -> (String, Level) {
-        let name = self.lengths.get(length.name);
-        infix_length(&Length {
-            name: name.map_or(length.name, String::as_str),
-            factor: length.factor,
+    fn form(&self, form: &Form<'_>) -> (String, Level) {
+        let known = |name| self.lengths.get(name).map(String::as_str);
+        infix_form(&Form {
+            name: form.name.map(|name| known(name).unwrap_or(name)),
+            ..form.clone()
         })
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::constants::Length;
+use crate::constants::Form;
 use crate::names::Name;
 use crate::page::Page;
 use crate::plain::{Level, Spelling, Writer, digits};
@@ -23,8 +23,8 @@ impl Spelling for Plain<'_> {
         format!("{}_{}", name.letter, name.index)
     }
 
-    fn length(&self, length: &Length<'_>) -> (String, Level) {
-        infix_length(length)
+    fn form(&self, form: &Form<'_>) -> (String, Level) {
+        infix_form(form)
     }
 
     fn call(&self, function: &str, operand: &str) -> String {
@@ -48,25 +48,40 @@ impl Spelling for Plain<'_> {
     }
 }
 
-/// `sqrt(3)*a/2`.
-pub(crate) fn infix_length(length: &Length<'_>) -> (String, Level) {
-    let [above, root, below] = length.factor;
-    let mut parts = Vec::new();
+/// `sqrt(3)*a/2`, `2*sqrt(3)/(3*a)`.
+pub(crate) fn infix_form(form: &Form<'_>) -> (String, Level) {
+    let [above, root, below] = form.factor;
+    let (mut over, mut under) = (Vec::new(), Vec::new());
     if above > 1 {
-        parts.push(above.to_string());
+        over.push(above.to_string());
     }
     if root > 1 {
-        parts.push(format!("sqrt({root})"));
+        over.push(format!("sqrt({root})"));
     }
-    parts.push(length.name.to_owned());
-    let level = if parts.len() + usize::from(below > 1) > 1 {
-        Level::Product
-    } else {
-        Level::Atom
-    };
-    let mut text = parts.join("*");
     if below > 1 {
-        let _ = write!(text, "/{below}");
+        under.push(below.to_string());
+    }
+    if let Some(name) = form.name {
+        let side = if form.inverse { &mut under } else { &mut over };
+        side.push(name.to_owned());
+    }
+    let level = match (over.len(), under.len()) {
+        (1, 0) => Level::Atom,
+        _ => Level::Product,
+    };
+    let mut text = if over.is_empty() {
+        "1".to_owned()
+    } else {
+        over.join("*")
+    };
+    match &under[..] {
+        [] => {}
+        [one] => {
+            let _ = write!(text, "/{one}");
+        }
+        _ => {
+            let _ = write!(text, "/({})", under.join("*"));
+        }
     }
     (text, level)
 }

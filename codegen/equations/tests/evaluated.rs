@@ -25,7 +25,7 @@ fn robot(file: &str, kind: FunctionKind) -> (Robot, Vec<(String, f64)>) {
 
 /// Irregular values near home.
 fn values(robot: &Robot, argument: &str, count: usize) -> Vec<f64> {
-    let wave = |k: usize| libm::sin(0.4 + 1.7 * k as f64 + argument.len() as f64);
+    let wave = |k: usize| (0.4 + 1.7 * k as f64 + argument.len() as f64).sin();
     let each = (0..count).map(|k| match argument {
         "q" => robot.home[k] + 0.1 * wave(k),
         _ => wave(k),

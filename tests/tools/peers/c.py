@@ -97,7 +97,7 @@ def ours(robots):
     code = '#include <string.h>\n#include <math.h>\n' + peers.TIMER
     body = ""
     for robot in robots:
-        run(["gcc", "-std=c99", "-O3", "-march=native", f"-D{robot.upper()}_NO_FLOAT", "-c", f"{robot}.c"], cwd=WORK / "c")
+        run(["gcc", "-O3", "-march=native", f"-D{robot.upper()}_NO_FLOAT", "-c", f"{robot}.c"], cwd=WORK / "c")
         code += f'#include "{robot}.h"\n'
         q, qd, qdd = ("{" + ", ".join(map(repr, v)) + "}" for v in state(robot))
         body += f" {{ static const double q[] = {q}, qd[] = {qd}, qdd[] = {qdd};\n"

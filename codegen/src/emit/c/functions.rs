@@ -19,6 +19,10 @@ use super::words::Spelling;
 /// frames of the helpers for sines, cosines and systems.
 const FRAME: usize = 1536;
 
+/// Entries above which a run of zeros is written by a loop: compilers store short runs faster where
+/// they see each entry.
+const LONG_RUN: usize = 64;
+
 /// A function in one precision.
 struct Emitted {
     kind: FunctionKind,
@@ -192,7 +196,7 @@ fn write_zeros(program: &Program, precision: Precision, text: &mut String) {
         .collect();
     for run in zeros.chunk_by(|a, b| a + 1 == *b) {
         match run {
-            [first, .., last] if run.len() > 4 => {
+            [first, .., last] if run.len() > LONG_RUN => {
                 let _ = writeln!(
                     text,
                     "    for (int i_ = {first}; i_ <= {last}; i_++) {{\n        {name}[i_] = {zero};\n    }}"

@@ -217,7 +217,13 @@ impl Language for C<'_> {
         let number_type = self.precision.type_name();
         let helper = self.helper(Helper::SinCosLanes);
         let number = self.next();
-        let lanes = angles.len().next_multiple_of(LANES);
+        // one angle that is left over takes longer in registers that are filled up
+        let single = angles.len() % LANES == 1;
+        let lanes = if single {
+            angles.len()
+        } else {
+            angles.len().next_multiple_of(LANES)
+        };
         let zero = self.constant(0.0);
         let padding = std::iter::repeat_n(zero, lanes - angles.len());
         let padded: Vec<String> = angles.iter().cloned().chain(padding).collect();
@@ -225,16 +231,23 @@ impl Language for C<'_> {
         text.list(1, &head, LIST, &padded, ";");
         let arrays = ["sines", "cosines"].map(|array| format!("{array}_{number}_[{lanes}]"));
         text.line(1, &format!("{number_type} {};", arrays.join(", ")));
-        for first in (0..lanes).step_by(LANES) {
-            let arrays = ["angles", "sines", "cosines"].map(|array| {
-                let offset = if first > 0 {
-                    format!(" + {first}")
-                } else {
-                    String::new()
-                };
-                format!("{array}_{number}_{offset}")
-            });
+        let offset = |array: &str, first: usize| {
+            if first > 0 {
+                format!("{array}_{number}_ + {first}")
+            } else {
+                format!("{array}_{number}_")
+            }
+        };
+        for first in (0..lanes - usize::from(single)).step_by(LANES) {
+            let arrays = ["angles", "sines", "cosines"].map(|array| offset(array, first));
             text.line(1, &format!("{helper}({});", arrays.join(", ")));
+        }
+        if single {
+            let last = lanes - 1;
+            let helper = self.helper(Helper::SinCos);
+            let [sines, cosines] = ["sines", "cosines"].map(|array| offset(array, last));
+            let angle = format!("angles_{number}_[{last}]");
+            text.line(1, &format!("{helper}({angle}, {sines}, {cosines});"));
         }
         self.count(3 * lanes);
         self.unpack(text, names, number);

@@ -134,9 +134,30 @@ static inline REAL @sign_of(REAL x)
 }
 ";
 
-/// The polynomials and the reduction of the runtime's `scalar/angles.rs`. Only conversions to
-/// integers decide which quarter turn an angle is in, so that compilers may reorder sums.
+/// The polynomials and the reductions of the runtime's `scalar/angles.rs`. Only conversions to
+/// integers decide which quarter turn an angle is in, so that compilers may reorder sums; the shorter
+/// reduction is left out where they may.
 const ANGLE: &str = r"
+/* Sine and cosine of y + tail, where y is at most a quarter turn's half and tail its rounding error. */
+static inline void @near(double y, double tail, double *s, double *c)
+{
+    const double z = y * y;
+    const double square = z * z;
+    const double half = z * 0.5;
+    const double sin_low = 0.00833333333333094 * z + -0.16666666666666666;
+    const double sin_middle = 2.755731609787775e-6 * z + -0.0001984126983674956;
+    const double sin_high = 1.591805913698281e-10 * z + -2.5051130870968297e-8;
+    const double sin_all = (sin_high * square + sin_middle) * square + sin_low;
+    const double cos_low = -0.0013888888888887393 * z + 0.041666666666666664;
+    const double cos_middle = -2.755731726880539e-7 * z + 2.4801587298760048e-5;
+    const double cos_high = -1.1382588535352526e-11 * z + 2.0876145659059344e-9;
+    const double cos_all = (cos_high * square + cos_middle) * square + cos_low;
+    *s = y + (y * z * sin_all + tail * (1.0 - half));
+    const double leading = 1.0 - half;
+    const double lost = (1.0 - leading) - half;
+    *c = leading + (lost + (square * cos_all + -(y * tail)));
+}
+
 /* Sine and cosine of an angle of at most 2^20 rad, each within one unit in the last place. There are
    no branches, so that compilers can compute several angles in vector registers. */
 static inline void @angle(double x, double *s, double *c)
@@ -156,26 +177,35 @@ static inline void @angle(double x, double *s, double *c)
     const double rest = (error_2 + error_3) - quarters * 8.4784276603689e-32;
     const double y = third + rest;
     const double tail = (third - y) + rest;
-    const double z = y * y;
-    const double square = z * z;
-    const double half = z * 0.5;
-    const double sin_low = 0.00833333333333094 * z + -0.16666666666666666;
-    const double sin_middle = 2.755731609787775e-6 * z + -0.0001984126983674956;
-    const double sin_high = 1.591805913698281e-10 * z + -2.5051130870968297e-8;
-    const double sin_all = (sin_high * square + sin_middle) * square + sin_low;
-    const double cos_low = -0.0013888888888887393 * z + 0.041666666666666664;
-    const double cos_middle = -2.755731726880539e-7 * z + 2.4801587298760048e-5;
-    const double cos_high = -1.1382588535352526e-11 * z + 2.0876145659059344e-9;
-    const double cos_all = (cos_high * square + cos_middle) * square + cos_low;
-    const double sine = y + (y * z * sin_all + tail * (1.0 - half));
-    const double leading = 1.0 - half;
-    const double lost = (1.0 - leading) - half;
-    const double cosine = leading + (lost + (square * cos_all + -(y * tail)));
+    double sine, cosine;
+    @near(y, tail, &sine, &cosine);
     const double turned_s = (turns & 1) ? cosine : sine;
     const double turned_c = (turns & 1) ? sine : cosine;
     *s = (turns & 2) ? -turned_s : turned_s;
     *c = ((turns + 1) & 2) ? -turned_c : turned_c;
 }
+
+#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
+/* The same where products and sums are fused, by a shorter reduction; 0 where the angle is too close
+   to a multiple of a quarter turn for it. Bits of a sum say which quarter turn it is. */
+static inline uint64_t @angle_fused(double x, double *s, double *c)
+{
+    union { double number; uint64_t bits; } shifted, sine, cosine;
+    shifted.number = __builtin_fma(x, 0.6366197723675814, 6755399441055744.0);
+    const double quarters = shifted.number - 6755399441055744.0;
+    const double first = __builtin_fma(-quarters, 1.5707963267948966, x);
+    const double y = __builtin_fma(-quarters, 6.123233995736766e-17, first);
+    const double tail = __builtin_fma(-quarters, 6.123233995736766e-17, first - y);
+    @near(y, tail, &sine.number, &cosine.number);
+    const uint64_t turns = shifted.bits;
+    const uint64_t exchanged = (sine.bits ^ cosine.bits) & (0u - (turns & 1u));
+    sine.bits = (sine.bits ^ exchanged) ^ ((turns & 2u) << 62);
+    cosine.bits = (cosine.bits ^ exchanged) ^ (((turns + 1u) & 2u) << 62);
+    *s = sine.number;
+    *c = cosine.number;
+    return (uint64_t)((y >= 5.960464477539063e-8) | (y <= -5.960464477539063e-8) | (x == 0.0));
+}
+#endif
 ";
 
 const SIN_COS: &str = r"
@@ -183,6 +213,11 @@ const SIN_COS: &str = r"
 static inline void @sin_cos(double x, double *s, double *c)
 {
     if (x > -1048576.0 && x < 1048576.0) {
+#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
+        if (@angle_fused(x, s, c)) {
+            return;
+        }
+#endif
         @angle(x, s, c);
     } else {
         *s = sin(x);
@@ -200,7 +235,14 @@ static inline void @sin_cos_lanes(const double *RESTRICT x, double *RESTRICT s, 
         within &= (x[i] > -1048576.0) & (x[i] < 1048576.0);
     }
     if (within) {
+        uint64_t done = 0;
+#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
+        done = 1;
         for (int i = 0; i < 4; i++) {
+            done &= @angle_fused(x[i], s + i, c + i);
+        }
+#endif
+        for (int i = 0; i < 4 && !done; i++) {
             @angle(x[i], s + i, c + i);
         }
     } else {
