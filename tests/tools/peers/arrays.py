@@ -35,9 +35,9 @@ def kept(robot):
     return robot.base.labels
 
 
-def batch():
+def batch(profile):
     """The time of the bare batch."""
-    command = ["cargo", "run", "--quiet", "--release", "-p", "regen-interpreted", "--example", "batch",
+    command = ["cargo", "run", "--quiet", "--profile", profile, "-p", "regen-interpreted", "--example", "batch",
                "--", f"robots/{ROBOT}.yaml", str(COUNT)]
     done = subprocess.run(command, cwd=peers.ROOT, capture_output=True, text=True, check=True)
     return float(done.stdout)
@@ -55,7 +55,9 @@ def main():
     """Compares and times."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--profile", default="release", help="of the bare batch; that of the installed package")
+    arguments = parser.parse_args()
+    rounds = arguments.rounds
     peers.WORK.mkdir(parents=True, exist_ok=True)
     robot = regen.Robot(peers.ROOT / "robots" / f"{ROBOT}.yaml")
     peers.kept = lambda _: kept(robot)
@@ -83,7 +85,7 @@ def main():
     del found
     best = dict.fromkeys(["bare batch", *ways], float("inf"))
     for turn in range(rounds):
-        best["bare batch"] = min(best["bare batch"], batch())
+        best["bare batch"] = min(best["bare batch"], batch(arguments.profile))
         for name, way in ways.items():
             # a loop over states takes so long that it runs in the first two turns only
             if name.startswith("Pinocchio") and turn > 1:
