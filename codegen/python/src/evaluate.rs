@@ -8,6 +8,8 @@ use regen_runtime::{Arguments, BaseFunction, Function, SizeError};
 
 /// The number of states in a block.
 const BLOCK: usize = 64;
+/// The number of states whose entries are written side by side: as many as are in a line of the cache.
+const TILE: usize = 8;
 /// The number of states after which the caller may look at signals.
 const PART: usize = 1 << 14;
 
@@ -42,28 +44,32 @@ pub(crate) struct Batch<'a> {
     count: usize,
     /// The arguments as they were given: one row per state, or parameters.
     given: Vec<(Argument, &'a [f64])>,
-    values: Vec<f64>,
-    pivots: Vec<f64>,
+    /// The result, state by state, each matrix by rows.
+    values: &'a mut [f64],
+    pivots: &'a mut [f64],
     /// The block's arguments and its output, entry by entry.
     inputs: [Vec<f64>; Argument::ALL.len()],
     out: Vec<f64>,
 }
 
 impl<'a> Batch<'a> {
+    /// The function at as many states as there are `pivots`; `values` receives the results, state by
+    /// state, each matrix by rows.
     pub(crate) fn new(
         model: &'a Interpreted<'a>,
         which: Which,
         sizes: Sizes,
-        count: usize,
+        values: &'a mut [f64],
+        pivots: &'a mut [f64],
     ) -> Self {
         Self {
             model,
             which,
             sizes,
-            count,
+            count: pivots.len(),
             given: Vec::new(),
-            values: Vec::with_capacity(sizes.output(which.signature()) * count),
-            pivots: Vec::with_capacity(count),
+            values,
+            pivots,
             inputs: core::array::from_fn(|_| Vec::new()),
             out: Vec::new(),
         }
@@ -131,9 +137,8 @@ impl<'a> Batch<'a> {
         }
         let length = self.sizes.output(signature);
         self.out.resize(length * count, 0.0);
-        let done = self.pivots.len();
-        self.pivots.resize(done + count, 0.0);
-        let (out, pivots) = (&mut self.out[..], &mut self.pivots[done..]);
+        let out = &mut self.out[..];
+        let pivots = &mut self.pivots[first..first + count];
         match self.which {
             Which::Whole(function) => {
                 eval_many(self.model, function, count, arguments, out, pivots)?;
@@ -151,22 +156,23 @@ impl<'a> Batch<'a> {
             } => (self.sizes.length(rows), self.sizes.length(columns), layout),
         };
         let out = &self.out;
-        for k in 0..count {
-            match layout {
-                Layout::RowMajor => self.values.extend(out.iter().skip(k).step_by(count)),
-                Layout::ColumnMajor => {
-                    for row in 0..rows {
-                        let entries = (0..columns).map(|c| out[(c * rows + row) * count + k]);
-                        self.values.extend(entries);
+        let values = &mut self.values[first * length..(first + count) * length];
+        for (part, tile) in values.chunks_mut(TILE * length.max(1)).enumerate() {
+            let states = part * TILE..(part * TILE + TILE).min(count);
+            for row in 0..rows {
+                for column in 0..columns {
+                    let entry = match layout {
+                        Layout::RowMajor => row * columns + column,
+                        Layout::ColumnMajor => column * rows + row,
+                    };
+                    let line = &out[entry * count + states.start..entry * count + states.end];
+                    let places = tile[row * columns + column..].iter_mut().step_by(length);
+                    for (place, value) in places.zip(line) {
+                        *place = *value;
                     }
                 }
             }
         }
         Ok(())
-    }
-
-    /// The values, state by state and each matrix by rows, and the pivots.
-    pub(crate) fn finish(self) -> (Vec<f64>, Vec<f64>) {
-        (self.values, self.pivots)
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regen_batch::TrajectoryClosure;
@@ -137,11 +137,18 @@ impl Derived {
         let which = Which::named(function)
             .ok_or_else(|| PyValueError::new_err(format!("there is no function `{function}`")))?;
         let sizes = self.sizes();
+        let count = states.first().map_or(1, |s| s.shape()[0]);
+        // memory of numpy: it asks for large pages
+        let length = sizes.output(which.signature());
+        let values = PyArray1::zeros(py, length * count, false);
+        let pivots = PyArray1::zeros(py, count, false);
+        let (mut own_values, mut own_pivots) = (values.readwrite(), pivots.readwrite());
         let mut batch = Batch::new(
             self.model,
             which,
             sizes,
-            states.first().map_or(1, |s| s.shape()[0]),
+            own_values.as_slice_mut()?,
+            own_pivots.as_slice_mut()?,
         );
         let mut given = states.iter();
         let mut constants = parameters.iter();
@@ -166,11 +173,8 @@ impl Derived {
                 .map_err(|error| PyValueError::new_err(error.to_string()))?;
             py.check_signals()?;
         }
-        let (values, pivots) = batch.finish();
-        Ok((
-            PyArray1::from_vec(py, values),
-            PyArray1::from_vec(py, pivots),
-        ))
+        drop((own_values, own_pivots));
+        Ok((values, pivots))
     }
 
     /// Closes the loops along a trajectory of the independent coordinates, which begins near home.

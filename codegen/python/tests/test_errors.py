@@ -24,7 +24,7 @@ def test_mistakes_in_descriptions_have_places():
     with pytest.raises(regen.DescriptionError) as found:
         regen.Robot(WRONG)
     mistake = found.value.mistakes[0]
-    assert (mistake.line, mistake.column) == (5, 27)
+    assert (mistake.line, mistake.column) == (5, 26)
     assert "prismatic" in mistake.message and "^" in str(found.value)
     again = pickle.loads(pickle.dumps(found.value))
     assert again.mistakes == found.value.mistakes and str(again) == str(found.value)

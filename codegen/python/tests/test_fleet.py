@@ -3,6 +3,7 @@
 import os
 import signal
 
+import numpy as np
 import pytest
 
 import regen
@@ -17,16 +18,26 @@ COUNT = 200 if os.environ.get("REGEN_FULL") else 12
 def paths(picker, tmp_path_factory):
     """Logs of one robot, which differ in their noise."""
     folder = tmp_path_factory.mktemp("fleet")
+    rng = np.random.default_rng(3)
+    t = np.arange(0, 5, 0.01)
+    angle = 2 * np.pi * 0.2 * t[:, None, None] * np.arange(1, 4)
     out = []
-    for k, log in enumerate(picker.simulate_runs(noise=(1e-6, 0.02), runs=COUNT, seed=3)):
+    for k in range(COUNT):
+        a, b = rng.uniform(-0.08, 0.08, (2, 1, 2, 3))
+        w = 2 * np.pi * 0.2 * np.arange(1, 4)
+        q = [2.2, 0.94] + (a * np.sin(angle) + b * np.cos(angle)).sum(2)
+        qd = (w * (a * np.cos(angle) - b * np.sin(angle))).sum(2)
+        qdd = (-(w**2) * (a * np.sin(angle) + b * np.cos(angle))).sum(2)
+        tau = picker.inverse_dynamics(q, qd, qdd) + 0.02 * rng.normal(size=q.shape)
+        columns = {"t": t, "q1": q[:, 0], "q3": q[:, 1], "tau_q1": tau[:, 0], "tau_q3": tau[:, 1]}
         out.append(str(folder / f"{k}.csv"))
-        log.write(out[-1])
+        regen.Log(columns).write(out[-1])
     return out
 
 
 def observed(path):
     """The map: runs in a worker."""
-    return regen.observe(ROBOT, path, local=0.05)
+    return regen.observe(ROBOT, path, fourier=(0.2, 3))
 
 
 def merged(factors):
@@ -83,7 +94,7 @@ def test_ray_gives_the_same_bits_where_a_worker_dies(paths, here):
                 with open(once, "w", encoding="utf-8"):
                     pass
                 os.kill(os.getpid(), signal.SIGKILL)
-            return regen.observe(ROBOT, path, local=0.05)
+            return regen.observe(ROBOT, path, fourier=(0.2, 3))
 
         remote = ray.remote(max_retries=3)(mapped)
         parts = [remote.remote(path, k == 3) for k, path in enumerate(paths)]

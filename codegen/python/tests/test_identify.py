@@ -18,7 +18,7 @@ def excitation(picker):
 
 @pytest.fixture(scope="module")
 def logs(picker, excitation):
-    return picker.simulate_runs(excitation, noise=(1e-6, 0.01), runs=3, seed=5, settle=5.0)
+    return picker.simulate_runs(excitation, noise=(1e-6, 0.01), runs=3, seed=5, settle=5.0, bandwidth=10)
 
 
 @pytest.fixture(scope="module")

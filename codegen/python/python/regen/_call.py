@@ -39,7 +39,7 @@ def _value(value: Any) -> str:
     if isinstance(value, tuple):
         return ",".join(_value(part) for part in value)
     if isinstance(value, os.PathLike):
-        return os.fspath(value)
+        return str(os.fspath(value))
     return str(value)
 
 

@@ -7,7 +7,6 @@ import json
 import os
 import pathlib
 from collections.abc import Iterable
-from functools import reduce
 
 from . import _native
 from .errors import InputError
@@ -39,7 +38,7 @@ class Factors:
     @classmethod
     def merged(cls, factors: Iterable[Factors]) -> Factors:
         """All of these."""
-        return reduce(cls.__add__, factors, cls([]))
+        return cls(part for one in factors for part in one._parts)
 
     def __add__(self, other: Factors) -> Factors:
         return Factors(self._parts + other._parts)

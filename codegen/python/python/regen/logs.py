@@ -113,12 +113,17 @@ class as_files:
             texts["experiment.yaml"] = json.dumps(logs, default=_plain)
             return ["experiment.yaml"]
         if isinstance(logs, Mapping) or hasattr(logs, "columns"):
-            log = logs if isinstance(logs, Log) else Log({k: logs[k] for k in logs})
+            log = logs if isinstance(logs, Log) else Log(_columns(logs))
             self._count += 1
             path = self.path / f"columns{self._count}.csv"
             log.write(path)
             return [str(path)]
         return [path for log in logs for path in self.more(log, texts)]
+
+
+def _columns(table: Any) -> dict[str, Any]:
+    """The columns of a dict or a DataFrame."""
+    return {str(name): table[name] for name in table}
 
 
 def _plain(value: Any) -> Any:

@@ -261,7 +261,10 @@ class Robot:
         *,
         beta: ArrayLike | None = None,
     ) -> Array:
-        """The efforts without acceleration of the independent coordinates; shape (..., dof)."""
+        """Coriolis, centrifugal and friction efforts, N m or N; shape (..., dof).
+
+        The efforts are ``mass_matrix @ qdd_i + bias_forces + gravity``.
+        """
         return self._with_parameters("bias_forces", phi, beta, q=q, qd=qd)
 
     def mass_matrix(
