@@ -4,6 +4,7 @@
 mod delay;
 mod equation_builder;
 mod fusion;
+mod huber;
 mod instruments;
 mod motion;
 mod passes;
