@@ -26,8 +26,13 @@ impl Huber<'_> {
         residual.abs() / self.sigmas.get(effort).copied().unwrap_or(1.0)
     }
 
+    /// Huber's weight of an equation with this residual (N or N m, or J).
+    pub(super) fn weight(&self, effort: usize, residual: f64) -> f64 {
+        self.weight_of(self.size(effort, residual))
+    }
+
     /// Huber's weight of an equation with a residual of this size: 1 within the bound, less beyond.
-    fn weight(&self, size: f64) -> f64 {
+    fn weight_of(&self, size: f64) -> f64 {
         if size > self.bound {
             self.bound / size
         } else {
@@ -110,7 +115,7 @@ fn pass<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         let (tau, weight) = (equations.tau[effort], equations.weights[effort]);
         let residual = (tau - predicted(equations, effort, huber.values)) * weight;
         let size = huber.size(effort, residual);
-        let huber_weight = huber.weight(size);
+        let huber_weight = huber.weight_of(size);
         if let Some(sum) = psi_squares.get_mut(effort) {
             *sum += (huber_weight * residual).powi(2);
         }
