@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 
+/// What a step of the reading finds, or the mistake that ends it.
+type Read<T> = Result<T, Box<Diagnostic>>;
+
 /// The convention of a table's rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rows {
@@ -93,7 +96,7 @@ struct Joint {
 pub fn from_dh_table(table: &Source, name: &str, rows: Rows) -> Result<String, Report> {
     joints(table, rows)
         .map(|joints| write(table, name, rows, &joints))
-        .map_err(|error| Report::new(table.clone(), vec![error]))
+        .map_err(|error| Report::new(table.clone(), vec![*error]))
 }
 
 /// The lines of the table that are not empty, each with its cells.
@@ -123,7 +126,7 @@ fn lines(text: &str) -> Vec<Vec<Cell<'_>>> {
 }
 
 /// The columns that the first line names.
-fn header(cells: &[Cell<'_>]) -> Result<Vec<(Column, Unit)>, Diagnostic> {
+fn header(cells: &[Cell<'_>]) -> Read<Vec<(Column, Unit)>> {
     let mut columns: Vec<(Column, Unit)> = Vec::new();
     for cell in cells {
         let lower = cell.text.to_lowercase();
@@ -137,7 +140,7 @@ fn header(cells: &[Cell<'_>]) -> Result<Vec<(Column, Unit)>, Diagnostic> {
                     other => {
                         let message = format!("unknown unit '{other}'");
                         let hint = "units are rad, deg, m and mm";
-                        return Err(Diagnostic::new(cell.span, message).hint(hint));
+                        return Err(Diagnostic::new(cell.span, message).hint(hint).into());
                     }
                 };
                 (word.trim(), unit)
@@ -147,11 +150,11 @@ fn header(cells: &[Cell<'_>]) -> Result<Vec<(Column, Unit)>, Diagnostic> {
             let message = format!("unknown column '{}'", cell.text);
             let hint =
                 "the first line names the columns: joint, type, alpha, a, theta, d, min, max";
-            return Err(Diagnostic::new(cell.span, message).hint(hint));
+            return Err(Diagnostic::new(cell.span, message).hint(hint).into());
         };
         if columns.iter().any(|(other, _)| *other == column) {
             let message = format!("two columns '{word}'");
-            return Err(Diagnostic::new(cell.span, message));
+            return Err(Diagnostic::new(cell.span, message).into());
         }
         columns.push((column, unit));
     }
@@ -162,17 +165,17 @@ fn header(cells: &[Cell<'_>]) -> Result<Vec<(Column, Unit)>, Diagnostic> {
             let span = cells.first().map_or(Span::default(), |cell| cell.span);
             let message = format!("there is no column '{word}'");
             let hint = "the first line names the columns: alpha, a, theta, d";
-            return Err(Diagnostic::new(span, message).hint(hint));
+            return Err(Diagnostic::new(span, message).hint(hint).into());
         }
     }
     Ok(columns)
 }
 
 /// The joints, with rows in the convention of specs.
-fn joints(table: &Source, rows: Rows) -> Result<Vec<Joint>, Diagnostic> {
+fn joints(table: &Source, rows: Rows) -> Read<Vec<Joint>> {
     let lines = lines(&table.text);
     let Some((first, rest)) = lines.split_first() else {
-        return Err(Diagnostic::new(Span::default(), "the table is empty"));
+        return Err(Diagnostic::new(Span::default(), "the table is empty").into());
     };
     let columns = header(first)?;
     let mut out: Vec<Joint> = Vec::new();
@@ -181,13 +184,13 @@ fn joints(table: &Source, rows: Rows) -> Result<Vec<Joint>, Diagnostic> {
         if cells.len() != columns.len() {
             let (found, wanted) = (cells.len(), columns.len());
             let message = format!("{found} cells, but the first line has {wanted}");
-            return Err(Diagnostic::new(place, message));
+            return Err(Diagnostic::new(place, message).into());
         }
         out.push(joint(k + 1, &columns, cells)?);
     }
     if out.is_empty() {
         let message = "the table has no row of a joint";
-        return Err(Diagnostic::new(Span::default(), message));
+        return Err(Diagnostic::new(Span::default(), message).into());
     }
     if rows == Rows::Classic {
         // alpha and a of a row lead to the next one; those of the last one lead to the tool
@@ -203,11 +206,7 @@ fn joints(table: &Source, rows: Rows) -> Result<Vec<Joint>, Diagnostic> {
 }
 
 /// One row of the table.
-fn joint(
-    number: usize,
-    columns: &[(Column, Unit)],
-    cells: &[Cell<'_>],
-) -> Result<Joint, Diagnostic> {
+fn joint(number: usize, columns: &[(Column, Unit)], cells: &[Cell<'_>]) -> Read<Joint> {
     let find = |column: Column| {
         let k = columns.iter().position(|(c, _)| *c == column)?;
         Some((*cells.get(k)?, columns.get(k)?.1))
@@ -221,7 +220,7 @@ fn joint(
         if !cell.text.chars().all(plain) || !cell.text.starts_with(|c: char| c.is_alphabetic()) {
             let message = format!("'{}' is no name of a joint", cell.text);
             let hint = "letters, digits and _, such as q1";
-            return Err(Diagnostic::new(cell.span, message).hint(hint));
+            return Err(Diagnostic::new(cell.span, message).hint(hint).into());
         }
         cell.text.clone_into(&mut joint.name);
     }
@@ -232,7 +231,7 @@ fn joint(
             _ => {
                 let message = format!("unknown type '{}'", cell.text);
                 let hint = "types are revolute and prismatic";
-                return Err(Diagnostic::new(cell.span, message).hint(hint));
+                return Err(Diagnostic::new(cell.span, message).hint(hint).into());
             }
         };
     }
@@ -278,14 +277,14 @@ fn offset<'a>(text: &'a str, name: &str, number: usize) -> &'a str {
 }
 
 /// A cell as an expression of a spec; empty where it is zero.
-fn expression(cell: Cell<'_>, unit: Unit) -> Result<String, Diagnostic> {
+fn expression(cell: Cell<'_>, unit: Unit) -> Read<String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "+-*/().^ _".contains(c);
     let words = cell.text.split(|c: char| !c.is_ascii_alphabetic());
     let known = ["", "e", "E", "pi", "sqrt", "sin", "cos", "deg"];
     let mut unknown = words.filter(|word| !known.contains(word));
     if !cell.text.chars().all(plain) || unknown.next().is_some() {
         let message = format!("'{}' is no number or expression such as pi/2", cell.text);
-        return Err(Diagnostic::new(cell.span, message));
+        return Err(Diagnostic::new(cell.span, message).into());
     }
     if cell.text.is_empty() || cell.text.parse::<f64>().is_ok_and(|value| value == 0.0) {
         return Ok(String::new());

@@ -28,8 +28,8 @@ pub(super) struct Robot<'m, M: ?Sized> {
     friction_widths: Vec<f64>,
     pub(super) command: Vec<f64>,
     /// The independent positions and velocities (2 dof) of the state to which the next entries
-    /// belong; NaN where there is none.
-    at: Vec<f64>,
+    /// belong; `None` before the first, and where it could not be computed.
+    at: Option<Vec<f64>>,
     q: Vec<f64>,
     qd: Vec<f64>,
     /// What friction takes of the reduced efforts there (dof).
@@ -101,7 +101,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             } else {
                 settings.offset.clone()
             },
-            at: vec![f64::NAN; 2 * dof],
+            at: None,
             q: vec![0.0; n],
             qd: vec![0.0; n],
             friction: vec![0.0; dof],
@@ -133,13 +133,19 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     }
 
     /// Replaces the dependent coordinates of a state vector, which were integrated, by those that
-    /// close the loops, if `rates` was called for this state last.
+    /// close the loops, if they are known.
     pub(super) fn settle(&self, y: &mut [f64]) {
-        if y[..2 * self.dof] == self.at {
+        if self.is_at(y) {
             for (slot, c) in y[self.dependents()].iter_mut().zip(&self.dependent) {
                 *slot = self.q[*c];
             }
         }
+    }
+
+    /// Whether positions and velocities of a state vector are those for which `rates` was called
+    /// last.
+    fn is_at(&self, y: &[f64]) -> bool {
+        self.at.as_deref() == y.get(..2 * self.dof)
     }
 
     fn drive(&self, k: usize) -> Drive {
@@ -158,7 +164,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     /// Computes what depends on positions and velocities alone.
     fn move_to(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
         let dof = self.dof;
-        self.at.fill(f64::NAN);
+        let mut at = self.at.take().unwrap_or_default();
         let (q_i, qd_i) = y[..2 * dof].split_at(dof);
         let outcome = self.closure.close(q_i, &y[self.dependents()])?;
         if !outcome.is_closed() {
@@ -197,7 +203,9 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             let state = [self.q.as_slice(), self.qd.as_slice(), qd_i];
             self.loss += spring_power(self.model, &self.springs, state, &mut self.reduced)?;
         }
-        self.at.copy_from_slice(&y[..2 * dof]);
+        at.clear();
+        at.extend_from_slice(&y[..2 * dof]);
+        self.at = Some(at);
         Ok(Ok(()))
     }
 
@@ -210,7 +218,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             return Ok(Err(Termination::Diverged));
         }
         // only the efforts differ where a command changes
-        if y[..2 * self.dof] != self.at
+        if !self.is_at(y)
             && let Err(stop) = self.move_to(y)?
         {
             return Ok(Err(stop));
@@ -253,9 +261,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         y: &[f64],
         noise: &mut Noise,
     ) -> Result<Vec<f64>, SimulationError> {
-        let known = y[..self.dof] == self.at[..self.dof];
-        if !known {
-            self.at.fill(f64::NAN);
+        if !self.is_at(y) {
+            self.at = None;
             let _outcome = self.closure.close(&y[..self.dof], &y[self.dependents()])?;
             self.q.copy_from_slice(self.closure.q());
         }

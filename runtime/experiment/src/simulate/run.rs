@@ -131,126 +131,105 @@ fn run<'a, M: Model<f64> + ?Sized, R: Reference + ?Sized>(
 ) -> Result<Log, SimulationError> {
     let mut robot = Robot::new(model, phi, settings)?;
     let mut log = Log::empty();
-    let controlled = Controlled {
-        model,
-        reference,
-        settings,
-        controller,
-    };
-    log.ended = controlled.integrate(&mut robot, progress, &mut log)?;
+    let given = (model, reference, settings);
+    log.ended = integrate(given, &mut robot, controller, progress, &mut log)?;
     robot.complete(&mut log)?;
     Ok(log)
 }
 
-/// What a run needs besides the robot.
-struct Controlled<'a, M: ?Sized, R: ?Sized> {
-    model: &'a M,
-    reference: &'a R,
-    settings: &'a Settings,
-    controller: Option<&'a mut dyn Controller>,
-}
+/// Integrates the robot from sample to sample, and logs it; returns how the run ended.
+fn integrate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
+    (model, reference, settings): (&M, &R, &Settings),
+    robot: &mut Robot<'_, M>,
+    mut controller: Option<&mut dyn Controller>,
+    progress: &mut dyn FnMut(f64),
+    log: &mut Log,
+) -> Result<Termination, SimulationError> {
+    let dof = robot.dof;
+    let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+    reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
+    let scales = robot.scales();
+    let mut y = q_i;
+    y.extend(&qd_i);
+    y.extend(&robot.command);
+    y.resize(scales.len(), 0.0);
+    let mut noise = Noise::new(settings.seed);
 
-impl<M: Model<f64> + ?Sized, R: Reference + ?Sized> Controlled<'_, M, R> {
-    /// Integrates the robot from sample to sample, and logs it; returns how the run ended.
-    fn integrate(
-        self,
-        robot: &mut Robot<'_, M>,
-        progress: &mut dyn FnMut(f64),
-        log: &mut Log,
-    ) -> Result<Termination, SimulationError> {
-        let Self {
-            model,
-            reference,
-            settings,
-            mut controller,
-        } = self;
-        let dof = robot.dof;
-        let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
-        reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
-        let scales = robot.scales();
-        let mut y = q_i;
-        y.extend(&qd_i);
-        y.extend(&robot.command);
-        y.resize(scales.len(), 0.0);
-        let mut noise = Noise::new(settings.seed);
-
-        if let Err(stop) = robot.rates(&y)? {
+    if let Err(stop) = robot.rates(&y)? {
+        return Ok(stop);
+    }
+    robot.settle(&mut y);
+    let mut integrator = Integrator::new(y, settings.tolerance, &scales);
+    let count = period_count(settings)?;
+    let mut targets = Targets::new(model, reference, settings.period, count)?;
+    // the command of the last period, which the drives apply up to the sample
+    let mut held_command = robot.command.clone();
+    for sample in 0..=count {
+        let t = sample as f64 * settings.period;
+        progress(t);
+        // measure, then command
+        let measured = robot.measured(&integrator.y, &mut noise)?;
+        held_command.copy_from_slice(&robot.command);
+        if let Some(controller) = controller.as_deref_mut() {
+            let target = targets.at(sample)?;
+            if !target.outcome.is_closed() {
+                return Ok(Termination::Open(target.outcome));
+            }
+            let [q_i, qd_i, qdd_i] = target.independent;
+            let now = ControllerInput {
+                t,
+                period: settings.period,
+                q: target.q,
+                q_i,
+                qd_i,
+                qdd_i,
+                measured: &measured,
+            };
+            controller.efforts(&now, &mut robot.command);
+            let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));
+            log.command.extend(followed);
+            for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
+                if let Some([lo, hi]) = drive.limit
+                    && !command.is_nan()
+                {
+                    // a NaN is not clamped: `max` and `min` would turn it into a limit
+                    *command = command.max(lo).min(hi);
+                }
+            }
+            if robot.command.iter().any(|effort| !effort.is_finite()) {
+                return Ok(Termination::Diverged);
+            }
+        }
+        if sample == 0 {
+            // there is no command before the first sample
+            held_command.copy_from_slice(&robot.command);
+        }
+        let recorded = robot.record(t, &integrator.y, &measured, &held_command, &mut noise, log)?;
+        if let Err(stop) = recorded {
             return Ok(stop);
         }
-        robot.settle(&mut y);
-        let mut integrator = Integrator::new(y, settings.tolerance, &scales);
-        let count = period_count(settings)?;
-        let mut targets = Targets::new(model, reference, settings.period, count)?;
-        // the command of the last period, which the drives apply up to the sample
-        let mut held_command = robot.command.clone();
-        for sample in 0..=count {
-            let t = sample as f64 * settings.period;
-            progress(t);
-            // measure, then command
-            let measured = robot.measured(&integrator.y, &mut noise)?;
-            held_command.copy_from_slice(&robot.command);
-            if let Some(controller) = controller.as_deref_mut() {
-                let target = targets.at(sample)?;
-                if !target.outcome.is_closed() {
-                    return Ok(Termination::Open(target.outcome));
-                }
-                let [q_i, qd_i, qdd_i] = target.independent;
-                let now = ControllerInput {
-                    t,
-                    period: settings.period,
-                    q: target.q,
-                    q_i,
-                    qd_i,
-                    qdd_i,
-                    measured: &measured,
-                };
-                controller.efforts(&now, &mut robot.command);
-                let followed = robot.actuated.iter().filter_map(|c| target.q.get(*c));
-                log.command.extend(followed);
-                for (drive, command) in settings.drives.iter().zip(&mut robot.command) {
-                    if let Some([lo, hi]) = drive.limit
-                        && !command.is_nan()
-                    {
-                        // a NaN is not clamped: `max` and `min` would turn it into a limit
-                        *command = command.max(lo).min(hi);
-                    }
-                }
-                if robot.command.iter().any(|effort| !effort.is_finite()) {
-                    return Ok(Termination::Diverged);
-                }
-            }
-            if sample == 0 {
-                // there is no command before the first sample
-                held_command.copy_from_slice(&robot.command);
-            }
-            let recorded =
-                robot.record(t, &integrator.y, &measured, &held_command, &mut noise, log)?;
-            if let Err(stop) = recorded {
-                return Ok(stop);
-            }
-            if sample == count {
-                break;
-            }
-            let end = (sample + 1) as f64 * settings.period;
-            let advanced = integrator.advance(end, |_, y, dy| {
-                match robot.rates(y) {
-                    Err(error) => return Err(RatesFailure::Error(error)),
-                    Ok(Err(stop)) => return Err(RatesFailure::Stop(stop)),
-                    Ok(Ok(())) => {}
-                }
-                dy.copy_from_slice(&robot.dy);
-                Ok(())
-            });
-            log.steps = integrator.steps;
-            match advanced {
-                Ok(()) => robot.settle(&mut integrator.y),
-                Err(Stop::StepTooSmall) => return Ok(Termination::StepTooSmall),
-                Err(Stop::Refused(RatesFailure::Stop(stop))) => return Ok(stop),
-                Err(Stop::Refused(RatesFailure::Error(error))) => return Err(error),
-            }
+        if sample == count {
+            break;
         }
-        Ok(Termination::Complete)
+        let end = (sample + 1) as f64 * settings.period;
+        let advanced = integrator.advance(end, |_, y, dy| {
+            match robot.rates(y) {
+                Err(error) => return Err(RatesFailure::Error(error)),
+                Ok(Err(stop)) => return Err(RatesFailure::Stop(stop)),
+                Ok(Ok(())) => {}
+            }
+            dy.copy_from_slice(&robot.dy);
+            Ok(())
+        });
+        log.steps = integrator.steps;
+        match advanced {
+            Ok(()) => robot.settle(&mut integrator.y),
+            Err(Stop::StepTooSmall) => return Ok(Termination::StepTooSmall),
+            Err(Stop::Refused(RatesFailure::Stop(stop))) => return Ok(stop),
+            Err(Stop::Refused(RatesFailure::Error(error))) => return Err(error),
+        }
     }
+    Ok(Termination::Complete)
 }
 
 /// The number of periods of the run.

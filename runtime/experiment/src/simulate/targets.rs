@@ -97,12 +97,15 @@ impl<'m, M: Model<f64> + ?Sized, R: Reference + ?Sized> Targets<'m, M, R> {
             let (qd_i, qdd_i) = rates.split_at_mut(dof);
             let t = sample as f64 * self.period;
             self.reference.at(t, q_i, qd_i, qdd_i);
+            let finite = q_i.iter().all(|x| x.is_finite());
             // a sample without a position ends the run only when it is reached
-            if count > 0 && !q_i.iter().all(|x| x.is_finite()) {
+            if finite || count == 0 {
+                self.rows.extend(&self.row);
+                count += 1;
+            }
+            if !finite {
                 break;
             }
-            self.rows.extend(&self.row);
-            count += 1;
         }
         let width = (3 * dof).max(1);
         let q_i: Vec<f64> = (0..dof)

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
-use super::huber::{Huber, reweighted};
+use super::huber::{Reweighting, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::stream::{Filtering, LeftOut};
@@ -103,41 +103,26 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     source: &mut S,
 ) -> Result<(FactorSet, LeftOut), S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let (set, _) = reduce(&mut replay, None)?;
+    let set = reduce(&mut replay)?;
     Ok((set, replay.left().clone()))
 }
 
-/// Reduces a log to one QR factor for each effort. With `huber` the equations have Huber's weights,
-/// and the second result is, for each effort, the sum of the squares of Huber's weight times the
-/// residual, N^2 or (N m)^2, or J^2 for energy balances; without, these sums are 0.
-pub(super) fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+/// Reduces a log to one QR factor for each effort.
+fn reduce<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
-    huber: Option<&Huber<'_>>,
-) -> Result<(FactorSet, Vec<f64>), S::Error> {
+) -> Result<FactorSet, S::Error> {
     let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
     let mut rows = Accumulator::new(&origin);
-    let mut psi_squares = vec![0.0; origin.efforts.len()];
     replay.visit(&mut |equations| {
         let count = equations.tau.len();
         for (effort, (tau, weight)) in equations.tau.iter().zip(equations.weights).enumerate() {
-            if *weight == 0.0 {
-                continue;
+            if *weight != 0.0 {
+                rows.push(effort, &equations.w[effort..], count, *tau, *weight)?;
             }
-            let entries = &equations.w[effort..];
-            let huber_factor = huber.map_or(1.0, |h| {
-                let residual = (tau - predicted(equations, effort, h.values)) * weight;
-                let huber_weight = h.weight(effort, residual);
-                if let Some(sum) = psi_squares.get_mut(effort) {
-                    *sum += (huber_weight * residual).powi(2);
-                }
-                // the cost of a row is the square of its factor
-                huber_weight.sqrt()
-            });
-            rows.push(effort, entries, count, *tau, weight * huber_factor)?;
         }
         Ok(())
     })?;
-    Ok((rows.finish()?, psi_squares))
+    Ok(rows.finish()?)
 }
 
 /// The right-hand side of equation `effort` that base parameters (SI) predict: N or N m, or J for
@@ -185,14 +170,21 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     source: &mut S,
 ) -> Result<Identified, S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let (plain, _) = reduce(&mut replay, None)?;
+    let plain = reduce(&mut replay)?;
     let left_out = replay.left().clone();
     let mut estimate = Estimate::new(&plain, options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
+        let mut passes = Reweighting::default();
         for _ in 0..loss::MAX_PASSES {
-            let (next, next_factor) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
+            let (next, next_factor) = reweighted(
+                &mut replay,
+                &mut passes,
+                &estimate,
+                bound,
+                options.weighting,
+            )?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
             let largest_change = pairs.fold(0.0, |m: f64, (k, (a, b))| {
