@@ -153,3 +153,23 @@ impl Sample {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_counts_whole_seconds_and_nanoseconds() {
+        let decoder = Decoder::new("sensor_msgs/msg/JointState", None)
+            .unwrap()
+            .unwrap();
+        // seconds, nanoseconds, an empty frame (its length with the final zero), four empty lists
+        let mut data = vec![0, 1, 0, 0];
+        for word in [3_u32, 5, 1, 0, 0, 0, 0, 0] {
+            data.extend(word.to_le_bytes());
+        }
+        let sample = Sample::read(&decoder, &data).unwrap();
+        assert_eq!(sample.stamp, 3_000_000_005);
+    }
+}
