@@ -35,10 +35,8 @@ fn no_line_of_a_table_is_too_long() {
     );
     for path in files("robots") {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        document += &format!(
-            "\\typeout{{table of {name}}}\n{}\\clearpage\n",
-            table(&path)
-        );
+        let table = table(&path);
+        document.extend(["\\typeout{table of ", &name, "}\n", &table, "\\clearpage\n"]);
     }
     document += "\\end{document}\n";
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("latex");

@@ -43,8 +43,10 @@ pub(crate) fn rows(report: &Content<'_>) -> Vec<(&'static str, String)> {
 fn drives(info: &Info<'_>) -> Vec<String> {
     let joints = info.coordinates.iter().zip(info.joints);
     let drives = joints.filter(|(_, joint)| {
-        let [turn, slide] = joint.travel;
-        !(turn == 1.0 && slide == 0.0 || turn == 0.0 && slide == 1.0)
+        // exact values of joints, which no drive's expression rounds to
+        let [turn, slide] = joint.travel.map(f64::to_bits);
+        let (none, whole) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
+        (turn, slide) != (whole, none) && (turn, slide) != (none, whole)
     });
     drives.map(|(name, _)| escaped(name)).collect()
 }

@@ -36,7 +36,6 @@ impl Controller {
     ///
     /// # Errors
     /// When the home of the robot is not closed.
-
     pub fn new(beta: [f32; BASE], gains: [f32; 2]) -> Result<Self, Misuse> {
         let closure = <closure!(rps3::Rps3, f32)>::new(&Rps3)?;
         Ok(Self {
