@@ -42,10 +42,7 @@ pub(crate) fn rows(report: &Content<'_>) -> Vec<(&'static str, String)> {
 /// The coordinates of drives, which move otherwise than a joint does.
 fn drives(info: &Info<'_>) -> Vec<String> {
     let joints = info.coordinates.iter().zip(info.joints);
-    let drives = joints.filter(|(_, joint)| {
-        let [turn, slide] = joint.travel;
-        !(turn == 1.0 && slide == 0.0 || turn == 0.0 && slide == 1.0)
-    });
+    let drives = joints.filter(|(_, joint)| joint.is_drive());
     drives.map(|(name, _)| escaped(name)).collect()
 }
 

@@ -333,13 +333,13 @@ fn form(drive: &scene::Drive, coordinates: &[String]) -> String {
             (false, false) => " + ",
             (false, true) => " \u{2212} ",
         };
-        let size = fixed(factor.abs()).0;
-        let size = match (name.is_empty(), size == 1.0) {
-            (false, true) => String::new(),
-            (false, false) => format!("{size} "),
-            (true, _) => size.to_string(),
+        let size = fixed(factor.abs()).0.to_string();
+        let size = match (name.is_empty(), size.as_str()) {
+            (false, "1") => String::new(),
+            (false, _) => size + " ",
+            (true, _) => size,
         };
-        out.push_str(&format!("{sign}{size}{name}"));
+        out.extend([sign, &size, name]);
     }
     out
 }
