@@ -42,12 +42,7 @@ pub(crate) fn rows(report: &Content<'_>) -> Vec<(&'static str, String)> {
 /// The coordinates of drives, which move otherwise than a joint does.
 fn drives(info: &Info<'_>) -> Vec<String> {
     let joints = info.coordinates.iter().zip(info.joints);
-    let drives = joints.filter(|(_, joint)| {
-        // exact values of joints, which no drive's expression rounds to
-        let [turn, slide] = joint.travel.map(f64::to_bits);
-        let (none, whole) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
-        (turn, slide) != (whole, none) && (turn, slide) != (none, whole)
-    });
+    let drives = joints.filter(|(_, joint)| joint.is_drive());
     drives.map(|(name, _)| escaped(name)).collect()
 }
 

@@ -147,7 +147,7 @@ fn summary(report: &Content<'_>) -> String {
         ("Method", escaped(&report.file.method)),
         ("Derivatives", escaped(&report.method)),
     ];
-    rows.splice(4..4, mechanics::rows(report));
+    drop(rows.splice(4..4, mechanics::rows(report)));
     if let Some(text) = &report.file.feasibility {
         rows.push(("Feasibility", escaped(text)));
     }

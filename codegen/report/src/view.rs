@@ -334,9 +334,9 @@ fn form(drive: &scene::Drive, coordinates: &[String]) -> String {
             (false, true) => " \u{2212} ",
         };
         let size = fixed(factor.abs()).0.to_string();
-        let size = match (name.is_empty(), size == "1") {
-            (false, true) => String::new(),
-            (false, false) => size + " ",
+        let size = match (name.is_empty(), size.as_str()) {
+            (false, "1") => String::new(),
+            (false, _) => size + " ",
             (true, _) => size,
         };
         out.extend([sign, &size, name]);

@@ -88,8 +88,8 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
         let found = identify::identify(session.model, session.kind, &options, &mut opened)?;
         let mut moves = false;
         for delay in &found.delays.efforts {
-            let fit = found.estimate.efforts.iter();
-            let fit = fit.clone().find(|own| own.name == delay.effort);
+            let mut fits = found.estimate.efforts.iter();
+            let fit = fits.find(|own| own.name == delay.effort);
             let residual = fit.map_or(f64::INFINITY, |own| own.sigma);
             let known = searches.iter().position(|own| own.effort == delay.effort);
             let place = known.unwrap_or_else(|| {
