@@ -31,7 +31,7 @@ pub(crate) struct Form<'n> {
 
 /// How a number is written with a root or with the only length that it can be; `None` where its
 /// digits say it better. Multiples of an eighth are left alone, which occur without any length.
-pub(crate) fn form<'n>(value: f64, lengths: &'n [(String, f64)]) -> Option<Form<'n>> {
+pub(crate) fn form(value: f64, lengths: &[(String, f64)]) -> Option<Form<'_>> {
     let eighths = value * 8.0;
     let near = |known: f64| (known - value).abs() <= 4.0 * f64::EPSILON * value;
     for (size, factor) in FACTORS {
