@@ -20,6 +20,7 @@ fn base_json(file: &str, code: i32) -> Value {
 /// The text without the numbers of the certificate, which depend on the sampled states.
 fn masked(text: &str) -> String {
     let figure = |word: &str| {
+        let word = word.trim_end_matches("\\par");
         let digits = word.trim_end_matches([',', '.', '\\']).split_once("e-");
         digits.is_some_and(|(_, e)| !e.is_empty() && e.bytes().all(|b| b.is_ascii_digit()))
     };

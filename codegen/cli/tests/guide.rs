@@ -93,7 +93,7 @@ fn the_table_and_what_makes_it_certain_print_as_told() {
 
 #[test]
 fn a_robot_in_c_and_equations_are_written_as_told() {
-    assert_eq!(follow("c").len(), 2);
+    assert_eq!(follow("c").len(), 1);
     assert_eq!(follow("equations").len(), 5);
 }
 

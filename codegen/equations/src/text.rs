@@ -20,7 +20,7 @@ impl Spelling for Plain<'_> {
     }
 
     fn name(&self, name: &Name) -> String {
-        format!("{}_{}", name.letter, name.index)
+        term(name)
     }
 
     fn form(&self, form: &Form<'_>) -> (String, Level) {
@@ -99,6 +99,15 @@ pub(crate) fn infix_quotient(above: (String, Level), below: (String, Level)) -> 
     (format!("{above}/{below}"), Level::Product)
 }
 
+/// The name of a term: `s_12`, `c_(1+2-3)`.
+fn term(name: &Name) -> String {
+    if name.index.contains(['+', '-']) {
+        format!("{}_({})", name.letter, name.index)
+    } else {
+        format!("{}_{}", name.letter, name.index)
+    }
+}
+
 /// The whole text.
 pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
@@ -117,7 +126,7 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     out.push('\n');
     for (id, name) in page.names.all() {
         let text = writer.expression(id).0;
-        let _ = writeln!(out, "{}_{} = {text}", name.letter, name.index);
+        let _ = writeln!(out, "{} = {text}", term(name));
     }
     out.push('\n');
     for entry in page.entries() {
