@@ -1,6 +1,11 @@
 //! The native part of the Python package `regen-robotics`: evaluation over arrays of states, and
 //! calls of the command's functions. The Python files beside it give both their public form.
 
+#![allow(
+    clippy::needless_pass_by_value,
+    reason = "what Python passes is converted to values"
+)]
+
 mod evaluate;
 mod model;
 mod supervise;

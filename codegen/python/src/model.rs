@@ -180,7 +180,6 @@ impl Derived {
     /// Closes the loops along a trajectory of the independent coordinates, which begins near home.
     /// Returns all coordinates, velocities and accelerations, one row per state, NaN where the loops
     /// were not closed; and per state an empty text, or why it is not closed.
-    #[expect(clippy::type_complexity, reason = "three arrays and the outcomes")]
     fn close<'py>(
         &self,
         py: Python<'py>,
