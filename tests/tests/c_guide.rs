@@ -101,13 +101,14 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
     let names = written(&folder);
     assert_eq!(names.len(), 5, "{names:?}");
     for name in &names {
-        if name.ends_with(".c") {
+        let ends = std::path::Path::new(name).extension();
+        if ends.is_some_and(|end| end == "c") {
             passes(&compile(
                 &folder,
                 "gcc",
                 &["-std=c99", "-fsyntax-only", name],
             ));
-        } else if name.ends_with(".cpp") && has("g++") {
+        } else if ends.is_some_and(|end| end == "cpp") && has("g++") {
             passes(&compile(
                 &folder,
                 "g++",

@@ -17,14 +17,17 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
         .collect();
     let mechanism = load::mechanism(&source)?;
     let has_loops = !mechanism.robot(&[])?.dependent.is_empty();
-    let of = match args.of {
-        Some(OfArg::Closure) => Of::Closure,
-        Some(OfArg::Jacobian) => Of::Jacobian,
-        Some(OfArg::X) => Of::X,
-        Some(OfArg::Regressor) => Of::Regressor,
-        Some(OfArg::Dynamics) => Of::Dynamics,
-        None if has_loops => Of::Closure,
-        None => Of::Dynamics,
+    let default = if has_loops {
+        OfArg::Closure
+    } else {
+        OfArg::Dynamics
+    };
+    let of = match args.of.unwrap_or(default) {
+        OfArg::Closure => Of::Closure,
+        OfArg::Jacobian => Of::Jacobian,
+        OfArg::X => Of::X,
+        OfArg::Regressor => Of::Regressor,
+        OfArg::Dynamics => Of::Dynamics,
     };
     let parameters = match args.parameters {
         ParametersArg::All => Parameters::All,

@@ -94,7 +94,7 @@ fn expected(robot: &Robot, of: Of, kind: FunctionKind, inputs: &mut [Vec<f64>]) 
     let program = &robot.function(kind).unwrap().program;
     let run = |inputs: &[Vec<f64>]| {
         let slices: Vec<&[f64]> = inputs.iter().map(Vec::as_slice).collect();
-        interpret::run(&program, &slices).0
+        interpret::run(program, &slices).0
     };
     match of {
         Of::X => {

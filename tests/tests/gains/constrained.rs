@@ -8,7 +8,7 @@ use regen_identify::gains::{
 };
 use regen_identify::identify::{Recorded, Source};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::BaseModel;
 
 use super::{LOAD, Twin, arm, carried, known};
 
@@ -146,7 +146,7 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, -12.0, 3.0]);
     let setting = Setting::new(&model);
-    let com = Some([0.02, 0.01, 0.04]);
+    let com = [0.02, 0.01, 0.04];
     let inertia = Some([0.006, 0.001, 0.0, 0.007, 0.0, 0.004]);
     let of = |payload: KnownPayload, unknown_gains: Vec<String>| Plan {
         unknown_gains,
@@ -184,21 +184,24 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
     let mut other = twin.clone();
     other.gains[2] = 1.0;
     let plan = of(
-        KnownPayload { com, ..known(None) },
+        KnownPayload {
+            com: Some(com),
+            ..known(None)
+        },
         twin.names()[..2].to_vec(),
     );
     let (_, found) = setting.fit(&plan, 40, &mut other.runs(3)).unwrap();
     count(&found, &other);
     let phi = found.model.phi.as_ref().unwrap();
     let body = setting.layout.body("load").unwrap().columns;
-    for (k, c) in com.unwrap().into_iter().enumerate() {
+    for (k, c) in com.into_iter().enumerate() {
         assert!((phi[body[6 + k]] - c * phi[body[9]]).abs() < 1e-9);
     }
     assert!(outside * 8 < all, "{outside} of {all}");
 
     // a load that is known wholly tells the gains, and is as it was given
     let whole = KnownPayload {
-        com,
+        com: Some(com),
         inertia,
         ..known(Some(2.2))
     };
