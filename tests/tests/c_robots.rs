@@ -12,7 +12,7 @@ use regen_codegen::interpret;
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::{Function, Robot};
 use regen_runtime::function::Signature;
-use regen_runtime::{Arguments, BaseFunction, BaseModel, Function as Kind};
+use regen_runtime::{Arguments, BaseFunction, Function as Kind};
 use regen_tests::files;
 
 const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
