@@ -444,7 +444,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 34,
         states: 21,
         digits: 96,
-        smallest_kept: 0.005854131521653663,
+        smallest_kept: 0.005278835575640592,
         largest_dropped: 2.2406114531966132e-94,
     }),
     complete: true,
