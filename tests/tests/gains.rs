@@ -86,7 +86,11 @@ impl<'m> Twin<'m> {
         for (name, value) in values {
             let label = format!("{name}(load)");
             let place = base.iter().position(|b| b.label == label).expect(name);
-            assert_eq!(base[place].terms.len(), 1, "{name} alone is a base parameter");
+            assert_eq!(
+                base[place].terms.len(),
+                1,
+                "{name} alone is a base parameter"
+            );
             out.beta[place] = *value;
         }
         out
@@ -198,7 +202,12 @@ impl<'m> Twin<'m> {
 
     /// Fits runs without and with the load.
     fn fit(&self, plan: &Plan, seed: u64) -> Result<GainFit, GainError> {
-        fit(self.model, &GainOptions::default(), plan, &mut carried(&mut self.runs(seed)))
+        fit(
+            self.model,
+            &GainOptions::default(),
+            plan,
+            &mut carried(&mut self.runs(seed)),
+        )
     }
 
     fn names(&self) -> Vec<String> {

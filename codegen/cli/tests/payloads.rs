@@ -239,7 +239,10 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
     assert_eq!(models.len(), 2, "{models:?}");
     assert!(models[1]["gap"].as_f64().unwrap() < 1e-4, "{models:?}");
     let written = fs::read_to_string(dir.join("bodies.yaml")).unwrap();
-    assert!(written.contains("load:") && written.contains("mass: 2.2"), "{written}");
+    assert!(
+        written.contains("load:") && written.contains("mass: 2.2"),
+        "{written}"
+    );
     for (line, words) in [
         ("--friction", "--friction is not for unknown gains"),
         ("--estimator iv", "--iv is not for unknown gains"),

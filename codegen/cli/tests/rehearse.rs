@@ -271,7 +271,10 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
         let row = row(label).unwrap();
         assert!((of(row, "truth") - truth).abs() < 1e-12, "{row}");
         assert!((of(row, "mean") / truth - 1.0).abs() < 0.05, "{row}");
-        assert!(of(row, "sigma") > 0.0 && row["within"].as_u64().unwrap() >= 3, "{row}");
+        assert!(
+            of(row, "sigma") > 0.0 && row["within"].as_u64().unwrap() >= 3,
+            "{row}"
+        );
     }
     // the load was drawn with the rest, the mass is the one that is known
     let centre = row("cz of load").unwrap();
@@ -281,11 +284,18 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     assert!(row("m of load").is_none());
     // with the mass the moment of the load about its hook is 2 cz
     let moment = row("mz(load)").unwrap();
-    assert!((of(moment, "truth") - 2.0 * truth).abs() < 1e-12, "{moment}");
+    assert!(
+        (of(moment, "truth") - 2.0 * truth).abs() < 1e-12,
+        "{moment}"
+    );
     let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
     assert!(exact > 0.01 && ours < 1.2 * exact, "{ours} {exact}");
 
     let words = words.replace("--seeds 4", "--estimator iv --seeds 1");
     let refused = run(&dir, &words).ended(3);
-    assert!(refused.err.contains("gains and payloads"), "{}", refused.err);
+    assert!(
+        refused.err.contains("gains and payloads"),
+        "{}",
+        refused.err
+    );
 }

@@ -75,7 +75,11 @@ impl Loads {
     pub(crate) fn carrying(&self, info: &Info<'_>, known: &[f64], number: usize) -> Vec<f64> {
         let mut out = known.to_vec();
         let carried = self.of_run(number).map(|own| own.body.as_str());
-        for payload in self.payloads.iter().filter(|p| Some(p.body.as_str()) != carried) {
+        for payload in self
+            .payloads
+            .iter()
+            .filter(|p| Some(p.body.as_str()) != carried)
+        {
             for place in places(info, &payload.body).into_iter().flatten() {
                 if let Some(slot) = out.get_mut(place) {
                     *slot = 0.0;
@@ -99,8 +103,9 @@ impl Loads {
     /// - `known`: the true parameters.
     pub(crate) fn truth(&self, info: &Info<'_>, known: &[f64]) -> (Vec<String>, Vec<f64>) {
         let gains = self.gains.iter();
-        let (mut labels, mut values): (Vec<String>, Vec<f64>) =
-            gains.map(|(name, gain)| (format!("gain({name})"), *gain)).unzip();
+        let (mut labels, mut values): (Vec<String>, Vec<f64>) = gains
+            .map(|(name, gain)| (format!("gain({name})"), *gain))
+            .unzip();
         for payload in self.used() {
             let places = places(info, &payload.body);
             let ten = places.map(|k| k.and_then(|k| known.get(k)).copied().unwrap_or(0.0));
@@ -209,7 +214,9 @@ fn about_centre(ten: &[f64; 10]) -> [f64; 10] {
     let over = if mass == 0.0 { 0.0 } else { 1.0 / mass };
     let centre = [ten[6] * over, ten[7] * over, ten[8] * over];
     let moved = of_point(mass, centre);
-    let mut out = [mass, centre[0], centre[1], centre[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let mut out = [
+        mass, centre[0], centre[1], centre[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    ];
     for (slot, (whole, by)) in out[4..].iter_mut().zip(ten.iter().zip(moved)) {
         *slot = whole - by;
     }

@@ -188,7 +188,11 @@ where
     let mut trials = trials?;
     if rehearsal.loads.is_some() {
         // what is known of payloads, or not told, is not scored
-        let fits = || trials.iter().filter_map(|trial| trial.outcome.as_ref().ok());
+        let fits = || {
+            trials
+                .iter()
+                .filter_map(|trial| trial.outcome.as_ref().ok())
+        };
         let is_sought = |k: usize| {
             let has = |fit: &Fit| fit.intervals.get(k).is_some_and(Option::is_some);
             fits().next().is_none() || fits().any(has)
@@ -196,7 +200,10 @@ where
         let sought: Vec<bool> = (0..labels.len()).map(is_sought).collect();
         retain(&mut labels, &sought);
         retain(&mut truth, &sought);
-        for fit in trials.iter_mut().filter_map(|trial| trial.outcome.as_mut().ok()) {
+        for fit in trials
+            .iter_mut()
+            .filter_map(|trial| trial.outcome.as_mut().ok())
+        {
             retain(&mut fit.values, &sought);
             retain(&mut fit.intervals, &sought);
         }

@@ -161,7 +161,11 @@ where
         if let Some(loads) = &self.loads {
             return loads.error(session, run, self.durations.len(), model);
         }
-        let errors = compare(session, std::slice::from_ref(run), std::slice::from_ref(model))?;
+        let errors = compare(
+            session,
+            std::slice::from_ref(run),
+            std::slice::from_ref(model),
+        )?;
         let error = errors.first().and_then(|logs| logs.first());
         Ok(error
             .map(|log| log.relative_absolute)

@@ -8,7 +8,7 @@ use regen_identify::gains::{
 };
 use regen_identify::identify::{Recorded, Source};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::BaseModel;
 
 use super::{LOAD, Twin, arm, carried, known};
 
@@ -79,9 +79,17 @@ fn the_physical_gain_is_that_of_the_best_programme_at_any_gain() {
     assert!((gain / without - 1.0).abs() > 1e-3, "{gain} {without}");
     assert!(found.model.gap.unwrap() < 1e-6, "{:?}", found.model.gap);
     let phi = found.model.phi.as_ref().unwrap();
-    let check = setting.layout.check(phi, regen_identify::feasibility::Scale::default());
+    let check = setting
+        .layout
+        .check(phi, regen_identify::feasibility::Scale::default());
     assert!(check.unwrap().is_physical());
-    for (a, b) in setting.map.apply(phi).unwrap().iter().zip(&found.model.beta) {
+    for (a, b) in setting
+        .map
+        .apply(phi)
+        .unwrap()
+        .iter()
+        .zip(&found.model.beta)
+    {
         assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{a} {b}");
     }
 
@@ -159,7 +167,10 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
         for (value, truth, interval) in values.chain(gains) {
             assert!(interval.low <= value && value <= interval.high);
             let slack = 4.0 * interval.sigma + 1e-9;
-            assert!((value - truth).abs() < slack, "{value} {truth} {interval:?}");
+            assert!(
+                (value - truth).abs() < slack,
+                "{value} {truth} {interval:?}"
+            );
             all += 1;
             outside += usize::from(!(interval.low - 1e-9..=interval.high + 1e-9).contains(&truth));
         }
@@ -172,13 +183,17 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
     // one gain is known, and the centre of mass of the load
     let mut other = twin.clone();
     other.gains[2] = 1.0;
-    let plan = of(KnownPayload { com, ..known(None) }, twin.names()[..2].to_vec());
+    let plan = of(
+        KnownPayload { com, ..known(None) },
+        twin.names()[..2].to_vec(),
+    );
     let (_, found) = setting.fit(&plan, 40, &mut other.runs(3)).unwrap();
     count(&found, &other);
     let phi = found.model.phi.as_ref().unwrap();
     let body = setting.layout.body("load").unwrap().columns;
     for (k, c) in com.unwrap().into_iter().enumerate() {
-        assert!((phi[body[6 + k]] - c * phi[body[9]]).abs() < 1e-9);
+        let (moment, mass) = (phi[body[6 + k]], phi[body[9]]);
+        assert!((moment - c * mass).abs() < 1e-9, "{moment} {c} {mass}");
     }
     assert!(outside * 8 < all, "{outside} of {all}");
 

@@ -3,7 +3,7 @@
 use regen_identify::gains::{GainOptions, Plan, fit};
 use regen_identify::identify::Source;
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::BaseModel;
 
 use super::{LOAD, SEEDS, Twin, arm, carried, judge, known};
 
@@ -88,13 +88,24 @@ fn outliers_of_currents_hardly_move_huber_s_gains_and_payload() {
         }
         for k in (0..beta.len()).filter(|k| !load.contains(k)) {
             let label = model.base_info().base[k].label;
-            assert!(sums[k].abs() < 1e-4 * sizes[k], "{label}: {} {}", sums[k], sizes[k]);
+            assert!(
+                sums[k].abs() < 1e-4 * sizes[k],
+                "{label}: {} {}",
+                sums[k],
+                sizes[k]
+            );
         }
         for [sum, size] in of_gains {
             assert!(sum.abs() < 1e-4 * size, "{sum} {size}");
         }
         // the mean of psi^2 for normal noise and this bound, from a table of the normal distribution
-        let mean = of_psi / found.estimate.efforts.iter().map(|e| e.rows as f64).sum::<f64>();
+        let mean = of_psi
+            / found
+                .estimate
+                .efforts
+                .iter()
+                .map(|e| e.rows as f64)
+                .sum::<f64>();
         assert!((mean - 0.7102).abs() < 0.01, "{mean}");
     }
     assert!(squares[1] < 0.1 * squares[0], "{squares:?}");

@@ -13,7 +13,9 @@ use super::statistics::{Solved, residual_statistics};
 use super::{GainError, GainFit, Source};
 use crate::data::DataError;
 use crate::estimate::{EffortError, EstimateError, QrFactor};
-use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, PhysicalFit, Scale, identify};
+use crate::feasibility::{
+    BaseMap, FeasibilityError, Options, ParameterLayout, PhysicalFit, Scale, identify,
+};
 use crate::model::{Covariance, IdentifiedModel};
 use regen_runtime::{BaseModel, Symbol};
 
@@ -100,7 +102,8 @@ impl Solved<'_> {
         let start = problem.with_gains_of_least_squares()?;
         let (state, fit) = problem.search(start)?;
         let gains: Vec<f64> = state.inverse_gains.iter().map(|g| 1.0 / g).collect();
-        let errors = residual_statistics(rows, (&state.x, &gains), &self.plain.means(), self.options)?;
+        let errors =
+            residual_statistics(rows, (&state.x, &gains), &self.plain.means(), self.options)?;
         Ok(PhysicalGains {
             model: problem.model(found, &state, &fit, physical)?,
             relative_absolute: errors.relative_absolute(),
@@ -120,7 +123,12 @@ impl<'a> Constrained<'a> {
         let mut fixed = problem.known.clone();
         let (mut known, mut zeros) = (physical.options.known.clone(), Vec::new());
         let all = physical.layout.labels();
-        let bodies: Vec<&str> = solved.plan.payloads.iter().map(|p| p.body.as_str()).collect();
+        let bodies: Vec<&str> = solved
+            .plan
+            .payloads
+            .iter()
+            .map(|p| p.body.as_str())
+            .collect();
         let mut sought: Vec<&str> = Vec::new();
         for load in &problem.loads {
             if load.unknown.is_empty() {
@@ -176,7 +184,10 @@ impl<'a> Constrained<'a> {
         };
         Ok(Self {
             solved,
-            labels: gains.iter().map(|e| Covariance::gain(&efforts[*e])).collect(),
+            labels: gains
+                .iter()
+                .map(|e| Covariance::gain(&efforts[*e]))
+                .collect(),
             places,
             fixed,
             gains,
@@ -192,7 +203,11 @@ impl<'a> Constrained<'a> {
     pub(super) fn factor(&self, at: &State, with_gains: bool) -> Result<QrFactor, EstimateError> {
         let set = self.solved.problem.set;
         let gains: &[usize] = if with_gains { &self.gains } else { &[] };
-        let more = if with_gains { self.labels.as_slice() } else { &[] };
+        let more = if with_gains {
+            self.labels.as_slice()
+        } else {
+            &[]
+        };
         let labels = [self.combinations.labels(), more].concat();
         let n = self.fixed.len();
         let mut whole = QrFactor::new(labels.clone());
@@ -238,7 +253,9 @@ impl<'a> Constrained<'a> {
     pub(super) fn extended(&self) -> Result<(ParameterLayout, BaseMap, Options), FeasibilityError> {
         let layout = self.layout.extended(&self.labels)?;
         let mut options = self.options.clone();
-        options.reference.extend(self.gains.iter().map(|_| Some(1.0)));
+        options
+            .reference
+            .extend(self.gains.iter().map(|_| Some(1.0)));
         Ok((layout, self.combinations.extended(&self.labels), options))
     }
 

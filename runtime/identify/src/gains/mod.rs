@@ -28,9 +28,7 @@ pub use feasible::{Physical, PhysicalGains};
 pub use payload::KnownPayload;
 
 use crate::data::DataError;
-use crate::estimate::{
-    Deviations, EffortError, EffortFit, Estimate, Origin, Weighting,
-};
+use crate::estimate::{Deviations, EffortError, EffortFit, Estimate, Origin, Weighting};
 use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
 use crate::model::{Covariance, IdentifiedModel};
 use crate::status::EffortContributions;

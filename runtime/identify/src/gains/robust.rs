@@ -121,13 +121,7 @@ where
             huber: &huber,
         };
         let (set, psi_squares) = reduce(rows, origin, Some(&previous))?;
-        let sigmas = huber::scales(
-            &set,
-            &psi_squares,
-            &huber.sigmas,
-            problem.unknowns(),
-            bound,
-        );
+        let sigmas = huber::scales(&set, &psi_squares, &huber.sigmas, problem.unknowns(), bound);
         let weights: Vec<f64> = match weighting {
             Weighting::Equal => vec![1.0; sigmas.len()],
             Weighting::PerEffort => sigmas.iter().map(|sigma| 1.0 / sigma).collect(),
