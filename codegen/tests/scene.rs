@@ -107,14 +107,21 @@ fn springs_reach_from_where_the_description_puts_them() {
     let frames = scene.frames(&scene.home);
     // the plane of the five-bar is x and z of the world
     let polar = |x: f64, r: f64, q: f64| [x + r * q.cos(), 0.0, r * q.sin()];
-    let beside = [0.1 * q1.cos() - 0.05 * q1.sin(), 0.0, 0.1 * q1.sin() + 0.05 * q1.cos()];
+    let beside = [
+        0.1 * q1.cos() - 0.05 * q1.sin(),
+        0.0,
+        0.1 * q1.sin() + 0.05 * q1.cos(),
+    ];
     let expected = [
         ("tie", false, [polar(0.0, 0.2, q1), polar(0.2, 0.2, q2)]),
         ("gas", true, [beside, [-0.3, 0.0, 0.0]]),
     ];
     assert_eq!(scene.springs.len(), expected.len());
     for (spring, (name, is_constant, tips)) in scene.springs.iter().zip(expected) {
-        assert_eq!((spring.name.as_str(), spring.is_constant), (name, is_constant));
+        assert_eq!(
+            (spring.name.as_str(), spring.is_constant),
+            (name, is_constant)
+        );
         for (ours, theirs) in spring.tips(&frames).iter().zip(tips) {
             for (a, b) in ours.iter().zip(theirs) {
                 assert!((a - b).abs() < 1e-14, "{name}");
@@ -139,5 +146,8 @@ fn drives_are_forms_of_joints_and_payloads_are_told_apart() {
     }
     let scene = fixture("payload");
     let payloads = scene.bodies.iter().filter(|body| body.is_payload);
-    assert_eq!(payloads.map(|b| b.label.as_str()).collect::<Vec<_>>(), ["load"]);
+    assert_eq!(
+        payloads.map(|b| b.label.as_str()).collect::<Vec<_>>(),
+        ["load"]
+    );
 }

@@ -6,13 +6,13 @@ mod text;
 
 use std::sync::atomic::Ordering;
 
+use regen_codegen::robot::Robot;
 use regen_experiment::simulate::{Twin, add_stribeck};
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{Run, Settings};
 use regen_identify::identify::{EquationKind, Options};
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_codegen::robot::Robot;
 use regen_rehearse::{Estimator, Loads, Rehearsal, RehearseError, Score, planned, rehearse};
 use regen_runtime::BaseModel;
 use serde::Serialize;

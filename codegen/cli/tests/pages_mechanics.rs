@@ -34,13 +34,19 @@ fn the_legend_names_what_the_picture_has_and_nothing_else() {
         let from = dom.find("id=\"legend\"").unwrap();
         let legend = &dom[from..from + dom[from..].find("</ul>").unwrap()];
         for words in SPRINGS.iter().chain(&[DRIVEN, LOAD]) {
-            assert_eq!(legend.contains(words), there.contains(words), "{name}: {words}");
+            assert_eq!(
+                legend.contains(words),
+                there.contains(words),
+                "{name}: {words}"
+            );
         }
         let cells = &dom[dom.find("id=\"drives\"").unwrap()..];
         let cells = &cells[..cells.find("</details>").unwrap()];
         let row = cells.split("<tr").nth(1).map(|row| {
             let cells = row.split("<td>").skip(1);
-            cells.map(|cell| cell.split('<').next().unwrap()).collect::<String>()
+            cells
+                .map(|cell| cell.split('<').next().unwrap())
+                .collect::<String>()
         });
         assert_eq!(row.unwrap_or_default(), drives, "{name}");
         assert!(element(&dom, "now").contains("s · "), "{name}");
