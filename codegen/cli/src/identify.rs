@@ -14,7 +14,7 @@ use regen_report::results::{
     Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
 };
 
-use crate::args::{EstimatorArg, Format, IdentifyArgs, WeightingArg};
+use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
 use crate::{
     delay, experiment, identify_iv, identify_loads, identify_simulated, load, observe, outputs,
@@ -93,10 +93,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         written.push((out, parameters::text(&json.file, out)?));
     }
     if let Some(out) = &args.physical.bodies {
-        written.push((
-            out,
-            outputs::spec(&source, args.reading.payload, &model, &identified)?,
-        ));
+        // a robot with payloads apart has their bodies too
+        let payload = match robot.payloads[..] {
+            [] => args.reading.payload,
+            _ => Some(PayloadArg::Carried),
+        };
+        let text = outputs::spec(&source, payload, &model, &identified)?;
+        written.push((out, text));
     }
     written.extend(outputs::constants(&args.physical, &model, &identified)?);
     for (out, text) in &written {

@@ -23,6 +23,13 @@ bodies:
   rod: {mass: 1.0, com: [0, 0, -0.2], inertia: [0.02, 0, 0, 0.02, 0, 0.001]}
 ";
 
+/// Several frequencies, since a delay of one frequency alone is as well friction.
+const MOTION: &str = r#"{
+  "format": "regen-trajectory", "robot": "arm", "coordinates": ["x", "q"], "base_frequency": 0.5,
+  "harmonics": 3, "cosine": [[0.1, -0.07, 0.05], [0.4, 0.2, -0.2]],
+  "sine": [[0.07, 0.04, -0.1], [0.3, -0.4, 0.3]], "offset": [0.1, 0.2]
+}"#;
+
 /// Rows by which the efforts of x are late, and those of q.
 const LATE: [usize; 2] = [1, 3];
 /// The time between rows, s.
@@ -50,12 +57,16 @@ fn shift(dir: &Path) {
 fn observe_and_validate_find_the_delays_that_were_put_in() {
     let dir = scratch("delays");
     fs::write(dir.join("arm.yaml"), ARM).unwrap();
+    fs::write(dir.join("m.json"), MOTION).unwrap();
     let run = |line: &str| {
         let words: Vec<&str> = line.split(' ').collect();
         let ended = regen(&dir, &words).ended(0);
         serde_json::from_str::<Value>(&ended.out).unwrap()
     };
-    run("simulate arm.yaml --noise 1e-6,0.001 --bandwidth 6 --out log.csv --format json");
+    run(
+        "simulate arm.yaml --trajectory m.json --duration 6 --noise 1e-6,0.001 --bandwidth 6 --out \
+         log.csv --format json",
+    );
     shift(&dir);
     let read = "--butterworth 4,15 --format json";
     let right = run(&format!(

@@ -253,12 +253,12 @@ fn what_is_wrong_is_said_with_the_remedy() {
 #[test]
 fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     let dir = prepared("rehearse_loads");
-    let hook = "      - {type: fixed, origin: {xyz: [0, 0, -0.5]}, body: load, payload: true}\nbodies:\n  \
-                load: {mass: 1.5, com: [0.02, 0, -0.05], inertia: [0.004, 0, 0, 0.004, 0, 0.002]}\n";
+    let hook = "      - {type: fixed, origin: {xyz: [0, 0, -0.2]}, body: load, payload: true}\nbodies:\n  \
+                load: {mass: 0.4, com: [0.02, 0, -0.05], inertia: [0.004, 0, 0, 0.004, 0, 0.002]}\n";
     fs::write(dir.join("hook.yaml"), SPEC.replacen("bodies:\n", hook, 1)).unwrap();
     let runs = "columns:\n  tau_x: {column: 4, unit: A, gain: unknown}\n  tau_q: {column: 5, unit: A, \
                 gain: unknown}\nprocess:\n  filter: {butterworth: {order: 4, cutoff: 15}}\nruns:\n  \
-                - {files: a.csv}\n  - {files: b.csv, payload: {m: 2}}\n";
+                - {files: a.csv}\n  - {files: b.csv, payload: {m: 0.5}}\n";
     fs::write(dir.join("runs.yaml"), runs).unwrap();
     let words = "rehearse hook.yaml runs.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 \
                  --duration 4 --bandwidth 6 --gain x=-8 --seeds 4 --score 60 --format json";
@@ -282,10 +282,10 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     assert!((truth + 0.05).abs() < 0.03, "{centre}");
     assert!((of(centre, "mean") - truth).abs() < 0.02, "{centre}");
     assert!(row("m of load").is_none());
-    // with the mass the moment of the load about its hook is 2 cz
+    // with the mass the moment of the load about its hook is half of cz
     let moment = row("mz(load)").unwrap();
     assert!(
-        (of(moment, "truth") - 2.0 * truth).abs() < 1e-12,
+        (of(moment, "truth") - 0.5 * truth).abs() < 1e-12,
         "{moment}"
     );
     let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));

@@ -422,6 +422,13 @@ pub(crate) fn determined(
         }
         rows.push(row);
     };
+    for form in &options.forms {
+        let places = form
+            .terms
+            .iter()
+            .map(|(label, x)| Ok((layout.find(label)?, *x)));
+        add_row(&places.collect::<Result<Vec<_>, FeasibilityError>>()?);
+    }
     for (label, _) in &options.known {
         add_row(&[(layout.find(label)?, 1.0)]);
     }

@@ -195,7 +195,8 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
     let phi = found.model.phi.as_ref().unwrap();
     let body = setting.layout.body("load").unwrap().columns;
     for (k, c) in com.into_iter().enumerate() {
-        assert!((phi[body[6 + k]] - c * phi[body[9]]).abs() < 1e-9);
+        let (moment, mass) = (phi[body[6 + k]], phi[body[9]]);
+        assert!((moment - c * mass).abs() < 1e-9, "{moment} {c} {mass}");
     }
     assert!(outside * 8 < all, "{outside} of {all}");
 

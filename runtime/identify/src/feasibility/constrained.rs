@@ -399,6 +399,7 @@ fn physical_least_squares(
         || !options.known.is_empty()
         || !options.bounds.is_empty()
         || !options.totals.is_empty()
+        || !options.forms.is_empty()
         || !options.identical.is_empty();
     let Ok(beta) = factor.solve() else {
         return Ok(None);

@@ -37,6 +37,6 @@ pub use error::FeasibilityError;
 pub(crate) use inertia::about_centre;
 pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};
 pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};
-pub use options::{Bound, Options, Prior, Total};
+pub use options::{Bound, Form, Options, Prior, Total};
 pub use output::{bodies_yaml, rust_constants, unit};
 pub use verdict::{InfeasibilityCertificate, Verdict, verdict};

@@ -24,6 +24,15 @@ pub struct Total {
     pub value: f64,
 }
 
+/// A linear form in parameters that is zero, such as a known centre of mass of an unknown mass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Form {
+    /// Where it comes from, as a phrase for error messages.
+    pub source: String,
+    /// The labels of the parameters with their factors.
+    pub terms: Vec<(String, f64)>,
+}
+
 /// A prior on a parameter, from CAD or a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
@@ -51,6 +60,8 @@ pub struct Options {
     pub bounds: Vec<Bound>,
     /// Known sums of parameters.
     pub totals: Vec<Total>,
+    /// Linear forms in parameters that are zero.
+    pub forms: Vec<Form>,
     /// Priors, weighted against the observations by their standard deviations.
     pub priors: Vec<Prior>,
     /// Reference values of all p parameters, SI, from CAD: the parameters that the observations

@@ -135,6 +135,24 @@ impl Setting<'_> {
                 rounded: 0.0,
             })
         };
+        for form in &options.forms {
+            let mut terms = Vec::with_capacity(form.terms.len());
+            for (k, (label, factor)) in form.terms.iter().enumerate() {
+                finite("forms", k, *factor)?;
+                let place = self.layout.find(label)?;
+                terms.push((place, factor * units[place]));
+            }
+            out.push(Equality {
+                form: Affine {
+                    terms,
+                    constant: 0.0,
+                },
+                source: form.source.clone(),
+                group: Some(group),
+                rounded: 0.0,
+            });
+            group += 1;
+        }
         for (k, (label, known)) in options.known.iter().enumerate() {
             finite("known", k, *known)?;
             out.push(value(label, *known, group)?);

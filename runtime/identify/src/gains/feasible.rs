@@ -14,7 +14,7 @@ use super::{GainError, GainFit, Source};
 use crate::data::DataError;
 use crate::estimate::{EffortError, EstimateError, QrFactor};
 use crate::feasibility::{
-    BaseMap, FeasibilityError, Options, ParameterLayout, PhysicalFit, Scale, identify,
+    BaseMap, FeasibilityError, Form, Options, ParameterLayout, PhysicalFit, Scale, identify,
 };
 use crate::model::{Covariance, IdentifiedModel};
 use regen_runtime::{BaseModel, Symbol};
@@ -121,7 +121,8 @@ impl<'a> Constrained<'a> {
         let problem = solved.problem;
         let mut places = problem.robot.clone();
         let mut fixed = problem.known.clone();
-        let (mut known, mut zeros) = (physical.options.known.clone(), Vec::new());
+        let mut known = physical.options.known.clone();
+        let mut forms = physical.options.forms.clone();
         let all = physical.layout.labels();
         let bodies: Vec<&str> = solved
             .plan
@@ -140,7 +141,7 @@ impl<'a> Constrained<'a> {
             places.extend(&load.base);
             sought.push(&load.known.body);
             known.extend(given(load)?);
-            zeros.extend(proportions(load, physical.layout)?);
+            forms.extend(proportions(load));
         }
         places.sort_unstable();
         let is_sought = |label: &String| {
@@ -157,8 +158,8 @@ impl<'a> Constrained<'a> {
         let part = |row: &[f64]| -> Vec<f64> { columns.iter().map(|k| row[*k]).collect() };
         let chosen = physical.combinations.select(&places)?;
         let rows = chosen.rows().iter().map(|row| part(row)).collect();
-        zeros.extend(physical.combinations.zeros().iter().cloned());
-        let zeros = zeros.iter().map(|(name, row)| (name.clone(), part(row)));
+        let zeros = physical.combinations.zeros().iter();
+        let zeros = zeros.map(|(name, row)| (name.clone(), part(row)));
         // an equation between parameters that are not sought says nothing here
         let zeros = zeros.filter(|(_, row)| row.iter().any(|x| *x != 0.0));
         let combinations =
@@ -174,6 +175,7 @@ impl<'a> Constrained<'a> {
         let options = Options {
             scale: Scale::near(&layout, &combinations, &values, physical.length),
             known,
+            forms,
             reference: columns
                 .iter()
                 .map(|k| reference.get(*k).copied().flatten())
@@ -388,24 +390,19 @@ fn given(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
         .collect())
 }
 
-/// A named linear form in all parameters that is zero.
-type Form = (String, Vec<f64>);
-
 /// The equations that a known centre of mass of an unknown mass states.
-fn proportions(load: &Load, layout: &ParameterLayout) -> Result<Vec<Form>, FeasibilityError> {
+fn proportions(load: &Load) -> Vec<Form> {
     let known = &load.known;
     let (Some(com), None) = (known.com, known.mass) else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
-    let body = layout.body(&known.body)?;
-    let [.., x, y, z, mass] = body.columns;
-    let forms = [("cx", x), ("cy", y), ("cz", z)].into_iter().zip(com);
-    Ok(forms
-        .map(|((name, moment), c)| {
-            let mut row = vec![0.0; layout.len()];
-            row[moment] = 1.0;
-            row[mass] -= c;
-            (format!("the given {name} of `{}`", known.body), row)
+    let names = [("cx", Symbol::Mx), ("cy", Symbol::My), ("cz", Symbol::Mz)];
+    let label = |symbol: Symbol<'_>| format!("{}({})", symbol.name(), known.body);
+    let forms = names.into_iter().zip(com);
+    forms
+        .map(|((name, moment), c)| Form {
+            source: format!("the given {name} of `{}`", known.body),
+            terms: vec![(label(moment), 1.0), (label(Symbol::Mass), -c)],
         })
-        .collect())
+        .collect()
 }

@@ -8,8 +8,8 @@ use crate::identify::{self, EquationKind, Options};
 
 /// Most rounds of correcting delays; usually three suffice.
 const MAX_ROUNDS: usize = 10;
-/// A correction is taken back by half where it makes the residuals of its effort larger by more than
-/// this part.
+/// A correction is taken back by half where it makes the residuals of its effort larger than they were
+/// without any, by more than this part.
 const SLACK: f64 = 1e-4;
 /// It is taken back wholly where so many standard deviations are left of it.
 const LEAST_DEVIATIONS: f64 = 3.0;
@@ -19,9 +19,10 @@ struct Search {
     effort: String,
     /// The delay that is tried, s.
     tried: f64,
-    /// The best delay so far, s, and the standard deviation of the residuals there.
+    /// The last delay with residuals that are not larger than those at the first one, s.
     best: f64,
-    residual: f64,
+    /// The standard deviation of the residuals at the first delay.
+    first: f64,
     is_done: bool,
 }
 
@@ -36,7 +37,7 @@ impl Search {
         (correction, sigma): (f64, f64),
         is_significant: bool,
     ) -> bool {
-        if residual > self.residual * (1.0 + SLACK) {
+        if residual > self.first * (1.0 + SLACK) {
             self.tried = 0.5 * (self.tried + self.best);
             if (self.tried - self.best).abs() <= LEAST_DEVIATIONS * sigma {
                 self.tried = self.best;
@@ -44,7 +45,7 @@ impl Search {
             }
             return true;
         }
-        (self.best, self.residual) = (self.tried, residual);
+        self.best = self.tried;
         if self.is_done || !is_significant {
             return false;
         }
@@ -56,9 +57,9 @@ impl Search {
 /// Estimates the delays of efforts in logs; returns names of efforts and delays in s. To the delays
 /// in the session's settings, those are added that differ from zero by more than three standard
 /// deviations. As the estimate of a delay is of first order, it is repeated with corrected efforts
-/// until no further delay is significant. A correction that makes the residuals of its effort larger
-/// is taken back by half until it does not: of efforts that the model hardly explains, first order
-/// overshoots.
+/// until no further delay is significant. Corrections that leave the residuals of an effort larger than
+/// without any are taken back by half until they do not: of efforts that the model hardly explains,
+/// first order overshoots.
 ///
 /// # Errors
 /// [`SessionError::DelaysFromEnergyBalance`] for energy balances; when a log cannot be read.
@@ -99,7 +100,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
                     effort: delay.effort.clone(),
                     tried: start,
                     best: start,
-                    residual,
+                    first: residual,
                     is_done: false,
                 });
                 searches.len() - 1
@@ -146,7 +147,7 @@ mod tests {
             effort: String::new(),
             tried: 0.0,
             best: 0.0,
-            residual: residual(0.0),
+            first: residual(0.0),
             is_done: false,
         };
         for _ in 0..MAX_ROUNDS {
@@ -163,7 +164,7 @@ mod tests {
     fn a_correction_that_is_too_long_is_taken_back() {
         let valley = |d: f64| 1.0 + 1e4 * (d - 0.02).powi(2);
         // by so much too long
-        for factor in [1.0, 1.5, 2.5] {
+        for factor in [0.7, 1.0, 1.5] {
             let found = followed(valley, |d| factor * (0.02 - d));
             assert!((found - 0.02).abs() < 1e-3, "{factor}: {found}");
         }
