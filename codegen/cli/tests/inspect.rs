@@ -45,7 +45,7 @@ fn a_first_experiment_file_is_proposed_that_identify_accepts() {
         "page.html",
     ];
     let found = run(&[&args[..], &json].concat()).json();
-    assert_eq!(found["version"], 1);
+    assert_eq!(found["version"], 2);
     let joints = found["logs"][0]["joints"].as_array().unwrap();
     assert_eq!(joints.len(), 2);
     assert_eq!(

@@ -61,7 +61,7 @@ def test_an_interrupt_ends_a_long_search(picker):
     begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         # minutes of work
-        picker.excite(steps=100_000, starts=4, harmonics=5, frequency=0.2)
+        picker.excite(steps=100_000, starts=4_000, harmonics=5, frequency=0.2)
     assert time.monotonic() - begin < 20
 
 
@@ -77,5 +77,5 @@ def test_progress_is_told_and_may_stop_the_work(picker):
             raise Enough
 
     with pytest.raises(Enough):
-        picker.excite(steps=100_000, starts=4, harmonics=5, frequency=0.2, progress=progress)
+        picker.excite(steps=100_000, starts=4_000, harmonics=5, frequency=0.2, progress=progress)
     assert all(of is None or done <= of for _, done, of in seen)

@@ -7,7 +7,7 @@ use crate::model::{Model, Placement, Step};
 use crate::sym::Number;
 
 /// The largest distance from a multiple of pi/12 that is taken for rounding, rad.
-const ROUNDING_RAD: f64 = 1e-9;
+const ROUNDING_RAD: f64 = 1e-10;
 /// Multiples of pi divided by this are recognised.
 const PARTS: i64 = 12;
 

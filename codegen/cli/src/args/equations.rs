@@ -15,7 +15,7 @@ takes in the middle of the workspace.
 Examples:
   regen equations robots/fivebar.yaml
   regen equations robots/3rps.yaml --of X --format latex > x.tex
-  regen equations robots/ur5e.yaml --of regressor --parameters base --format sympy")]
+  regen equations robots/ur5e.yaml --of regressor --parameters base")]
 pub(crate) struct EquationsArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,

@@ -90,7 +90,7 @@ pub(crate) struct TwinArgs {
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
     /// The bandwidth of controllers without --pid, Hz
-    #[arg(long, value_name = "HZ", default_value_t = 6.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 3.0)]
     pub(crate) bandwidth: f64,
     /// Time constant of the drives, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]

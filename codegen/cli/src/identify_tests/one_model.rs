@@ -162,7 +162,8 @@ impl RobotWithLog {
         let expected = identified
             .beta
             .iter()
-            .chain(identified.phi.iter().flatten());
+            .chain(identified.phi.iter().flatten())
+            .chain(identified.friction.iter().flat_map(|joint| &joint.values));
         assert_eq!(numbers, expected.copied().collect::<Vec<f64>>(), "{what}");
 
         // the errors that the summary states of the log are those of the model in the file

@@ -42,7 +42,7 @@ class ExciteOptions(TypedDict, total=False):
     at_rest: bool
     #: Another cone than the spec's, NAME=ANGLE in rad, or with `deg` behind it (may be repeated)
     cone: Values | None
-    #: What is sought
+    #: What the trajectory is optimised for
     criterion: Value | None
     #: The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
     frequency: Value | None
@@ -52,34 +52,34 @@ class ExciteOptions(TypedDict, total=False):
     limit: Values | None
     #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
     margin: Value | None
-    #: Whether the payloads of the description are carried; with a payload this must be said
+    #: Whether the payloads of the description are carried; required where it has a payload
     payload: Value | None
-    #: Samples in a period
+    #: The number of samples in a period
     samples: Value | None
-    #: Which random starts
+    #: The seed of the random starts
     seed: Value | None
     #: The number of random starts; the best counts
     starts: Value | None
-    #: Steps in each of the five stages of a start
+    #: The number of steps in each of the five stages of a start
     steps: Value | None
-    #: Threads [default: as many as the machine has]
+    #: The number of threads [default: as many as the machine has]
     threads: Value | None
 
 
 class SimulateOptions(TypedDict, total=False):
     """Of ``simulate``."""
 
-    #: Of controllers without --pid, Hz
+    #: The bandwidth of controllers without --pid, Hz
     bandwidth: Value | None
     #: Log the commanded positions too, as cmd_NAME
     commands: bool
     #: Write the controllers' gains here, for `identify --controller`: YAML if FILE ends in .yaml, else JSON
     controller: Value | None
-    #: Seconds [default: one period]
+    #: The duration of a run in s [default: one period]
     duration: Value | None
     #: Log all coordinates as they are, with velocities and accelerations
     exact: bool
-    #: The speed within which friction turns round, rad/s or m/s
+    #: The speed within which friction changes its sign, rad/s or m/s
     friction_width: Value | None
     #: Time constant of the drives, s
     lag: Value | None
@@ -87,19 +87,19 @@ class SimulateOptions(TypedDict, total=False):
     no_friction: bool
     #: Standard deviations of measured positions (rad or m) and efforts
     noise: Value | None
-    #: Whether the payloads of the description are carried; with a payload this must be said
+    #: Whether the payloads of the description are carried; required where it has a payload
     payload: Value | None
-    #: Change each body's and each other parameter by up to this part, by chance
+    #: Change each body's and each other parameter by up to this part, at random
     perturb: Value | None
     #: Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     pid: Values | None
-    #: Steps of measured positions and, if given, of efforts
+    #: The resolution of measured positions and, if given, of efforts
     quantum: Value | None
     #: Runs that differ in their noise
     runs: Value | None
-    #: For all that is by chance: the same seed gives the same logs
+    #: The seed of noise and perturbation: the same seed gives the same logs
     seed: Value | None
-    #: Seconds at the start that are left out of the log
+    #: The time at the start that is left out of the log, s
     settle: Value | None
     #: Time between samples of the controller and of the log, s [default: 0.01]
     step: Value | None
@@ -130,7 +130,7 @@ class InspectOptions(TypedDict, total=False):
     logs: Value | None
     #: Write a first experiment file; one that exists is left as it is
     out: Value | None
-    #: Whether the payloads of the description are carried in all these logs; with a payload this must be said, here or for each run of an experiment file
+    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
     payload: Value | None
     #: Average the runs of a trajectory of this period in s
     period: Value | None
@@ -175,7 +175,7 @@ class ObserveOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; with a payload this must be said, here or for each run of an experiment file
+    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
     payload: Value | None
     #: Average the runs of a trajectory of this period in s
     period: Value | None
@@ -208,6 +208,8 @@ class IdentifyOptions(TypedDict, total=False):
     bound: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
+    #: Write the parameters as a C header of initialisers; it includes the robot's header, and compiles with that of this model only
+    c: Value | None
     #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
     column: Values | None
     #: The column of a joint's commanded position, NAME=COLUMN, with :UNIT and *FACTOR behind it where they are needed (may be repeated) [default: cmd_NAME]
@@ -228,7 +230,7 @@ class IdentifyOptions(TypedDict, total=False):
     delay: Values | None
     #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: Logs that are drawn by chance for the intervals of values under constraints, one small fit each, at least 5; 0: no intervals
+    #: The number of random logs from which the intervals of values under constraints follow, one small fit each, at least 5; 0: no intervals
     draws: Value | None
     #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
     energy: Value | None
@@ -244,7 +246,7 @@ class IdentifyOptions(TypedDict, total=False):
     fourier: Value | None
     #: Identify the nonlinear friction of the spec (atan, power, stribeck, lugre) with all other parameters, physical ones only (Eq. 29)
     friction: bool
-    #: The speed within which friction turns round in `response`, rad/s or m/s
+    #: The speed within which friction changes its sign in `response`, rad/s or m/s
     friction_width: Value | None
     #: Residuals beyond K standard deviations count linearly; 1.345 is usual
     huber: Value | None
@@ -268,7 +270,7 @@ class IdentifyOptions(TypedDict, total=False):
     out: Value | None
     #: Identified parameters of the robot without its load: payloads are identified, and gains that PARAMS lacks. With `covariance` in it (--covariance), the deviations include its own
     parameters: Value | None
-    #: Whether the payloads of the description are carried in all these logs; with a payload this must be said, here or for each run of an experiment file
+    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
     payload: Value | None
     #: Average the runs of a trajectory of this period in s
     period: Value | None
@@ -278,6 +280,8 @@ class IdentifyOptions(TypedDict, total=False):
     prior: Value | None
     #: What is done with rows that cannot be used [default: fail]
     problems: Value | None
+    #: Write the parameters as a Python module, with a check of the model
+    python: Value | None
     #: The rate of the rows in Hz, where no column has their time
     rate: Value | None
     #: Leave out base parameters until all are well identified (sigma below 15 %) and together feasible; every step is printed
@@ -335,7 +339,7 @@ class ValidateOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; with a payload this must be said, here or for each run of an experiment file
+    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
     payload: Value | None
     #: Average the runs of a trajectory of this period in s
     period: Value | None
@@ -384,7 +388,7 @@ class ReportOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; with a payload this must be said, here or for each run of an experiment file
+    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
     payload: Value | None
     #: Average the runs of a trajectory of this period in s
     period: Value | None
