@@ -27,6 +27,7 @@ mod known;
 pub mod latex;
 mod link_path;
 mod linkage;
+mod magnitude;
 mod null_completion;
 mod payloads;
 mod rates;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::field::{Element, Field};
+use super::magnitude::Bound;
 
 /// A sparse vector: entries by index, none of them zero.
 pub(super) type Vector = BTreeMap<usize, Element>;
@@ -29,44 +30,16 @@ pub(super) fn sparse(entries: impl IntoIterator<Item = Element>) -> Vector {
     entries.filter(|(_, e)| !e.is_zero()).collect()
 }
 
-/// Entries that are not exact and below this part, 2^-200, of the largest number from which they
-/// were computed are rounding. The certificate has the same bound.
-const ROUNDING: f64 = 6.2e-61;
-
-/// Entries that are not exact and below this part of the largest entry of their vector are pivots
-/// only where there are no others: dividing by them would cost digits.
-const SMALL: f64 = 1e-6;
-
-fn size(entry: &Element) -> f64 {
-    entry.value().to_f64().abs()
-}
-
-/// The magnitude of the largest entry.
-fn largest(vector: &Vector) -> f64 {
-    vector.values().map(size).fold(0.0, f64::max)
-}
-
-fn is_exact(vector: &Vector) -> bool {
-    vector.values().all(|e| e.value().is_exact())
-}
-
 /// Subtracts the multiple of `row`, which has 1 at the index `lead`, that makes the entry of `to`
 /// there 0. What remains of entries that cancel up to rounding becomes 0 too.
 pub(super) fn clear(field: &mut Field, to: &mut Vector, lead: usize, row: &Vector) {
     let Some(factor) = to.get(&lead).map(Element::neg) else {
         return;
     };
-    let exact = factor.value().is_exact() && is_exact(to) && is_exact(row);
-    let before = if exact {
-        0.0
-    } else {
-        largest(to).max(size(&factor) * largest(row))
-    };
+    let rounding = Bound::of_sum(to, &factor, row);
     add_scaled(field, to, &factor, row);
     to.remove(&lead);
-    if !exact {
-        to.retain(|_, e| e.value().is_exact() || size(e) > ROUNDING * before);
-    }
+    to.retain(|_, e| !rounding.exceeds(e));
 }
 
 /// The scalar product.
@@ -113,15 +86,10 @@ impl Span {
             clear(field, &mut rest, *lead, row);
         }
         // the entry with the shortest expression becomes the leading one
-        let bound = if is_exact(&rest) {
-            0.0
-        } else {
-            SMALL * largest(&rest)
-        };
-        let is_small = |e: &Element| bound > 0.0 && !e.value().is_exact() && size(e) < bound;
+        let small = Bound::of_pivots(&rest);
         let Some(lead) = rest
             .iter()
-            .min_by_key(|(i, e)| (is_small(e), e.weight(), **i))
+            .min_by_key(|(i, e)| (small.exceeds(e), e.weight(), **i))
             .map(|(i, _)| *i)
         else {
             return false;
