@@ -35,8 +35,8 @@ their logs where these are there, else by rows, times and rate. The logs that
 are simulated have positions, commands and efforts under plain names, so its
 columns, units and gains have no effect, but `gain: unknown`: gains and payloads
 are sought and scored as `identify` does it, and what runs say of a payload is
-true of the simulated one; the noise stays in N m or N. Without RUNS there is one run of one
-period. A log in place of RUNS gives duration and rate too.
+true of the simulated one; the noise stays in N m or N. Without RUNS there is
+one run of one period. A log in place of RUNS gives duration and rate too.
 
 `didim` and `response` know the controllers, and start from the parameters
 before --perturb; with --loop-bandwidth didim tunes its own. --reference tells
