@@ -44,8 +44,8 @@ iv (with the controllers' gains) and didim the trajectory, as the option of that
 name does in `identify`.
 
 --unmodelled stribeck=PART adds to joints with `friction: coulomb` or `linear`
-an effect that the model lacks: static friction exceeds Coulomb's by that part of it,
-fading as exp(-(v/SPEED)^2) with the speed, 0.1 rad/s or m/s by default.
+an effect that the model lacks: static friction exceeds Coulomb's by that part
+of it, fading as exp(-(v/SPEED)^2) with the speed, 0.1 rad/s or m/s by default.
 
 Examples:
   regen rehearse arm.yaml --trajectory t.json --noise 1e-5,0.01 --perturb 0.1 \\
