@@ -125,5 +125,5 @@ fn every_file_of_a_test_program_is_a_module_of_it() {
             }
         }
     }
-    assert_eq!(programs, 5);
+    assert_eq!(programs, 7);
 }
