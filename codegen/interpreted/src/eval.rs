@@ -38,13 +38,7 @@ impl Interpret for f64 {
     }
 
     fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self {
-        let mut own = [Input {
-            entries: &[][..],
-            is_parameter: false,
-        }; Argument::ALL.len()];
-        for (own, entries) in own.iter_mut().zip(inputs) {
-            own.entries = entries;
-        }
+        let own = Input::of_one_state(inputs);
         let mut pivot = [1.0];
         let run = Run {
             tape,

@@ -11,6 +11,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 use regen_codegen::interpret::{self, PIVOT_BOUND};
+use regen_runtime::function::Argument;
 
 use crate::block::Block;
 use crate::tape::{Code, System, Tape, Value};
@@ -168,6 +169,16 @@ pub(super) fn flag(holds: bool) -> f64 {
 pub(super) struct Input<'a, T> {
     pub entries: &'a [T],
     pub is_parameter: bool,
+}
+
+impl<'a, T> Input<'a, T> {
+    /// The arguments of one state, by the order of their table; those that are not given are empty.
+    pub(super) fn of_one_state(inputs: &[&'a [T]]) -> [Self; Argument::ALL.len()] {
+        core::array::from_fn(|k| Self {
+            entries: inputs.get(k).copied().unwrap_or_default(),
+            is_parameter: false,
+        })
+    }
 }
 
 /// A tape to be run at `count` states.

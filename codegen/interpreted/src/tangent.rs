@@ -9,7 +9,6 @@ use std::cell::RefCell;
 
 use pulp::{Arch, Simd, WithSimd};
 use regen_runtime::Tangent;
-use regen_runtime::function::Argument;
 
 use crate::Interpret;
 use crate::machine::{Input, Number, Register, Run, flag, one_state, sign};
@@ -165,13 +164,7 @@ impl<const N: usize> Interpret for Tangent<N> {
     }
 
     fn run(tape: &Tape, inputs: &[&[Self]], out: &mut [Self]) -> Self {
-        let mut own = [Input {
-            entries: &[][..],
-            is_parameter: false,
-        }; Argument::ALL.len()];
-        for (own, entries) in own.iter_mut().zip(inputs) {
-            own.entries = entries;
-        }
+        let own = Input::of_one_state(inputs);
         let mut pivots = [Tangent::constant(f64::NAN)];
         let run = Run {
             tape,

@@ -78,26 +78,21 @@ pub(crate) fn loads(report: &Content<'_>) -> String {
 }
 
 fn gain(row: &GainRow) -> Vec<String> {
-    vec![
-        escaped(&row.effort),
-        four(row.value),
-        escaped(&row.unit),
-        four(row.sigma),
-        four(row.low),
-        four(row.high),
-    ]
+    let numbers = [row.value, row.sigma, row.low, row.high];
+    estimated(&row.effort, &row.unit, numbers)
 }
 
 fn values(payload: &PayloadRow) -> Vec<Vec<String>> {
-    let rows = payload.values.iter().map(|row| {
-        vec![
-            escaped(&row.name),
-            four(row.value),
-            escaped(&row.unit),
-            four(row.sigma),
-            four(row.low),
-            four(row.high),
-        ]
-    });
-    rows.collect()
+    let rows = payload.values.iter();
+    rows.map(|row| {
+        let numbers = [row.value, row.sigma, row.low, row.high];
+        estimated(&row.name, &row.unit, numbers)
+    })
+    .collect()
+}
+
+/// The cells of an estimate: name, value, unit, deviation, and the ends of its interval.
+fn estimated(name: &str, unit: &str, numbers: [f64; 4]) -> Vec<String> {
+    let [value, sigma, low, high] = numbers.map(four);
+    vec![escaped(name), value, escaped(unit), sigma, low, high]
 }

@@ -31,6 +31,7 @@ mod search;
 mod setup;
 mod start;
 mod statistics;
+mod threads;
 mod window;
 
 pub use departure::{Departure, departures};

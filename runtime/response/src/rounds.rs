@@ -11,6 +11,7 @@ use regen_runtime::{BaseModel, SizeError};
 
 use crate::departure::Departure;
 use crate::didim::{DidimError, DidimOptions, EffortRun, MAX_HALVINGS, NEAR_DEVIATIONS};
+use crate::threads::spread;
 
 /// Velocities below this many widths of the simulated friction count as rest: the sign that the
 /// regressor takes is not what acted there.
@@ -227,27 +228,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
             };
             Ok(there.iter().zip(&here).map(|(a, b)| (a - b) / h).collect())
         };
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let threads = threads.min(n).max(1);
-        let work = |first: usize| -> Vec<(usize, Result<Vec<f64>, DidimError>)> {
-            (first..n)
-                .step_by(threads)
-                .map(|k| (k, column(k)))
-                .collect()
-        };
-        let work = &work;
-        let mut columns = std::thread::scope(|scope| {
-            let all: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
-            let mut out = Vec::new();
-            for thread in all {
-                match thread.join() {
-                    Ok(part) => out.extend(part),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            out
-        });
-        columns.sort_by_key(|(k, _)| *k);
+        let columns = spread(0, n, column, Result::is_ok);
         let mut slopes = DMatrix::identity(n, n);
         for (k, column) in columns {
             for (i, slope) in column?.iter().enumerate() {

@@ -6,6 +6,7 @@ use regen_runtime::BaseModel;
 
 use crate::residuals;
 use crate::setup::SignalKind;
+use crate::threads::spread;
 use crate::window::{Experiment, Refused, Window};
 use crate::{Number, ResponseError};
 
@@ -198,42 +199,9 @@ where
         windows: &[Window],
         shared: &[f64],
     ) -> Result<Result<Evaluated, (usize, Refused)>, ResponseError> {
-        let threads = match self.setup.threads {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            given => given,
-        };
-        let threads = threads.min(windows.len()).max(1);
-        type Outcome = Result<Result<Vec<Triangle>, Refused>, ResponseError>;
-        let work = |first: usize| -> Vec<(usize, Outcome)> {
-            let mut out = Vec::new();
-            for (k, window) in windows.iter().enumerate().skip(first).step_by(threads) {
-                let found = self.triangles(signals, window, shared);
-                let stop = !matches!(found, Ok(Ok(_)));
-                out.push((k, found));
-                if stop {
-                    break;
-                }
-            }
-            out
-        };
-        let mut found = if threads == 1 {
-            work(0)
-        } else {
-            let work = &work;
-            std::thread::scope(|scope| {
-                let all: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
-                // a thread that panicked passes its panic on
-                let mut out = Vec::new();
-                for thread in all {
-                    match thread.join() {
-                        Ok(part) => out.extend(part),
-                        Err(panic) => std::panic::resume_unwind(panic),
-                    }
-                }
-                out
-            })
-        };
-        found.sort_by_key(|(k, _)| *k);
+        let work = |k: usize| self.triangles(signals, &windows[k], shared);
+        let goes_on = |found: &Result<Result<_, Refused>, _>| matches!(found, Ok(Ok(_)));
+        let found = spread(self.setup.threads, windows.len(), work, goes_on);
         let mut out = Evaluated {
             windows: Vec::with_capacity(found.len()),
             squares: vec![0.0; signals.kinds.len()],
