@@ -6,7 +6,6 @@
 
 mod args;
 mod base;
-mod c_files;
 pub mod call;
 mod check;
 mod closed;
@@ -33,7 +32,6 @@ mod loads;
 mod man;
 mod mistakes;
 mod model;
-mod modules;
 mod new;
 mod observe;
 mod outputs;
@@ -44,7 +42,6 @@ mod progress;
 mod rehearse;
 mod report;
 mod simulate;
-mod sources;
 mod suspect;
 mod table;
 mod terminal;
@@ -52,7 +49,6 @@ mod validate;
 mod verify;
 mod view;
 mod watch;
-mod workspace;
 mod write;
 
 use std::process::ExitCode;

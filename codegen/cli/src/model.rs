@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use regen_report::results::{self, BaseSummary, Info};
+use regen_sources::{State, compare_modules, generated_beside, module, place};
 use regen_verify::print::{self, CheckJson};
 use serde::Serialize;
 
 use crate::args::{Format, ModelArgs};
 use crate::exit::Failure;
-use crate::generate::{self, State};
+use crate::generate;
 use crate::verify;
-use crate::{load, modules, sources, table, terminal, workspace};
+use crate::{load, table, terminal};
 
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -30,23 +31,20 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     };
     let start = Instant::now();
     let robot = load::robot(file)?;
-    let module = modules::module(&robot, file)?;
+    let module = module(&robot, file)?;
     terminal::note(&format!(
         "derived {} in {:.2} s",
         file.display(),
         start.elapsed().as_secs_f64()
     ));
 
-    let dir = args
-        .out
-        .clone()
-        .unwrap_or_else(|| workspace::generated_beside(file));
-    let source = sources::place(&dir, &robot.name)?;
+    let dir = args.out.clone().unwrap_or_else(|| generated_beside(file));
+    let source = place(&dir, &robot.name)?;
     let lines = module.text.lines().count();
-    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
+    let entries = compare_modules(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
     let mut same = true;
     for entry in &entries {
-        entry.write()?;
+        generate::put(entry)?;
         same &= entry.is_current()?;
     }
     let changed = entries.iter().any(|entry| entry.state != State::Current);

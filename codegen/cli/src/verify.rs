@@ -1,18 +1,17 @@
 //! `regen verify`: checks the identities of a robot and compares its base parameters with the
 //! numeric path; with `--all`, runs the independent checks of any number of robots.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use regen_codegen::robot::Robot;
+use regen_sources::{Workspace, is_up_to_date};
 use regen_verify::print::{self, OfFile};
 use regen_verify::{Check, Report, Statement, Vectors, VerifyError};
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
-use crate::workspace::{self, Workspace};
-use crate::{closed, load, modules, progress, sources, terminal};
+use crate::{closed, load, progress, terminal};
 
 /// The check that the source on disk equals what the emitter writes now.
 const SAME_SOURCE: Statement = Statement::identity("source on disk is what was emitted");
@@ -28,7 +27,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         ));
     };
     let robot = load::with_base(&load::source(file)?)?;
-    let report = checked(&robot, same_source(&robot, file)?)?;
+    let report = checked(&robot, is_up_to_date(&robot, file)?)?;
     let numeric = regen_verify::numeric_path(&robot, args.states)?;
     terminal::print(&match args.format {
         VerifyFormat::Markdown => {
@@ -57,30 +56,6 @@ pub(crate) fn checked(robot: &Robot, same: Option<bool>) -> Result<Report, Failu
 /// The failure that names the statements that were found false.
 pub(crate) fn not_verified(robot: &str, failed: &[&str]) -> Failure {
     Failure::Check(format!("{robot} is not verified: {}", failed.join("; ")))
-}
-
-/// Whether the generated module on disk of a robot of a workspace, or its digest, equals what would
-/// be generated now; `None` where there is no such file.
-fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
-    let beside = match file.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    };
-    if !Workspace::above(beside).is_some_and(|w| w.contains_robot(file)) {
-        return Ok(None);
-    }
-    let place = sources::place(&workspace::generated_beside(file), &robot.name)?;
-    if !place.is_file() {
-        return Ok(None);
-    }
-    let found = load::text(&place)?;
-    let module = modules::module(robot, file)?;
-    Ok(Some(if place.extension().is_some_and(|e| e == "rs") {
-        found == module.text
-    } else {
-        let digest = BTreeMap::from([(robot.name.clone(), module.digest)]);
-        found == sources::digests(Some(&found), digest)
-    }))
 }
 
 fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
@@ -122,7 +97,7 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
 /// The spec files to verify: those named, those in named directories, or all of the workspace.
 fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     if named.is_empty() {
-        return Workspace::current()?.robots();
+        return Ok(Workspace::current()?.robots()?);
     }
     let mut files = Vec::new();
     for path in named {
@@ -131,7 +106,7 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             continue;
         }
         let mut inside =
-            workspace::entries(path).map_err(|error| Failure::io("read", path, &error))?;
+            regen_sources::entries(path).map_err(|error| Failure::io("read", path, &error))?;
         inside.retain(|p| p.extension().is_some_and(|e| e == "yaml") && p.is_file());
         if inside.is_empty() {
             return Err(Failure::Input(format!("no *.yaml in {}", path.display())));

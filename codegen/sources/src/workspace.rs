@@ -5,17 +5,17 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::exit::Failure;
+use crate::error::SourceError;
 
 /// A directory with `robots/` and `generated/src/`.
 #[derive(Debug)]
-pub(crate) struct Workspace {
+pub struct Workspace {
     root: PathBuf,
 }
 
 impl Workspace {
     /// The nearest workspace from `start` upward.
-    pub(crate) fn above(start: &Path) -> Option<Self> {
+    pub fn above(start: &Path) -> Option<Self> {
         let start = start.canonicalize().ok()?;
         start
             .ancestors()
@@ -26,42 +26,48 @@ impl Workspace {
     }
 
     /// The workspace of the current directory.
-    pub(crate) fn current() -> Result<Self, Failure> {
-        Self::above(Path::new(".")).ok_or_else(|| {
-            Failure::Input(
-                "no directory from here upward holds both robots/ and generated/src/; name \
-                 the FILES to generate, and --out DIR"
-                    .to_owned(),
-            )
-        })
+    ///
+    /// # Errors
+    ///
+    /// [`SourceError::NoWorkspace`].
+    pub fn current() -> Result<Self, SourceError> {
+        Self::above(Path::new(".")).ok_or(SourceError::NoWorkspace)
     }
 
     /// The default directory of generated modules.
-    pub(crate) fn generated(&self) -> PathBuf {
+    pub fn generated(&self) -> PathBuf {
         shortened(&self.root.join("generated/src"))
     }
 
     /// Whether the file is one of the workspace's `robots/*.yaml`.
-    pub(crate) fn contains_robot(&self, file: &Path) -> bool {
+    pub fn contains_robot(&self, file: &Path) -> bool {
         let dir = self.root.join("robots").canonicalize();
         let file = file.canonicalize();
         dir.is_ok_and(|dir| file.is_ok_and(|file| file.parent() == Some(&dir)))
     }
 
     /// Every `robots/*.yaml`, sorted.
-    pub(crate) fn robots(&self) -> Result<Vec<PathBuf>, Failure> {
+    ///
+    /// # Errors
+    ///
+    /// A directory that cannot be read, or holds none.
+    pub fn robots(&self) -> Result<Vec<PathBuf>, SourceError> {
         let dir = shortened(&self.root.join("robots"));
-        let mut found = entries(&dir).map_err(|error| Failure::io("read", &dir, &error))?;
+        let mut found = entries(&dir).map_err(|error| SourceError::io("read", &dir, error))?;
         found.retain(|path| path.extension().is_some_and(|e| e == "yaml") && path.is_file());
         if found.is_empty() {
-            return Err(Failure::Input(format!("no *.yaml in {}", dir.display())));
+            return Err(SourceError::NoRobots(dir));
         }
         Ok(found)
     }
 }
 
 /// The paths in a directory, sorted.
-pub(crate) fn entries(dir: &Path) -> io::Result<Vec<PathBuf>> {
+///
+/// # Errors
+///
+/// A directory that cannot be read.
+pub fn entries(dir: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = fs::read_dir(dir)?
         .map(|entry| entry.map(|e| e.path()))
         .collect::<io::Result<Vec<_>>>()?;
@@ -89,7 +95,7 @@ fn shortened(path: &Path) -> PathBuf {
 
 /// The generated-source directory of the workspace that contains the file, or else the current
 /// directory.
-pub(crate) fn generated_beside(file: &Path) -> PathBuf {
+pub fn generated_beside(file: &Path) -> PathBuf {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
         _ => Path::new("."),

@@ -10,8 +10,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::exit::Failure;
-use crate::modules::Module;
+use crate::error::SourceError;
+use crate::module::Module;
 
 const SOURCES: &str = "sources.txt";
 const DIGESTS: &str = "digests.txt";
@@ -30,12 +30,12 @@ pub(crate) struct Manifest {
 impl Manifest {
     /// Reads the manifest of a directory of modules; `None` where there is none and every source is
     /// written.
-    pub(crate) fn of(dir: &Path) -> Result<Option<Self>, Failure> {
+    pub(crate) fn of(dir: &Path) -> Result<Option<Self>, SourceError> {
         let file = sibling(dir, SOURCES);
         let text = match fs::read_to_string(&file) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Failure::io("read", &file, &error)),
+            Err(error) => return Err(SourceError::io("read", &file, error)),
         };
         let lines = text.lines().map(str::trim);
         let names = lines
@@ -46,13 +46,13 @@ impl Manifest {
     }
 
     /// Returns an error unless every name of the manifest is one of these robots.
-    pub(crate) fn names_only(&self, robots: &BTreeMap<String, Module>) -> Result<(), Failure> {
+    pub(crate) fn names_only(&self, robots: &BTreeMap<String, Module>) -> Result<(), SourceError> {
         match self.names.iter().find(|name| !robots.contains_key(*name)) {
             None => Ok(()),
-            Some(name) => Err(Failure::Input(format!(
-                "{}: no robot is named `{name}`",
-                self.file.display()
-            ))),
+            Some(name) => Err(SourceError::UnknownRobot {
+                file: self.file.clone(),
+                robot: name.clone(),
+            }),
         }
     }
 
@@ -73,8 +73,13 @@ impl Manifest {
     }
 }
 
-/// The path of the file that contains a robot's source, or its digest.
-pub(crate) fn place(dir: &Path, robot: &str) -> Result<PathBuf, Failure> {
+/// The path of the file that contains a robot's source, or its digest: `sources.txt` beside the
+/// directory names the robots whose whole source is kept, `digests.txt` has the digests of the others.
+///
+/// # Errors
+///
+/// A list that cannot be read.
+pub fn place(dir: &Path, robot: &str) -> Result<PathBuf, SourceError> {
     Ok(match Manifest::of(dir)? {
         Some(manifest) if !manifest.names.contains(robot) => manifest.digests(),
         _ => dir.join(format!("{robot}.rs")),
