@@ -94,7 +94,7 @@ fn resolved(
     spec: Option<&Source>,
     is_plain: bool,
 ) -> Result<Vec<Run>, Failure> {
-    let files = logs.iter().filter_map(experiment_path);
+    let files = logs.iter().filter_map(yaml_path);
     let path = match &files.collect::<Vec<PathBuf>>()[..] {
         [] => {
             return match reading.folder {
@@ -128,7 +128,7 @@ fn resolved(
     }
     let own = path.parent().unwrap_or(Path::new(""));
     let folder = reading.folder.as_deref().unwrap_or(own);
-    logs.retain(|run| experiment_path(run).is_none());
+    logs.retain(|run| yaml_path(run).is_none());
     let planned = logs.is_empty();
     let validation = if planned {
         *logs = file.runs_in(folder, Purpose::Identify);
@@ -182,7 +182,7 @@ pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
 }
 
 /// The path of a run that is an experiment file, by its extension.
-fn experiment_path(run: &Run) -> Option<PathBuf> {
+pub(crate) fn yaml_path(run: &Run) -> Option<PathBuf> {
     let [path] = &run.files[..] else { return None };
     // that of a ROS 2 bag
     if path.file_name()? == "metadata.yaml" {

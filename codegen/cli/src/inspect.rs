@@ -35,6 +35,7 @@ struct InspectJson<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let mut args = args.clone();
+    take_spec(&mut args)?;
     let source = args.spec.as_deref().map(load::source).transpose()?;
     let validation = experiment::resolve_for(&mut args.logs, &mut args.reading, source.as_ref())?;
     args.logs.extend(validation);
@@ -99,6 +100,22 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         }),
         Format::Human => inspection_text(&found),
     })
+}
+
+/// Takes a robot's description that stands before the logs, as in other commands, for `--spec`.
+fn take_spec(args: &mut InspectArgs) -> Result<(), Failure> {
+    let [first, _, ..] = &args.logs[..] else {
+        return Ok(());
+    };
+    if let (None, Some(path)) = (&args.spec, experiment::yaml_path(first))
+        && load::text(&path)?
+            .lines()
+            .any(|line| line.starts_with("limbs:"))
+    {
+        args.spec = Some(path);
+        args.logs.remove(0);
+    }
+    Ok(())
 }
 
 /// The runs with their files as an experiment file names them: from its own folder on.

@@ -29,6 +29,16 @@ fn changed(text: &str) -> String {
 }
 
 #[test]
+fn the_spec_may_stand_before_the_logs() {
+    let dir = scratch("inspect_spec_first");
+    let run = |args: &[&str]| regen(&dir, args).ended(0).out;
+    let (spec, log) = (guide("fivebar.yaml"), guide("run1.csv"));
+    let named = run(&["inspect", &log, "--spec", &spec]);
+    assert_eq!(run(&["inspect", &spec, &log]), named);
+    assert!(named.contains("can identify of"), "{named}");
+}
+
+#[test]
 fn a_first_experiment_file_is_proposed_that_identify_accepts() {
     let dir = scratch("inspect_proposal");
     let run = |args: &[&str]| regen(&dir, args).ended(0);

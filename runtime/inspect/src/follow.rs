@@ -32,6 +32,11 @@ const MIN_CORRELATION: f64 = 0.5;
 const MIN_EXPLAINED: f64 = 0.5;
 /// How often the effort is shifted by the estimated delay and the delay estimated again.
 const DELAY_PASSES: usize = 4;
+/// In how many blocks of time the delay is estimated, for its deviation.
+const BLOCKS: usize = 10;
+/// An effort that precedes its motion by this many deviations shows that the regression lacks
+/// something which looks like a delay.
+const PRECEDES: f64 = 3.0;
 /// How much of each end of a stretch is left out, in periods of the cutoff.
 const MARGIN_PERIODS: f64 = 1.0;
 /// The least number of rows for each column of the regression.
@@ -55,7 +60,8 @@ pub struct Following {
     /// For each joint, the part of its variance that only this joint's velocity and direction
     /// explain; where friction shows in none, its acceleration too.
     pub shares: Vec<f64>,
-    /// The time by which it is behind the motion, s, with its standard deviation.
+    /// The time by which it is behind the motion, s, with its standard deviation; `None` where the
+    /// motion explains too little of it, or an effort seems to precede its motion.
     pub delay: Option<[f64; 2]>,
 }
 
@@ -263,6 +269,12 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
         out.push(found);
     }
     exchanged(&mut out);
+    let precedes = |[seconds, sigma]: [f64; 2]| seconds < -PRECEDES * sigma;
+    if out.iter().any(|found| found.delay.is_some_and(precedes)) {
+        for found in &mut out {
+            found.delay = None;
+        }
+    }
     out
 }
 
@@ -360,7 +372,8 @@ fn delay(
     motion: &RegressionInput<'_>,
 ) -> Option<[f64; 2]> {
     let raw = efforts.clone();
-    let half: usize = rows.iter().map(Vec::len).sum::<usize>() / 2;
+    let all: usize = rows.iter().map(Vec::len).sum();
+    let length = all.div_ceil(BLOCKS).max(1);
     let (mut total, mut sigma) = (0.0, f64::INFINITY);
     for _ in 0..DELAY_PASSES {
         let solved = regress(normal, rows, &efforts, margin);
@@ -377,7 +390,7 @@ fn delay(
         // the part of the rates that no column explains
         let other = regress(normal, rows, &rates, margin);
         let (mut xy, mut xx, mut yy, mut count) = (0.0, 0.0, 0.0, 0.0);
-        let (mut halves, mut before) = ([(0.0, 0.0); 2], 0);
+        let (mut blocks, mut before) = ([(0.0, 0.0); BLOCKS], 0);
         for (rows, (rates, efforts)) in rows.iter().zip(rates.iter().zip(&efforts)) {
             for k in margin..rows.len().saturating_sub(margin) {
                 let x = rates[k] - normal.predict(&other, &rows[k]);
@@ -386,8 +399,8 @@ fn delay(
                 xx += x * x;
                 yy += y * y;
                 count += 1.0;
-                let part = &mut halves[usize::from(before + k >= half)];
-                *part = (part.0 + x * y, part.1 + x * x);
+                let block = &mut blocks[(before + k) / length];
+                *block = (block.0 + x * y, block.1 + x * x);
             }
             before += rows.len();
         }
@@ -399,9 +412,10 @@ fn delay(
         // filtered values are not independent of their neighbours
         let memory = (0.5 / motion.cutoff / motion.step).max(1.0);
         let noise = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
-        // what the regression leaves of the motion is no noise, and differs between both halves
-        let [early, late] = halves.map(|(xy, xx)| if xx > 0.0 { xy / xx } else { 0.0 });
-        sigma = noise.max(0.5 * (early - late).abs());
+        // what the regression leaves of the motion is no noise, and differs from block to block
+        let scatter: f64 = blocks.iter().map(|(xy, xx)| (xy - step * xx).powi(2)).sum();
+        let few = BLOCKS as f64 / (BLOCKS as f64 - 1.0);
+        sigma = noise.max((few * scatter).sqrt() / xx);
         if total.abs() > 1.0 / motion.cutoff {
             return None;
         }

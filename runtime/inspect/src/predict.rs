@@ -288,7 +288,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             }
         })
         .collect();
-    let decimated = between * filtering.decimation.max(1) as f64;
+    let decimated = between * filtering.samples_between(between) as f64;
     // half the rate of the equations, or what is left of the noise behind the filter if it is more
     let band = match filtering.smoothing {
         Smoothing::None => 0.5 / between,

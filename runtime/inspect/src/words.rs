@@ -193,14 +193,10 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
     let rate = found.clock.rate;
     let certain = found.efforts.iter().filter_map(|effort| {
         let [seconds, sigma] = effort.delay?;
-        let seen = seconds.abs() > CERTAIN_DEVIATIONS * sigma;
-        (seen && seconds.abs() * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
+        let seen = seconds > CERTAIN_DEVIATIONS * sigma;
+        (seen && seconds * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
     });
     let certain: Vec<(usize, f64)> = certain.collect();
-    // an effort cannot precede its motion: the regression lacks something, and no delay is certain
-    if certain.iter().any(|(_, seconds)| *seconds < 0.0) {
-        return;
-    }
     let late: Vec<String> = certain
         .iter()
         .map(|(column, seconds)| {

@@ -30,7 +30,7 @@ Examples:
   regen inspect run.csv --spec arm.yaml --report page.html --out runs.yaml
   regen inspect runs.yaml --spec arm.yaml --format json")]
 pub(crate) struct InspectArgs {
-    /// Logs, CSV or Parquet files; or an experiment file, YAML
+    /// Logs, or an experiment file, YAML; a robot's spec may stand before them
     #[arg(required = true, value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
     /// The robot's spec

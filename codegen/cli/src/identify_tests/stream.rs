@@ -98,6 +98,26 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
 }
 
 #[test]
+fn a_fast_log_is_averaged_before_its_filter_without_bias() {
+    with_arm(|model| {
+        let mut log = recorded(&swing, 0.0002, 60_000).filtered(Filtering {
+            smoothing: Smoothing::Butterworth {
+                order: 4,
+                cutoff: 2.0,
+            },
+            decimation: 1,
+            standstill: Standstill::Keep,
+        });
+        let found = identify(model, EquationKind::Forces, &Options::default(), &mut log).unwrap();
+        assert!(error(&found) < 1e-3, "{:?}", found.estimate);
+        // 5000 Hz are 50 times 2 Hz 50 times, so 32 equations become one
+        let left = found.left_out;
+        assert_eq!(32 * left.samples + left.unsettled, 60_000);
+        assert!(left.samples > 1600, "{left:?}");
+    });
+}
+
+#[test]
 fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
     with_arm(|model| {
         let smoothing = Smoothing::Butterworth {

@@ -149,12 +149,15 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
         let entries = layout.positions().zip(&self.log.encoders);
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
-            let mut rests = resting(&times, &column(entry), *encoder);
-            for (k, rests) in rests.iter().enumerate() {
-                if *rests {
+            let positions = column(entry);
+            // what creeps has a velocity, though its friction is not that of sliding
+            let unmoved = resting(&times, &positions, encoder.without_creep());
+            for (k, unmoved) in unmoved.into_iter().enumerate() {
+                if unmoved {
                     (rate[k], acceleration[k]) = (0.0, 0.0);
                 }
             }
+            let mut rests = resting(&times, &positions, *encoder);
             let slowest = self
                 .sign_thresholds
                 .get(still.len())

@@ -3,6 +3,7 @@
 
 mod delay;
 mod equation_builder;
+mod filtering;
 mod fusion;
 mod huber;
 mod instruments;
@@ -17,6 +18,7 @@ pub mod suspect;
 
 pub use delay::{Delay, Delays};
 pub use equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
+pub use filtering::{Filtering, Standstill};
 pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
 };
@@ -24,7 +26,7 @@ pub use motion::{Completed, CompletedStates, Completeness, Completion};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
-pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};
+pub use stream::{Columns, LeftOut, NoColumns, equations};
 
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;

@@ -4,10 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
+use super::filtering::Filtering;
 use super::huber::{Reweighting, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
-use super::stream::{Filtering, LeftOut};
+use super::stream::LeftOut;
 use crate::estimate::huber as loss;
 use crate::estimate::{
     Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,

@@ -3,50 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
+use super::filtering::{Filtering, Standstill};
 use super::passes::Source;
 use super::pending::Pending;
 use crate::estimate::EstimateError;
 use crate::signals::{SignalError, Smoothing};
 use regen_runtime::{BaseModel, Condition, Friction};
-
-/// How to treat equations of coordinates that rest, or move so slowly that noise determines
-/// the direction of their friction.
-///
-/// Static friction of any size up to its limit acts on a joint at rest, which no column
-/// explains; so its equation cannot be used where the joint has friction that depends on the
-/// direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Standstill {
-    /// Equations at standstill are left out.
-    #[default]
-    Drop,
-    /// Equations at standstill are used like all others.
-    Keep,
-    /// Each equation is weighted by the part of the filter's window in which its coordinate moved.
-    Weigh,
-}
-
-/// How equations are processed between the states of a log and least squares.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Filtering {
-    /// The filter of efforts and regressor.
-    pub smoothing: Smoothing,
-    /// Decimation ratio: one of this many filtered equations is used; at least 1.
-    pub decimation: usize,
-    /// What is done with equations at standstill.
-    pub standstill: Standstill,
-}
-
-impl Default for Filtering {
-    /// No filter, no decimation, and equations at standstill are left out.
-    fn default() -> Self {
-        Self {
-            smoothing: Smoothing::None,
-            decimation: 1,
-            standstill: Standstill::Drop,
-        }
-    }
-}
 
 /// How many samples and equations a pass used and left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -158,8 +120,12 @@ struct Stream<'m, M: ?Sized> {
     values: Vec<f64>,
     weights: Vec<f64>,
     filtered: Vec<f64>,
-    /// The filter's support and settling in samples at this run's sampling, once that is known.
+    /// The filter's support and settling in averages of this run, once their rate is known.
     reach: Option<(usize, usize)>,
+    /// The number of equations of this run that are averaged, once its sampling is known.
+    averaged: Option<usize>,
+    /// The number of equations in the last entry of `times`, of which it is to be the average.
+    summed: usize,
     /// The number of samples at the start of `times` that only the filter needs.
     before: usize,
     /// The number of settled samples of the run so far, for decimation.
@@ -224,6 +190,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             weights: Vec::new(),
             filtered: Vec::new(),
             reach: None,
+            averaged: None,
+            summed: 0,
             before: 0,
             count: 0,
             follows: false,
@@ -301,7 +269,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             self.weights.clear();
             return Ok(());
         }
-        if self.times.len() <= BLOCK_ROWS {
+        self.average();
+        if self.times.len() <= BLOCK_ROWS || self.summed > 0 {
             return Ok(());
         }
         let (support, settling) = self.reach()?;
@@ -354,6 +323,63 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         Ok(true)
     }
 
+    /// Adds the last sample of the buffer to the average before it.
+    fn average(&mut self) {
+        let last = self.times.len() - 1;
+        let averaged = match (self.averaged, last) {
+            (Some(averaged), _) => averaged,
+            // a single sample has no time step
+            (None, 0) => return,
+            (None, _) => {
+                let averaged = self.filtering.averaged(self.times[last] - self.times[0]);
+                self.averaged = Some(averaged);
+                self.summed = usize::from(averaged > 1);
+                averaged
+            }
+        };
+        if averaged == 1 {
+            return;
+        }
+        if self.summed == 0 {
+            self.summed = 1;
+            return;
+        }
+        let add = |all: &mut Vec<f64>, width: usize| {
+            let (before, own) = all.split_at_mut(last * width);
+            let sums = &mut before[(last - 1) * width..];
+            for (sum, own) in sums.iter_mut().zip(own) {
+                *sum += *own;
+            }
+            all.truncate(last * width);
+        };
+        add(&mut self.times, 1);
+        add(&mut self.values, self.width);
+        add(&mut self.weights, self.dof);
+        self.summed += 1;
+        if self.summed < averaged {
+            return;
+        }
+        self.summed = 0;
+        let place = last - 1;
+        let sums = (self.times[place..].iter_mut())
+            .chain(&mut self.values[place * self.width..])
+            .chain(&mut self.weights[place * self.dof..]);
+        for sum in sums {
+            *sum /= averaged as f64;
+        }
+    }
+
+    /// Leaves out the last average of a run where equations are missing to it.
+    fn drop_incomplete(&mut self) {
+        if self.summed > 0 {
+            let whole = self.times.len() - 1;
+            self.times.truncate(whole);
+            self.values.truncate(whole * self.width);
+            self.weights.truncate(whole * self.dof);
+            self.summed = 0;
+        }
+    }
+
     /// Passes an energy balance on unfiltered.
     fn balance(
         &mut self,
@@ -383,6 +409,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
 
     /// Filters and passes on the rest of a run of consecutive samples.
     fn end_run(&mut self, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
+        self.drop_incomplete();
         let n = self.times.len();
         // a single sample has no time step
         if n > 1 {
@@ -394,6 +421,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         self.values.clear();
         self.weights.clear();
         self.reach = None;
+        self.averaged = None;
         self.before = 0;
         self.count = 0;
         self.follows = false;
@@ -418,7 +446,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             Err(SignalError::TooFew { .. }) => return Ok(()),
             Err(why) => return Err(why.into()),
         }
-        self.settled += range.len();
+        self.settled += range.len() * self.averaged.unwrap_or(1);
         self.hand_over(range, each)
     }
 
@@ -430,7 +458,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         // without a filter, the states of the log are already decimated
         let every = match self.filtering.smoothing {
             Smoothing::None => 1,
-            _ => self.filtering.decimation.max(1),
+            _ => self.filtering.every(self.averaged.unwrap_or(1)),
         };
         let dof = self.dof;
         let mut weights = vec![0.0; dof];
