@@ -25,7 +25,21 @@ pub(crate) fn reduce(
     side: &mut [f64],
     rows: usize,
 ) -> f64 {
+    reduce_from(0, r, z, block, side, rows)
+}
+
+/// [`reduce`] of rows whose entries before the column `first` are zero; `block` has the columns from
+/// there on.
+pub(crate) fn reduce_from(
+    first: usize,
+    r: &mut [f64],
+    z: &mut [f64],
+    block: &mut [f64],
+    side: &mut [f64],
+    rows: usize,
+) -> f64 {
     Arch::new().dispatch(Reduce {
+        first,
         r,
         z,
         block,
@@ -37,6 +51,7 @@ pub(crate) fn reduce(
 /// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
 /// do not depend on it.
 struct Reduce<'a> {
+    first: usize,
     r: &'a mut [f64],
     z: &'a mut [f64],
     block: &'a mut [f64],
@@ -49,12 +64,13 @@ impl WithSimd for Reduce<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        reduce_rows(self.r, self.z, self.block, self.side, self.rows)
+        reduce_rows(self.first, self.r, self.z, self.block, self.side, self.rows)
     }
 }
 
 #[inline(always)]
 fn reduce_rows(
+    first: usize,
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -65,9 +81,9 @@ fn reduce_rows(
     if rows == 0 {
         return 0.0;
     }
-    let (columns, _) = block.split_at_mut(n * rows);
+    let (columns, _) = block.split_at_mut(n.saturating_sub(first) * rows);
     let mut rest = columns;
-    for k in 0..n {
+    for k in first..n {
         let (v, later) = rest.split_at_mut(rows);
         rest = later;
         let tail = dot(v, v);
@@ -125,10 +141,10 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
 }
 
 /// Number of independent sums, which the compiler keeps in vector registers.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
@@ -178,7 +194,21 @@ fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
     }
 }
 
+/// Solves `R^T y = g` for an upper triangular R.
+#[inline(always)]
+pub(crate) fn forward(r: &[f64], g: &[f64]) -> Vec<f64> {
+    let n = g.len();
+    let mut y = g.to_vec();
+    for k in 0..n {
+        let (column, rest) = r[k * n..].split_at(k);
+        let sum = dot(column, &y[..k]);
+        y[k] = (y[k] - sum) / rest[0];
+    }
+    y
+}
+
 /// Solves R x = z by back substitution; `None` if a diagonal entry is zero.
+#[inline(always)]
 pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     let n = z.len();
     let mut x = z.to_vec();
@@ -189,8 +219,9 @@ pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
         }
         x[k] /= pivot;
         let value = x[k];
-        for i in 0..k {
-            x[i] -= r[k * n + i] * value;
+        let (above, _) = x.split_at_mut(k);
+        for (x, r) in above.iter_mut().zip(&r[k * n..]) {
+            *x -= r * value;
         }
     }
     Some(x)

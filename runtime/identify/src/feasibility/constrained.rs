@@ -7,12 +7,12 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
-use super::faces::{InteriorStart, find_interior_point};
+use super::faces::{InteriorStart, find_interior_point, interior_point_of};
 use super::interior::{InteriorOutcome, minimise, start};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
-use super::verdict::verdict;
+use super::verdict::{refutes, verdict};
 use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
 use crate::estimate::QrFactor;
 
@@ -158,6 +158,54 @@ pub fn identify(
     layout: &ParameterLayout,
     options: &Options,
 ) -> Result<PhysicalFit, FeasibilityError> {
+    identify_like(factor, combinations, layout, options, &Known::default())
+}
+
+/// What fits of similar observations share; it changes how long a fit takes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Known {
+    /// The weights of certificates that no physical robot has the base parameters of other
+    /// observations: they may prove it for these too.
+    certificates: Vec<Vec<f64>>,
+    /// Parameters (p, SI) inside all constraints.
+    inside: Option<Vec<f64>>,
+}
+
+impl Known {
+    /// What a fit to these observations finds before it begins, see [`identify`].
+    pub(crate) fn of(
+        factor: &QrFactor,
+        combinations: &BaseMap,
+        layout: &ParameterLayout,
+        options: &Options,
+    ) -> Result<Self, FeasibilityError> {
+        let mut known = Self::default();
+        let Ok(beta) = factor.solve() else {
+            return Ok(known);
+        };
+        if !has_constraints(options) {
+            let Verdict::Infeasible { certificate } =
+                verdict(layout, combinations, &beta, options.scale)?
+            else {
+                return Ok(known);
+            };
+            known.certificates.push(certificate.weights);
+        }
+        let setting = Setting::new(factor, combinations, layout, options);
+        let InteriorStart { problem, x } = find_interior_point(&setting)?;
+        known.inside = Some(problem.expand(&x));
+        Ok(known)
+    }
+}
+
+/// As [`identify`], knowing what fits of similar observations found.
+pub(crate) fn identify_like(
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    known: &Known,
+) -> Result<PhysicalFit, FeasibilityError> {
     let p = layout.len();
     let r = combinations.rows().len();
     size("parameters", p, combinations.parameters())?;
@@ -181,24 +229,22 @@ pub fn identify(
         });
     }
 
-    if let Some(fit) = physical_least_squares(factor, combinations, layout, options)? {
+    if let Some(fit) = physical_least_squares(factor, combinations, layout, options, known)? {
         return Ok(fit);
     }
-    let (least_squares_residual, rank) = least_squares_residual(factor);
-    let degrees_of_freedom = factor.rows().saturating_sub(rank).max(1);
-    let setting = Setting {
-        factor,
-        combinations,
-        layout,
-        options,
-        noise: options
-            .noise
-            .unwrap_or((least_squares_residual / degrees_of_freedom as f64).sqrt()),
+    let setting = Setting::new(factor, combinations, layout, options);
+    let least_squares_residual = least_squares_residual(factor).0;
+    let again = match &known.inside {
+        Some(phi) => interior_point_of(&setting, phi)?,
+        None => None,
     };
     let InteriorStart {
         problem,
         x: interior_point,
-    } = find_interior_point(&setting)?;
+    } = match again {
+        Some(start) => start,
+        None => find_interior_point(&setting)?,
+    };
     let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
     let first = start(&problem.objective, &problem.cones, interior_point.clone())
         .ok_or_else(no_solution)?;
@@ -235,6 +281,27 @@ pub fn identify(
         limited,
         sizes: size_limits(&problem, layout),
     })
+}
+
+impl<'a> Setting<'a> {
+    /// The noise is that of the options, or that of the residuals of least squares.
+    fn new(
+        factor: &'a QrFactor,
+        combinations: &'a BaseMap,
+        layout: &'a ParameterLayout,
+        options: &'a Options,
+    ) -> Self {
+        let (least_squares_residual, rank) = least_squares_residual(factor);
+        let degrees_of_freedom = factor.rows().saturating_sub(rank).max(1);
+        let noise = (least_squares_residual / degrees_of_freedom as f64).sqrt();
+        Setting {
+            factor,
+            combinations,
+            layout,
+            options,
+            noise: options.noise.unwrap_or(noise),
+        }
+    }
 }
 
 /// The sum of squared residuals of least squares, and the rank of the observations.
@@ -387,25 +454,35 @@ fn physical_parameters(
     None
 }
 
+/// Whether there are priors, or constraints besides being physical.
+fn has_constraints(options: &Options) -> bool {
+    !options.priors.is_empty()
+        || options.entropic > 0.0
+        || !options.known.is_empty()
+        || !options.bounds.is_empty()
+        || !options.totals.is_empty()
+        || !options.forms.is_empty()
+        || !options.identical.is_empty()
+}
+
 /// The least-squares solution, if it is physical and there are no priors or further constraints.
 fn physical_least_squares(
     factor: &QrFactor,
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
+    known: &Known,
 ) -> Result<Option<PhysicalFit>, FeasibilityError> {
-    let has_constraints = !options.priors.is_empty()
-        || options.entropic > 0.0
-        || !options.known.is_empty()
-        || !options.bounds.is_empty()
-        || !options.totals.is_empty()
-        || !options.forms.is_empty()
-        || !options.identical.is_empty();
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if has_constraints {
+    if has_constraints(options) {
         return Ok(None);
+    }
+    for weights in &known.certificates {
+        if refutes(layout, combinations, &beta, options.scale, weights)? {
+            return Ok(None);
+        }
     }
     let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)
     else {

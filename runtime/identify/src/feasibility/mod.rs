@@ -26,12 +26,15 @@ mod program;
 mod psd_completion;
 mod reduced;
 mod sizes;
+mod step;
+mod sums;
 mod symmetric;
 mod verdict;
 
 // links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
 
+pub(crate) use constrained::{Known, identify_like};
 pub use constrained::{MAX_OPTIMAL_GAP, Outcome, PhysicalFit, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
 pub(crate) use inertia::about_centre;
