@@ -82,9 +82,19 @@ fn reduce_rows(
         return 0.0;
     }
     let (columns, _) = block.split_at_mut(n.saturating_sub(first) * rows);
-    let mut rest = columns;
-    for k in first..n {
-        let (v, later) = rest.split_at_mut(rows);
+    // a column of zeros in rows and triangle stays zero, as many do where an effort does not depend
+    // on all parameters
+    let present = |(k, column): &(usize, &mut [f64])| {
+        let above = &r[k * n..=k * n + k];
+        column.iter().chain(above).any(|x| *x != 0.0)
+    };
+    let mut rest: Vec<(usize, &mut [f64])> = (first..n)
+        .zip(columns.chunks_exact_mut(rows))
+        .filter(present)
+        .collect();
+    let mut rest = rest.as_mut_slice();
+    while let Some(((k, v), later)) = rest.split_first_mut() {
+        let (k, v) = (*k, &**v);
         rest = later;
         let tail = dot(v, v);
         let alpha = r[k * n + k];
@@ -101,22 +111,20 @@ fn reduce_rows(
         let head = alpha - beta;
         let h = -beta * head;
         r[k * n + k] = beta;
-        let mut column = k + 1;
-        let mut pairs = rest.chunks_exact_mut(2 * rows);
+        let mut pairs = rest.chunks_exact_mut(2);
         for pair in &mut pairs {
-            let (a, b) = pair.split_at_mut(rows);
-            let (pa, pb) = dots(v, a, b);
-            let (ra, rb) = (column * n + k, (column + 1) * n + k);
-            let sa = head.mul_add(r[ra], pa) / h;
-            let sb = head.mul_add(r[rb], pb) / h;
-            r[ra] -= sa * head;
-            r[rb] -= sb * head;
-            subtract_two(v, a, sa, b, sb);
-            column += 2;
+            if let [(first, a), (second, b)] = pair {
+                let (pa, pb) = dots(v, a, b);
+                let (ra, rb) = (*first * n + k, *second * n + k);
+                let sa = head.mul_add(r[ra], pa) / h;
+                let sb = head.mul_add(r[rb], pb) / h;
+                r[ra] -= sa * head;
+                r[rb] -= sb * head;
+                subtract_two(v, a, sa, b, sb);
+            }
         }
-        let last = pairs.into_remainder();
-        if !last.is_empty() {
-            let at = column * n + k;
+        if let [(column, last)] = pairs.into_remainder() {
+            let at = *column * n + k;
             let s = head.mul_add(r[at], dot(v, last)) / h;
             r[at] -= s * head;
             subtract(v, last, s);

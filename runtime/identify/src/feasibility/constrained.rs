@@ -8,16 +8,22 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
 use super::faces::{InteriorStart, find_interior_point, interior_point_of};
-use super::interior::{InteriorOutcome, minimise, start};
+use super::interior::{InteriorOutcome, Point, minimise, start};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
+use super::symmetric::Square;
 use super::verdict::{refutes, verdict};
 use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
 use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 const TARGET_GAP: f64 = 1e-10;
+/// A fit from which others begin ends at this relative duality gap: the point before it is near their
+/// optima, and far enough from the borders of the cones.
+const KNOWN_GAP: f64 = 1e-3;
+/// A fit that began at the point of another is made anew where its gap is larger than this.
+const MAX_GAP_OF_KNOWN: f64 = 1e-8;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The cost of the term for closeness to the reference at the first solution, as a fraction of the
@@ -167,8 +173,8 @@ pub(crate) struct Known {
     /// The weights of certificates that no physical robot has the base parameters of other
     /// observations: they may prove it for these too.
     certificates: Vec<Vec<f64>>,
-    /// Parameters (p, SI) inside all constraints.
-    inside: Option<Vec<f64>>,
+    /// Parameters (p, SI) inside all constraints, on the way to the best ones, with the duals there.
+    inside: Option<(Vec<f64>, Vec<Square>)>,
 }
 
 impl Known {
@@ -193,7 +199,16 @@ impl Known {
         }
         let setting = Setting::new(factor, combinations, layout, options);
         let InteriorStart { problem, x } = find_interior_point(&setting)?;
-        known.inside = Some(problem.expand(&x));
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = &problem;
+        known.inside = start(objective, cones, x)
+            .and_then(|first| minimise(objective, cones, reach, first, KNOWN_GAP, &|_| false))
+            .map(|ended| ended.interior_point)
+            .map(|point| (problem.expand(&point.x), point.duals));
         Ok(known)
     }
 }
@@ -234,29 +249,35 @@ pub(crate) fn identify_like(
     }
     let setting = Setting::new(factor, combinations, layout, options);
     let least_squares_residual = least_squares_residual(factor).0;
+    let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
+    let solve = |problem: &Problem, first: Point| {
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = problem;
+        minimise(objective, cones, reach, first, TARGET_GAP, &|_| false)
+    };
     let again = match &known.inside {
-        Some(phi) => interior_point_of(&setting, phi)?,
+        Some((phi, duals)) => interior_point_of(&setting, phi, duals)?,
         None => None,
     };
-    let InteriorStart {
-        problem,
-        x: interior_point,
-    } = match again {
-        Some(start) => start,
-        None => find_interior_point(&setting)?,
+    let again = again.and_then(|(problem, first)| {
+        let inside = first.x.clone();
+        let minimum = solve(&problem, first)?;
+        (minimum.gap.part() <= MAX_GAP_OF_KNOWN).then_some((problem, inside, minimum))
+    });
+    let (problem, interior_point, minimum) = match again {
+        Some(again) => again,
+        None => {
+            let InteriorStart { problem, x } = find_interior_point(&setting)?;
+            let first =
+                start(&problem.objective, &problem.cones, x.clone()).ok_or_else(no_solution)?;
+            let minimum = solve(&problem, first).ok_or_else(no_solution)?;
+            (problem, x, minimum)
+        }
     };
-    let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let first = start(&problem.objective, &problem.cones, interior_point.clone())
-        .ok_or_else(no_solution)?;
-    let minimum = minimise(
-        &problem.objective,
-        &problem.cones,
-        &problem.reach,
-        first,
-        TARGET_GAP,
-        &|_| false,
-    );
-    let minimum = minimum.ok_or_else(no_solution)?;
     let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())

@@ -134,7 +134,7 @@ pub(super) fn residuals(rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     let entry = |row: &Vec<f64>, at: usize| row.get(at).copied().unwrap_or(0.0);
     let mut sums = Sums::new(rows.len());
     let mut column = vec![0.0; rows.len()];
-    let mut load = |at: usize, column: &mut [f64]| {
+    let load = |at: usize, column: &mut [f64]| {
         for (slot, row) in column.iter_mut().zip(rows) {
             *slot = entry(row, at);
         }
