@@ -234,3 +234,61 @@ pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     }
     Some(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Zeros change nothing: rows that begin later, and columns without entries, give the triangle
+    /// of a plain Householder factorisation of all rows.
+    #[test]
+    fn rows_and_columns_of_zeros_are_left_out() {
+        let (n, rows, first) = (6, 11, 2);
+        let mut seed = 3_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 33) as f64 / 2_f64.powi(30) - 1.0
+        };
+        // column 4 has no entries, and the second block begins at column 2
+        let mut entry = |j: usize| if j == 4 { 0.0 } else { random() };
+        let one: Vec<f64> = (0..n * rows).map(|k| entry(k / rows)).collect();
+        let two: Vec<f64> = (0..n * rows)
+            .map(|k| {
+                if k / rows < first {
+                    0.0
+                } else {
+                    entry(k / rows)
+                }
+            })
+            .collect();
+        let (mut r, mut z) = (vec![0.0; n * n], vec![0.0; n]);
+        reduce(&mut r, &mut z, &mut one.clone(), &mut vec![1.0; rows], rows);
+        let side = &mut vec![0.5; rows];
+        reduce_from(
+            first,
+            &mut r,
+            &mut z,
+            &mut two[first * rows..].to_vec(),
+            side,
+            rows,
+        );
+        let dot = |a: usize, b: usize| -> f64 {
+            let of = |all: &[f64]| -> f64 {
+                (0..rows)
+                    .map(|i| all[a * rows + i] * all[b * rows + i])
+                    .sum()
+            };
+            of(&one) + of(&two)
+        };
+        for a in 0..n {
+            for b in 0..=a {
+                let found: f64 = (0..=b).map(|k| r[a * n + k] * r[b * n + k]).sum();
+                assert!((found - dot(a, b)).abs() < 1e-14, "{a} {b}");
+            }
+            assert!(r[a * n + a] >= 0.0);
+            let sum = |all: &[f64]| all[a * rows..(a + 1) * rows].iter().sum::<f64>();
+            let found: f64 = (0..=a).map(|k| r[a * n + k] * z[k]).sum();
+            assert!((found - sum(&one) - 0.5 * sum(&two)).abs() < 1e-13);
+        }
+    }
+}

@@ -7,21 +7,18 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
-use super::faces::{InteriorStart, find_interior_point, interior_point_of};
+use super::faces::{InteriorStart, find_interior_point};
 use super::interior::{InteriorOutcome, Point, minimise, start};
+use super::known::Known;
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
-use super::symmetric::Square;
-use super::verdict::{refutes, verdict};
+use super::verdict::verdict;
 use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
 use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 const TARGET_GAP: f64 = 1e-10;
-/// A fit from which others begin ends at this relative duality gap: the point before it is near their
-/// optima, and far enough from the borders of the cones.
-const KNOWN_GAP: f64 = 1e-3;
 /// A fit that began at the point of another is made anew where its gap is larger than this.
 const MAX_GAP_OF_KNOWN: f64 = 1e-8;
 /// The largest relative duality gap at which a result counts as the optimum.
@@ -167,52 +164,6 @@ pub fn identify(
     identify_like(factor, combinations, layout, options, &Known::default())
 }
 
-/// What fits of similar observations share; it changes how long a fit takes.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Known {
-    /// The weights of certificates that no physical robot has the base parameters of other
-    /// observations: they may prove it for these too.
-    certificates: Vec<Vec<f64>>,
-    /// Parameters (p, SI) inside all constraints, on the way to the best ones, with the duals there.
-    inside: Option<(Vec<f64>, Vec<Square>)>,
-}
-
-impl Known {
-    /// What a fit to these observations finds before it begins, see [`identify`].
-    pub(crate) fn of(
-        factor: &QrFactor,
-        combinations: &BaseMap,
-        layout: &ParameterLayout,
-        options: &Options,
-    ) -> Result<Self, FeasibilityError> {
-        let mut known = Self::default();
-        let Ok(beta) = factor.solve() else {
-            return Ok(known);
-        };
-        if !has_constraints(options) {
-            let Verdict::Infeasible { certificate } =
-                verdict(layout, combinations, &beta, options.scale)?
-            else {
-                return Ok(known);
-            };
-            known.certificates.push(certificate.weights);
-        }
-        let setting = Setting::new(factor, combinations, layout, options);
-        let InteriorStart { problem, x } = find_interior_point(&setting)?;
-        let Problem {
-            objective,
-            cones,
-            reach,
-            ..
-        } = &problem;
-        known.inside = start(objective, cones, x)
-            .and_then(|first| minimise(objective, cones, reach, first, KNOWN_GAP, &|_| false))
-            .map(|ended| ended.interior_point)
-            .map(|point| (problem.expand(&point.x), point.duals));
-        Ok(known)
-    }
-}
-
 /// As [`identify`], knowing what fits of similar observations found.
 pub(crate) fn identify_like(
     factor: &QrFactor,
@@ -259,10 +210,7 @@ pub(crate) fn identify_like(
         } = problem;
         minimise(objective, cones, reach, first, TARGET_GAP, &|_| false)
     };
-    let again = match &known.inside {
-        Some((phi, duals)) => interior_point_of(&setting, phi, duals)?,
-        None => None,
-    };
+    let again = known.point(&setting)?;
     let again = again.and_then(|(problem, first)| {
         let inside = first.x.clone();
         let minimum = solve(&problem, first)?;
@@ -306,7 +254,7 @@ pub(crate) fn identify_like(
 
 impl<'a> Setting<'a> {
     /// The noise is that of the options, or that of the residuals of least squares.
-    fn new(
+    pub(super) fn new(
         factor: &'a QrFactor,
         combinations: &'a BaseMap,
         layout: &'a ParameterLayout,
@@ -475,17 +423,6 @@ fn physical_parameters(
     None
 }
 
-/// Whether there are priors, or constraints besides being physical.
-fn has_constraints(options: &Options) -> bool {
-    !options.priors.is_empty()
-        || options.entropic > 0.0
-        || !options.known.is_empty()
-        || !options.bounds.is_empty()
-        || !options.totals.is_empty()
-        || !options.forms.is_empty()
-        || !options.identical.is_empty()
-}
-
 /// The least-squares solution, if it is physical and there are no priors or further constraints.
 fn physical_least_squares(
     factor: &QrFactor,
@@ -497,13 +434,11 @@ fn physical_least_squares(
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if has_constraints(options) {
+    if options.constrain() {
         return Ok(None);
     }
-    for weights in &known.certificates {
-        if refutes(layout, combinations, &beta, options.scale, weights)? {
-            return Ok(None);
-        }
+    if known.refutes(layout, combinations, &beta, options.scale)? {
+        return Ok(None);
     }
     let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)
     else {
