@@ -179,6 +179,29 @@ fn large_robots_keep_their_values_in_arrays() {
     }
 }
 
+/// Above the diagonal of blocks, all entries of a chain's regressor are zero: a fill takes the place
+/// of thousands of statements. The few zeros of a short chain are stored one by one.
+#[test]
+fn many_zeros_are_one_fill() {
+    let lines = |text: &str| {
+        let start = text.find("pub fn regressor<").unwrap();
+        let body = text[start..].split("\n}\n").next().unwrap();
+        body.lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let long = lines(&emit(&chain()));
+    assert_eq!(long.len(), 4, "{long:?}");
+    assert_eq!(long[2], "    w.fill([zero; 50]);");
+    let short = "name: short\nlimbs:\n  - name: arm\n    joints:\n      \
+                 - {name: q1, type: revolute, dh: {a: 1}, body: 1, actuated: true}\n      \
+                 - {name: q2, type: revolute, body: 2, actuated: true}\n";
+    let short = lines(&emit(short));
+    assert!(short.iter().all(|line| !line.contains("fill")), "{short:?}");
+    assert!(
+        short.iter().any(|line| line.contains("][1] = zero;")),
+        "{short:?}"
+    );
+}
+
 /// The checked-in modules, or their digests, were written by another process, optimised, at another
 /// time.
 #[test]

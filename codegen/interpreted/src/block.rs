@@ -9,17 +9,18 @@ use regen_batch::sin_cos_portable;
 
 use crate::machine::{Register, flag, sign};
 
-/// The number of vector registers of the processor that one register of a tape takes: enough that
-/// the choice of the instruction costs little, and few enough that all operands stay in registers.
-const WORDS: usize = 4;
+/// The number of vector registers of the processor that one register of a tape takes where there are
+/// many states: enough that the choice of the instruction costs little, and few enough that all
+/// operands stay in registers.
+pub(super) const WORDS: usize = 4;
 
 /// The value of a register at a block of states, aligned to cache lines: `pulp` aligns its vectors
 /// like single numbers, and one that straddles two lines takes twice as long.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub(super) struct Block<S: Simd>([S::f64s; WORDS]);
+pub(super) struct Block<S: Simd, const WORDS: usize>([S::f64s; WORDS]);
 
-impl<S: Simd> Block<S> {
+impl<S: Simd, const WORDS: usize> Block<S, WORDS> {
     #[inline(always)]
     fn states(&self) -> &[f64] {
         bytemuck::cast_slice::<S::f64s, f64>(&self.0)
@@ -55,7 +56,7 @@ macro_rules! by_words {
     };
 }
 
-impl<S: Simd> Register for Block<S> {
+impl<S: Simd, const WORDS: usize> Register for Block<S, WORDS> {
     type Number = f64;
     type Token = S;
     const STATES: usize = WORDS * S::F64_LANES;

@@ -13,7 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 use regen_codegen::interpret::{self, PIVOT_BOUND};
 use regen_runtime::function::Argument;
 
-use crate::block::Block;
+use crate::block::{Block, WORDS};
 use crate::tape::{Code, System, Tape, Value};
 
 /// A number at one state.
@@ -202,7 +202,11 @@ impl WithSimd for Run<'_, f64> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.run_in::<Block<S>>(simd, &mut Vec::new());
+        if self.count <= S::F64_LANES {
+            self.run_in::<Block<S, 1>>(simd, &mut Vec::new());
+        } else {
+            self.run_in::<Block<S, WORDS>>(simd, &mut Vec::new());
+        }
     }
 }
 

@@ -23,7 +23,9 @@ use nalgebra::DMatrix;
 use random::{Random, seed};
 
 use crate::estimate::{Deviations, QrFactor};
-use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, identify};
+use crate::feasibility::{
+    BaseMap, FeasibilityError, Known, Options, ParameterLayout, identify_like,
+};
 
 /// Default number of draws. The next draw lies between the k-th from below and the k-th from above
 /// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
@@ -320,11 +322,6 @@ pub(crate) fn replicate(
     }
     let mut step = vec![0.0; n];
     let mut error = None;
-    // undetermined parameters have no interval, so their values need not be chosen
-    let options = &Options {
-        rough: true,
-        ..options.clone()
-    };
     let mut draws = Vec::with_capacity(replicates);
     for k in 0..replicates {
         // every other draw mirrors the one before it, so that the mean of the draws is exact
@@ -338,6 +335,7 @@ pub(crate) fn replicate(
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
         draws.push((factor_with_solution(factor, &moved)?, moved));
     }
+    let known = &Known::of(factor, combinations, layout, options)?;
     // as many at a time as there are processors; the draws do not depend on each other
     let threads = std::thread::available_parallelism().map_or(1, core::num::NonZero::get);
     let mut done = 0;
@@ -345,7 +343,9 @@ pub(crate) fn replicate(
         let found = std::thread::scope(|scope| {
             let started: Vec<_> = some
                 .iter()
-                .map(|(factor, _)| scope.spawn(|| identify(factor, combinations, layout, options)))
+                .map(|(factor, _)| {
+                    scope.spawn(|| identify_like(factor, combinations, layout, options, known))
+                })
                 .collect();
             let ended = started.into_iter().map(std::thread::ScopedJoinHandle::join);
             ended.collect::<Vec<_>>()

@@ -25,7 +25,21 @@ pub(crate) fn reduce(
     side: &mut [f64],
     rows: usize,
 ) -> f64 {
+    reduce_from(0, r, z, block, side, rows)
+}
+
+/// [`reduce`] of rows whose entries before the column `first` are zero; `block` has the columns from
+/// there on.
+pub(crate) fn reduce_from(
+    first: usize,
+    r: &mut [f64],
+    z: &mut [f64],
+    block: &mut [f64],
+    side: &mut [f64],
+    rows: usize,
+) -> f64 {
     Arch::new().dispatch(Reduce {
+        first,
         r,
         z,
         block,
@@ -37,6 +51,7 @@ pub(crate) fn reduce(
 /// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
 /// do not depend on it.
 struct Reduce<'a> {
+    first: usize,
     r: &'a mut [f64],
     z: &'a mut [f64],
     block: &'a mut [f64],
@@ -49,12 +64,13 @@ impl WithSimd for Reduce<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        reduce_rows(self.r, self.z, self.block, self.side, self.rows)
+        reduce_rows(self.first, self.r, self.z, self.block, self.side, self.rows)
     }
 }
 
 #[inline(always)]
 fn reduce_rows(
+    first: usize,
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -65,10 +81,20 @@ fn reduce_rows(
     if rows == 0 {
         return 0.0;
     }
-    let (columns, _) = block.split_at_mut(n * rows);
-    let mut rest = columns;
-    for k in 0..n {
-        let (v, later) = rest.split_at_mut(rows);
+    let (columns, _) = block.split_at_mut(n.saturating_sub(first) * rows);
+    // a column of zeros in rows and triangle stays zero, as many do where an effort does not depend
+    // on all parameters
+    let present = |(k, column): &(usize, &mut [f64])| {
+        let above = &r[k * n..=k * n + k];
+        column.iter().chain(above).any(|x| *x != 0.0)
+    };
+    let mut rest: Vec<(usize, &mut [f64])> = (first..n)
+        .zip(columns.chunks_exact_mut(rows))
+        .filter(present)
+        .collect();
+    let mut rest = rest.as_mut_slice();
+    while let Some(((k, v), later)) = rest.split_first_mut() {
+        let (k, v) = (*k, &**v);
         rest = later;
         let tail = dot(v, v);
         let alpha = r[k * n + k];
@@ -85,22 +111,20 @@ fn reduce_rows(
         let head = alpha - beta;
         let h = -beta * head;
         r[k * n + k] = beta;
-        let mut column = k + 1;
-        let mut pairs = rest.chunks_exact_mut(2 * rows);
+        let mut pairs = rest.chunks_exact_mut(2);
         for pair in &mut pairs {
-            let (a, b) = pair.split_at_mut(rows);
-            let (pa, pb) = dots(v, a, b);
-            let (ra, rb) = (column * n + k, (column + 1) * n + k);
-            let sa = head.mul_add(r[ra], pa) / h;
-            let sb = head.mul_add(r[rb], pb) / h;
-            r[ra] -= sa * head;
-            r[rb] -= sb * head;
-            subtract_two(v, a, sa, b, sb);
-            column += 2;
+            if let [(first, a), (second, b)] = pair {
+                let (pa, pb) = dots(v, a, b);
+                let (ra, rb) = (*first * n + k, *second * n + k);
+                let sa = head.mul_add(r[ra], pa) / h;
+                let sb = head.mul_add(r[rb], pb) / h;
+                r[ra] -= sa * head;
+                r[rb] -= sb * head;
+                subtract_two(v, a, sa, b, sb);
+            }
         }
-        let last = pairs.into_remainder();
-        if !last.is_empty() {
-            let at = column * n + k;
+        if let [(column, last)] = pairs.into_remainder() {
+            let at = *column * n + k;
             let s = head.mul_add(r[at], dot(v, last)) / h;
             r[at] -= s * head;
             subtract(v, last, s);
@@ -125,10 +149,10 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
 }
 
 /// Number of independent sums, which the compiler keeps in vector registers.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
@@ -178,7 +202,21 @@ fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
     }
 }
 
+/// Solves `R^T y = g` for an upper triangular R.
+#[inline(always)]
+pub(crate) fn forward(r: &[f64], g: &[f64]) -> Vec<f64> {
+    let n = g.len();
+    let mut y = g.to_vec();
+    for k in 0..n {
+        let (column, rest) = r[k * n..].split_at(k);
+        let sum = dot(column, &y[..k]);
+        y[k] = (y[k] - sum) / rest[0];
+    }
+    y
+}
+
 /// Solves R x = z by back substitution; `None` if a diagonal entry is zero.
+#[inline(always)]
 pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     let n = z.len();
     let mut x = z.to_vec();
@@ -189,9 +227,68 @@ pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
         }
         x[k] /= pivot;
         let value = x[k];
-        for i in 0..k {
-            x[i] -= r[k * n + i] * value;
+        let (above, _) = x.split_at_mut(k);
+        for (x, r) in above.iter_mut().zip(&r[k * n..]) {
+            *x -= r * value;
         }
     }
     Some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Zeros change nothing: rows that begin later, and columns without entries, give the triangle
+    /// of a plain Householder factorisation of all rows.
+    #[test]
+    fn rows_and_columns_of_zeros_are_left_out() {
+        let (n, rows, first) = (6, 11, 2);
+        let mut seed = 3_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 33) as f64 / 2_f64.powi(30) - 1.0
+        };
+        // column 4 has no entries, and the second block begins at column 2
+        let mut entry = |j: usize| if j == 4 { 0.0 } else { random() };
+        let one: Vec<f64> = (0..n * rows).map(|k| entry(k / rows)).collect();
+        let two: Vec<f64> = (0..n * rows)
+            .map(|k| {
+                if k / rows < first {
+                    0.0
+                } else {
+                    entry(k / rows)
+                }
+            })
+            .collect();
+        let (mut r, mut z) = (vec![0.0; n * n], vec![0.0; n]);
+        reduce(&mut r, &mut z, &mut one.clone(), &mut vec![1.0; rows], rows);
+        let side = &mut vec![0.5; rows];
+        reduce_from(
+            first,
+            &mut r,
+            &mut z,
+            &mut two[first * rows..].to_vec(),
+            side,
+            rows,
+        );
+        let dot = |a: usize, b: usize| -> f64 {
+            let of = |all: &[f64]| -> f64 {
+                (0..rows)
+                    .map(|i| all[a * rows + i] * all[b * rows + i])
+                    .sum()
+            };
+            of(&one) + of(&two)
+        };
+        for a in 0..n {
+            for b in 0..=a {
+                let found: f64 = (0..=b).map(|k| r[a * n + k] * r[b * n + k]).sum();
+                assert!((found - dot(a, b)).abs() < 1e-14, "{a} {b}");
+            }
+            assert!(r[a * n + a] >= 0.0);
+            let sum = |all: &[f64]| all[a * rows..(a + 1) * rows].iter().sum::<f64>();
+            let found: f64 = (0..=a).map(|k| r[a * n + k] * z[k]).sum();
+            assert!((found - sum(&one) - 0.5 * sum(&two)).abs() < 1e-13);
+        }
+    }
 }

@@ -15,6 +15,10 @@ use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::statements::Rust;
 use super::{base, stated, trait_impl};
 
+/// The most zeros of a matrix that are stored one by one: more are code that is read once and slower
+/// than a fill of the memory.
+const MOST_STORED_ZEROS: usize = 1000;
+
 /// Options for the text of a module.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -355,15 +359,21 @@ fn mark_unused(program: &Program, mut body: String) -> String {
     body
 }
 
-/// Writes stores of the entries that are zero at every state, one by one: consecutive stores are
-/// merged by the compiler, and most columns have few zeros.
+/// Writes stores of the entries that are zero at every state, one by one where they are few:
+/// consecutive stores are merged by the compiler, and most columns have few zeros. Of a tree of many
+/// joints most entries are zero, so the whole matrix is filled first.
 fn write_zeros(program: &Program, proto: &str, out: &mut String) {
     let Output { name, shape, .. } = &program.output;
     let inner = shape.get(1).copied().unwrap_or(1).max(1);
-    if !program.outputs.iter().any(is_zero) {
+    let zeros = program.outputs.iter().filter(|o| is_zero(o)).count();
+    if zeros == 0 {
         return;
     }
     let _ = writeln!(out, "    let zero = {proto}[0].splat(0.0);");
+    if zeros > MOST_STORED_ZEROS {
+        let _ = writeln!(out, "    {name}.fill([zero; {inner}]);");
+        return;
+    }
     for (outer, entries) in program.outputs.chunks(inner).enumerate() {
         if entries.iter().all(is_zero) {
             let _ = writeln!(out, "    {name}[{outer}] = [zero; {inner}];");

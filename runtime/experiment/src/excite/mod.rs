@@ -14,6 +14,7 @@
 
 mod check;
 mod criterion;
+mod dense;
 mod evaluate;
 mod limits;
 mod quadratic;

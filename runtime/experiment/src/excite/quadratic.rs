@@ -5,6 +5,7 @@
 //! step, whatever the number of limits. A sparse solver takes several times as long, as nothing in
 //! these matrices is zero.
 
+use super::dense::{Cholesky, Columns, add_rows, times};
 use super::space::dot;
 
 /// Minimises `g.d + d^T B d / 2 + penalty t` over the step d and the elastic variable t, subject to
@@ -129,25 +130,34 @@ impl Quadratic<'_> {
         if !size.is_finite() {
             return None;
         }
+        let columns = Columns::of_rows(self.rows, n);
+        // the limits' rows with their entry of t, and that of the constraint t >= 0
+        let bordered = self.rows.iter();
+        let mut bordered: Vec<Vec<f64>> = bordered
+            .map(|row| row.iter().copied().chain([-1.0]).collect())
+            .collect();
+        bordered.push((0..=n).map(|k| if k < n { 0.0 } else { 1.0 }).collect());
         let mut accuracy = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
-            let residual = self.lagrangian_gradient(&x, &z);
+            // the matrix is symmetric, so its rows are its columns
+            let curved = times(self.hessian, n, &x.d);
+            let residual = self.lagrangian_gradient(&curved, &z);
             let off = residual
                 .d
                 .iter()
                 .fold(residual.t.abs(), |m, r| m.max(r.abs()));
             let gap = s.dot(&z) / s.count() as f64;
-            accuracy = (off / (1.0 + size)).max(gap / (1.0 + self.objective(&x).abs()));
+            accuracy = (off / (1.0 + size)).max(gap / (1.0 + self.objective(&x, &curved).abs()));
             if accuracy <= TOLERANCE {
                 break;
             }
             let weights = z.with(&s, |z, s| z / s);
-            let Some(factor) = self.factor(&weights) else {
+            let Some(factor) = self.factor(&weights, &bordered) else {
                 break;
             };
             // predictor: towards the solution itself
             let products = s.with(&z, |s, z| s * z);
-            let (_, ds, dz) = self.direction(&factor, &weights, &residual, &products, &s);
+            let (_, ds, dz) = self.direction(&factor, &columns, &weights, &residual, &products, &s);
             let part = s.reach(&ds).min(z.reach(&dz));
             let reached = s.with(&ds, |s, d| s + part * d);
             let reached = reached.dot(&z.with(&dz, |z, d| z + part * d)) / s.count() as f64;
@@ -155,7 +165,8 @@ impl Quadratic<'_> {
             // corrector: towards the central path, with the products of the predictor
             let second = ds.with(&dz, |s, z| s * z);
             let products = products.with(&second, |a, b| a + b - centring);
-            let (dx, ds, dz) = self.direction(&factor, &weights, &residual, &products, &s);
+            let (dx, ds, dz) =
+                self.direction(&factor, &columns, &weights, &residual, &products, &s);
             let part = (TO_BOUND * s.reach(&ds).min(z.reach(&dz))).min(1.0);
             if part.is_nan() || part <= SHORTEST {
                 break;
@@ -174,23 +185,17 @@ impl Quadratic<'_> {
         })
     }
 
-    fn objective(&self, x: &Variables) -> f64 {
-        let n = x.d.len();
-        let product = self.hessian.chunks_exact(n.max(1)).zip(&x.d);
-        let curvature: f64 = product.map(|(row, d)| d * dot(row, &x.d)).sum();
+    /// The objective; `curved`: the matrix times the step.
+    fn objective(&self, x: &Variables, curved: &[f64]) -> f64 {
+        let curvature: f64 = curved.iter().zip(&x.d).map(|(b, d)| d * b).sum();
         dot(self.gradient, &x.d) + 0.5 * curvature + self.penalty * x.t
     }
 
-    /// The gradient of the Lagrangian by d and t.
-    fn lagrangian_gradient(&self, x: &Variables, z: &Rows) -> Variables {
+    /// The gradient of the Lagrangian by d and t; `curved`: the matrix times the step.
+    fn lagrangian_gradient(&self, curved: &[f64], z: &Rows) -> Variables {
         let mut out = self.transposed(z);
-        for ((out, row), g) in out
-            .d
-            .iter_mut()
-            .zip(self.hessian.chunks_exact(x.d.len().max(1)))
-            .zip(self.gradient)
-        {
-            *out += dot(row, &x.d) + g;
+        for ((out, curved), g) in out.d.iter_mut().zip(curved).zip(self.gradient) {
+            *out += curved + g;
         }
         out.t += self.penalty;
         out
@@ -199,74 +204,44 @@ impl Quadratic<'_> {
     /// The constraints' matrix, transposed, times a number for each of them.
     fn transposed(&self, y: &Rows) -> Variables {
         let mut d: Vec<f64> = y.upper.iter().zip(&y.lower).map(|(u, l)| u - l).collect();
-        for (row, y) in self.rows.iter().zip(&y.limits) {
-            for (sum, x) in d.iter_mut().zip(row) {
-                *sum += y * x;
-            }
-        }
+        add_rows(&mut d, self.rows, &y.limits);
         let t = -y.limits.iter().sum::<f64>() - y.elastic;
         Variables { d, t }
     }
 
-    /// The Cholesky factor of the matrix of the Newton steps, (n + 1) x (n + 1), row-major, its last
-    /// row that of t; `None` where it is not positive definite.
-    fn factor(&self, weights: &Rows) -> Option<Vec<f64>> {
+    /// The Cholesky factor of the matrix of the Newton steps, (n + 1) x (n + 1), its last row that of
+    /// t; `None` where it is not positive definite.
+    fn factor(&self, weights: &Rows, bordered: &[Vec<f64>]) -> Option<Cholesky> {
         let n = self.gradient.len();
         let size = n + 1;
         let mut m = vec![0.0; size * size];
-        for (own, row) in m
-            .chunks_exact_mut(size)
-            .zip(self.hessian.chunks_exact(n.max(1)))
-        {
+        let columns = m.chunks_exact_mut(size);
+        for (own, row) in columns.zip(self.hessian.chunks_exact(n.max(1))) {
             own[..n].copy_from_slice(row);
         }
         for (i, (upper, lower)) in weights.upper.iter().zip(&weights.lower).enumerate() {
             m[i * size + i] += upper + lower;
         }
-        let (block, last) = m.split_at_mut(n * size);
-        for (row, weight) in self.rows.iter().zip(&weights.limits) {
-            for (i, own) in block.chunks_exact_mut(size).enumerate() {
-                let factor = weight * row[i];
-                for (sum, x) in own[..=i].iter_mut().zip(row) {
-                    *sum += factor * x;
-                }
-                last[i] -= factor;
-            }
-            last[n] += weight;
-        }
-        last[n] += weights.elastic;
-        for j in 0..size {
-            for k in 0..j {
-                let factor = m[j * size + k];
-                m[j * size + j] -= factor * factor;
-            }
-            let pivot = m[j * size + j];
-            if pivot.is_nan() || pivot <= 0.0 {
-                return None;
-            }
-            let root = pivot.sqrt();
-            m[j * size + j] = root;
-            let (done, open) = m.split_at_mut((j + 1) * size);
-            let top = &done[j * size..j * size + j];
-            for row in open.chunks_exact_mut(size) {
-                row[j] = (row[j] - dot(&row[..j], top)) / root;
-            }
-        }
-        Some(m)
+        let all: Vec<f64> = weights
+            .limits
+            .iter()
+            .copied()
+            .chain([weights.elastic])
+            .collect();
+        Cholesky::new(m, size, bordered, &all)
     }
 
     /// The Newton step of variables, slacks and multipliers for which the products of slack and
     /// multiplier change by minus `products` to first order.
     fn direction(
         &self,
-        factor: &[f64],
+        factor: &Cholesky,
+        columns: &Columns,
         weights: &Rows,
         residual: &Variables,
         products: &Rows,
         s: &Rows,
     ) -> (Variables, Rows, Rows) {
-        let n = self.gradient.len();
-        let size = n + 1;
         let quotients = products.with(s, |p, s| p / s);
         let by_constraints = self.transposed(&quotients);
         let mut side: Vec<f64> = by_constraints
@@ -276,22 +251,12 @@ impl Quadratic<'_> {
             .map(|(a, r)| a - r)
             .collect();
         side.push(by_constraints.t - residual.t);
-        for i in 0..size {
-            let row = &factor[i * size..i * size + size];
-            side[i] = (side[i] - dot(&row[..i], &side[..i])) / row[i];
-        }
-        for i in (0..size).rev() {
-            side[i] /= factor[i * size + i];
-            let value = side[i];
-            for (x, l) in side[..i].iter_mut().zip(&factor[i * size..]) {
-                *x -= l * value;
-            }
-        }
+        factor.solve(&mut side);
         let t = side.pop().unwrap_or(0.0);
         let dx = Variables { d: side, t };
         // the slacks change by minus the constraints' matrix times the step
         let ds = Rows {
-            limits: self.rows.iter().map(|row| t - dot(row, &dx.d)).collect(),
+            limits: columns.times(&dx.d).iter().map(|along| t - along).collect(),
             elastic: t,
             upper: dx.d.iter().map(|d| -d).collect(),
             lower: dx.d.clone(),

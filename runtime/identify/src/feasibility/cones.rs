@@ -1,6 +1,7 @@
 //! The objective and the cones of the physical fit, and a proven bound on the distance from the
 //! optimum.
 
+use super::sums::{self, Sum, weighted_rows};
 use super::symmetric::{self, Square, ZERO, inner, plus};
 
 /// A constraint: a symmetric matrix, affine in the variables, is positive semidefinite.
@@ -69,15 +70,7 @@ pub(super) struct Objective {
 impl Objective {
     /// `A x - b`, each entry summed in twice the working precision and then rounded.
     pub(super) fn residuals(&self, x: &[f64]) -> Vec<f64> {
-        let one = |row: &Vec<f64>| {
-            let mut sum = Sum::default();
-            for (a, v) in row.iter().zip(x) {
-                sum.product(*a, *v);
-            }
-            sum.add(-row.get(x.len()).copied().unwrap_or(0.0));
-            sum.value()
-        };
-        self.rows.iter().map(one).collect()
+        sums::residuals(&self.rows, x)
     }
 
     /// The objective without logarithms. Only its linear part can be negative.
@@ -85,48 +78,6 @@ impl Objective {
         let squares: f64 = self.residuals(x).iter().map(|r| r * r).sum();
         let linear: f64 = self.linear.iter().zip(x).map(|(c, v)| c * v).sum();
         squares + linear + self.constant
-    }
-}
-
-/// A sum in twice the working precision (Ogita, Rump and Oishi, 2005, algorithms Sum2 and Dot2).
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sum {
-    /// The sum in working precision.
-    high: f64,
-    /// The sum of the rounding errors of `high`.
-    low: f64,
-    /// The sum of the absolute values of all terms.
-    size: f64,
-    /// The number of terms.
-    count: usize,
-}
-
-impl Sum {
-    pub(super) fn add(&mut self, x: f64) {
-        let next = self.high + x;
-        let part = next - self.high;
-        self.low += (self.high - (next - part)) + (x - part);
-        self.high = next;
-        self.size += x.abs();
-        self.count += 1;
-    }
-
-    /// Adds `a b`.
-    pub(super) fn product(&mut self, a: f64, b: f64) {
-        let p = a * b;
-        self.low += a.mul_add(b, -p);
-        self.add(p);
-    }
-
-    pub(super) fn value(&self) -> f64 {
-        self.high + self.low
-    }
-
-    /// An upper bound on the absolute value of the exact sum.
-    pub(super) fn bound(&self) -> f64 {
-        let n = self.count as f64 + 2.0;
-        let rounding = n * n * f64::EPSILON * f64::EPSILON * self.size;
-        self.value().abs() * (1.0 + 4.0 * f64::EPSILON) + rounding
     }
 }
 
@@ -180,8 +131,8 @@ pub(super) fn gap(
     x: &[f64],
     duals: &[Square],
 ) -> Gap {
-    let (left, complementarity) = remainder(objective, cones, x, duals);
     let residuals = objective.residuals(x);
+    let (left, complementarity) = remainder(objective, cones, x, &residuals, duals);
     let squares: f64 = residuals.iter().map(|r| r * r).sum();
     let unbalanced = left
         .iter()
@@ -198,24 +149,17 @@ pub(super) fn gap(
 /// The part of the gradient that the duals do not balance, for each variable, and the sum of the
 /// inner products of duals and matrices. For a cone with a logarithm, the dual includes the part
 /// that balances the gradient of the logarithm; this part is not in the inner products.
+///
+/// - `residuals`: those of the objective at `x`.
 pub(super) fn remainder(
     objective: &Objective,
     cones: &[Cone],
     x: &[f64],
+    residuals: &[f64],
     duals: &[Square],
 ) -> (Vec<Sum>, f64) {
-    let residuals = objective.residuals(x);
-    let n = x.len();
-    let mut left: Vec<Sum> = (0..n)
-        .map(|v| {
-            let mut sum = Sum::default();
-            sum.add(objective.linear.get(v).copied().unwrap_or(0.0));
-            for (row, r) in objective.rows.iter().zip(&residuals) {
-                sum.product(row[v], 2.0 * r);
-            }
-            sum
-        })
-        .collect();
+    let factors: Vec<f64> = residuals.iter().map(|r| 2.0 * r).collect();
+    let mut left = weighted_rows(&objective.linear, &objective.rows, &factors);
     let mut complementarity = 0.0;
     for (cone, dual) in cones.iter().zip(duals) {
         let at = cone.at(x);

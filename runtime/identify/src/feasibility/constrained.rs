@@ -8,7 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
 use super::faces::{InteriorStart, find_interior_point};
-use super::interior::{InteriorOutcome, minimise, start};
+use super::interior::{InteriorOutcome, Point, minimise, start};
+use super::known::Known;
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
@@ -18,6 +19,8 @@ use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 const TARGET_GAP: f64 = 1e-10;
+/// A fit that began at the point of another is made anew where its gap is larger than this.
+const MAX_GAP_OF_KNOWN: f64 = 1e-8;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The cost of the term for closeness to the reference at the first solution, as a fraction of the
@@ -158,6 +161,17 @@ pub fn identify(
     layout: &ParameterLayout,
     options: &Options,
 ) -> Result<PhysicalFit, FeasibilityError> {
+    identify_like(factor, combinations, layout, options, &Known::default())
+}
+
+/// As [`identify`], knowing what fits of similar observations found.
+pub(crate) fn identify_like(
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    known: &Known,
+) -> Result<PhysicalFit, FeasibilityError> {
     let p = layout.len();
     let r = combinations.rows().len();
     size("parameters", p, combinations.parameters())?;
@@ -181,36 +195,37 @@ pub fn identify(
         });
     }
 
-    if let Some(fit) = physical_least_squares(factor, combinations, layout, options)? {
+    if let Some(fit) = physical_least_squares(factor, combinations, layout, options, known)? {
         return Ok(fit);
     }
-    let (least_squares_residual, rank) = least_squares_residual(factor);
-    let degrees_of_freedom = factor.rows().saturating_sub(rank).max(1);
-    let setting = Setting {
-        factor,
-        combinations,
-        layout,
-        options,
-        noise: options
-            .noise
-            .unwrap_or((least_squares_residual / degrees_of_freedom as f64).sqrt()),
-    };
-    let InteriorStart {
-        problem,
-        x: interior_point,
-    } = find_interior_point(&setting)?;
+    let setting = Setting::new(factor, combinations, layout, options);
+    let least_squares_residual = least_squares_residual(factor).0;
     let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let first = start(&problem.objective, &problem.cones, interior_point.clone())
-        .ok_or_else(no_solution)?;
-    let minimum = minimise(
-        &problem.objective,
-        &problem.cones,
-        &problem.reach,
-        first,
-        TARGET_GAP,
-        &|_| false,
-    );
-    let minimum = minimum.ok_or_else(no_solution)?;
+    let solve = |problem: &Problem, first: Point| {
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = problem;
+        minimise(objective, cones, reach, first, TARGET_GAP, &|_| false)
+    };
+    let again = known.point(&setting)?;
+    let again = again.and_then(|(problem, first)| {
+        let inside = first.x.clone();
+        let minimum = solve(&problem, first)?;
+        (minimum.gap.part() <= MAX_GAP_OF_KNOWN).then_some((problem, inside, minimum))
+    });
+    let (problem, interior_point, minimum) = match again {
+        Some(again) => again,
+        None => {
+            let InteriorStart { problem, x } = find_interior_point(&setting)?;
+            let first =
+                start(&problem.objective, &problem.cones, x.clone()).ok_or_else(no_solution)?;
+            let minimum = solve(&problem, first).ok_or_else(no_solution)?;
+            (problem, x, minimum)
+        }
+    };
     let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())
@@ -235,6 +250,27 @@ pub fn identify(
         limited,
         sizes: size_limits(&problem, layout),
     })
+}
+
+impl<'a> Setting<'a> {
+    /// The noise is that of the options, or that of the residuals of least squares.
+    pub(super) fn new(
+        factor: &'a QrFactor,
+        combinations: &'a BaseMap,
+        layout: &'a ParameterLayout,
+        options: &'a Options,
+    ) -> Self {
+        let (least_squares_residual, rank) = least_squares_residual(factor);
+        let degrees_of_freedom = factor.rows().saturating_sub(rank).max(1);
+        let noise = (least_squares_residual / degrees_of_freedom as f64).sqrt();
+        Setting {
+            factor,
+            combinations,
+            layout,
+            options,
+            noise: options.noise.unwrap_or(noise),
+        }
+    }
 }
 
 /// The sum of squared residuals of least squares, and the rank of the observations.
@@ -393,18 +429,15 @@ fn physical_least_squares(
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
+    known: &Known,
 ) -> Result<Option<PhysicalFit>, FeasibilityError> {
-    let has_constraints = !options.priors.is_empty()
-        || options.entropic > 0.0
-        || !options.known.is_empty()
-        || !options.bounds.is_empty()
-        || !options.totals.is_empty()
-        || !options.forms.is_empty()
-        || !options.identical.is_empty();
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if has_constraints {
+    if options.constrain() {
+        return Ok(None);
+    }
+    if known.refutes(layout, combinations, &beta, options.scale)? {
         return Ok(None);
     }
     let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)

@@ -2,13 +2,13 @@
 //! equations restrict the parameters.
 
 use super::FeasibilityError;
-use super::cones::Objective;
+use super::cones::{Cone, Objective};
 use super::equalities::Equality;
 use super::inertia::{ENTRIES, TRIANGLE};
 use super::interior::{Point, minimise, start};
 use super::problem::{Face, Kind, Problem, Setting};
 use super::program::Affine;
-use super::symmetric::{ONE, Square, ZERO, eigen, smallest};
+use super::symmetric::{ONE, Square, ZERO, cholesky, eigen, smallest};
 
 /// The search stops at a point this far inside all cones, in their units.
 const DEEP_INSIDE: f64 = 0.3;
@@ -99,6 +99,26 @@ pub(super) fn find_interior_point(
     Err(FeasibilityError::Contradiction(
         "bounds, known values and sums, together with what is physical,".to_owned(),
     ))
+}
+
+/// The problem with the point of another, given by its parameters (p, SI) and its duals; `None` where
+/// it is not inside the cones.
+pub(super) fn interior_point_of(
+    setting: &Setting<'_>,
+    phi: &[f64],
+    duals: &[Square],
+) -> Result<Option<(Problem, Point)>, FeasibilityError> {
+    let units = setting.units();
+    let faces = vec![None; setting.layout.bodies().len()];
+    let problem = setting.problem(&setting.equalities(&units)?, &faces)?;
+    let variables = problem.solved.variables.iter();
+    let x: Vec<f64> = variables
+        .map(|j| phi.get(*j).copied().unwrap_or(0.0) / units[*j])
+        .collect();
+    let inside = |cone: &Cone| cholesky(&cone.at(&x), cone.size).is_some();
+    let fits = problem.cones.len() == duals.len() && problem.cones.iter().all(inside);
+    let duals = duals.to_vec();
+    Ok(fits.then_some((problem, Point { x, duals })))
 }
 
 /// Restricts the cones to faces by the duals of the search for an inside point; returns whether any

@@ -18,6 +18,7 @@ mod error;
 mod faces;
 mod inertia;
 mod interior;
+mod known;
 mod layout;
 mod options;
 mod output;
@@ -26,16 +27,20 @@ mod program;
 mod psd_completion;
 mod reduced;
 mod sizes;
+mod step;
+mod sums;
 mod symmetric;
 mod verdict;
 
 // links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
 
+pub(crate) use constrained::identify_like;
 pub use constrained::{MAX_OPTIMAL_GAP, Outcome, PhysicalFit, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
 pub(crate) use inertia::about_centre;
 pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};
+pub(crate) use known::Known;
 pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};
 pub use options::{Bound, Form, Options, Prior, Total};
 pub use output::{bodies_yaml, rust_constants, unit};

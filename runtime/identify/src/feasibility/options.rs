@@ -82,3 +82,16 @@ pub struct Options {
     /// made without this option.
     pub rough: bool,
 }
+
+impl Options {
+    /// Whether there are priors, or constraints besides being physical.
+    pub(super) fn constrain(&self) -> bool {
+        !self.priors.is_empty()
+            || self.entropic > 0.0
+            || !self.known.is_empty()
+            || !self.bounds.is_empty()
+            || !self.totals.is_empty()
+            || !self.forms.is_empty()
+            || !self.identical.is_empty()
+    }
+}

@@ -447,20 +447,7 @@ pub fn verdict(
             }
         }
         let certificate = certify(weights)?;
-        // the largest base parameter with a weight: others, such as a large coefficient of friction, do
-        // not count
-        let largest = given
-            .1
-            .iter()
-            .zip(given.0.rows())
-            .zip(&certificate.weights)
-            .filter(|(_, weight)| **weight != 0.0)
-            .map(|((b, row), _)| {
-                let unit = row.iter().zip(&units).map(|(f, u)| f.abs() * u);
-                b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
-            })
-            .fold(1.0, f64::max);
-        if certificate.value < 0.0 && certificate.escape() >= MIN_ESCAPE_RATIO * largest {
+        if proves(&certificate, given.0, given.1, &units) {
             return Ok(Verdict::Infeasible { certificate });
         }
         margin_reached = margin_reached.max(check.margin());
@@ -468,6 +455,46 @@ pub fn verdict(
     Ok(Verdict::Undecided {
         margin: margin_reached,
     })
+}
+
+/// Whether a certificate for these base parameters counts as a proof.
+fn proves(
+    certificate: &InfeasibilityCertificate,
+    combinations: &BaseMap,
+    beta: &[f64],
+    units: &[f64],
+) -> bool {
+    // the largest base parameter with a weight: others, such as a large coefficient of friction, do
+    // not count
+    let largest = beta
+        .iter()
+        .zip(combinations.rows())
+        .zip(&certificate.weights)
+        .filter(|(_, weight)| **weight != 0.0)
+        .map(|((b, row), _)| {
+            let unit = row.iter().zip(units).map(|(f, u)| f.abs() * u);
+            b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
+        })
+        .fold(1.0, f64::max);
+    certificate.value < 0.0 && certificate.escape() >= MIN_ESCAPE_RATIO * largest
+}
+
+/// Whether the weights of another certificate prove that no physical robot has these base parameters.
+pub(super) fn refutes(
+    layout: &ParameterLayout,
+    combinations: &BaseMap,
+    beta: &[f64],
+    scale: Scale,
+    weights: &[f64],
+) -> Result<bool, FeasibilityError> {
+    let certificate =
+        InfeasibilityCertificate::new(layout, combinations, beta, scale, weights.to_vec())?;
+    Ok(proves(
+        &certificate,
+        combinations,
+        beta,
+        &layout.units(scale),
+    ))
 }
 
 /// An entry of a pseudo-inertia in terms of the parameters' expressions.

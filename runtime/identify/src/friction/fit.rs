@@ -5,7 +5,8 @@ use super::FrictionData;
 use super::starts::{STARTS, start};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, PhysicalFit, identify,
+    BaseMap, Bound, FeasibilityError, Known, Options, ParameterLayout, PhysicalFit, identify,
+    identify_like,
 };
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
@@ -111,6 +112,8 @@ struct Search<'a> {
     options: &'a Options,
     /// The shapes of the first start, around which all shapes stay.
     first: Vec<[f64; SHAPES]>,
+    /// What the fits at all shapes share, once one was made.
+    known: Option<Known>,
     programmes: usize,
 }
 
@@ -177,7 +180,14 @@ impl Search<'_> {
         let factor = self.data.factor(&shapes, None)?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = self.padded(&layout);
-        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        let known = match self.known.take() {
+            Some(known) => known,
+            None => Known::of(&factor, &combinations, &layout, &options)?,
+        };
+        self.programmes += 1;
+        let solution = identify_like(&factor, &combinations, &layout, &options, &known);
+        self.known = Some(known);
+        let solution = solution?;
         let cost = self.cost(&solution);
         Ok(Point {
             shapes,
@@ -327,6 +337,7 @@ pub fn fit(
         layout: layout.extended(&coefficients)?,
         options,
         first: shapes(0),
+        known: None,
         programmes: 0,
     };
     let linear = linear(&mut search)?;

@@ -1,6 +1,13 @@
 //! The digital Butterworth low-pass filter, run forward and backward.
 
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
+
 use std::f64::consts::PI;
+
+use pulp::Arch;
 
 use super::SignalError;
 
@@ -141,6 +148,15 @@ impl Butterworth {
     /// Runs the filter once over samples of several channels, from the steady state of the first
     /// sample.
     fn pass<'v>(&self, samples: impl Iterator<Item = &'v mut [f64]>, channels: usize) {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.pass_in(samples, channels),
+        );
+    }
+
+    /// [`pass`](Self::pass), compiled for each set of instructions.
+    #[inline(always)]
+    fn pass_in<'v>(&self, samples: impl Iterator<Item = &'v mut [f64]>, channels: usize) {
         // by section: the two states of direct form 2 transposed, of all channels
         let mut states: Vec<(Vec<f64>, Vec<f64>)> = Vec::with_capacity(self.sections.len());
         for sample in samples {
@@ -155,11 +171,11 @@ impl Butterworth {
             }
             for (Section { b, a }, (first, second)) in self.sections.iter().zip(&mut states) {
                 let (first, second) = (&mut first[..channels], &mut second[..channels]);
-                for (c, x) in sample.iter_mut().enumerate() {
+                for ((x, first), second) in sample.iter_mut().zip(first).zip(second) {
                     let input = *x;
-                    let y = b[0].mul_add(input, first[c]);
-                    first[c] = b[1] * input - a[0] * y + second[c];
-                    second[c] = b[2] * input - a[1] * y;
+                    let y = b[0].mul_add(input, *first);
+                    *first = b[1] * input - a[0] * y + *second;
+                    *second = b[2] * input - a[1] * y;
                     *x = y;
                 }
             }

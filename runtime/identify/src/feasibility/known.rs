@@ -1,0 +1,148 @@
+//! What fits of similar observations share, such as those of the draws of an interval.
+
+use super::faces::{InteriorStart, find_interior_point, interior_point_of};
+use super::interior::{Point, minimise, start};
+use super::problem::{Problem, Setting};
+use super::symmetric::Square;
+use super::verdict::{refutes, verdict};
+use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
+use crate::estimate::QrFactor;
+
+/// A fit from which others begin ends at this relative duality gap: the point before it is near their
+/// optima, and far enough from the borders of the cones.
+const KNOWN_GAP: f64 = 1e-3;
+
+/// What fits of similar observations share; it changes how long a fit takes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Known {
+    /// The weights of certificates that no physical robot has the base parameters of other
+    /// observations: they may prove it for these too.
+    certificates: Vec<Vec<f64>>,
+    /// Parameters (p, SI) inside all constraints, on the way to the best ones, with the duals there.
+    inside: Option<(Vec<f64>, Vec<Square>)>,
+}
+
+impl Known {
+    /// What a fit to these observations finds before it begins, see [`identify`].
+    pub(crate) fn of(
+        factor: &QrFactor,
+        combinations: &BaseMap,
+        layout: &ParameterLayout,
+        options: &Options,
+    ) -> Result<Self, FeasibilityError> {
+        let mut known = Self::default();
+        let Ok(beta) = factor.solve() else {
+            return Ok(known);
+        };
+        if !options.constrain() {
+            let Verdict::Infeasible { certificate } =
+                verdict(layout, combinations, &beta, options.scale)?
+            else {
+                return Ok(known);
+            };
+            known.certificates.push(certificate.weights);
+        }
+        let setting = Setting::new(factor, combinations, layout, options);
+        let InteriorStart { problem, x } = find_interior_point(&setting)?;
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = &problem;
+        known.inside = start(objective, cones, x)
+            .and_then(|first| minimise(objective, cones, reach, first, KNOWN_GAP, &|_| false))
+            .map(|ended| ended.interior_point)
+            .map(|point| (problem.expand(&point.x), point.duals));
+        Ok(known)
+    }
+
+    /// Whether a certificate of other observations proves that no physical robot has these base
+    /// parameters.
+    pub(super) fn refutes(
+        &self,
+        layout: &ParameterLayout,
+        combinations: &BaseMap,
+        beta: &[f64],
+        scale: Scale,
+    ) -> Result<bool, FeasibilityError> {
+        for weights in &self.certificates {
+            if refutes(layout, combinations, beta, scale, weights)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The problem with the known point, if that is inside its cones.
+    pub(super) fn point(
+        &self,
+        setting: &Setting<'_>,
+    ) -> Result<Option<(Problem, Point)>, FeasibilityError> {
+        match &self.inside {
+            Some((phi, duals)) => interior_point_of(setting, phi, duals),
+            None => Ok(None),
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::feasibility::{SYMBOLS, identify, identify_like};
+
+    /// Fits that begin at what is known of another end where they end without it, whether the other
+    /// is near or not.
+    #[test]
+    fn what_is_known_changes_no_fit() {
+        let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+        let layout = ParameterLayout::new(&labels).unwrap();
+        let all = BaseMap::identity(&labels);
+        let mut w = vec![0.0; 100];
+        (0..10).for_each(|k| w[11 * k] = 1.0 + 0.1 * k as f64);
+        let observed = |shift: f64| {
+            let values = [0.2, 0.01, -0.02, 0.3, 0.015, -0.1, 0.05, 0.02, 0.1, 2.0];
+            let tau: Vec<f64> = values
+                .iter()
+                .zip(0..)
+                .map(|(x, k)| (x + shift * f64::from(k % 3 - 1)) * w[11 * k as usize])
+                .collect();
+            let mut factor = QrFactor::new(labels.clone());
+            factor.push_block(&w, &tau).unwrap();
+            factor
+        };
+        let options = Options {
+            rough: true,
+            ..Options::default()
+        };
+        let known = Known::of(&observed(0.0), &all, &layout, &options).unwrap();
+        assert!(!known.certificates.is_empty() && known.inside.is_some());
+        let (mut refuted, mut physical) = (0, 0);
+        for shift in [0.0, 1e-3, -0.01, 0.03, -0.09, 0.5, -3.0] {
+            let factor = observed(shift);
+            let alone = identify(&factor, &all, &layout, &options).unwrap();
+            let found = identify_like(&factor, &all, &layout, &options, &known).unwrap();
+            assert_eq!(alone.outcome, found.outcome);
+            let beta = factor.solve().unwrap();
+            refuted += usize::from(known.refutes(&layout, &all, &beta, options.scale).unwrap());
+            physical += usize::from(
+                verdict(&layout, &all, &beta, options.scale)
+                    .unwrap()
+                    .is_feasible(),
+            );
+            let allowed = 1e-8 * alone.squared_residual;
+            assert!(
+                (alone.squared_residual - found.squared_residual).abs() <= allowed,
+                "{shift}"
+            );
+            for (a, b) in alone.phi.iter().zip(&found.phi) {
+                assert!((a - b).abs() < 1e-4, "{shift}: {a} {b}");
+            }
+        }
+        assert!(
+            refuted >= 3 && physical <= 7 - refuted,
+            "{refuted} {physical}"
+        );
+    }
+}
