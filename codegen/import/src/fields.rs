@@ -57,13 +57,22 @@ impl Fields<'_> {
         }
         let words = attribute.value.split_whitespace();
         let mut changed = Vec::new();
+        let mut near = Vec::new();
         for (angle, word) in angles.iter_mut().zip(words) {
             if let Some(multiple) = printed_multiple(word) {
                 if (multiple - *angle).abs() > crate::pose::ROUNDING_TOLERANCE {
                     changed.push(format!("{word} as {}", crate::number::angle(multiple)));
                 }
                 *angle = multiple;
+            } else if let Some(off) = off_a_right_angle(*angle) {
+                near.push(format!(
+                    "{word} is {off:.0e} rad off a right angle, and stays"
+                ));
             }
+        }
+        if !near.is_empty() {
+            near.dedup();
+            self.log.note(attribute.place, near.join(", "));
         }
         if !changed.is_empty() {
             changed.dedup();
@@ -109,6 +118,16 @@ impl Fields<'_> {
         }
         unit
     }
+}
+
+/// How far an angle is from the next multiple of a right angle, if it is close to one but 0, rad.
+fn off_a_right_angle(angle: f64) -> Option<f64> {
+    /// The largest distance that is more often a careless digit than meant, rad.
+    const CLOSE_RAD: f64 = 1e-3;
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turns = libm::round(angle / quarter);
+    let off = (angle - turns * quarter).abs();
+    (turns != 0.0 && off > 0.0 && off < CLOSE_RAD).then_some(off)
 }
 
 /// The components that were set to 0, as text.

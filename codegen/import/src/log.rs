@@ -112,16 +112,27 @@ impl Log {
         let mut notes: Vec<&(Place, String, bool)> = self.notes.iter().collect();
         notes.sort_by_key(|(place, ..)| (place.file, place.span.start));
         notes.dedup();
-        notes
+        // notes that say the same are one, at the first of their places
+        let mut grouped: Vec<(&(Place, String, bool), usize)> = Vec::new();
+        for note in notes {
+            match grouped.iter_mut().find(|(first, _)| first.1 == note.1) {
+                Some((_, count)) => *count += 1,
+                None => grouped.push((note, 1)),
+            }
+        }
+        grouped
             .into_iter()
-            .filter_map(|(place, text, changes_digits)| {
+            .filter_map(|((place, text, changes_digits), count)| {
                 let source = self.sources.get(place.file)?;
                 let at = source.position(place.span);
                 Some(Note {
                     file: source.name.clone(),
                     line: at.line,
                     column: at.column,
-                    text: text.clone(),
+                    text: match count {
+                        1 => text.clone(),
+                        n => format!("{text} ({n} times)"),
+                    },
                     changes_digits: *changes_digits,
                 })
             })

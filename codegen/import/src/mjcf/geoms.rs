@@ -32,17 +32,23 @@ impl Reading<'_, '_, '_> {
                 Geom::Solid(..) => {}
             }
         }
-        if moves
-            && meshes > 0
+        self.left_out.meshes = moves && meshes > 0;
+        if self.left_out.meshes
             && let Some((first, ..)) = geoms.first()
         {
             let text = format!(
-                "'{body}' has no <inertial>, and its meshes count as massless, since they are not \
-                 read (MuJoCo writes inertials with mj_saveLastXML)"
+                "'{body}' has the mass of its meshes, which are not read: a body without values \
+                 (MuJoCo writes inertials with mj_saveLastXML)"
             );
             self.fields.log.note(first.place, text);
+            return None;
         }
         combined(&parts)
+    }
+
+    /// Whether the body that was read last has mass in meshes.
+    pub(super) fn take_meshes(&mut self) -> bool {
+        core::mem::take(&mut self.left_out.meshes)
     }
 
     fn geom(&mut self, of: Classed<'_>) -> Geom {
