@@ -18,8 +18,8 @@ pub(crate) fn plausible(link: &Link, log: &mut Log) -> Inertia {
         None => {}
         Some(_) if is_negligible(&inertia) => {
             inertia.tensor = [0.0; 6];
-            let text = format!("the inertia of '{}' is rounding: taken as 0", link.name);
-            log.note_digits(link.place, text);
+            let text = "took inertias as 0 that are rounding: of {}";
+            log.note_digits(link.place, text, &format!("'{}'", link.name));
         }
         Some(Flaw::Indefinite) => {
             let message = format!("no body has the inertia of '{}'", link.name);
@@ -27,11 +27,8 @@ pub(crate) fn plausible(link: &Link, log: &mut Log) -> Inertia {
             log.error(link.place, message, hint);
         }
         Some(Flaw::Triangle) => {
-            let text = format!(
-                "the inertia of '{}' breaks the triangle inequality: no body has it",
-                link.name
-            );
-            log.note(link.place, text);
+            let text = "no body has the inertia of {}: it breaks the triangle inequality";
+            log.note_of(link.place, text, &format!("'{}'", link.name));
         }
     }
     inertia

@@ -474,7 +474,10 @@ fn a_body_of_meshes_and_solids_has_no_values_and_is_told() {
     let made = imported(&text);
     assert_has(&made.spec, "# The file states no mass of: a");
     assert!(!made.spec.contains("mass: 1"), "{}", made.spec);
-    assert_has(&notes(&made), "'a' has the mass of its meshes");
+    assert_has(
+        &notes(&made),
+        "bodies without values, as meshes have their mass, which are not read: 'a'",
+    );
 }
 
 #[test]

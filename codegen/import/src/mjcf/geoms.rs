@@ -36,11 +36,10 @@ impl Reading<'_, '_, '_> {
         if self.left_out.meshes
             && let Some((first, ..)) = geoms.first()
         {
-            let text = format!(
-                "'{body}' has the mass of its meshes, which are not read: a body without values \
-                 (MuJoCo writes inertials with mj_saveLastXML)"
-            );
-            self.fields.log.note(first.place, text);
+            let text = "bodies without values, as meshes have their mass, which are not read: {} \
+                        (MuJoCo writes inertials with mj_saveLastXML)";
+            let item = format!("'{body}'");
+            self.fields.log.note_of(first.place, text, &item);
             return None;
         }
         combined(&parts)
