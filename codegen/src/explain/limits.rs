@@ -79,14 +79,18 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
 
 /// Warnings about nominal inertias that no rigid body has.
 pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
-    let broken = spec.bodies.iter().filter(|(_, body)| {
+    let broken = spec.bodies.iter().filter_map(|(label, body)| {
         let tensor = body.inertia.each_ref().map(|entry| entry.value.to_f64());
-        flaw(tensor, INERTIA_TOLERANCE) == Some(Flaw::Triangle)
+        Some((label, flaw(tensor, INERTIA_TOLERANCE)?))
     });
-    let facts = broken.map(|(label, _)| {
+    let facts = broken.map(|(label, flaw)| {
+        let why = match flaw {
+            Flaw::Triangle => "two principal moments are less than the third together",
+            Flaw::Indefinite => "it is not positive semidefinite",
+        };
         Fact::given(format!(
-            "no body has the nominal inertia of '{}': two principal moments are less than the \
-             third together; the order is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about the centre of mass",
+            "no body has the nominal inertia of '{}': {why}; the order is Ixx, Ixy, Ixz, Iyy, Iyz, \
+             Izz, about the centre of mass",
             label.value
         ))
     });

@@ -10,6 +10,7 @@ mod limits;
 pub mod lines;
 mod loops;
 mod motion;
+mod plausible;
 mod relations;
 pub mod table;
 mod unseen;
@@ -236,6 +237,7 @@ pub fn explain(
     let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
+    warnings.extend(plausible::facts(spec, model));
     if let Err(why) = &states {
         warnings.push(Fact::given(format!("nothing could be sampled: {why}")));
     }
