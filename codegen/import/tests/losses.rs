@@ -220,6 +220,14 @@ fn limits_that_contradict_the_joint_followed_are_named() {
 fn what_floats_in_space_is_proposed_to_do_so() {
     let text = "<robot name=\"q\"><link name=\"a\"><inertial><mass value=\"1\"/></inertial></link></robot>";
     assert_has(&refused(text), "base floating");
+    // the mass of meshes counts too
+    let mesh = mjcf("", "<geom type=\"mesh\" mesh=\"m\"/>", "").replace(INERTIAL, "");
+    assert_has(&refused(&mesh), "base floating");
+    let floating = Options {
+        base: Some(Base::Floating),
+        ..Options::default()
+    };
+    assert_has(&imported_with(&mesh, &floating).spec, "type: spherical, body: a");
     let empty = "<robot name=\"q\"><link name=\"a\"/></robot>";
     assert!(!refused(empty).contains("floating"));
 }

@@ -32,17 +32,17 @@ impl Reading<'_, '_, '_> {
                 Geom::Solid(..) => {}
             }
         }
-        self.left_out.meshes = moves && meshes > 0;
-        if self.left_out.meshes
-            && let Some((first, ..)) = geoms.first()
-        {
+        self.left_out.meshes = meshes > 0;
+        if meshes == 0 {
+            return combined(&parts);
+        }
+        if moves && let Some((first, ..)) = geoms.first() {
             let text = "bodies without values, as meshes have their mass, which are not read: {} \
                         (MuJoCo writes inertials with mj_saveLastXML)";
             let item = format!("'{body}'");
             self.fields.log.note_of(first.place, text, &item);
-            return None;
         }
-        combined(&parts)
+        None
     }
 
     /// Whether the body that was read last has mass in meshes.
