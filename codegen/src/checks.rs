@@ -3,6 +3,7 @@
 //! their frames.
 
 mod drives;
+mod home;
 
 use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, agreement};
@@ -75,19 +76,11 @@ pub(crate) fn home_report(
     };
     let independent = names(&model.independent);
     let diagnostic = match problem {
-        HomeProblem::NotClosed { residual } => {
-            let span = spec.home_span.unwrap_or(spec.name.span);
-            Diagnostic::new(
-                span,
-                format!("the loops do not close from here (residual {residual:.2e}, in m and rad)"),
-            )
-            .path("home")
-            .label("start of the closure solve")
-            .hint(format!(
-                "the independent coordinates {independent} keep home's values and the others are solved from home's: \
-                 give values close to a closed configuration, and check the cuts' frames"
-            ))
-        }
+        HomeProblem::NotClosed {
+            residual,
+            gaps,
+            near,
+        } => home::not_closed(spec, model, *residual, gaps, near, &independent),
         HomeProblem::Mobility { mobility, choice, .. } => Diagnostic::new(
             independent_span(spec),
             format!(

@@ -222,13 +222,20 @@ impl Mechanism {
     pub fn explanation(&self) -> Result<Explanation, Report> {
         let analysis = self.analysis_with_dropped()?;
         let at_home = self.at_home()?;
-        Ok(explain::explain(
+        let mut explanation = explain::explain(
             &self.spec,
             &self.model,
             &at_home.home,
             &at_home.redundant_rows,
             analysis,
-        ))
+        );
+        for warning in &mut explanation.warnings {
+            if let Some(place) = warning.place {
+                let line = self.source.position(place).line;
+                warning.text = format!("line {line}: {}", warning.text);
+            }
+        }
+        Ok(explanation)
     }
 
     /// Builds the robot with a program for each function of `kinds` that the mechanism has. Base

@@ -18,6 +18,7 @@ mod friction_laws;
 mod gains;
 mod generated_scalars;
 mod growth;
+mod home_search;
 mod layout;
 mod measured_motion;
 mod offsets;

@@ -39,6 +39,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
             Base::Fixed => regen_import::Base::Fixed,
             Base::Floating => regen_import::Base::Floating,
         }),
+        lock: args.lock.clone(),
         cuts: args.cuts.clone(),
         actuated: args.actuated.clone(),
         home: args.home.clone(),
@@ -46,6 +47,8 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
             cuts: "--cut",
             actuated: "--actuated",
             home: "--home",
+            lock: "--lock",
+            base: "--base",
         },
     };
     let mut imported = regen_import::import(&source, &mut reader, &options)

@@ -56,19 +56,20 @@ impl Fields<'_> {
             return Some(angles);
         }
         let words = attribute.value.split_whitespace();
-        let mut changed = Vec::new();
         for (angle, word) in angles.iter_mut().zip(words) {
             if let Some(multiple) = printed_multiple(word) {
                 if (multiple - *angle).abs() > crate::pose::ROUNDING_TOLERANCE {
-                    changed.push(format!("{word} as {}", crate::number::angle(multiple)));
+                    let text = format!("took {{}} as {}", crate::number::angle(multiple));
+                    self.log.note_digits(attribute.place, text, word);
                 }
                 *angle = multiple;
+            } else if let Some(off) = off_a_right_angle(*angle) {
+                let text = format!(
+                    "{{}} is {off:.0e} rad off a right angle, and stays: axes that are \
+                             nearly parallel have badly determined parameters"
+                );
+                self.log.note_of(attribute.place, text, word);
             }
-        }
-        if !changed.is_empty() {
-            changed.dedup();
-            let note = format!("took {}", changed.join(", "));
-            self.log.note_digits(attribute.place, note);
         }
         Some(angles)
     }
@@ -92,8 +93,11 @@ impl Fields<'_> {
             }
         });
         if cleared != position {
-            let note = format!("took {} as 0", cleared_components(position, cleared));
-            self.log.note_digits(attribute.place, note);
+            let pairs = position.iter().zip(&cleared);
+            for (x, _) in pairs.filter(|(x, y)| x != y) {
+                let item = format!("{x:e}");
+                self.log.note_digits(attribute.place, "took {} as 0", &item);
+            }
         }
         Some(cleared)
     }
@@ -111,12 +115,12 @@ impl Fields<'_> {
     }
 }
 
-/// The components that were set to 0, as text.
-fn cleared_components(before: V3, after: V3) -> String {
-    let pairs = before.iter().zip(&after);
-    let cleared_components: Vec<String> = pairs
-        .filter(|(x, y)| x != y)
-        .map(|(x, _)| format!("{x:e}"))
-        .collect();
-    cleared_components.join(", ")
+/// How far an angle is from the next multiple of a right angle, if it is close to one but 0, rad.
+fn off_a_right_angle(angle: f64) -> Option<f64> {
+    /// The largest distance that is more often a careless digit than meant, rad.
+    const CLOSE_RAD: f64 = 1e-3;
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turns = libm::round(angle / quarter);
+    let off = (angle - turns * quarter).abs();
+    (turns != 0.0 && off > 0.0 && off < CLOSE_RAD).then_some(off)
 }

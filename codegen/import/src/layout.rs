@@ -6,9 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::frames::{joint_frame, motion};
 use crate::log::{Log, Place};
 use crate::names::Names;
+use crate::physical::plausible;
 use crate::pose::{Pose, tensor_in};
 use crate::tree::{Coupling, Drive, Inertia, Joint, Kind, Link, Tree};
-use regen_codegen::spec::{Flaw, flaw};
 
 /// The content of the spec before it is written as text.
 #[derive(Clone, Debug, Default)]
@@ -70,6 +70,8 @@ pub(crate) struct DraftBody {
     pub(crate) frame: Pose,
     /// The inertia in the body's frame.
     pub(crate) inertia: Inertia,
+    /// Whether the file does not state the inertia.
+    pub(crate) unknown: bool,
 }
 
 impl Draft {
@@ -163,7 +165,7 @@ impl<'a> LimbLayout<'a> {
                 Some((carrier, pose)) => (*carrier, pose.then(&link.pose)),
                 None => (None, link.pose),
             };
-            let massive = link.inertia.is_some_and(|i| !i.is_zero());
+            let massive = link.is_massive();
             if link.joints.is_empty() && (carrier.is_none() || !massive) {
                 if massive {
                     still.push(link);
@@ -275,7 +277,7 @@ impl<'a> LimbLayout<'a> {
             else {
                 continue;
             };
-            let massive = link.inertia.is_some_and(|i| !i.is_zero());
+            let massive = link.is_massive();
             let needed = node.children.len() > 1 || in_loops.contains(&index);
             if !massive && !needed {
                 continue;
@@ -290,31 +292,13 @@ impl<'a> LimbLayout<'a> {
                 self.log.note(link.place, text);
             }
             let frame = node.frame;
-            let inertia = link.inertia.unwrap_or(Inertia {
-                mass: 0.0,
-                com: [0.0; 3],
-                tensor: [0.0; 6],
-            });
-            match flaw(inertia.tensor, 1e-12) {
-                None => {}
-                Some(Flaw::Indefinite) => {
-                    let message = format!("no body has the inertia of '{}'", link.name);
-                    let hint = "it is not positive semidefinite: mend the file";
-                    self.log.error(link.place, message, hint);
-                }
-                Some(Flaw::Triangle) => {
-                    let text = format!(
-                        "the inertia of '{}' breaks the triangle inequality: no body has it",
-                        link.name
-                    );
-                    self.log.note(link.place, text);
-                }
-            }
+            let inertia = plausible(link, self.log);
             let com = frame.inverse().point(inertia.com);
             self.draft.bodies.push(DraftBody {
                 label: label.clone(),
                 link: link.name.clone(),
                 frame,
+                unknown: link.unknown,
                 inertia: Inertia {
                     mass: inertia.mass,
                     com,

@@ -40,10 +40,13 @@ mod export;
 mod fields;
 mod frames;
 mod layout;
+mod lock;
 mod log;
 mod mjcf;
 mod names;
+mod notes;
 mod number;
+mod physical;
 mod pose;
 mod tree;
 mod urdf;
@@ -73,6 +76,9 @@ pub struct Options {
     pub exact: bool,
     /// How the root is connected to the world; default: as in the file.
     pub base: Option<Base>,
+    /// Joints that are taken as rigid: `NAME`, at 0, or `NAME=VALUE`, in rad or m, counted as in the
+    /// file. Joints that follow them stand still too.
+    pub lock: Vec<String>,
     /// Loops to add: `NAME:JOINT:BODY@x,y,z[,r,p,y]:BODY[@x,y,z[,r,p,y]]`, with lengths in m and
     /// angles in rad. Bodies are given by the file's names or `world`, frames in the frames of the
     /// file's links. The default of the second frame is the pose of the first one at zero.
@@ -95,6 +101,10 @@ pub struct OptionNames {
     pub actuated: &'static str,
     /// [`Options::home`].
     pub home: &'static str,
+    /// [`Options::lock`].
+    pub lock: &'static str,
+    /// [`Options::base`].
+    pub base: &'static str,
 }
 
 impl Default for OptionNames {
@@ -103,6 +113,8 @@ impl Default for OptionNames {
             cuts: "cuts",
             actuated: "actuated",
             home: "home",
+            lock: "lock",
+            base: "base",
         }
     }
 }
@@ -141,6 +153,7 @@ pub fn import(
     let mut log = Log::default();
     let imported = tree(source, reader, options, &mut log).map(|mut tree| {
         apply_options(&mut tree, options, &mut log);
+        notes::contradicting_limits(&tree, &mut log);
         (layout::lay_out(&tree, &mut log), tree)
     });
     let Some((mut draft, tree)) = imported.filter(|_| !log.failed()) else {
@@ -148,8 +161,14 @@ pub fn import(
     };
     home(&mut draft, options, &mut log);
     if draft.bodies.is_empty() {
-        let hint = "masses stand in <inertial> of the links that move";
-        log.error(tree.place, "nothing with mass moves in this file", hint);
+        let still = tree.links.iter().any(tree::Link::is_massive);
+        let hint = if still && options.base != Some(Base::Floating) {
+            let floating = options.names.base;
+            format!("what has mass stands still: `{floating} floating` lets it move in space")
+        } else {
+            "masses stand in <inertial> of the links that move".to_owned()
+        };
+        log.error(tree.place, "nothing with mass moves in this file", &hint);
     }
     if log.failed() {
         return Err(log.reports());
@@ -192,6 +211,9 @@ fn tree(
 
 /// Changes the tree according to the options.
 fn apply_options(tree: &mut Tree, options: &Options, log: &mut Log) {
+    for text in &options.lock {
+        lock::lock(options.names.lock, text, tree, log);
+    }
     for text in &options.cuts {
         cut::add(options.names.cuts, text, tree, log);
     }
@@ -281,6 +303,7 @@ fn write_valid_spec(
         file: file.rsplit(['/', '\\']).next().unwrap_or(file),
         format: tree.format,
         gravity: tree.gravity,
+        exact: options.exact,
         actuated: &actuated,
         independent: None,
     };

@@ -53,7 +53,46 @@ impl std::fmt::Display for Note {
 pub(crate) struct Log {
     sources: Vec<Source>,
     errors: Vec<(usize, Diagnostic)>,
-    notes: Vec<(Place, String, bool)>,
+    notes: Vec<Entry>,
+}
+
+/// A note; those whose text is the same are printed as one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Entry {
+    place: Place,
+    /// The text, with `{}` where the items stand that are grouped.
+    text: String,
+    item: Option<String>,
+    changes_digits: bool,
+}
+
+/// Notes with the same text, at the first of their places.
+struct Group<'a> {
+    first: &'a Entry,
+    items: Vec<&'a str>,
+    count: usize,
+}
+
+impl Group<'_> {
+    /// The text, with the first few of its items.
+    fn text(&self) -> String {
+        const MOST_ITEMS: usize = 4;
+        let shown: Vec<&str> = self.items.iter().take(MOST_ITEMS).copied().collect();
+        let more = match self.items.len().saturating_sub(MOST_ITEMS) {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        let listed = format!("{}{more}", shown.join(", "));
+        let text = match self.items.is_empty() {
+            true => self.first.text.clone(),
+            false => self.first.text.replacen("{}", &listed, 1),
+        };
+        if self.count > self.items.len().max(1) {
+            format!("{text} ({} times)", self.count)
+        } else {
+            text
+        }
+    }
 }
 
 impl Log {
@@ -77,12 +116,27 @@ impl Log {
     }
 
     pub(crate) fn note(&mut self, place: Place, text: impl Into<String>) {
-        self.notes.push((place, text.into(), false));
+        self.push(place, text.into(), None, false);
     }
 
-    /// Records a note on changed digits.
-    pub(crate) fn note_digits(&mut self, place: Place, text: impl Into<String>) {
-        self.notes.push((place, text.into(), true));
+    /// Records a note on an item: notes with the same text are printed as one that lists the items
+    /// where the text has `{}`.
+    pub(crate) fn note_of(&mut self, place: Place, text: impl Into<String>, item: &str) {
+        self.push(place, text.into(), Some(item.to_owned()), false);
+    }
+
+    /// Records a note on changed digits; as [`Log::note_of`].
+    pub(crate) fn note_digits(&mut self, place: Place, text: impl Into<String>, item: &str) {
+        self.push(place, text.into(), Some(item.to_owned()), true);
+    }
+
+    fn push(&mut self, place: Place, text: String, item: Option<String>, changes_digits: bool) {
+        self.notes.push(Entry {
+            place,
+            text,
+            item,
+            changes_digits,
+        });
     }
 
     pub(crate) fn forget_notes(&mut self) {
@@ -109,20 +163,40 @@ impl Log {
 
     /// The notes, in the order of the files.
     pub(crate) fn notes(&self) -> Vec<Note> {
-        let mut notes: Vec<&(Place, String, bool)> = self.notes.iter().collect();
-        notes.sort_by_key(|(place, ..)| (place.file, place.span.start));
+        let mut notes: Vec<&Entry> = self.notes.iter().collect();
+        notes.sort_by_key(|note| (note.place.file, note.place.span.start));
         notes.dedup();
-        notes
+        let mut groups: Vec<Group<'_>> = Vec::new();
+        for note in notes {
+            let same = |group: &&mut Group<'_>| {
+                group.first.text == note.text && group.first.item.is_some() == note.item.is_some()
+            };
+            let Some(group) = groups.iter_mut().find(same) else {
+                groups.push(Group {
+                    first: note,
+                    items: note.item.as_deref().into_iter().collect(),
+                    count: 1,
+                });
+                continue;
+            };
+            group.count += 1;
+            if let Some(item) = note.item.as_deref()
+                && !group.items.contains(&item)
+            {
+                group.items.push(item);
+            }
+        }
+        groups
             .into_iter()
-            .filter_map(|(place, text, changes_digits)| {
-                let source = self.sources.get(place.file)?;
-                let at = source.position(place.span);
+            .filter_map(|group| {
+                let source = self.sources.get(group.first.place.file)?;
+                let at = source.position(group.first.place.span);
                 Some(Note {
                     file: source.name.clone(),
                     line: at.line,
                     column: at.column,
-                    text: text.clone(),
-                    changes_digits: *changes_digits,
+                    text: group.text(),
+                    changes_digits: group.first.changes_digits,
                 })
             })
             .collect()

@@ -73,18 +73,30 @@ pub(crate) fn rounded(x: f64, largest: f64, digits: i32) -> f64 {
     format!("{x:.places$}").parse().unwrap_or(x)
 }
 
-/// Numerator and denominator of the multiple of pi that an angle (rad) equals up to rounding.
-fn multiple(angle: f64) -> Option<(i64, i64)> {
+/// Tolerance in rad for angles whose printed digits count: four roundings of a half turn.
+const EXACT_TOLERANCE_RAD: f64 = 1.8e-15;
+
+/// Numerator and denominator of the multiple of pi that an angle (rad) equals up to a tolerance.
+fn multiple(angle: f64, tolerance: f64) -> Option<(i64, i64)> {
     (1..=12_i64).find_map(|n| {
         let k = libm::round(angle * n as f64 / PI);
-        let near = (angle - k * PI / n as f64).abs() <= COMPUTED_TOLERANCE_RAD;
+        let near = (angle - k * PI / n as f64).abs() <= tolerance;
         (near && k.abs() <= 48.0).then_some((k as i64, n))
     })
 }
 
 /// Formats an angle (rad) for a spec: `0`, `-pi/2`, `2*pi/3`, or a number.
 pub(crate) fn angle(x: f64) -> String {
-    match multiple(x) {
+    angle_within(x, COMPUTED_TOLERANCE_RAD)
+}
+
+/// As [`angle`]; a multiple of pi only where the number agrees with it in all of its digits.
+pub(crate) fn exact_angle(x: f64) -> String {
+    angle_within(x, EXACT_TOLERANCE_RAD)
+}
+
+fn angle_within(x: f64, tolerance: f64) -> String {
+    match multiple(x, tolerance) {
         Some((0, _)) => "0".to_owned(),
         Some((k, n)) => {
             let sign = if k < 0 { "-" } else { "" };
@@ -169,6 +181,14 @@ mod tests {
             (1.570_9, "1.5709"),
         ] {
             assert_eq!(angle(x), text);
+        }
+        for (x, text) in [
+            (PI / 2.0, "pi/2"),
+            (3.141_592_653_59, "3.14159265359"),
+            (0.628_318_530_718, "0.628318530718"),
+            (1e-14, "1e-14"),
+        ] {
+            assert_eq!(exact_angle(x), text);
         }
     }
 }

@@ -16,7 +16,7 @@ pub(crate) const ROUNDING_TOLERANCE: f64 = 1e-12;
 
 /// Decimals of a computed length that are kept after the leading digit of the largest length it was
 /// computed from; further digits are rounding errors.
-const LENGTH_DIGITS: i32 = 15;
+const LENGTH_DIGITS: i32 = 14;
 
 /// The same for a computed moment of inertia, relative to the largest entry of the tensor; files
 /// give about six digits.

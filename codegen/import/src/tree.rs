@@ -52,6 +52,15 @@ pub(crate) struct Link {
     /// The joints from the parent outwards; without joints the link is fixed.
     pub(crate) joints: Vec<Joint>,
     pub(crate) inertia: Option<Inertia>,
+    /// Whether the link has mass that the file does not state: that of its meshes.
+    pub(crate) unknown: bool,
+}
+
+impl Link {
+    /// Whether the link has mass or inertia.
+    pub(crate) fn is_massive(&self) -> bool {
+        self.unknown || self.inertia.is_some_and(|inertia| !inertia.is_zero())
+    }
 }
 
 /// The type of a joint.
@@ -131,7 +140,12 @@ impl Joint {
                 part("_x", Kind::Prismatic, x),
                 part("_y", Kind::Prismatic, y),
                 part("_z", Kind::Prismatic, z),
-                part("_turn", Kind::Spherical, z),
+                Joint {
+                    damping: 0.0,
+                    friction: 0.0,
+                    armature: 0.0,
+                    ..part("_turn", Kind::Spherical, z)
+                },
             ],
             Kind::Planar => {
                 let [across, along] = across(self.axis);
@@ -172,6 +186,13 @@ pub(crate) struct Inertia {
 }
 
 impl Inertia {
+    /// No mass and no inertia.
+    pub(crate) const NONE: Inertia = Inertia {
+        mass: 0.0,
+        com: [0.0; 3],
+        tensor: [0.0; 6],
+    };
+
     /// Whether mass and inertia tensor are zero.
     pub(crate) fn is_zero(&self) -> bool {
         self.mass == 0.0 && self.tensor == [0.0; 6]

@@ -58,6 +58,7 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
             pose: Pose::default(),
             joints: Vec::new(),
             inertia: inertia(element, fields),
+            unknown: false,
         };
         if let Some((joint, parent)) = above.get(link).copied().flatten() {
             read.parent = position.get(&parent).copied();
@@ -263,7 +264,15 @@ fn moving(joint: &Element, tree: &mut Tree, fields: &mut Fields<'_>) -> Option<J
         limits(limit, limited, &mut read, fields);
     }
     if let Some(dynamics) = joint.child("dynamics") {
-        let mut value = |name| Some(fields.number(dynamics.attribute(name)?)?.max(0.0));
+        let mut value = |key| {
+            let attribute = dynamics.attribute(key)?;
+            let value = fields.number(attribute)?;
+            if value < 0.0 {
+                let text = format!("{key} {value} of '{name}' is negative: left out");
+                fields.log.note(attribute.place, text);
+            }
+            Some(value.max(0.0))
+        };
         read.damping = value("damping").unwrap_or(0.0);
         read.friction = value("friction").unwrap_or(0.0);
     }

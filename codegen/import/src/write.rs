@@ -4,12 +4,15 @@ use std::fmt::Write as _;
 
 use crate::frames::denavit_hartenberg;
 use crate::layout::{Draft, DraftBody, DraftJoint, DraftLimb};
-use crate::number::{angle, number};
+use crate::number::{angle, exact_angle, number};
 use crate::pose::{Pose, V3};
 use crate::tree::Drive;
 
 /// Longer entries are written on several lines.
 const MAX_ENTRY_WIDTH: usize = 110;
+
+/// Formats an angle.
+type Angle = fn(f64) -> String;
 
 /// The data of a spec in addition to the draft.
 #[derive(Clone, Debug)]
@@ -21,6 +24,8 @@ pub(crate) struct SpecContext<'a> {
     pub(crate) file: &'a str,
     pub(crate) format: &'a str,
     pub(crate) gravity: Option<V3>,
+    /// Whether angles keep their printed digits.
+    pub(crate) exact: bool,
     /// Actuated joints by their names in the spec.
     pub(crate) actuated: &'a [String],
     pub(crate) independent: Option<&'a [String]>,
@@ -29,10 +34,11 @@ pub(crate) struct SpecContext<'a> {
 /// The text of the spec.
 pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
     let mut out = String::new();
+    let angle: Angle = if frame.exact { exact_angle } else { angle };
     header(draft, frame, &mut out);
     out.push_str("\nlimbs:\n");
     for limb in &draft.limbs {
-        write_limb(limb, frame.actuated, &mut out);
+        write_limb(limb, frame.actuated, angle, &mut out);
     }
     if !draft.cuts.is_empty() {
         out.push_str("\n# Where the loops were opened: a frame on each of two bodies.\ncuts:\n");
@@ -40,7 +46,7 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
             let side = |(body, pose): &(Option<String>, Pose)| {
                 let body = body.as_deref().unwrap_or("world");
                 let mut fields = vec![("body", body.to_owned())];
-                fields.extend(placement(pose));
+                fields.extend(placement(pose, angle));
                 flow(&fields)
             };
             let [a, b] = &cut.sides;
@@ -56,14 +62,19 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
     if !draft.couplings.is_empty() {
         out.push_str("\n# Joints that follow others.\ncouplings:\n");
         for coupling in &draft.couplings {
-            let form = linear(coupling.constant, &coupling.terms);
+            let form = linear(coupling.constant, &coupling.terms, angle);
             let _ = writeln!(out, "  {}: {form}", coupling.key);
         }
     }
     if !draft.drives.is_empty() {
         out.push_str("\n# Motors that move several joints, or one with a ratio.\ndrives:\n");
         for drive in &draft.drives {
-            let _ = writeln!(out, "  {}: {}", drive.name, flow(&drive_fields(drive)));
+            let _ = writeln!(
+                out,
+                "  {}: {}",
+                drive.name,
+                flow(&drive_fields(drive, angle))
+            );
         }
     }
     if let Some(independent) = frame.independent {
@@ -85,7 +96,7 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
             home.join(", ")
         );
     }
-    bodies(&draft.bodies, &mut out);
+    bodies(&draft.bodies, angle, &mut out);
     out
 }
 
@@ -135,24 +146,24 @@ fn quoted(text: &str) -> String {
     format!("\"{text}\"")
 }
 
-fn write_limb(limb: &DraftLimb, actuated: &[String], out: &mut String) {
+fn write_limb(limb: &DraftLimb, actuated: &[String], angle: Angle, out: &mut String) {
     let _ = writeln!(out, "  - name: {}", limb.name);
     if let Some(from) = &limb.from {
         let _ = writeln!(out, "    from: {from}");
     }
-    let (base, rows) = rows(limb);
+    let (base, rows) = rows(limb, angle);
     if !base.is_unit() {
-        let _ = writeln!(out, "    base: {}", flow(&placement(&base)));
+        let _ = writeln!(out, "    base: {}", flow(&placement(&base, angle)));
     }
     out.push_str("    joints:\n");
     for (joint, row) in limb.joints.iter().zip(rows) {
-        entry(&joint_fields(joint, row, actuated), 6, out);
+        entry(&joint_fields(joint, row, actuated, angle), 6, out);
     }
 }
 
 /// The limb's base and the placement of each joint: by Denavit-Hartenberg rows if all joints,
 /// except the first, have such poses, else by origins.
-fn rows(limb: &DraftLimb) -> (Pose, Vec<Option<(&'static str, String)>>) {
+fn rows(limb: &DraftLimb, angle: Angle) -> (Pose, Vec<Option<(&'static str, String)>>) {
     let is_row =
         |joint: &DraftJoint| joint.axis == 'z' && denavit_hartenberg(&joint.pose).is_some();
     let first = limb.joints.first();
@@ -178,7 +189,7 @@ fn rows(limb: &DraftLimb) -> (Pose, Vec<Option<(&'static str, String)>>) {
         return (by_base.unwrap_or_default(), rows.collect());
     }
     let rows = limb.joints.iter().map(|joint| {
-        let fields = placement(&joint.pose);
+        let fields = placement(&joint.pose, angle);
         (!fields.is_empty()).then(|| ("origin", flow(&fields)))
     });
     (Pose::default(), rows.collect())
@@ -188,6 +199,7 @@ fn joint_fields(
     joint: &DraftJoint,
     row: Option<(&'static str, String)>,
     actuated: &[String],
+    angle: Angle,
 ) -> Vec<(&'static str, String)> {
     let mut fields = Vec::new();
     if let Some(name) = &joint.name {
@@ -265,8 +277,8 @@ fn friction_fields(
     nominal
 }
 
-fn drive_fields(drive: &Drive) -> Vec<(&'static str, String)> {
-    let mut fields = vec![("of", linear(0.0, &drive.terms))];
+fn drive_fields(drive: &Drive, angle: Angle) -> Vec<(&'static str, String)> {
+    let mut fields = vec![("of", linear(0.0, &drive.terms, angle))];
     if drive.slides {
         fields.push(("type", "prismatic".to_owned()));
     }
@@ -285,9 +297,21 @@ fn drive_fields(drive: &Drive) -> Vec<(&'static str, String)> {
     fields
 }
 
-fn bodies(bodies: &[DraftBody], out: &mut String) {
+fn bodies(bodies: &[DraftBody], angle: Angle, out: &mut String) {
+    let unknown = bodies.iter().filter(|body| body.unknown);
+    let unknown: Vec<&str> = unknown.map(|body| body.label.as_str()).collect();
+    if !unknown.is_empty() {
+        let _ = writeln!(
+            out,
+            "\n# The file states no mass of: {}",
+            unknown.join(", ")
+        );
+    }
+    if unknown.len() == bodies.len() {
+        return;
+    }
     out.push_str("\n# Mass, centre of mass, and inertia about it, in the body's frame.\nbodies:\n");
-    for body in bodies {
+    for body in bodies.iter().filter(|body| !body.unknown) {
         let inertia = &body.inertia;
         let mut fields = vec![("mass", number(inertia.mass))];
         if inertia.com != [0.0; 3] {
@@ -298,7 +322,7 @@ fn bodies(bodies: &[DraftBody], out: &mut String) {
         }
         let _ = write!(out, "  {}: {}", body.label, flow(&fields));
         if !body.frame.is_unit() {
-            let frame = flow(&placement(&body.frame));
+            let frame = flow(&placement(&body.frame, angle));
             let link = printable(&body.link);
             let _ = write!(out, "  # frame at {frame} of {link}");
         }
@@ -307,7 +331,7 @@ fn bodies(bodies: &[DraftBody], out: &mut String) {
 }
 
 /// The keys and values of a placement, without those that are zero.
-fn placement(pose: &Pose) -> Vec<(&'static str, String)> {
+fn placement(pose: &Pose, angle: Angle) -> Vec<(&'static str, String)> {
     let mut fields = Vec::new();
     if pose.p != [0.0; 3] {
         fields.push(("xyz", list(&pose.p.map(number))));
@@ -319,7 +343,7 @@ fn placement(pose: &Pose) -> Vec<(&'static str, String)> {
     fields
 }
 
-fn linear(constant: f64, terms: &[(String, f64)]) -> String {
+fn linear(constant: f64, terms: &[(String, f64)], angle: Angle) -> String {
     let mut out = String::new();
     for (name, factor) in terms {
         if *factor == 0.0 {

@@ -6,6 +6,7 @@ mod cuts;
 mod dh_table;
 mod equalities;
 mod export;
+mod losses;
 mod mjcf;
 mod mutations;
 mod snapshots;

@@ -473,7 +473,7 @@ fn inertias_that_no_body_has_are_refused_or_told() {
     let long = imported(&with("ixx=\"0.05\""));
     assert_has(
         &notes(&long),
-        "the inertia of 'a' breaks the triangle inequality",
+        "no body has the inertia of 'a': it breaks the triangle inequality",
     );
     assert_eq!(notes(&imported(&with("ixx=\"0.02\""))), "");
 }

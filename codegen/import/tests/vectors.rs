@@ -49,7 +49,10 @@ fn imported(file: &str, exact: bool) -> (Spec, Robot) {
 
 /// The nominal value of a body's parameter, about the origin of the body's frame, in its axes.
 fn of_body(spec: &Spec, symbol: &str, label: &str) -> f64 {
-    let (_, body) = spec.bodies.iter().find(|b| b.0.value == label).unwrap();
+    let Some((_, body)) = spec.bodies.iter().find(|b| b.0.value == label) else {
+        // the mass of meshes, which the other program does not count either
+        return 0.0;
+    };
     let m = body.mass.value.to_f64();
     let [x, y, z] = body.com.each_ref().map(|c| c.value.to_f64());
     let [xx, xy, xz, yy, yz, zz] = body.inertia.each_ref().map(|i| i.value.to_f64());

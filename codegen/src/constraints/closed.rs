@@ -8,7 +8,7 @@ use crate::sym::{Ex, Graph, System};
 use super::elimination::{Eliminated, Plan, eliminate, plan, structure};
 use super::home::{HomeProblem, Mismatch, NumericLoops, close_home};
 use super::loops::{LoopEquations, Viewpoint};
-use super::rows::{Equations, coupling_equations, world_equations};
+use super::rows::{Equations, agreement, coupling_equations, world_equations};
 use super::samples::closed_states;
 use super::viewpoints;
 
@@ -32,6 +32,18 @@ pub struct Closed {
     pub closure: Option<LoopSolver>,
 }
 
+/// The largest number of closed states that are proposed where home does not close.
+const MAX_PROPOSALS: usize = 3;
+
+/// Whether no cut closes with a half turn between its frames, whose rows vanish there too.
+fn is_aligned(g: &mut Graph, frames: &Frames, model: &Model, home: &[f64]) -> bool {
+    model.cuts.iter().all(|cut| {
+        let cosines = agreement(g, frames, model, cut);
+        let values = Evaluator::new(g, cosines).run(home);
+        values.iter().all(|cosine| *cosine >= 0.5)
+    })
+}
+
 impl Closed {
     /// The indices of the closure rows that are left out because the others imply them; all rows
     /// if there are no dependent coordinates, since the rows then always hold.
@@ -51,7 +63,23 @@ impl Closed {
     pub fn new(g: &mut Graph, frames: &Frames, model: &Model) -> Result<Closed, HomeProblem> {
         let world = world_equations(g, frames, model, None);
         let loops = NumericLoops::new(g, &world, model);
-        let home = close_home(&loops, model)?;
+        let home = match close_home(&loops, model) {
+            Err(HomeProblem::NotClosed {
+                residual,
+                gaps,
+                mut near,
+            }) => {
+                drop(loops);
+                near.retain(|home| is_aligned(g, frames, model, home));
+                near.truncate(MAX_PROPOSALS);
+                return Err(HomeProblem::NotClosed {
+                    residual,
+                    gaps,
+                    near,
+                });
+            }
+            found => found?,
+        };
         if model.dependent.is_empty() {
             return Ok(Closed {
                 home,

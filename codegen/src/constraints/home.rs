@@ -7,7 +7,9 @@ use crate::numeric::{rank_and_columns, solve_pivoted};
 use crate::sym::Graph;
 use crate::sym::eval::Evaluator;
 
+use super::gap::{Gap, gaps};
 use super::rows::Equations;
+use super::search::{branch_of_home, closed_states_near};
 use super::units::Units;
 
 /// Largest residual of a closed mechanism, in the mechanism's units.
@@ -30,6 +32,12 @@ pub enum HomeProblem {
     NotClosed {
         /// The largest residual at the end of the iteration, m or rad.
         residual: f64,
+        /// How far the cuts that do not close gape there, the widest first.
+        gaps: Vec<Gap>,
+        /// Closed states with home's independent coordinates, the closest to home first: one value
+        /// per coordinate, rad or m. If there is none, a state with other independent coordinates,
+        /// if one was found.
+        near: Vec<Vec<f64>>,
     },
     /// The number of independent coordinates is not the mobility.
     Mobility {
@@ -62,7 +70,7 @@ pub struct Mismatch {
 impl fmt::Display for HomeProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotClosed { residual } => write!(
+            Self::NotClosed { residual, .. } => write!(
                 f,
                 "the loops do not close at home (residual {residual:.2e}, in m and rad)"
             ),
@@ -210,6 +218,11 @@ fn largest(f: &[f64]) -> f64 {
 
 /// The home configuration with closed loops; the independent coordinates keep their values.
 ///
+/// Where Newton's method from home does not close them, closed states are searched from many starts.
+/// One is taken only if it is the branch that home points to: each dependent coordinate is within 0.5
+/// (rad, or the mechanism's units of length) of home and on home's side of 0, and no other state that
+/// was found is within 1 in all coordinates. Otherwise those found are part of the error.
+///
 /// # Errors
 /// If the loops do not close, or the independent coordinates do not fit the mobility.
 pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, HomeProblem> {
@@ -221,6 +234,11 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
         check_mobility(loops, model, &q)?;
         return Ok(q);
     }
+    let mut near = closed_states_near(loops, model);
+    if let Some(branch) = branch_of_home(loops, model, &near) {
+        check_mobility(loops, model, &branch)?;
+        return Ok(branch);
+    }
     // the choice of independent coordinates may be wrong: close over all coordinates and check the
     // mobility there
     let mut all = start;
@@ -228,10 +246,17 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
     let (any_residual, _) = close_least(loops, &mut all, &every);
     if any_residual <= 1e-9 * size {
         check_mobility(loops, model, &all)?;
+        if near.is_empty() {
+            near.push(all);
+        }
     }
     // the reported residual is in the spec's units
     let residual = largest(&loops.at(&q).0);
-    Err(HomeProblem::NotClosed { residual })
+    Err(HomeProblem::NotClosed {
+        residual,
+        gaps: gaps(loops, model, &q),
+        near,
+    })
 }
 
 /// Newton's method with more unknowns than equations: the pivot columns are chosen anew up to four

@@ -4,17 +4,20 @@
 
 mod closed;
 mod elimination;
+mod gap;
 mod home;
 mod loops;
 mod rows;
 mod samples;
 mod screw;
+mod search;
 mod units;
 mod view;
 mod viewpoints;
 
 pub use closed::{Closed, LoopSolver};
 pub use elimination::{Eliminated, Entry, Pivot, Plan, eliminate, plan, structure};
+pub use gap::Gap;
 pub use home::{HomeProblem, Mismatch, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
 pub use rows::{Equations, Form, agreement, world_equations, world_views};

@@ -14,10 +14,15 @@ const STEPS_PER_STATE: usize = 6;
 const MIN_PIVOT_RATIO: f64 = 1e-3;
 
 /// A pseudorandom generator of numbers in [-1, 1), the same in every run.
-struct Random(u64);
+pub(super) struct Random(u64);
 
 impl Random {
-    fn next(&mut self) -> f64 {
+    /// The generator at its start.
+    pub(super) fn new() -> Self {
+        Random(0x9E37_79B9_7F4A_7C15)
+    }
+
+    pub(super) fn next(&mut self) -> f64 {
         // xorshift64*, Vigna 2016
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -29,7 +34,7 @@ impl Random {
 
 /// Home, and further closed states around it.
 pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> Vec<Vec<f64>> {
-    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let mut random = Random::new();
     let ranges: Vec<f64> = model
         .independent
         .iter()

@@ -9,6 +9,7 @@ use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph};
 
 use super::Fact;
+use super::plausible::{home_place, joint_place};
 
 /// A joint position or swing angle is reported as near its limit within this fraction of its range.
 const NEAR_LIMIT_FRACTION: f64 = 0.05;
@@ -29,9 +30,12 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         let range = high - low;
         let left = (q - low).min(high - q);
         if left < 0.0 {
-            facts.push(Fact::given(format!(
-                "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
-            )));
+            facts.push(Fact::at(
+                home_place(spec, name).or_else(|| joint_place(spec, name)),
+                format!(
+                    "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
+                ),
+            ));
         } else if left < NEAR_LIMIT_FRACTION * range {
             facts.push(Fact::given(format!(
                 "home of {name}, {q:.4}, is near the end of its limits [{low:.4}, {high:.4}]: \
@@ -79,16 +83,21 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
 
 /// Warnings about nominal inertias that no rigid body has.
 pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
-    let broken = spec.bodies.iter().filter(|(_, body)| {
+    let broken = spec.bodies.iter().filter_map(|(label, body)| {
         let tensor = body.inertia.each_ref().map(|entry| entry.value.to_f64());
-        flaw(tensor, INERTIA_TOLERANCE) == Some(Flaw::Triangle)
+        Some((label, flaw(tensor, INERTIA_TOLERANCE)?))
     });
-    let facts = broken.map(|(label, _)| {
-        Fact::given(format!(
-            "no body has the nominal inertia of '{}': two principal moments are less than the \
-             third together; the order is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about the centre of mass",
+    let facts = broken.map(|(label, flaw)| {
+        let why = match flaw {
+            Flaw::Triangle => "two principal moments are less than the third together",
+            Flaw::Indefinite => "it is not positive semidefinite",
+        };
+        let text = format!(
+            "no body has the nominal inertia of '{}': {why}; the order is Ixx, Ixy, Ixz, Iyy, Iyz, \
+             Izz, about the centre of mass",
             label.value
-        ))
+        );
+        Fact::at(Some(label.span), text)
     });
     facts.collect()
 }

@@ -10,6 +10,7 @@ mod limits;
 pub mod lines;
 mod loops;
 mod motion;
+mod plausible;
 mod relations;
 pub mod table;
 mod unseen;
@@ -19,6 +20,7 @@ use core::fmt::{self, Write as _};
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
 use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
+use crate::diag::Span;
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -80,15 +82,29 @@ pub struct Fact {
     pub text: String,
     /// Its evidence.
     pub evidence: Evidence,
+    /// The place in the spec that it is about, if there is one.
+    pub place: Option<Span>,
 }
 
 impl Fact {
     fn new(text: String, evidence: Evidence) -> Fact {
-        Fact { text, evidence }
+        Fact {
+            text,
+            evidence,
+            place: None,
+        }
     }
 
     fn given(text: String) -> Fact {
         Fact::new(text, Evidence::Given)
+    }
+
+    /// A fact about a place in the spec.
+    fn at(place: Option<Span>, text: String) -> Fact {
+        Fact {
+            place,
+            ..Fact::given(text)
+        }
     }
 }
 
@@ -236,6 +252,7 @@ pub fn explain(
     let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
+    warnings.extend(plausible::facts(spec, model, home));
     if let Err(why) = &states {
         warnings.push(Fact::given(format!("nothing could be sampled: {why}")));
     }
@@ -245,7 +262,7 @@ pub fn explain(
     let mut explanation = Explanation {
         robot: spec.name.value.clone(),
         mobility: model.independent.len(),
-        coordinate_facts: coordinate_facts(model, redundant),
+        coordinate_facts: coordinate_facts(model, home, redundant),
         loops: loops::facts(
             model,
             redundant,
@@ -312,7 +329,14 @@ pub fn explain(
 }
 
 /// Statements about the number of coordinates, the mobility and the drives.
-fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
+/// A value of home with six decimals at most; rounding errors are 0.
+pub fn rounded(q: f64) -> String {
+    let text = format!("{q:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0" } else { text }.to_owned()
+}
+
+fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fact> {
     let names = |of: &[usize]| -> String {
         let names = of.iter().map(|c| model.coordinates[*c].name.as_str());
         names.collect::<Vec<_>>().join(" ")
@@ -338,6 +362,16 @@ fn coordinate_facts(model: &Model, redundant: &[usize]) -> Vec<Fact> {
         "independent are {}; that many, and the others follow from them at home",
         names(&model.independent)
     )));
+    if !model.dependent.is_empty() {
+        let closed = model.coordinates.iter().zip(home).enumerate();
+        let closed =
+            closed.filter(|(c, _)| model.dependent.contains(c) && !model.drives.contains(c));
+        let closed = closed.map(|(_, (c, q))| format!("{} {}", c.name, rounded(*q)));
+        facts.push(Fact::given(format!(
+            "home closes at {}",
+            closed.collect::<Vec<_>>().join(", ")
+        )));
+    }
     for &drive in &model.drives {
         facts.extend(drive_fact(model, drive));
     }

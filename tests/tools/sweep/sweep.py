@@ -234,7 +234,7 @@ def rank(other, followers, independent, random, names, spec):
 
 def inertial_rank(base):
     """The number of base parameters that are no friction and no rotor."""
-    return sum(not re.match(r"(F[vc]|J|K|Fo)[+-]?\(", row["parameter"]) for row in base["base"])
+    return sum(not re.match(r"(F[vc]|J|K|Fo)[+-]?\(", row["label"]) for row in base["base"])
 
 
 def one(regen, path, folder, exact):

@@ -55,6 +55,9 @@ pub(crate) struct ImportArgs {
     /// What the root stands on [default: what the file says; the world in URDF]
     #[arg(long, value_enum, value_name = "BASE")]
     pub(crate) base: Option<Base>,
+    /// Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
+    #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
+    pub(crate) lock: Vec<String>,
     /// Keep angles as printed, also where they print a multiple of pi
     #[arg(long)]
     pub(crate) exact: bool,

@@ -107,8 +107,11 @@ impl<'a> Reading<'a, '_, '_> {
         let pose = around.then(&self.pose(of));
         let mut content = Content::default();
         self.collect(element, inherited, Pose::default(), &mut content);
-        let moves = !content.joints.is_empty() || self.moves(parent);
-        let inertia = self.inertia(element, &content, moves, &name);
+        let on_world = !self.moves(parent);
+        let moves = !content.joints.is_empty() || !on_world;
+        let mut inertia = self.inertia(element, &content, moves, &name);
+        let unknown = self.take_meshes();
+        self.compensated(of);
         let mut joints = Vec::new();
         for (k, (joint, inherited, around)) in content.joints.iter().enumerate() {
             let unnamed = match content.joints.len() {
@@ -121,6 +124,7 @@ impl<'a> Reading<'a, '_, '_> {
             };
             joints.extend(self.joint(of, around, unnamed));
         }
+        self.balls(&name, on_world && !unknown, &mut joints, &mut inertia);
         self.tree.links.push(Link {
             name,
             place: element.place,
@@ -128,6 +132,7 @@ impl<'a> Reading<'a, '_, '_> {
             pose,
             joints,
             inertia,
+            unknown,
         });
         self.sites(&content, Some(index));
         for (body, inherited, around) in content.bodies {
@@ -223,6 +228,10 @@ impl<'a> Reading<'a, '_, '_> {
                 joint.name
             );
             self.fields.log.note(element.place, text);
+            // <freejoint> takes no defaults
+            if element.tag == "joint" {
+                self.resistance(of, &mut joint);
+            }
             return Some(joint);
         }
         let anchor = self.attribute(of, "pos");
@@ -232,14 +241,7 @@ impl<'a> Reading<'a, '_, '_> {
             joint.axis = self.fields.direction(&axis)?;
         }
         joint.axis = unit(crate::pose::times(&around.r, joint.axis))?;
-        let mut number = |name: &str| {
-            let attribute = self.attribute(of, name)?;
-            self.fields.numbers(&attribute)?.first().copied()
-        };
-        joint.damping = number("damping").unwrap_or(0.0).max(0.0);
-        joint.friction = number("frictionloss").unwrap_or(0.0).max(0.0);
-        joint.armature = number("armature").unwrap_or(0.0).max(0.0);
-        joint.stiffness = number("stiffness").unwrap_or(0.0).max(0.0);
+        self.resistance(of, &mut joint);
         self.spring(of, element.place, &mut joint);
         self.range(of, &mut joint);
         joint.effort = self.limit(of, "actuatorfrcrange", "actuatorfrclimited");

@@ -37,9 +37,13 @@ impl Reading<'_, '_, '_> {
                     let coupling = self.coupling(element);
                     self.tree.couplings.extend(coupling);
                 }
+                "tendon" => {
+                    let coupling = self.tendon_coupling(element);
+                    self.tree.couplings.extend(coupling);
+                }
                 other => {
                     let message = format!("a <{other}> equality cannot be expressed");
-                    let hint = "connect, weld and joint can; take this one out, or set \
+                    let hint = "connect, weld, joint and tendon can; take this one out, or set \
                                 active=\"false\" in it";
                     self.fields.log.error(element.place, message, hint);
                 }
@@ -144,20 +148,7 @@ impl Reading<'_, '_, '_> {
     fn coupling(&mut self, element: &Element) -> Option<Coupling> {
         let joint = required(element, "joint1", self)?;
         let other = element.attribute("joint2");
-        let mut factors = [0.0, 1.0];
-        if let Some(polynomial) = element.attribute("polycoef") {
-            let given = self.fields.numbers(polynomial)?;
-            if given.iter().skip(2).any(|c| *c != 0.0) {
-                let message = "a coupling that is not linear";
-                let hint = "only the first two coefficients may differ from zero";
-                self.fields.log.error(polynomial.place, message, hint);
-                return None;
-            }
-            for (factor, given) in factors.iter_mut().zip(given) {
-                *factor = given;
-            }
-        }
-        let [constant, factor] = factors;
+        let [constant, factor] = self.linear_factors(element)?;
         let reference = self.reference(joint)?;
         let (constant, terms) = match other {
             Some(other) => (
@@ -172,6 +163,24 @@ impl Reading<'_, '_, '_> {
             terms,
             place: joint.place,
         })
+    }
+
+    /// The first two coefficients of an equality; an error if others are not 0.
+    pub(super) fn linear_factors(&mut self, element: &Element) -> Option<[f64; 2]> {
+        let mut factors = [0.0, 1.0];
+        if let Some(polynomial) = element.attribute("polycoef") {
+            let given = self.fields.numbers(polynomial)?;
+            if given.iter().skip(2).any(|c| *c != 0.0) {
+                let message = "a coupling that is not linear";
+                let hint = "only the first two coefficients may differ from zero";
+                self.fields.log.error(polynomial.place, message, hint);
+                return None;
+            }
+            for (factor, given) in factors.iter_mut().zip(given) {
+                *factor = given;
+            }
+        }
+        Some(factors)
     }
 
     /// The value of a joint's coordinate at zero.

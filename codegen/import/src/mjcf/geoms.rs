@@ -32,17 +32,22 @@ impl Reading<'_, '_, '_> {
                 Geom::Solid(..) => {}
             }
         }
-        if moves
-            && meshes > 0
-            && let Some((first, ..)) = geoms.first()
-        {
-            let text = format!(
-                "'{body}' has no <inertial>, and its meshes count as massless, since they are not \
-                 read (MuJoCo writes inertials with mj_saveLastXML)"
-            );
-            self.fields.log.note(first.place, text);
+        self.left_out.meshes = meshes > 0;
+        if meshes == 0 {
+            return combined(&parts);
         }
-        combined(&parts)
+        if moves && let Some((first, ..)) = geoms.first() {
+            let text = "bodies without values, as meshes have their mass, which are not read: {} \
+                        (MuJoCo writes inertials with mj_saveLastXML)";
+            let item = format!("'{body}'");
+            self.fields.log.note_of(first.place, text, &item);
+        }
+        None
+    }
+
+    /// Whether the body that was read last has mass in meshes.
+    pub(super) fn take_meshes(&mut self) -> bool {
+        core::mem::take(&mut self.left_out.meshes)
     }
 
     fn geom(&mut self, of: Classed<'_>) -> Geom {

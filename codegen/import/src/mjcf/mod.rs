@@ -7,6 +7,8 @@ mod defaults;
 mod equality;
 mod geoms;
 mod orientation;
+mod resistance;
+mod tendon_coupling;
 mod tendons;
 
 use crate::fields::Fields;
@@ -49,6 +51,18 @@ struct Reading<'a, 'f, 'l> {
     tree: Tree,
     sites: Vec<(String, crate::tree::Side)>,
     root: &'a Element,
+    left_out: LeftOut,
+}
+
+/// What is left out and noted together.
+#[derive(Default)]
+struct LeftOut {
+    /// The number of bodies with `gravcomp`.
+    compensated: usize,
+    /// The joints with a `springdamper`.
+    springdampers: Vec<String>,
+    /// Whether meshes of the body that was read last have mass.
+    meshes: bool,
 }
 
 /// Reads the robot of an MJCF file whose includes have been inserted; `None` if an error was
@@ -68,12 +82,14 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         },
         sites: Vec::new(),
         root,
+        left_out: LeftOut::default(),
     };
     let gravity = root
         .all("option")
         .filter_map(|o| o.attribute("gravity"))
         .last();
     reading.tree.gravity = gravity.and_then(|g| reading.fields.array(g));
+    reading.gravity_flag();
     reading.bodies();
     reading.scale_masses();
     reading.actuators();
@@ -142,6 +158,18 @@ fn sequence(attribute: &Attribute, settings: &mut Compiler, fields: &mut Fields<
 }
 
 impl Reading<'_, '_, '_> {
+    /// Takes gravity away where a flag disables it.
+    fn gravity_flag(&mut self) {
+        let options = self.root.all("option");
+        let flags = options.flat_map(|option| option.all("flag"));
+        let said = flags.filter_map(|flag| flag.attribute("gravity")).last();
+        if let Some(said) = said.filter(|said| said.value == "disable") {
+            self.tree.gravity = Some([0.0; 3]);
+            let text = "gravity is 0 here, since a flag disables it";
+            self.fields.log.note(said.place, text);
+        }
+    }
+
     fn scale_masses(&mut self) {
         let Some(total) = self.compiler.total_mass else {
             return;
@@ -177,6 +205,7 @@ impl Reading<'_, '_, '_> {
                 self.fields.log.note(spatial.place, text);
             }
         }
+        self.note_forces_left_out();
         for section in ["deformable", "skin"] {
             for element in self.root.all(section) {
                 let text = "what deforms is left out: bodies are rigid here";

@@ -106,8 +106,9 @@ impl Reading<'_, '_, '_> {
             return Some(r);
         };
         if !crate::pose::same_rotation(&meant, &r) {
-            let text = format!("took '{}' as {words}", attribute.value);
-            self.fields.log.note_digits(attribute.place, text);
+            let item = format!("'{}'", attribute.value.trim());
+            let text = format!("took {{}} as {words}");
+            self.fields.log.note_digits(attribute.place, text, &item);
         }
         Some(meant)
     }

@@ -21,15 +21,7 @@ impl Reading<'_, '_, '_> {
             self.fields.log.note(of.element.place, text);
             return;
         };
-        let joints = found.all("joint");
-        let mut terms = Vec::new();
-        for joint in joints {
-            let coefficient = joint.attribute("coef");
-            let coefficient = coefficient.and_then(|c| self.fields.number(c));
-            if let Some(name) = joint.text("joint") {
-                terms.push((name.to_owned(), coefficient.unwrap_or(0.0)));
-            }
-        }
+        let terms = self.tendon_terms(found);
         let force = self.force_range(of);
         if let [(joint, factor)] = terms.as_slice()
             && (factor - 1.0).abs() < f64::EPSILON
@@ -44,6 +36,19 @@ impl Reading<'_, '_, '_> {
         }
         let drive = self.drive(name, found, terms, force);
         self.tree.drives.extend(drive);
+    }
+
+    /// The joints of a fixed tendon with their coefficients.
+    pub(super) fn tendon_terms(&mut self, tendon: &Element) -> Vec<(String, f64)> {
+        let mut terms = Vec::new();
+        for joint in tendon.all("joint") {
+            let coefficient = joint.attribute("coef");
+            let coefficient = coefficient.and_then(|c| self.fields.number(c));
+            if let Some(name) = joint.text("joint") {
+                terms.push((name.to_owned(), coefficient.unwrap_or(0.0)));
+            }
+        }
+        terms
     }
 
     fn drive(

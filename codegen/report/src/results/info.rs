@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field, paragraph};
+use regen_codegen::explain::rounded;
 use regen_codegen::robot::{FunctionKind, Robot};
 use serde::Serialize;
 
@@ -12,6 +13,8 @@ pub struct Info<'a> {
     robot: &'a str,
     coordinates: &'a [String],
     independent: Vec<&'a str>,
+    /// The closed home: one value per coordinate, rad or m.
+    home: &'a [f64],
     dof: usize,
     parameters: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
@@ -47,6 +50,7 @@ pub fn info(robot: &Robot) -> Info<'_> {
         robot: &robot.name,
         coordinates: &robot.coordinates,
         independent: names(&robot.coordinates, &robot.independent),
+        home: &robot.home,
         dof: robot.independent.len(),
         parameters: robot.labels(),
         cuts: robot
@@ -100,6 +104,9 @@ pub fn info_text(robot: &Robot) -> String {
         0 => "none".to_owned(),
         n => format!("{n} of {} closure rows: {}", robot.rows, rows.join(" ")),
     };
+    let home = robot.coordinates.iter().zip(&robot.home);
+    let home = home.map(|(name, q)| format!("{name} {}", rounded(*q)));
+    let home = home.collect::<Vec<_>>().join(", ");
     let cuts: Vec<String> = robot
         .cuts
         .iter()
@@ -115,6 +122,7 @@ pub fn info_text(robot: &Robot) -> String {
         ),
         ("independent", some(&robot.independent)),
         ("dependent", some(&robot.dependent)),
+        ("home", home),
         ("actuated", some(&robot.actuated)),
         ("bodies", list(robot.bodies.len(), &robot.bodies.join(" "))),
         ("cuts", list(cuts.len(), &cuts.join(" "))),

@@ -1,0 +1,39 @@
+//! Notes on the robot as a whole.
+
+use crate::log::Log;
+use crate::number::number;
+use crate::tree::{Joint, Tree};
+
+/// Notes joints that follow another one within limits that contradict the other's.
+pub(crate) fn contradicting_limits(tree: &Tree, log: &mut Log) {
+    /// The part of the narrower range that both must share at least.
+    const LEAST_SHARED_PART: f64 = 1e-3;
+    let joint = |name: &str| -> Option<&Joint> {
+        let mut joints = tree.links.iter().flat_map(|link| &link.joints);
+        joints.find(|joint| joint.name == name)
+    };
+    for coupling in &tree.couplings {
+        let [(leader, factor)] = coupling.terms.as_slice() else {
+            continue;
+        };
+        let limits = |name: &str| joint(name).and_then(|joint| joint.position);
+        let (Some(own), Some(led)) = (limits(&coupling.joint), limits(leader)) else {
+            continue;
+        };
+        let ends = led.map(|x| coupling.constant + factor * x);
+        let given = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+        let shared = own[1].min(given[1]) - own[0].max(given[0]);
+        let narrow = (own[1] - own[0]).min(given[1] - given[0]);
+        if narrow > 0.0 && shared < LEAST_SHARED_PART * narrow {
+            let range = |[low, high]: [f64; 2]| format!("[{}, {}]", number(low), number(high));
+            let text = format!(
+                "'{}' follows '{leader}', whose limits lead it to {}, and is limited to {}: the two \
+                 contradict each other",
+                coupling.joint,
+                range(given),
+                range(own)
+            );
+            log.note(coupling.place, text);
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! What a file has and a spec cannot say, or says otherwise: it is converted, or noted.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
+use regen_import::{Base, Options};
+
+const INERTIAL: &str = r#"<inertial mass="2" pos="0 0.1 0.2" diaginertia="0.03 0.02 0.015"/>"#;
+
+fn mjcf(options: &str, inside: &str, rest: &str) -> String {
+    format!(
+        "<mujoco model=\"m\"><compiler angle=\"radian\"/>{options}<worldbody>\
+         <body name=\"a\" pos=\"0.1 0.2 0.3\">{INERTIAL}{inside}</body></worldbody>{rest}</mujoco>"
+    )
+}
+
+fn spec(text: &str) -> String {
+    imported(text).spec
+}
+
+#[test]
+fn a_flag_takes_gravity_away() {
+    let flag = mjcf(
+        "<option><flag gravity=\"disable\"/></option>",
+        "<joint name=\"q\"/>",
+        "",
+    );
+    let zero = mjcf("<option gravity=\"0 0 0\"/>", "<joint name=\"q\"/>", "");
+    assert_eq!(spec(&flag), spec(&zero));
+    assert_has(&notes(&imported(&flag)), "gravity is 0 here");
+    let on = mjcf(
+        "<option><flag gravity=\"enable\"/></option>",
+        "<joint name=\"q\"/>",
+        "",
+    );
+    assert_ne!(spec(&on), spec(&zero));
+}
+
+/// The armature of a ball on the world resists the angular velocity, as inertia does.
+#[test]
+fn armature_of_a_ball_is_inertia_and_not_a_rotor_of_its_angles() {
+    let ball = mjcf(
+        "",
+        "<joint name=\"q\" type=\"ball\" armature=\"0.1\" damping=\"3\"/>",
+        "",
+    );
+    let inertia = mjcf("", "<joint name=\"q\" type=\"ball\"/>", "");
+    let inertia = inertia.replace("0.03 0.02 0.015", "0.13 0.12 0.115");
+    assert_eq!(spec(&ball), spec(&inertia));
+    assert_has(&notes(&imported(&ball)), "damping of the ball of 'q'");
+    assert_has(&notes(&imported(&ball)), "part of the inertia of 'a'");
+    // a ball on a body that moves turns relative to it
+    let second =
+        format!("<body name=\"b\">{INERTIAL}<joint type=\"ball\" armature=\"0.1\"/></body>");
+    let chain = mjcf("", &format!("<joint name=\"q\"/>{second}"), "");
+    assert_has(
+        &notes(&imported(&chain)),
+        "armature of the ball of 'b_joint'",
+    );
+    assert!(!spec(&chain).contains("J:"), "{}", spec(&chain));
+}
+
+#[test]
+fn armature_and_damping_of_a_free_joint_act_on_its_slides() {
+    let free = mjcf(
+        "",
+        "<joint name=\"f\" type=\"free\" armature=\"0.5\" damping=\"2\"/>",
+        "",
+    );
+    let text = spec(&free);
+    assert_eq!(
+        text.matches("nominal: {Fv: 2, J: 0.5}").count(),
+        3,
+        "{text}"
+    );
+    assert_has(&text, "0.53");
+    // a <freejoint> takes no defaults
+    let defaults = "<default><joint armature=\"0.5\"/></default>";
+    let bare = mjcf(defaults, "<freejoint name=\"f\"/>", "");
+    assert!(!spec(&bare).contains("J:"));
+}
+
+#[test]
+fn forces_that_are_left_out_are_noted_once() {
+    let joints = "<joint name=\"q\" springdamper=\"0.1 1\"/>\
+                  <joint name=\"r\" axis=\"1 0 0\" springdamper=\"0.1 1\" damping=\"-2\"/>";
+    let text = mjcf("", joints, "").replace("<body name=\"a\"", "<body gravcomp=\"1\" name=\"a\"");
+    let said = notes(&imported(&text));
+    assert_has(&said, "springdamper of 'q' and 1 more");
+    assert_has(&said, "gravcomp of 1 bodies");
+    assert_has(&said, "damping -2 of 'r' is negative");
+}
+
+#[test]
+fn a_link_with_the_mass_of_its_meshes_is_a_body_without_values() {
+    let meshes = mjcf(
+        "",
+        "<joint name=\"q\"/><geom type=\"mesh\" mesh=\"m\"/>",
+        "",
+    );
+    let meshes = meshes.replace(INERTIAL, "");
+    let text = spec(&meshes);
+    assert_has(&text, "body: a");
+    assert_has(&text, "# The file states no mass of: a");
+    assert!(!text.contains("bodies:"), "{text}");
+    assert_has(&notes(&imported(&meshes)), "bodies without values");
+    parsed(&text);
+    // a mesh without mass is decoration
+    let decoration = meshes.replace("<geom ", "<geom mass=\"0\" ");
+    assert_has(&refused(&decoration), "nothing with mass moves");
+}
+
+#[test]
+fn a_tendon_that_is_held_couples_its_joints() {
+    let inside = format!(
+        "<joint name=\"q\"/><body name=\"b\">{INERTIAL}<joint name=\"r\" ref=\"0.5\"/></body>"
+    );
+    let tendon = "<tendon><fixed name=\"t\"><joint joint=\"q\" coef=\"3\"/>\
+                  <joint joint=\"r\" coef=\"-2\"/></fixed></tendon>";
+    let tendon = format!("{tendon}<equality><tendon tendon1=\"t\" polycoef=\"0.4\"/></equality>");
+    // 3 q - 2 (r - 0.5) = 0.4
+    let text = spec(&mjcf("", &inside, &tendon));
+    assert_has(&text, "r: 1.5*q + 0.3");
+    let spatial = tendon
+        .replace("<fixed", "<spatial")
+        .replace("</fixed", "</spatial");
+    assert_has(
+        &refused(&mjcf("", &inside, &spatial)),
+        "no fixed tendon is called 't'",
+    );
+}
+
+const ARM: &str = r#"<robot name="arm"><link name="base"/>
+  <link name="a"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <link name="b"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <joint name="q" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+    <origin rpy="3.14159265359 0 0"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="r" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+    <origin xyz="0.5 0 0" rpy="1.57075 0 0"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+</robot>"#;
+
+#[test]
+fn exact_keeps_all_digits_and_angles_near_right_ones_are_noted() {
+    let exact = Options {
+        exact: true,
+        ..Options::default()
+    };
+    assert_has(&imported_with(ARM, &exact).spec, "3.14159265359");
+    assert_has(&spec(ARM), "rpy: [pi, 0, 0]");
+    assert_has(
+        &notes(&imported(ARM)),
+        "1.57075 is 5e-5 rad off a right angle",
+    );
+}
+
+#[test]
+fn joints_are_locked_where_they_are_said_to_be() {
+    let locked = |text: &str, joints: &[&str]| {
+        let options = Options {
+            lock: joints.iter().map(|&j| j.to_owned()).collect(),
+            ..Options::default()
+        };
+        imported_with(text, &options).spec
+    };
+    // at 0, the joint is a fixed one
+    let joints = ARM.split("<joint name=\"r\" type=\"").collect::<Vec<_>>();
+    let fixed = format!(
+        "{}<joint name=\"r\" type=\"fixed{}",
+        joints[0],
+        &joints[1]["revolute".len()..]
+    );
+    assert_eq!(locked(ARM, &["r"]), spec(&fixed));
+    // at another place, it is fixed with the rotation about its axis, here y after a roll
+    let turned = fixed.replace(
+        "xyz=\"0.5 0 0\" rpy=\"1.57075 0 0\"",
+        "xyz=\"0.5 0 0\" rpy=\"0 0.3 0\"",
+    );
+    let plain = ARM.replace("rpy=\"1.57075 0 0\"", "");
+    assert_eq!(locked(&plain, &["r=0.3"]), spec(&turned));
+    // what follows stands still too
+    let mimic = ARM.replace(
+        "<axis xyz=\"0 1 0\"/>",
+        "<axis xyz=\"0 1 0\"/><mimic joint=\"q\"/>",
+    );
+    let options = |lock: &str| Options {
+        lock: vec![lock.to_owned()],
+        base: Some(Base::Floating),
+        ..Options::default()
+    };
+    let still = imported_with(&mimic, &options("q")).spec;
+    assert!(
+        !still.contains("name: q") && !still.contains("name: r,"),
+        "{still}"
+    );
+    assert_has(&refused_with(&mimic, &options("r")), "'r' follows 'q'");
+    assert_has(
+        &refused_with(&mimic, &options("s")),
+        "no joint is called 's'",
+    );
+}
+
+#[test]
+fn limits_that_contradict_the_joint_followed_are_named() {
+    let mimic = "<axis xyz=\"0 1 0\"/><mimic joint=\"q\" multiplier=\"-1\"/>";
+    let text = ARM.replace("<axis xyz=\"0 1 0\"/>", mimic);
+    assert_has(
+        &notes(&imported(&text)),
+        "'r' follows 'q', whose limits lead it to [-1, 0]",
+    );
+    let sound = text.replace(
+        "lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>\n</robot>",
+        "lower=\"-1\" upper=\"0\" effort=\"1\" velocity=\"1\"/></joint>\n</robot>",
+    );
+    assert!(!notes(&imported(&sound)).contains("contradict"));
+}
+
+#[test]
+fn what_floats_in_space_is_proposed_to_do_so() {
+    let text = "<robot name=\"q\"><link name=\"a\"><inertial><mass value=\"1\"/></inertial></link></robot>";
+    assert_has(&refused(text), "base floating");
+    // the mass of meshes counts too
+    let mesh = mjcf("", "<geom type=\"mesh\" mesh=\"m\"/>", "").replace(INERTIAL, "");
+    assert_has(&refused(&mesh), "base floating");
+    let floating = Options {
+        base: Some(Base::Floating),
+        ..Options::default()
+    };
+    assert_has(&imported_with(&mesh, &floating).spec, "type: spherical, body: a");
+    let empty = "<robot name=\"q\"><link name=\"a\"/></robot>";
+    assert!(!refused(empty).contains("floating"));
+}
+
+#[test]
+fn notes_that_say_the_same_are_one() {
+    let text = ARM
+        .replace("1.57075", "1.5708")
+        .replace("3.14159265359", "1.5708");
+    let said = notes(&imported(&text));
+    assert_eq!(
+        said.matches("took 1.5708 as pi/2 (2 times)").count(),
+        1,
+        "{said}"
+    );
+    assert_has(&said, "(2 times)");
+}

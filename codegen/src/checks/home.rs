@@ -1,0 +1,108 @@
+//! The error of a home from which the loops do not close: which cut gapes, and what closes.
+
+use crate::constraints::Gap;
+use crate::diag::Diagnostic;
+use crate::model::Model;
+use crate::spec::Spec;
+
+/// Gaps below this are none, m and rad.
+const TINY: f64 = 1e-6;
+/// Independent coordinates that differ more from home than this were moved, rad and m.
+const MOVED: f64 = 1e-6;
+
+/// Describes the gaps at the end of the closure solve, and closed states that were found.
+///
+/// - `independent`: the names of the independent coordinates.
+pub(super) fn not_closed(
+    spec: &Spec,
+    model: &Model,
+    residual: f64,
+    gaps: &[Gap],
+    near: &[Vec<f64>],
+    independent: &str,
+) -> Diagnostic {
+    let span = spec.home_span.unwrap_or(spec.name.span);
+    let gaping = gaps.iter().map(|gap| said(model, gap));
+    let gaping: Vec<String> = gaping.collect();
+    let mut message =
+        format!("the loops do not close from here (residual {residual:.2e}, in m and rad)");
+    if !gaping.is_empty() {
+        message = format!("{message}: {}", gaping.join(", "));
+    }
+    let lines: Vec<String> = near.iter().map(|home| line(spec, model, home)).collect();
+    let moved = near.first().is_some_and(|found| {
+        let values = model
+            .independent
+            .iter()
+            .map(|&c| (found[c], model.home[c].to_f64()));
+        values
+            .into_iter()
+            .any(|(x, given)| (x - given).abs() > MOVED)
+    });
+    let hint = if lines.is_empty() {
+        let mend = gaps.first().map_or("", remedy);
+        format!(
+            "{independent} keep home's values, the others were searched from many starts: no state closes. {mend}"
+        )
+    } else if moved {
+        format!(
+            "with these values of {independent} no closed state was found; with others the loops close: {}",
+            lines.join(", or ")
+        )
+    } else {
+        format!(
+            "with these values of {independent} the loops close elsewhere, closest to home first: {}",
+            lines.join(", or ")
+        )
+    };
+    Diagnostic::new(span, message)
+        .path("home")
+        .label("start of the closure solve")
+        .hint(hint)
+}
+
+/// What would mend a gap where no state closes.
+fn remedy(gap: &Gap) -> &'static str {
+    /// Gaps of this size, m, are more often millimetres that are read as metres.
+    const HUGE_M: f64 = 20.0;
+    match (gap.metres > TINY, gap.radians > TINY) {
+        (true, _) if gap.metres > HUGE_M => "Lengths are in m: are some given in mm?",
+        (true, false) => {
+            "The axes agree and the points do not meet: check the lengths, and xyz of the cut's frames"
+        }
+        (false, true) => {
+            "The points meet and the axes do not agree: check axis of the joints, and rpy of the cut's frames"
+        }
+        _ => "Check the bodies and the frames of the cut, and where the limbs stand",
+    }
+}
+
+fn said(model: &Model, gap: &Gap) -> String {
+    let name = &model.cuts[gap.cut].name;
+    let metres = format!("{:.2e} m", gap.metres);
+    let radians = format!("{:.2e} rad", gap.radians);
+    let width = match (gap.metres > TINY, gap.radians > TINY) {
+        (true, true) => format!("{metres} and {radians}"),
+        (false, true) => radians,
+        _ => metres,
+    };
+    format!("cut '{name}' gapes by {width}")
+}
+
+/// The line of a spec for a home: what home names already, every dependent coordinate, and what moved.
+fn line(spec: &Spec, model: &Model, home: &[f64]) -> String {
+    let written = |name: &str| spec.home.iter().any(|(named, _)| named.value == name);
+    let entries = model.coordinates.iter().zip(home).enumerate();
+    let entries = entries.filter(|(c, (coordinate, _))| {
+        let moved = (home[*c] - model.home[*c].to_f64()).abs() > MOVED;
+        !model.drives.contains(c) && (moved || written(&coordinate.name))
+    });
+    let entries = entries.filter_map(|(_, (coordinate, value))| {
+        let value = format!("{value:.6}");
+        let value = value.trim_end_matches('0').trim_end_matches('.');
+        let zero = matches!(value, "0" | "-0");
+        (!zero || written(&coordinate.name))
+            .then(|| format!("{}: {}", coordinate.name, if zero { "0" } else { value }))
+    });
+    format!("`home: {{{}}}`", entries.collect::<Vec<_>>().join(", "))
+}

@@ -1,0 +1,226 @@
+//! Search for closed states where the loops do not close from home: Levenberg-Marquardt steps over
+//! the dependent coordinates, from many starts about home. The starts are the same in every run.
+
+use crate::model::Model;
+use crate::numeric::solve_pivoted;
+
+use super::home::{NumericLoops, select};
+use super::samples::Random;
+
+/// Number of starts, of mechanisms with up to [`SMALL`] dependent coordinates.
+const STARTS: usize = 160;
+/// Beyond this many dependent coordinates, fewer starts are tried, since each costs their cube.
+const SMALL: usize = 20;
+/// The least number of starts.
+const LEAST_STARTS: usize = 24;
+/// How far the starts are from home, in turn: rad, and units of length.
+const SPREADS: [f64; 4] = [0.3, 1.0, 2.0, core::f64::consts::PI];
+/// Largest number of steps from a start.
+const MAX_STEPS: usize = 40;
+/// The largest residual that Newton's method may continue from, in the mechanism's units.
+const NEAR: f64 = 1e-6;
+/// The largest residual of a closed state, in the mechanism's units.
+const CLOSED: f64 = 1e-11;
+/// States closer than this in every coordinate are the same.
+const SAME: f64 = 1e-6;
+/// A state that is taken is within this of home in each coordinate, in the mechanism's units.
+const TAKEN: f64 = 0.5;
+/// No other state may then be within this of home in all coordinates.
+const OTHERS: f64 = 1.0;
+/// Coordinates of home beyond this say on which side of 0 the state is to be.
+const SIDED: f64 = 0.1;
+/// Differences from home count up to this size: one coordinate that was guessed badly says as much
+/// as another one.
+const LARGEST_DIFFERENCE: f64 = 0.5;
+
+/// Closed states with home's independent coordinates, those closest to home first.
+///
+/// The distance from home is the sum of the differences of the dependent coordinates, rad and units
+/// of length, each counted up to 0.5.
+pub(super) fn closed_states_near(loops: &NumericLoops<'_>, model: &Model) -> Vec<Vec<f64>> {
+    let home: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
+    let units = &loops.units().coordinates;
+    let joints = model.dependent.iter();
+    let joints: Vec<usize> = joints
+        .copied()
+        .filter(|c| !model.drives.contains(c))
+        .collect();
+    let mut random = Random::new();
+    let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
+    let cube = |n: usize| n.max(SMALL).pow(3);
+    let starts = STARTS * cube(0) / cube(model.dependent.len());
+    for k in 0..starts.max(LEAST_STARTS) {
+        let mut q = home.clone();
+        for &c in &joints {
+            q[c] += SPREADS[k % SPREADS.len()] * random.next() * units[c];
+        }
+        if !descend(loops, model, &mut q) {
+            continue;
+        }
+        for &c in &joints {
+            if !model.slides(c) {
+                let turns = libm::round((q[c] - home[c]) / core::f64::consts::TAU);
+                q[c] -= turns * core::f64::consts::TAU;
+            }
+        }
+        // couplings may not hold for other turns
+        if loops.close(&mut q, &model.dependent).0 > CLOSED || !within_limits(model, &home, &q) {
+            continue;
+        }
+        let same = |other: &[f64]| q.iter().zip(other).all(|(x, y)| (x - y).abs() < SAME);
+        if found.iter().any(|(_, other)| same(other)) {
+            continue;
+        }
+        let differences = joints.iter().map(|&c| (q[c] - home[c]).abs() / units[c]);
+        let distance = differences.map(|d| d.min(LARGEST_DIFFERENCE)).sum();
+        found.push((distance, q));
+    }
+    found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    found.into_iter().map(|(_, q)| q).collect()
+}
+
+/// The closed state on the branch to which home points, if one can be told: see
+/// [`close_home`](super::close_home).
+pub(super) fn branch_of_home(
+    loops: &NumericLoops<'_>,
+    model: &Model,
+    found: &[Vec<f64>],
+) -> Option<Vec<f64>> {
+    let home: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
+    let units = &loops.units().coordinates;
+    let is_within = |q: &Vec<f64>, bound: f64| {
+        let mut joints = model.dependent.iter();
+        joints.all(|&c| model.drives.contains(&c) || (q[c] - home[c]).abs() <= bound * units[c])
+    };
+    let mut close = found.iter().filter(|q| is_within(q, OTHERS));
+    let only = close.next()?;
+    let same_side = |&c: &usize| home[c].abs() <= SIDED * units[c] || on_one_side(only[c], home[c]);
+    (close.next().is_none() && is_within(only, TAKEN) && model.dependent.iter().all(same_side))
+        .then(|| only.clone())
+}
+
+/// Whether two numbers have the same sign.
+fn on_one_side(one: f64, other: f64) -> bool {
+    (one < 0.0) == (other < 0.0)
+}
+
+/// Whether no coordinate leaves limits that hold home.
+fn within_limits(model: &Model, home: &[f64], q: &[f64]) -> bool {
+    let all = model.coordinates.iter().zip(home).zip(q);
+    all.into_iter()
+        .all(|((coordinate, home), q)| match coordinate.position {
+            Some([low, high]) if (low..=high).contains(home) => (low..=high).contains(q),
+            _ => true,
+        })
+}
+
+/// Reduces the residual by Levenberg-Marquardt steps, then by Newton's method; whether the loops are
+/// closed.
+fn descend(loops: &NumericLoops<'_>, model: &Model, q: &mut Vec<f64>) -> bool {
+    let size = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
+    let units = &loops.units().coordinates;
+    let mut damping = 1e-3;
+    let (mut f, mut a) = loops.normal(q);
+    for _ in 0..MAX_STEPS {
+        let before = size(&f);
+        if before < NEAR * NEAR {
+            break;
+        }
+        let j = select(&a, &model.dependent);
+        let n = model.dependent.len();
+        let mut normal = vec![vec![0.0; n]; n];
+        let mut gradient = vec![vec![0.0]; n];
+        for (row, f) in j.iter().zip(&f) {
+            for (i, x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+                gradient[i][0] -= x * f;
+                for (sum, y) in normal[i].iter_mut().zip(row) {
+                    *sum += x * y;
+                }
+            }
+        }
+        for (i, row) in normal.iter_mut().enumerate() {
+            row[i] += damping * (1.0 + row[i]);
+        }
+        let step = solve_pivoted(normal, gradient).solution;
+        let mut next = q.clone();
+        for (c, step) in model.dependent.iter().zip(&step) {
+            next[*c] += step[0] * units[*c];
+        }
+        let (nf, na) = loops.normal(&next);
+        // the comparison is also false for NaN
+        if size(&nf) < before {
+            (*q, f, a) = (next, nf, na);
+            damping *= 0.3;
+        } else {
+            damping *= 4.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    size(&f) < NEAR && loops.close(q, &model.dependent).0 <= CLOSED
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::constraints::{Closed, HomeProblem, world_equations};
+    use crate::diag::Source;
+    use crate::kinematics::{Frames, Geometry};
+    use crate::sym::Graph;
+
+    fn frames(text: &str) -> (Model, Graph, Frames) {
+        let spec = crate::spec::parse(&Source::new("test.yaml", text)).unwrap();
+        let model = crate::model::build(&spec);
+        let mut g = Graph::new();
+        for coordinate in &model.coordinates {
+            g.symbol(&coordinate.name);
+        }
+        let frames = Frames::new(&mut g, &model, Geometry::Values);
+        (model, g, frames)
+    }
+
+    /// A 3-PRS whose legs are guessed near where they are, and whose platform is 2 rad off.
+    #[test]
+    fn one_bad_guess_does_not_hide_the_state_that_the_others_say() {
+        let text = include_str!("../../../tests/fixtures/mechanisms/prs3.yaml");
+        let closed = "home: {q1: 0.57693, s1.3: -0.57693, q2: 0.57693, q3: 0.57693}";
+        let guessed = "home: {q1: 0.6, s1.1: 1.2, s1.3: 1.4, q2: 0.6, q3: 0.6}";
+        assert!(text.contains(closed));
+        let (model, mut g, frames) = frames(&text.replace(closed, guessed));
+        let equations = world_equations(&mut g, &frames, &model, None);
+        let loops = NumericLoops::new(&g, &equations, &model);
+        let found = closed_states_near(&loops, &model);
+        let first = found.first().unwrap();
+        for (coordinate, q) in model.coordinates.iter().zip(first) {
+            if coordinate.name.starts_with('q') {
+                assert!((q - 0.57693).abs() < 1e-4, "{} {q}", coordinate.name);
+            }
+        }
+        for home in &found {
+            assert!(loops.at(home).0.iter().all(|f| f.abs() < 1e-10));
+        }
+    }
+
+    #[test]
+    fn where_nothing_closes_the_gap_is_told_and_nothing_proposed() {
+        // cranks at a distance of 1 with links of 1 and 9
+        let text = "name: fourbar\nlimbs:\n  - name: left\n    joints:\n      \
+                    - {name: q1, type: revolute, body: 1, actuated: true}\n      \
+                    - {name: q2, type: revolute, dh: {a: 1}, body: 2}\n  - name: right\n    \
+                    base: {xyz: [1, 0, 0]}\n    joints:\n      \
+                    - {name: q3, type: revolute, body: 3}\ncuts:\n  - {name: pin, joint: revolute, \
+                    between: [{body: 2, xyz: [1, 0, 0]}, {body: 3, xyz: [9, 0, 0]}]}\n\
+                    home: {q1: 1.5, q2: -1.5, q3: 1.5}\n";
+        let (model, mut g, frames) = frames(text);
+        match Closed::new(&mut g, &frames, &model) {
+            Err(HomeProblem::NotClosed { near, gaps, .. }) => {
+                assert!(near.is_empty());
+                assert!(gaps[0].metres > 1.0 && gaps[0].radians < 1e-6, "{gaps:?}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
