@@ -43,6 +43,7 @@ mod physical;
 mod progress;
 mod rehearse;
 mod report;
+mod serve;
 mod simulate;
 mod sources;
 mod suspect;
@@ -97,6 +98,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Rehearse(args)) => rehearse::run(&args),
         Some(Command::View(args)) => view::run(&args),
+        Some(Command::Serve(args)) => serve::run(&args, cli.no_cache),
         Some(Command::Report(args)) => report::run(&args),
         Some(Command::Schema { of }) => terminal::print(&match of {
             SchemaArg::Spec => regen_codegen::spec::schema(),

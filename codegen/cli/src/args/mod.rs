@@ -14,6 +14,7 @@ mod reading;
 mod rehearse;
 mod report;
 mod robot_files;
+mod serve;
 mod simulate;
 mod view;
 
@@ -38,6 +39,7 @@ pub(crate) use reading::{
 pub(crate) use rehearse::{RehearseArgs, SolvingArgs, UnmodelledArg};
 pub(crate) use report::ReportArgs;
 pub(crate) use robot_files::{Base, ExportArgs, ImportArgs};
+pub(crate) use serve::ServeArgs;
 pub(crate) use simulate::{SimulateArgs, TwinArgs};
 pub(crate) use view::ViewArgs;
 
@@ -75,6 +77,7 @@ Examples:
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
   regen rehearse robots/3rps.yaml --trajectory t.json --noise 1e-5,0.5
   regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
+  regen serve robots/3rps.yaml       edit it in a browser, results as you type
 
 A spec that does not parse is explained with line, column and what is allowed.
 It has at most 256 coordinates, 384 bodies, 640 equations of cuts and couplings,
@@ -216,6 +219,9 @@ pub(crate) enum Command {
     Rehearse(Box<RehearseArgs>),
     /// Show the mechanism in 3D, on one page for a browser
     View(ViewArgs),
+    /// Edit a spec in a browser on this machine, with mistakes, view and tables as
+    /// you type
+    Serve(ServeArgs),
     /// Print the JSON Schema of specs or experiment files, for editors
     Schema {
         /// The kind of file
