@@ -8,10 +8,15 @@ use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, agreement};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
-use crate::model::Model;
+use crate::model::{Cut, Model};
 use crate::spec::Spec;
 use crate::sym::Graph;
 use crate::sym::eval::Evaluator;
+
+/// The smallest gap of a cut that is told, m or rad.
+const LEAST_SHOWN_GAP: f64 = 1e-6;
+/// The largest number of cuts that are told with their gaps.
+const MAX_SHOWN_GAPS: usize = 3;
 
 fn list(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
@@ -75,17 +80,20 @@ pub(crate) fn home_report(
     };
     let independent = names(&model.independent);
     let diagnostic = match problem {
-        HomeProblem::NotClosed { residual } => {
+        HomeProblem::NotClosed { residual, gaps } => {
             let span = spec.home_span.unwrap_or(spec.name.span);
             Diagnostic::new(
                 span,
-                format!("the loops do not close from here (residual {residual:.2e}, in m and rad)"),
+                format!(
+                    "the loops do not close from here (residual {residual:.2e}, in m and rad){}",
+                    open_cuts(model, gaps)
+                ),
             )
             .path("home")
             .label("start of the closure solve")
             .hint(format!(
                 "the independent coordinates {independent} keep home's values and the others are solved from home's: \
-                 give values close to a closed configuration, and check the cuts' frames"
+                 give values close to a closed configuration, and check the cuts' frames; `regen view` shows the gaps"
             ))
         }
         HomeProblem::Mobility { mobility, choice, .. } => Diagnostic::new(
@@ -114,6 +122,35 @@ pub(crate) fn home_report(
         )),
     };
     Report::new(source.clone(), vec![diagnostic])
+}
+
+/// The cuts that are open after the closure solve, the widest first, with what is open of each.
+fn open_cuts(model: &Model, gaps: &[(f64, f64)]) -> String {
+    let size = |&(length, angle): &(f64, f64)| length.max(angle);
+    let mut open: Vec<_> = model.cuts.iter().zip(gaps).collect();
+    open.retain(|(_, gap)| size(gap) > LEAST_SHOWN_GAP);
+    open.sort_by(|a, b| size(b.1).total_cmp(&size(a.1)));
+    let one = |&(cut, &(length, angle)): &(&Cut, &(f64, f64))| {
+        let distance = format!("by {length:.3e} m");
+        let turn = format!("by {:.1} degrees between its axes", angle.to_degrees());
+        let what = match (length > LEAST_SHOWN_GAP, angle > LEAST_SHOWN_GAP) {
+            (true, true) => format!("{distance} and {turn}"),
+            (true, false) => distance,
+            _ => turn,
+        };
+        format!("cut '{}' {what}", cut.name)
+    };
+    let shown: Vec<String> = open.iter().take(MAX_SHOWN_GAPS).map(one).collect();
+    if shown.is_empty() {
+        return String::new();
+    }
+    let more = open.len().saturating_sub(MAX_SHOWN_GAPS);
+    let more = if more > 0 {
+        format!(", and {more} more")
+    } else {
+        String::new()
+    };
+    format!(": what stays open is {}{more}", shown.join(", "))
 }
 
 /// Refuses cuts whose frames differ by a half turn at home: the rows of some kinds of cut vanish

@@ -244,6 +244,41 @@ fn nominal_inertias_that_no_body_has_are_named() {
 }
 
 #[test]
+fn degrees_and_inertias_without_mass_are_named() {
+    let base = file("robots/fivebar.yaml");
+    let all = |from: &str, to: &str| -> String {
+        let text = base.replacen(from, to, 1);
+        assert_ne!(text, base);
+        let trouble = explained(&text).warnings.into_iter();
+        trouble.map(|fact| fact.text + "\n").collect()
+    };
+    // whole turns more change no mechanism, and few robots turn so far
+    let home = all("q1: 2.0", "q1: 2.0+40*pi");
+    assert!(
+        home.contains("home of q1, 127.66") && home.contains("20.3 turns"),
+        "{home}"
+    );
+    let told = all(
+        "name: q1, type: revolute,",
+        "name: q1, type: revolute, limits: {position: [-70, 150]},",
+    );
+    assert!(
+        told.contains("the limits of q1, [-70, 150], are up to 23.9 turns"),
+        "{told}"
+    );
+    let near = all(
+        "name: q1, type: revolute,",
+        "name: q1, type: revolute, limits: {position: [-6.3, 6.3]},",
+    );
+    assert_eq!(near, "");
+    let light = all("mass: 0.24", "mass: 0");
+    assert_eq!(
+        light,
+        "no body has the nominal mass 0 of '1' and an inertia other than 0\n"
+    );
+}
+
+#[test]
 fn rotors_explain_only_the_moments_that_they_took_over() {
     let base = file("robots/fivebar.yaml");
     let driven = base.replace("actuated: true", "actuated: true, rotor_inertia: true");

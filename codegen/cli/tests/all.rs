@@ -27,6 +27,8 @@ mod payloads;
 mod predict;
 mod recordings;
 mod rehearse;
+mod serve;
+mod serve_page;
 mod simulate;
 mod simulated;
 mod springs;

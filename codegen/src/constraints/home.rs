@@ -7,7 +7,7 @@ use crate::numeric::{rank_and_columns, solve_pivoted};
 use crate::sym::Graph;
 use crate::sym::eval::Evaluator;
 
-use super::rows::Equations;
+use super::rows::{Equations, lengths_of};
 use super::units::Units;
 
 /// Largest residual of a closed mechanism, in the mechanism's units.
@@ -30,6 +30,9 @@ pub enum HomeProblem {
     NotClosed {
         /// The largest residual at the end of the iteration, m or rad.
         residual: f64,
+        /// What stays open of each cut, in the spec's order: the distance of its origins in the
+        /// directions that it closes, m, and the angle between axes that it aligns, rad.
+        gaps: Vec<(f64, f64)>,
     },
     /// The number of independent coordinates is not the mobility.
     Mobility {
@@ -62,7 +65,7 @@ pub struct Mismatch {
 impl fmt::Display for HomeProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotClosed { residual } => write!(
+            Self::NotClosed { residual, .. } => write!(
                 f,
                 "the loops do not close at home (residual {residual:.2e}, in m and rad)"
             ),
@@ -230,8 +233,27 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
         check_mobility(loops, model, &all)?;
     }
     // the reported residual is in the spec's units
-    let residual = largest(&loops.at(&q).0);
-    Err(HomeProblem::NotClosed { residual })
+    let left = loops.at(&q).0;
+    let residual = largest(&left);
+    let gaps = gaps(model, &left);
+    Err(HomeProblem::NotClosed { residual, gaps })
+}
+
+/// The distance and the angle by which each cut is open, from the values of its rows.
+fn gaps(model: &Model, residual: &[f64]) -> Vec<(f64, f64)> {
+    let mut rows = residual.iter();
+    let one = |kind| {
+        let (mut length, mut cosine) = (0.0_f64, 0.0_f64);
+        for (is_length, x) in lengths_of(kind).zip(rows.by_ref()) {
+            if is_length {
+                length = libm::hypot(length, *x);
+            } else {
+                cosine = cosine.max(x.abs());
+            }
+        }
+        (length, libm::asin(cosine.min(1.0)))
+    };
+    model.cuts.iter().map(|cut| cut.kind).map(one).collect()
 }
 
 /// Newton's method with more unknowns than equations: the pivot columns are chosen anew up to four

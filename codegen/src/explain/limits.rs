@@ -1,5 +1,7 @@
 //! Warnings about limits, singularities and nominal inertias.
 
+use std::f64::consts::TAU;
+
 use crate::constraints::{NumericLoops, world_equations, world_views};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
@@ -14,13 +16,15 @@ use super::Fact;
 const NEAR_LIMIT_FRACTION: f64 = 0.05;
 /// Home is reported as near a singularity below this ratio of the smallest pivot to the largest.
 const NEAR_SINGULAR_PIVOT_RATIO: f64 = 1e-3;
+/// Angles of more turns than this are reported: few joints turn so far, and degrees do.
+const MANY_TURNS: f64 = 3.0;
 /// Relative tolerance of the triangle inequality of principal moments. Thin rods and plates satisfy
 /// it with equality, and their inertias are printed with few digits.
 const INERTIA_TOLERANCE: f64 = 1e-3;
 
 /// Warnings about limits of position, swing limits and singularities at home.
 pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
-    let mut facts = Vec::new();
+    let mut facts = many_turns(model);
     for (coordinate, &q) in model.coordinates.iter().zip(home) {
         let Some([low, high]) = coordinate.position else {
             continue;
@@ -77,11 +81,51 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
     facts
 }
 
+/// Warnings about angles of joints that are so large that they may be degrees.
+fn many_turns(model: &Model) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    let hint = "turns: angles are in radians, and degrees are written 90*pi/180";
+    for (k, coordinate) in model.coordinates.iter().enumerate() {
+        // a motor may turn often for one turn of its joint
+        if model.slides(k) || model.drives.contains(&k) {
+            continue;
+        }
+        let name = &coordinate.name;
+        let home = model.home.get(k).map_or(0.0, crate::sym::Number::to_f64);
+        if home.abs() > MANY_TURNS * TAU {
+            let turns = home.abs() / TAU;
+            facts.push(Fact::given(format!(
+                "home of {name}, {home}, is {turns:.1} {hint}"
+            )));
+        }
+        let Some([low, high]) = coordinate.position else {
+            continue;
+        };
+        let turns = low.abs().max(high.abs()) / TAU;
+        if turns > MANY_TURNS {
+            facts.push(Fact::given(format!(
+                "the limits of {name}, [{low}, {high}], are up to {turns:.1} {hint}"
+            )));
+        }
+    }
+    facts
+}
+
 /// Warnings about nominal inertias that no rigid body has.
 pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
     let broken = spec.bodies.iter().filter(|(_, body)| {
         let tensor = body.inertia.each_ref().map(|entry| entry.value.to_f64());
         flaw(tensor, INERTIA_TOLERANCE) == Some(Flaw::Triangle)
+    });
+    let massless = spec.bodies.iter().filter(|(_, body)| {
+        let turns = body.inertia.iter().any(|entry| entry.value.to_f64() != 0.0);
+        body.mass.value.to_f64() == 0.0 && turns
+    });
+    let massless = massless.map(|(label, _)| {
+        Fact::given(format!(
+            "no body has the nominal mass 0 of '{}' and an inertia other than 0",
+            label.value
+        ))
     });
     let facts = broken.map(|(label, _)| {
         Fact::given(format!(
@@ -90,7 +134,7 @@ pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
             label.value
         ))
     });
-    facts.collect()
+    facts.chain(massless).collect()
 }
 
 /// Warnings about swing limits of the tree's joints; the swing angle follows from two of their

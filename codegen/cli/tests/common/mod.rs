@@ -6,6 +6,8 @@
 )]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+pub mod driven;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
