@@ -105,7 +105,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         time: margin.time,
     });
     terminal::print(&match args.format {
-        Format::Json => table::json(&ExciteJson {
+        Format::Json => table::document(&ExciteJson {
             trajectory: &trajectory,
             seed: args.seed,
             start: found.start,

@@ -27,6 +27,7 @@ mod payloads;
 mod predict;
 mod recordings;
 mod rehearse;
+mod schemas;
 mod serve;
 mod serve_page;
 mod simulate;

@@ -20,8 +20,10 @@ mod view;
 
 use std::ffi::OsString;
 
+use clap::builder::PossibleValuesParser;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
+use regen_report::documents::Document;
 
 pub(crate) use checks::{CheckArgs, VerifyArgs, VerifyFormat};
 pub(crate) use derived::{BaseArgs, EvalArgs, InfoArgs, ModelArgs, TableFormat};
@@ -222,11 +224,23 @@ pub(crate) enum Command {
     /// Edit a spec in a browser on this machine, with mistakes, view and tables as
     /// you type
     Serve(ServeArgs),
-    /// Print the JSON Schema of specs or experiment files, for editors
+    /// Print the JSON Schema of specs, of experiment files, or of what a command
+    /// prints as JSON
+    #[command(
+        after_help = "Examples:\n  regen schema > spec.schema.json\n  regen schema experiment\n  regen schema --of identify"
+    )]
     Schema {
         /// The kind of file
         #[arg(value_enum, default_value_t)]
         of: SchemaArg,
+        /// The command whose `--format json` is described; `model` for `regen FILE`
+        #[arg(
+            long = "of",
+            value_name = "COMMAND",
+            conflicts_with = "of",
+            value_parser = PossibleValuesParser::new(Document::ALL.iter().map(|d| d.name()))
+        )]
+        printed: Option<String>,
     },
     /// Print a manual page, of regen or of one of its commands
     #[command(
