@@ -14,13 +14,16 @@
 mod charts;
 pub mod documents;
 mod error;
+mod estimators;
 mod figures;
 mod gather;
 mod identified;
 mod inspected;
 mod mechanics;
 mod page;
+mod residuals;
 pub mod results;
+mod summary;
 pub mod view;
 
 pub use charts::Figure;
