@@ -35,7 +35,8 @@ fn each_command_with_json_has_a_schema_and_each_schema_a_command() {
     assert_eq!(with_json, described);
     for name in described {
         let schema = regen(&dir, &["schema", "--of", name]).ended(0).json();
-        assert_eq!(schema["$id"], format!("urn:regen:{name}:1"));
+        let id = schema["$id"].as_str().unwrap();
+        assert!(id.starts_with(&format!("urn:regen:{name}:")), "{id}");
     }
     regen(&dir, &["schema", "--of", "absent"]).ended(2);
 }

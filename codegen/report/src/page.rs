@@ -13,7 +13,7 @@ use crate::residuals;
 use crate::summary;
 use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
-use regen_identify::status::{self, Status};
+use regen_identify::status::Status;
 
 /// Escapes a text for use between HTML tags and in quotes.
 pub(super) fn escaped(text: &str) -> String {

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use regen_identify::status;
-use regen_runtime::{BaseModel as _, Model as _};
 
 use crate::identified::Content;
 use crate::mechanics;
