@@ -163,6 +163,7 @@ impl From<Failure> for CallError {
             Failure::Input(_) => CallErrorKind::Input,
             Failure::Numeric(_) => CallErrorKind::Numeric,
             Failure::Io(_) | Failure::BrokenPipe => CallErrorKind::Io,
+            Failure::Interrupted(_) => CallErrorKind::Stopped,
         };
         let Failure::Spec(reports) = &failure else {
             return Self::new(kind, failure.to_string());

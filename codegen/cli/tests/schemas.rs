@@ -70,10 +70,7 @@ fn what_commands_print_fits_their_schemas() {
             ],
             &fourier,
         ),
-        (
-            vec!["identify", five, "run1.csv", "--reduce"],
-            &fourier,
-        ),
+        (vec!["identify", five, "run1.csv", "--reduce"], &fourier),
         (vec!["identify", five, "run1.csv", "--iv"], &fourier),
         (vec!["validate", five, "p.json", "runs.yaml"], &[]),
         (

@@ -41,7 +41,7 @@ pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
         Err(HomeProblem::NotIndependent { choice, .. }) => Ok(Verdict::Choose(names(choice))),
         Err(problem) => {
             let (message, hint) = match problem {
-                HomeProblem::NotClosed { residual } => (
+                HomeProblem::NotClosed { residual, .. } => (
                     format!("the loops do not close (residual {residual:.2e}, in m and rad)"),
                     "check the frames of the cuts, and give `home` close to a closed configuration",
                 ),

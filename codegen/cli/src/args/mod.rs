@@ -57,7 +57,7 @@ Exit codes:
   4  a state could not be closed, or is singular; data that leave parameters
       undetermined; a physical fit that is not proven to be the optimum
   5  a file could not be read or written
-  130  interrupted; no file is left half written";
+  130  interrupted; no file is left half written, and searches keep their best";
 
 const EXAMPLES: &str = "\
 Examples:
