@@ -375,14 +375,14 @@ fn an_experiment_file_gives_a_report_beside_the_robot() {
             .body
             .contains("<section id=\"parameters\">")
     );
-    let wrong = texts[1].replacen("columns:", "colums:", 1);
+    let wrong = texts[1].replacen("process:", "proces:", 1);
     assert_ne!(wrong, texts[1]);
     let state = served.texts(&[&texts[0], &wrong]);
     let mistake = &state["mistakes"][0];
     assert_eq!(mistake["file"], 1);
     let line = 1 + wrong
         .lines()
-        .position(|line| line.contains("colums:"))
+        .position(|line| line.contains("proces:"))
         .unwrap();
     assert_eq!(mistake["line"], line);
     assert_eq!(state["parts"]["report"]["current"], false);

@@ -42,12 +42,12 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_
     page.wait("document.querySelectorAll('#panel-base tbody tr').length > 5");
     let rows = page.value("document.querySelectorAll('#panel-base tbody tr').length");
 
-    select(&mut page, "revolute");
-    page.type_text("revolut");
+    select(&mut page, "type: revolute");
+    page.type_text("type: revolut");
     page.wait("document.body.dataset.state === 'wrong'");
     let line = 1 + before
         .lines()
-        .position(|line| line.contains("revolute"))
+        .position(|line| line.contains("type: revolute"))
         .unwrap();
     let link = page.value("document.querySelector('#mistakes a').textContent");
     assert!(
@@ -64,11 +64,14 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_
     // the link leads to the place
     page.value("document.querySelector('#mistakes a').click()");
     let place = "document.getElementById('text').selectionStart";
-    assert_eq!(page.value(place), before.find("revolute").unwrap());
+    assert_eq!(
+        page.value(place),
+        before.find("type: revolute").unwrap() + "type: ".len()
+    );
 
     // mended, with another name for what is a row of the table
-    select(&mut page, "revolut,");
-    page.type_text("revolute,");
+    select(&mut page, "type: revolut,");
+    page.type_text("type: revolute,");
     page.wait("document.body.dataset.state === 'good'");
     page.wait("!document.querySelector('#mistakes li')");
     page.wait("!document.getElementById('panel-base').classList.contains('stale')");

@@ -8,7 +8,7 @@ use regen_identify::identify::{Delay, Delays};
 use regen_identify::session::{Session, from_logs};
 use regen_identify::text;
 use regen_interpreted::Interpreted;
-use regen_runtime::{Model, Motion};
+use regen_runtime::Motion;
 
 use crate::ReportError;
 use crate::charts::{self, Figure, GREY, Line, Look, ORANGE};
