@@ -92,7 +92,7 @@ pub(super) fn figure(figure: &Figure) -> String {
 }
 
 pub(super) fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
-    let mut out = format!("<table>\n<caption>{caption}</caption>\n<thead><tr>");
+    let mut out = format!("<table>\n<caption><span>{caption}</span></caption>\n<thead><tr>");
     for title in head {
         let _ = write!(out, "<th scope=\"col\">{title}</th>");
     }

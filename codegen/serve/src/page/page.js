@@ -121,6 +121,15 @@
   }
 
   // ---- what came of it
+  // the view of a new text is seen from where the one before was
+  let camera = null;
+  const view = by("frame-view");
+  addEventListener("message", (e) => {
+    if (e.source !== view.contentWindow || !e.data || !e.data.camera) return;
+    camera = e.data.camera;
+    view.dataset.camera = JSON.stringify(camera);
+  });
+  view.addEventListener("load", () => { if (camera) view.contentWindow.postMessage({ camera }, "*"); });
   const shown = {};
   let chosen = "view";
   function panel(part) { return by(`panel-${part}`); }
