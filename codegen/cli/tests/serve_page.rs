@@ -89,7 +89,11 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_
 
     // the camera stays where it was turned to when a text gives another view
     let place = json!({"x": 850, "y": 600, "button": "left", "buttons": 1, "clickCount": 1});
-    for (kind, x) in [("mousePressed", 850), ("mouseMoved", 950), ("mouseReleased", 950)] {
+    for (kind, x) in [
+        ("mousePressed", 850),
+        ("mouseMoved", 950),
+        ("mouseReleased", 950),
+    ] {
         let mut event = place.clone();
         event["type"] = json!(kind);
         event["x"] = json!(x);
