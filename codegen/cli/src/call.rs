@@ -163,6 +163,7 @@ impl From<Failure> for CallError {
             Failure::Input(_) => CallErrorKind::Input,
             Failure::Numeric(_) => CallErrorKind::Numeric,
             Failure::Io(_) | Failure::BrokenPipe => CallErrorKind::Io,
+            Failure::Interrupted(_) => CallErrorKind::Stopped,
         };
         let Failure::Spec(reports) = &failure else {
             return Self::new(kind, failure.to_string());
@@ -188,6 +189,8 @@ struct Running {
     shared: Arc<Shared>,
     texts: BTreeMap<PathBuf, String>,
     printed: String,
+    /// The files that the command has written, where they are kept from the disk.
+    files: Option<BTreeMap<PathBuf, String>>,
 }
 
 thread_local! {
@@ -246,7 +249,7 @@ pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result
         None => None,
     };
     load::use_kept();
-    let (result, _) = as_call(BTreeMap::new(), handle, || {
+    let (result, _) = as_call(BTreeMap::new(), None, handle, || {
         load::loaded_derived(source, payload)
     });
     result
@@ -265,23 +268,47 @@ pub fn run(
     texts: BTreeMap<PathBuf, String>,
     handle: &Handle,
 ) -> Result<String, CallError> {
-    let (result, printed) = as_call(texts, handle, || crate::run(parse_words(words)?));
+    run_with(words, texts, None, handle).0
+}
+
+/// As [`run`], but texts that the command would write are returned by their paths instead.
+pub fn run_in_memory(
+    words: &[OsString],
+    texts: BTreeMap<PathBuf, String>,
+    handle: &Handle,
+) -> (Result<String, CallError>, BTreeMap<PathBuf, String>) {
+    let (result, files) = run_with(words, texts, Some(BTreeMap::new()), handle);
+    (result, files.unwrap_or_default())
+}
+
+type Files = Option<BTreeMap<PathBuf, String>>;
+
+fn run_with(
+    words: &[OsString],
+    texts: BTreeMap<PathBuf, String>,
+    files: Files,
+    handle: &Handle,
+) -> (Result<String, CallError>, Files) {
+    let (result, after) = as_call(texts, files, handle, || crate::run(parse_words(words)?));
+    let (printed, files) = after.map_or_else(Default::default, |call| (call.printed, call.files));
     match result {
-        Ok(()) => Ok(printed),
-        Err(error) => Err(CallError { printed, ..error }),
+        Ok(()) => (Ok(printed), files),
+        Err(error) => (Err(CallError { printed, ..error }), files),
     }
 }
 
-/// Does some work of this thread for a caller; returns also what was printed.
+/// Does some work of this thread for a caller; returns also what was printed and written.
 fn as_call<T>(
     texts: BTreeMap<PathBuf, String>,
+    files: Files,
     handle: &Handle,
     work: impl FnOnce() -> Result<T, Failure>,
-) -> (Result<T, CallError>, String) {
+) -> (Result<T, CallError>, Option<Running>) {
     let running = Running {
         shared: handle.0.clone(),
         texts,
         printed: String::new(),
+        files,
     };
     let before = RUNNING.replace(Some(running));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -294,7 +321,7 @@ fn as_call<T>(
         }
         Err(payload) => resume_unwind(payload),
     };
-    (result, after.map_or_else(String::new, |call| call.printed))
+    (result, after)
 }
 
 /// Does something with the call of this thread; `None` where a command line runs.
@@ -313,6 +340,16 @@ pub(crate) fn leave_if_stopped() {
 pub(crate) fn print(text: &str) -> bool {
     leave_if_stopped();
     with(|call| call.printed.push_str(text)).is_some()
+}
+
+/// Keeps a text that would be written to a path; whether the call keeps them.
+pub(crate) fn keep(path: &Path, text: &str) -> bool {
+    let kept = with(|call| {
+        let files = call.files.as_mut()?;
+        files.insert(path.to_owned(), text.to_owned());
+        Some(())
+    });
+    kept.flatten().is_some()
 }
 
 /// Adds a message of a call; whether there is a call.

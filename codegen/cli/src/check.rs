@@ -18,6 +18,6 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let explanation = explanation?;
     terminal::print(&match args.format {
         Format::Human => results::explanation_text(&explanation),
-        Format::Json => table::json(&results::explanation(&explanation)),
+        Format::Json => table::document(&results::explanation(&explanation)),
     })
 }

@@ -51,8 +51,11 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
             "efforts are not limited: actuators share them, for there are more than one each",
         );
     }
+    if args.out.is_none() && args.format == Format::Human {
+        terminal::note("the trajectory is kept in no file: --out FILE keeps it");
+    }
     let stop = interrupt::flag();
-    let bar = progress::bar(1, "{bar:24} {percent} %, {eta} left{msg}");
+    let bar = progress::bar(1, "{bar:24} {percent} %{left}{msg}");
     let report = |progress: Progress| show(&bar, progress);
     let watch = Monitor {
         stop: &stop,
@@ -64,8 +67,8 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let found = match outcome? {
         Outcome::Found(found) => found,
         Outcome::Infeasible { .. } | Outcome::NotClosed if interrupted => {
-            return Err(Failure::Numeric(
-                "stopped before a trajectory was found that keeps every limit".to_owned(),
+            return Err(Failure::Interrupted(
+                "interrupted before a trajectory was found that keeps every limit".to_owned(),
             ));
         }
         Outcome::Infeasible {
@@ -86,14 +89,11 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
             ));
         }
         Outcome::Stopped => {
-            return Err(Failure::Numeric(
-                "stopped before a trajectory was found".to_owned(),
+            return Err(Failure::Interrupted(
+                "interrupted before a trajectory was found".to_owned(),
             ));
         }
     };
-    if interrupted {
-        terminal::note("stopped: this is the best so far");
-    }
     let trajectory = found.trajectory(&info);
     if let Some(out) = &args.out {
         write::atomically(out, &trajectory.text())?;
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         time: margin.time,
     });
     terminal::print(&match args.format {
-        Format::Json => table::json(&ExciteJson {
+        Format::Json => table::document(&ExciteJson {
             trajectory: &trajectory,
             seed: args.seed,
             start: found.start,
@@ -114,10 +114,20 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         }),
         Format::Human => to_text(&trajectory, &found),
     })?;
-    if let Some(out) = &args.out {
-        terminal::note(&format!("{}: written", out.display()));
+    match &args.out {
+        Some(out) if interrupted => Err(Failure::Interrupted(format!(
+            "interrupted: the best so far is kept in {}",
+            out.display()
+        ))),
+        None if interrupted => Err(Failure::Interrupted(
+            "interrupted: this is the best so far, and without --out it is in no file".to_owned(),
+        )),
+        Some(out) => {
+            terminal::note(&format!("{}: written", out.display()));
+            Ok(())
+        }
+        None => Ok(()),
     }
-    Ok(())
 }
 
 fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {

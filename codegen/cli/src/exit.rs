@@ -7,6 +7,8 @@ use std::path::Path;
 use regen_codegen::diag::Report;
 use regen_runtime::{ClosureError, SizeError};
 
+use crate::interrupt;
+
 /// A failure that ended a run early.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -23,6 +25,8 @@ pub(crate) enum Failure {
     Numeric(String),
     /// A file or stream that cannot be read or written.
     Io(String),
+    /// Ctrl-C ended the work early; the text says what was kept.
+    Interrupted(String),
     /// The reader of standard output closed the pipe: the run ends without a message.
     BrokenPipe,
 }
@@ -42,6 +46,7 @@ impl Failure {
             Self::Spec(_) | Self::Input(_) => 3,
             Self::Numeric(_) => 4,
             Self::Io(_) => 5,
+            Self::Interrupted(_) => interrupt::INTERRUPTED,
         }
     }
 }
@@ -53,7 +58,8 @@ impl fmt::Display for Failure {
             | Self::Usage(text)
             | Self::Input(text)
             | Self::Numeric(text)
-            | Self::Io(text) => f.write_str(text),
+            | Self::Io(text)
+            | Self::Interrupted(text) => f.write_str(text),
             Self::Spec(reports) => reports.iter().try_for_each(|report| write!(f, "{report}")),
             Self::BrokenPipe => Ok(()),
         }

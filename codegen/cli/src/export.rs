@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
                 let shown = written.is_none() && exported.format == format;
                 shown.then_some(exported.text.as_str())
             };
-            table::json(&Exported {
+            table::document(&Exported {
                 values,
                 urdf: text(FileFormat::Urdf),
                 mjcf: text(FileFormat::Mjcf),

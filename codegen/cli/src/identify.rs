@@ -107,7 +107,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     }
     report::of_identified(args, &robot, &model, &json.file, &identified)?;
     terminal::print(&match args.format {
-        Format::Json => table::json(&json),
+        Format::Json => table::document(&json),
         Format::Human => identification_text(&json, DELAY_REMEDY),
     })?;
     for (out, _) in &written {

@@ -98,7 +98,7 @@ fn json(imported: &Imported, written: Option<String>) -> String {
         column: note.column,
         text: &note.text,
     });
-    table::json(&Printed {
+    table::document(&Printed {
         robot: &imported.name,
         written,
         spec: &imported.spec,

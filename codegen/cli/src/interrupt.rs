@@ -8,7 +8,7 @@ use std::sync::{Arc, LazyLock, Mutex};
 use crate::call;
 
 /// The exit code of an interrupted program: 128 plus the signal's number.
-const INTERRUPTED: i32 = 130;
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// The temporary file that is being written, or the folder of temporary files, or `None`.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
@@ -29,7 +29,7 @@ pub(crate) fn listen() {
         {
             let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
         }
-        std::process::exit(INTERRUPTED);
+        std::process::exit(INTERRUPTED.into());
     });
 }
 

@@ -41,6 +41,7 @@ mod physical;
 mod progress;
 mod rehearse;
 mod report;
+mod serve;
 mod simulate;
 mod suspect;
 mod table;
@@ -57,6 +58,7 @@ use clap::CommandFactory as _;
 
 use args::{Cli, Command, SchemaArg};
 use exit::Failure;
+use regen_report::documents::Document;
 
 /// Runs the command line of this process, and returns its exit code.
 pub fn main() -> ExitCode {
@@ -93,11 +95,16 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Rehearse(args)) => rehearse::run(&args),
         Some(Command::View(args)) => view::run(&args),
+        Some(Command::Serve(args)) => serve::run(&args, cli.no_cache),
         Some(Command::Report(args)) => report::run(&args),
-        Some(Command::Schema { of }) => terminal::print(&match of {
-            SchemaArg::Spec => regen_codegen::spec::schema(),
-            SchemaArg::Experiment => regen_identify::experiment_file::schema(),
-        }),
+        Some(Command::Schema { of, printed }) => {
+            let document = printed.as_deref().and_then(Document::of);
+            terminal::print(&match (document, of) {
+                (Some(document), _) => document.schema().to_owned(),
+                (None, SchemaArg::Spec) => regen_codegen::spec::schema(),
+                (None, SchemaArg::Experiment) => regen_identify::experiment_file::schema(),
+            })
+        }
         Some(Command::Man { command }) => man::run(command.as_deref()),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();

@@ -26,14 +26,18 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     up_to(MAX_BYTES, path)
 }
 
-/// Reads a text file of at most `limit` bytes: a device may never end.
+/// Reads a text file, or standard input for `-`, of at most `limit` bytes: a device may never end.
 fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
     if let Some(text) = call::text(path) {
         return Ok(text);
     }
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes))
+    let file: std::io::Result<Box<dyn Read>> = if path == Path::new("-") {
+        Ok(Box::new(std::io::stdin()))
+    } else {
+        File::open(path).map(|file| Box::new(file) as _)
+    };
+    file.and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes))
         .map_err(|error| Failure::io("read", path, &error))?;
     if bytes.len() > limit {
         let path = path.display();

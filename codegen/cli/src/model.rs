@@ -62,7 +62,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
             source.display(),
             print::identities_text(&verified)
         ),
-        Format::Json => table::json(&Summary {
+        Format::Json => table::document(&Summary {
             info: results::info(&robot),
             base: robot.analysis.as_ref().map(results::base_summary),
             source: source.display().to_string(),

@@ -69,7 +69,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
     write::create(&out, &text, remedy)?;
     let written = out.display().to_string();
     match args.format {
-        Format::Json => terminal::print(&table::json(&Printed {
+        Format::Json => terminal::print(&table::document(&Printed {
             robot: &args.name,
             written,
         })),

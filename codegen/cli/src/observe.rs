@@ -69,7 +69,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
         files: logs.logs().reports().iter().map(LogFile::new).collect(),
     };
     terminal::print(&match args.format {
-        Format::Json => table::json(&json),
+        Format::Json => table::document(&json),
         Format::Human => to_text(&json),
     })?;
     terminal::note(&format!("{}: written", args.out.display()));

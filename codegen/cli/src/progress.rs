@@ -1,26 +1,52 @@
 //! Progress bars and spinners on standard error, if that is a terminal.
 
 use std::cell::RefCell;
+use std::fmt::Write;
 use std::io::IsTerminal;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle, WeakProgressBar};
 
 use crate::call;
 
-/// A progress bar of this length and template.
+/// The bar on the terminal: work inside of other work shows none of its own, since bars would leave
+/// each other's lines behind.
+static SHOWN: Mutex<Option<WeakProgressBar>> = Mutex::new(None);
+
+/// Whether another bar may be shown: on a terminal, as long as there is none.
+fn is_free() -> bool {
+    let shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let other = shown.as_ref().and_then(WeakProgressBar::upgrade);
+    std::io::stderr().is_terminal() && other.is_none_or(|bar| bar.is_finished())
+}
+
+/// Remembers a bar as the one that is shown.
+fn show(bar: ProgressBar) -> ProgressBar {
+    *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.downgrade());
+    bar
+}
+
+/// A progress bar of this length and template, in which `{left}` is the remaining time, once some
+/// part is done.
 pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
     if let Some(bar) = call::bar(Some(length)) {
         return bar;
     }
-    if !std::io::stderr().is_terminal() {
+    if !is_free() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(length);
     if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
+        bar.set_style(
+            style.with_key("left", |state: &ProgressState, to: &mut dyn Write| {
+                if state.pos() > 0 {
+                    let _ = write!(to, ", {:#} left", HumanDuration(state.eta()));
+                }
+            }),
+        );
     }
-    bar
+    show(bar)
 }
 
 /// A spinner for work of unknown length.
@@ -28,12 +54,12 @@ pub(crate) fn spinner(message: String) -> ProgressBar {
     if let Some(bar) = call::bar(None) {
         return bar.with_message(message);
     }
-    if !std::io::stderr().is_terminal() {
+    if !is_free() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new_spinner().with_message(message);
     bar.enable_steady_tick(Duration::from_millis(120));
-    bar
+    show(bar)
 }
 
 /// A progress bar that appears only if the work takes long.

@@ -140,20 +140,14 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         keep: args.keep.is_some(),
     };
     let stop = interrupt::flag();
-    let bar = progress::bar(args.seeds as u64, "{bar:24} {pos}/{len} seeds, {eta} left");
+    let bar = progress::bar(args.seeds as u64, "{bar:24} {pos}/{len} seeds{left}");
     let result = rehearse(&rehearsal, &stop, &|done| bar.set_position(done as u64));
     bar.finish_and_clear();
     let score = result?;
     let interrupted = stop.load(Ordering::Relaxed) && score.seeds < score.asked;
     if score.seeds == 0 {
-        let text = "stopped before a seed was finished";
-        return Err(Failure::Numeric(text.to_owned()));
-    }
-    if interrupted {
-        terminal::note(&format!(
-            "stopped after {} of {} seeds, which are scored",
-            score.seeds, score.asked
-        ));
+        let text = "interrupted before a seed was finished".to_owned();
+        return Err(Failure::Interrupted(text));
     }
     let passed = score.least >= args.score;
     let json = RehearseJson {
@@ -175,6 +169,12 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         Format::Json => table::json(&json),
         Format::Human => text::to_text(&json),
     })?;
+    if interrupted {
+        return Err(Failure::Interrupted(format!(
+            "interrupted after {} of {} seeds, which are scored",
+            score.seeds, score.asked
+        )));
+    }
     if passed {
         return Ok(());
     }

@@ -6,6 +6,12 @@ use serde::Serialize;
 pub(crate) use regen_codegen::explain::lines::WIDTH;
 pub(crate) use regen_codegen::explain::lines::{columns, field};
 pub(crate) use regen_identify::text::{figure, figure_of};
+use regen_report::documents::Versioned;
+
+/// An object as JSON text, with the version of its form in front.
+pub(crate) fn document<T: Serialize>(value: &T) -> String {
+    json(&Versioned::new(value))
+}
 
 /// A value as JSON text. All printed values have string keys in maps and finite numbers, so that
 /// serialising cannot fail.

@@ -32,6 +32,7 @@ pub(crate) fn complain(failure: &Failure) {
     let color = colored();
     match failure {
         Failure::BrokenPipe => {}
+        Failure::Interrupted(text) => note(text),
         Failure::Spec(reports) => {
             for report in reports {
                 note(report.render(color).trim_end());

@@ -125,7 +125,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         models: models.into_iter().map(|(_, predicted)| predicted).collect(),
     };
     terminal::print(&match args.format {
-        Format::Json => table::json(&json),
+        Format::Json => table::document(&json),
         Format::Human => to_text(&json),
     })?;
     if let Some(out) = &args.predict {

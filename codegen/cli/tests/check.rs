@@ -1,7 +1,7 @@
 //! `regen check`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use crate::common::{mechanism, oracle, regen, scratch};
+use crate::common::{mechanism, oracle, regen, root, scratch};
 
 #[test]
 fn a_mechanism_is_explained_in_80_columns() {
@@ -76,4 +76,16 @@ fn a_mechanism_that_does_not_close_is_an_error_of_its_spec() {
     .unwrap();
     let run = regen(&dir, &["check", "open.yaml"]).ended(3);
     assert!(run.err.contains("do not close"), "{}", run.err);
+
+    // a rod of 9 m whose end comes no nearer than 6 m to that of two rods of 1 m
+    let text =
+        std::fs::read_to_string(root().join("tests/trybuild/ui/spec/home_does_not_close.yaml"));
+    std::fs::write(dir.join("far.yaml"), text.unwrap()).unwrap();
+    let run = regen(&dir, &["check", "far.yaml"]).ended(3);
+    let (_, told) = run
+        .err
+        .split_once("cut 'pin' gapes by ")
+        .unwrap();
+    let gap: f64 = told.split(' ').next().unwrap().parse().unwrap();
+    assert!((6.0..9.0).contains(&gap), "{}", run.err);
 }

@@ -62,7 +62,7 @@ fn report() -> &'static Path {
     })
 }
 
-const FIGURES: [&str; 10] = [
+const FIGURES: [&str; 13] = [
     "position-shifts",
     "velocity-shifts",
     "forces-q2",
@@ -72,6 +72,9 @@ const FIGURES: [&str; 10] = [
     "friction-q2",
     "friction-q7",
     "friction-q9",
+    "spectrum-q2",
+    "spectrum-q7",
+    "spectrum-q9",
     "singular-values",
 ];
 
@@ -152,6 +155,7 @@ fn the_report_is_one_page_with_every_figure_and_table() {
         "forces",
         "parameters",
         "friction",
+        "residuals",
         "singular",
     ] {
         assert!(page.contains(&format!("<section id=\"{id}\">")), "{id}");

@@ -24,7 +24,7 @@ fn column(t: &[f64], values: &[f64], k: usize, width: usize) -> Vec<(f64, f64)> 
 }
 
 /// A name with every character replaced that might be wrong in a file's name.
-fn slug(name: &str) -> String {
+pub(super) fn slug(name: &str) -> String {
     let keep = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(keep).collect()
 }

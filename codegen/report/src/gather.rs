@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use regen_identify::data::{DataError, FileReport, Run};
 use regen_identify::estimate::EffortError;
-use regen_identify::identify::{self, EquationKind, Source};
+use regen_identify::identify::{self, EquationKind, LeftOut, Source};
 use regen_runtime::{BaseModel, Model};
 
 use crate::ReportError;
@@ -51,6 +51,8 @@ pub(super) struct Errors {
     /// eps_RA of all efforts, percent.
     pub(super) all: f64,
     pub(super) efforts: Vec<EffortError>,
+    /// The samples and equations that were not used.
+    pub(super) left_out: LeftOut,
 }
 
 /// Singular values of the regressor over a log, columns scaled to unit length; in descending order,
@@ -114,13 +116,15 @@ pub(super) fn errors(
 ) -> Result<Errors, ReportError> {
     let (model, kind) = (session.model, session.kind);
     let mut log = session.open(std::slice::from_ref(run))?;
-    let means = identify::observe(model, kind, &mut log)?.0.means();
+    let (observed, left_out) = identify::observe(model, kind, &mut log)?;
+    let means = observed.means();
     let found = identified.residuals(model, kind, &mut log, &means, 1)?;
     Ok(Errors {
         file: name(run),
         used,
         all: found.relative_absolute(),
         efforts: found.efforts(),
+        left_out,
     })
 }
 

@@ -3,6 +3,7 @@
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Run, Settings};
 use regen_identify::files::ParameterFile;
+use regen_identify::identify::Delays;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::Session;
 use regen_identify::signals::Method;
@@ -13,7 +14,7 @@ use regen_runtime::BaseTerm;
 use crate::ReportError;
 use crate::charts::Figure;
 use crate::gather::{self, Errors, LogRows, Spectra};
-use crate::{figures, page};
+use crate::{figures, page, residuals};
 
 /// The inputs of a report.
 pub struct Inputs<'a> {
@@ -59,6 +60,9 @@ pub(crate) struct Content<'a> {
     pub(crate) friction: Vec<Figure>,
     pub(crate) spectrum: Figure,
     pub(crate) deviations: Figure,
+    pub(crate) residuals: Vec<Figure>,
+    /// `None` where they cannot be estimated.
+    pub(crate) delays: Option<Delays>,
 }
 
 /// Reads the logs and makes the report: the model and its base parameters, the motion with its
@@ -158,6 +162,11 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
         friction: figures::friction(model, &seen, identified)?,
         spectrum: figures::spectrum(model, &spectra)?,
         deviations: figures::deviations(inputs.file)?,
+        residuals: residuals::spectra(model, &seen)?,
+        // with gains or payloads, efforts are not a matter of base parameters alone
+        delays: (inputs.file.gains.is_empty() && inputs.by_run.is_empty())
+            .then(|| residuals::delays(session, inputs.logs))
+            .flatten(),
         seen,
         spectra,
     };
@@ -173,6 +182,7 @@ impl Content<'_> {
         all.extend(self.forces);
         all.push(self.deviations);
         all.extend(self.friction);
+        all.extend(self.residuals);
         all.push(self.spectrum);
         all
     }

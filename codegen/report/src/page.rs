@@ -5,12 +5,15 @@ use std::fmt::Write as _;
 use regen_runtime::Motion;
 
 use crate::charts::Figure;
+use crate::estimators;
 use crate::gather::Errors;
 use crate::identified::Content;
 use crate::mechanics;
+use crate::residuals;
+use crate::summary;
 use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
-use regen_identify::status::{self, Status};
+use regen_identify::status::Status;
 
 /// Escapes a text for use between HTML tags and in quotes.
 pub(super) fn escaped(text: &str) -> String {
@@ -40,14 +43,16 @@ pub(super) fn html(report: &Content<'_>) -> String {
     let name = escaped(&report.robot.name);
     let mut body = String::new();
     for section in [
-        summary(report),
+        summary::html(report),
         base(report),
         motion(report),
         forces(report),
         parameters(report),
+        estimators::html(report),
         mechanics::loads(report),
         physical(report),
         friction(report),
+        residuals::html(report),
         singular(report),
         validation(report),
     ] {
@@ -87,7 +92,7 @@ pub(super) fn figure(figure: &Figure) -> String {
 }
 
 pub(super) fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
-    let mut out = format!("<table>\n<caption>{caption}</caption>\n<thead><tr>");
+    let mut out = format!("<table>\n<caption><span>{caption}</span></caption>\n<thead><tr>");
     for title in head {
         let _ = write!(out, "<th scope=\"col\">{title}</th>");
     }
@@ -101,81 +106,6 @@ pub(super) fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Strin
     }
     out.push_str("</tbody>\n</table>\n");
     out
-}
-
-fn summary(report: &Content<'_>) -> String {
-    let info = report.model.info();
-    let names = |of: &[usize]| {
-        let names = of.iter().filter_map(|c| info.coordinates.get(*c).copied());
-        names.map(escaped).collect::<Vec<_>>().join(", ")
-    };
-    let counted = status::counted(report.file.parameters.iter().map(|p| p.status));
-    let mut rows = vec![
-        (
-            "Independent coordinates",
-            format!(
-                "{} of {}: {}",
-                info.dof(),
-                info.coordinates.len(),
-                names(info.independent)
-            ),
-        ),
-        ("Actuated", names(info.actuated)),
-        ("Bodies", info.bodies.len().to_string()),
-        (
-            "Loops",
-            match info.cuts.len() {
-                0 => "none".to_owned(),
-                n => format!(
-                    "{n}, cut at {}",
-                    info.cuts
-                        .iter()
-                        .map(|c| escaped(c.name))
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
-            },
-        ),
-        (
-            "Parameters",
-            format!(
-                "{}, of which {} base parameters count: {counted}",
-                info.parameters.len(),
-                report.model.base_info().base.len()
-            ),
-        ),
-        ("Method", escaped(&report.file.method)),
-        ("Derivatives", escaped(&report.method)),
-    ];
-    drop(rows.splice(4..4, mechanics::rows(report)));
-    if let Some(text) = &report.file.feasibility {
-        rows.push(("Feasibility", escaped(text)));
-    }
-    for errors in &report.errors {
-        let title = if errors.used {
-            "eps<sub>RA</sub>"
-        } else {
-            "eps<sub>RA</sub>, validation"
-        };
-        rows.push((
-            title,
-            format!("{:.3} % on {}", errors.all, escaped(&errors.file)),
-        ));
-    }
-    rows.push((
-        "Digest of the model",
-        format!("<code>{}</code>", escaped(&report.file.model)),
-    ));
-    let mut out = String::new();
-    if let Some(text) = &report.robot.description {
-        let _ = writeln!(out, "<p class=\"lead\">{}</p>", escaped(text));
-    }
-    out.push_str("<dl>\n");
-    for (title, text) in rows {
-        let _ = writeln!(out, "<dt>{title}</dt><dd>{text}</dd>");
-    }
-    out.push_str("</dl>\n");
-    section("summary", "Model", &out)
 }
 
 fn base(report: &Content<'_>) -> String {
@@ -273,6 +203,7 @@ fn parameters(report: &Content<'_>) -> String {
                 escaped(&p.unit),
                 four(p.sigma),
                 bar(p),
+                interval([p.low, p.high]),
                 part(p.share),
                 nominal.map_or_else(|| "–".to_owned(), four),
                 match p.status {
@@ -289,16 +220,18 @@ fn parameters(report: &Content<'_>) -> String {
         "unit",
         "σ",
         "σ, %",
+        "interval",
         "share, %",
         "nominal",
         "identified",
     ];
     let caption = format!(
-        "Values of the model “{}”, with deviations; nominal ones are the spec's. The bars' ends \
-         are 0.1 % and 100 %. Share: the root mean square of the parameter's column times its \
+        "Values of the model “{}”, with deviations and intervals of {} % confidence; nominal ones \
+         are the spec's. The bars' ends are 0.1 % and 100 %. Share: the root mean square of the parameter's column times its \
          value over that of the efforts. Zero: may be zero, and what its deviation leaves open is \
          below 1 % of the efforts",
-        escaped(&report.file.method)
+        escaped(&report.file.method),
+        100.0 * report.file.confidence
     );
     let mut out = table(&caption, &head, &rows);
     if !report.file.deviations.is_empty() {
@@ -307,6 +240,15 @@ fn parameters(report: &Content<'_>) -> String {
     }
     out.push_str(&figure(&report.deviations));
     section("parameters", "Parameters", &out)
+}
+
+/// The ends of a confidence interval; a dash where there is none.
+pub(super) fn interval(ends: [f64; 2]) -> String {
+    if ends.iter().any(|end| !end.is_finite()) {
+        return "–".to_owned();
+    }
+    let [low, high] = ends.map(four);
+    format!("{low} … {high}")
 }
 
 /// A relative standard deviation with its bar, from 0.1 to 100 percent on a logarithmic scale.

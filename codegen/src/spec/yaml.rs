@@ -261,12 +261,33 @@ impl<'a> Loader<'a> {
         while let Some(event) = parser.next_event() {
             let (event, span) = event.map_err(|error| {
                 let at = self.offset(*error.marker());
-                Diagnostic::new(Span::new(at, at + 1), format!("not YAML: {}", error.info()))
+                let message = format!("not YAML: {}", error.info());
+                let found = Diagnostic::new(Span::new(at, at + 1), message);
+                match self.open_bracket() {
+                    Some(open) => found.hint(open),
+                    None => found,
+                }
             })?;
             let span = Span::new(self.offset(span.start), self.offset(span.end));
             self.event(event, span)?;
         }
         Ok(self.root)
+    }
+
+    /// Where the innermost bracket stands that is not closed yet: it is often the mistake, while the
+    /// reader notices it lines later.
+    fn open_bracket(&self) -> Option<String> {
+        let text = &self.source.text;
+        self.stack.iter().rev().find_map(|open| {
+            let (Open::List { span, .. } | Open::Map { span, .. }) = open;
+            let bracket = text.get(span.start..)?.chars().next()?;
+            let before = text.get(..span.start)?;
+            let line = before.matches('\n').count() + 1;
+            let column = before.rsplit('\n').next()?.chars().count() + 1;
+            matches!(bracket, '{' | '[').then(|| {
+                format!("the `{bracket}` of line {line}, column {column} is still open here")
+            })
+        })
     }
 
     fn offset(&self, marker: Marker) -> usize {

@@ -27,6 +27,9 @@ pub mod plc {}
 #[doc = include_str!("../pages/equations.md")]
 pub mod equations {}
 
+#[doc = include_str!("../pages/serve.md")]
+pub mod serve {}
+
 #[doc = include_str!("../pages/experiment.md")]
 #[doc = include_str!("../pages/figures/position-turns.svg")]
 pub mod experiment {}

@@ -14,13 +14,16 @@ mod reading;
 mod rehearse;
 mod report;
 mod robot_files;
+mod serve;
 mod simulate;
 mod view;
 
 use std::ffi::OsString;
 
+use clap::builder::PossibleValuesParser;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
+use regen_report::documents::Document;
 
 pub(crate) use checks::{CheckArgs, VerifyArgs, VerifyFormat};
 pub(crate) use derived::{BaseArgs, EvalArgs, InfoArgs, ModelArgs, TableFormat};
@@ -38,6 +41,7 @@ pub(crate) use reading::{
 pub(crate) use rehearse::{RehearseArgs, SolvingArgs, UnmodelledArg};
 pub(crate) use report::ReportArgs;
 pub(crate) use robot_files::{Base, ExportArgs, ImportArgs};
+pub(crate) use serve::ServeArgs;
 pub(crate) use simulate::{SimulateArgs, TwinArgs};
 pub(crate) use view::ViewArgs;
 
@@ -53,7 +57,7 @@ Exit codes:
   4  a state could not be closed, or is singular; data that leave parameters
       undetermined; a physical fit that is not proven to be the optimum
   5  a file could not be read or written
-  130  interrupted; no file is left half written";
+  130  interrupted; no file is left half written, and searches keep their best";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -75,6 +79,7 @@ Examples:
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
   regen rehearse robots/3rps.yaml --trajectory t.json --noise 1e-5,0.5
   regen view robots/3rps.yaml --out 3rps.html   the mechanism in 3D
+  regen serve robots/3rps.yaml       edit it in a browser, results as you type
 
 A spec that does not parse is explained with line, column and what is allowed.
 It has at most 256 coordinates, 384 bodies, 640 equations of cuts and couplings,
@@ -216,11 +221,26 @@ pub(crate) enum Command {
     Rehearse(Box<RehearseArgs>),
     /// Show the mechanism in 3D, on one page for a browser
     View(ViewArgs),
-    /// Print the JSON Schema of specs or experiment files, for editors
+    /// Edit a spec in a browser on this machine, with mistakes, view and tables as
+    /// you type
+    Serve(ServeArgs),
+    /// Print the JSON Schema of specs, of experiment files, or of what a command
+    /// prints as JSON
+    #[command(
+        after_help = "Examples:\n  regen schema > spec.schema.json\n  regen schema experiment\n  regen schema --of identify"
+    )]
     Schema {
         /// The kind of file
         #[arg(value_enum, default_value_t)]
         of: SchemaArg,
+        /// The command whose `--format json` is described; `model` for `regen FILE`
+        #[arg(
+            long = "of",
+            value_name = "COMMAND",
+            conflicts_with = "of",
+            value_parser = PossibleValuesParser::new(Document::ALL.iter().map(|d| d.name()))
+        )]
+        printed: Option<String>,
     },
     /// Print a manual page, of regen or of one of its commands
     #[command(

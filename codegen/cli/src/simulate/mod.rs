@@ -154,7 +154,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         runs,
     };
     terminal::print(&match args.format {
-        OutputFormat::Json => table::json(&json),
+        OutputFormat::Json => table::document(&json),
         OutputFormat::Human => to_text(&json),
     })?;
     for (file, _) in &texts {

@@ -6,11 +6,15 @@
 )]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+pub mod driven;
+pub mod shape;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use regen_report::documents::Document;
 use serde_json::Value;
 
 /// The results of a run.
@@ -59,11 +63,26 @@ pub fn regen_with(dir: &Path, args: &[&str], input: &str) -> Run {
     // A run that fails early does not read its input.
     let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
     let output = child.wait_with_output().unwrap();
-    Run {
+    let run = Run {
         code: output.status.code().unwrap(),
         out: String::from_utf8(output.stdout).unwrap(),
         err: String::from_utf8(output.stderr).unwrap(),
+    };
+    if args.windows(2).any(|pair| pair == ["--format", "json"]) {
+        fits_its_schema(args, &run);
     }
+    run
+}
+
+/// Asserts that JSON, where a run printed any, fits the schema of its command.
+fn fits_its_schema(args: &[&str], run: &Run) {
+    let Ok(value) = serde_json::from_str::<Value>(&run.out) else {
+        return;
+    };
+    let document = Document::of(args[0]).unwrap_or(Document::Model);
+    let schema = serde_json::from_str(document.schema()).unwrap();
+    let misfits = shape::misfits(&schema, &value);
+    assert!(misfits.is_empty(), "{args:?}: {misfits:#?}");
 }
 
 /// The repository's root.

@@ -480,6 +480,17 @@
   addEventListener("resize", show);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { dyes(); show(); });
 
+  // a page that shows this one in a frame may keep the camera from one mechanism to the next
+  if (parent !== window) {
+    const tell = () => parent.postMessage({ camera: eye }, "*");
+    addEventListener("message", (e) => {
+      const { yaw, pitch, away, to } = (e.source === parent && e.data && e.data.camera) || {};
+      if (!Array.isArray(to) || to.length !== 3 || ![yaw, pitch, away, ...to].every(Number.isFinite)) return;
+      Object.assign(eye, { yaw, pitch, away, to }); show(); tell();
+    });
+    for (const hand of ["pointerup", "wheel"]) canvas.addEventListener(hand, tell, { passive: true });
+  }
+
   // a link to a moment: #t=0.25, parts of the whole
   const moment = /[#&]t=([\d.]+)/.exec(location.hash);
   dyes();

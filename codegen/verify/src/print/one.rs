@@ -138,6 +138,7 @@ pub fn checks(report: &Report) -> Vec<CheckJson> {
 
 #[derive(Serialize)]
 struct OneJson<'a> {
+    version: u32,
     robot: &'a str,
     ok: bool,
     failed: &'a [&'a str],
@@ -198,6 +199,7 @@ fn failed<'a>(
 pub fn one_json(report: &Report, numeric: &NumericPath) -> String {
     let failed: Vec<&str> = failed(report, numeric).collect();
     to_json(&OneJson {
+        version: 1,
         robot: &report.robot,
         ok: failed.is_empty(),
         failed: &failed,

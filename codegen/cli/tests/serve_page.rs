@@ -1,0 +1,149 @@
+//! The page of `regen serve` in a browser: a person types, and sees what comes of it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::common::driven::Driven;
+use crate::common::{root, scratch};
+use crate::pages::browser;
+use crate::serve::Served;
+
+/// A browser at the page of a served five-bar, once everything is shown.
+fn opened(browser: &Path, dir: &Path, width: u32) -> (Served, Driven) {
+    fs::copy(root().join("robots/fivebar.yaml"), dir.join("fivebar.yaml")).unwrap();
+    let served = Served::start(dir, &["fivebar.yaml"]);
+    let mut page = Driven::start(browser, dir.join("profile"), width, 800);
+    page.open(&served.url);
+    page.wait("document.body && document.body.dataset.state === 'good'");
+    (served, page)
+}
+
+/// Puts the cursor behind the first occurrence of a word in the editor, with the word selected.
+fn select(page: &mut Driven, word: &str) {
+    let found = page.value(&format!(
+        "(() => {{ const text = document.getElementById('text'); text.focus(); \
+         const at = text.value.indexOf({0}); text.setSelectionRange(at, at + {0}.length); \
+         return at; }})()",
+        json!(word)
+    ));
+    assert_ne!(found, -1, "{word}");
+}
+
+#[test]
+fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_back() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("serve_page");
+    let (_served, mut page) = opened(&browser, &dir, 1200);
+    let before = fs::read_to_string(dir.join("fivebar.yaml")).unwrap();
+    page.value("document.getElementById('part-base').click()");
+    page.wait("document.querySelectorAll('#panel-base tbody tr').length > 5");
+    let rows = page.value("document.querySelectorAll('#panel-base tbody tr').length");
+
+    select(&mut page, "type: revolute");
+    page.type_text("type: revolut");
+    page.wait("document.body.dataset.state === 'wrong'");
+    let line = 1 + before
+        .lines()
+        .position(|line| line.contains("type: revolute"))
+        .unwrap();
+    let link = page.value("document.querySelector('#mistakes a').textContent");
+    assert!(
+        link.as_str()
+            .unwrap()
+            .starts_with(&format!("line {line}, column ")),
+        "{link}"
+    );
+    assert_eq!(
+        page.value("document.querySelector('#numbers b').textContent"),
+        line.to_string()
+    );
+    page.wait("document.getElementById('panel-base').classList.contains('stale')");
+    // the link leads to the place
+    page.value("document.querySelector('#mistakes a').click()");
+    let place = "document.getElementById('text').selectionStart";
+    assert_eq!(
+        page.value(place),
+        before.find("type: revolute").unwrap() + "type: ".len()
+    );
+
+    // mended, with another name for what is a row of the table
+    select(&mut page, "type: revolut,");
+    page.type_text("type: revolute,");
+    page.wait("document.body.dataset.state === 'good'");
+    page.wait("!document.querySelector('#mistakes li')");
+    page.wait("!document.getElementById('panel-base').classList.contains('stale')");
+    assert_eq!(
+        page.value("document.querySelectorAll('#panel-base tbody tr').length"),
+        rows
+    );
+    page.value("document.getElementById('part-check').click()");
+    page.wait("document.querySelector('#panel-check pre').textContent.includes('fivebar')");
+    page.value("document.getElementById('part-view').click()");
+    assert_eq!(
+        page.value("document.getElementById('frame-view').clientHeight > 300"),
+        true
+    );
+
+    // the camera stays where it was turned to when a text gives another view
+    let place = json!({"x": 850, "y": 600, "button": "left", "buttons": 1, "clickCount": 1});
+    for (kind, x) in [
+        ("mousePressed", 850),
+        ("mouseMoved", 950),
+        ("mouseReleased", 950),
+    ] {
+        let mut event = place.clone();
+        event["type"] = json!(kind);
+        event["x"] = json!(x);
+        page.ask("Input.dispatchMouseEvent", &event);
+    }
+    page.wait("document.getElementById('frame-view').dataset.camera");
+    let camera = page.value("document.getElementById('frame-view').dataset.camera");
+    page.value("document.getElementById('frame-view').dataset.camera = ''");
+    select(&mut page, "description:");
+    page.type_text("description: another");
+    page.wait("document.getElementById('frame-view').dataset.camera");
+    let again = page.value("document.getElementById('frame-view').dataset.camera");
+    assert_eq!(again, camera);
+    let before = page.value("document.getElementById('text').value");
+    let before = before.as_str().unwrap().to_owned();
+
+    // a change is on the disk once it is saved
+    select(&mut page, &before);
+    page.type_text(&format!("# mine\n{before}"));
+    page.wait("!document.getElementById('save').disabled");
+    let on_disk = fs::read_to_string(dir.join("fivebar.yaml")).unwrap();
+    assert!(!on_disk.contains("another"), "{on_disk}");
+    page.value("document.getElementById('save').click()");
+    page.wait("document.getElementById('status').textContent.includes('saved')");
+    let now = fs::read_to_string(dir.join("fivebar.yaml")).unwrap();
+    assert_eq!(now, format!("# mine\n{before}"));
+    // neither the page nor the view in its frame was refused anything
+    assert!(page.told.is_empty(), "{:?}", page.told);
+}
+
+#[test]
+fn in_a_browser_nothing_of_a_text_runs_as_part_of_the_page() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("serve_page_hostile");
+    let (_served, mut page) = opened(&browser, &dir, 400);
+    let text = fs::read_to_string(dir.join("fivebar.yaml")).unwrap();
+    let evil = "<img src=x onerror=window.ran=1><!-- <script>window.ran=1</script>";
+    let first = text.lines().find(|line| line.starts_with("name:")).unwrap();
+    select(&mut page, first);
+    page.type_text(&format!("{first}\n{evil}: {evil}"));
+    page.wait("document.body.dataset.state === 'wrong'");
+    let told = page.value("document.getElementById('mistakes').textContent");
+    assert!(told.as_str().unwrap().contains("<img src=x"), "{told}");
+    assert_eq!(page.value("window.ran === undefined"), true);
+    assert_eq!(
+        page.value("document.querySelectorAll('main img').length"),
+        0
+    );
+    // at 400 pixels nothing is cut off at the side
+    let width = "document.documentElement.scrollWidth <= innerWidth";
+    assert_eq!(page.value(width), true);
+    assert!(page.told.is_empty(), "{:?}", page.told);
+}
