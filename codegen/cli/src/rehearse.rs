@@ -2,7 +2,6 @@
 //! the parameters are found.
 
 mod scratch;
-mod text;
 
 use std::sync::atomic::Ordering;
 
@@ -13,9 +12,9 @@ use regen_identify::data::{Run, Settings};
 use regen_identify::identify::{EquationKind, Options};
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_rehearse::{Estimator, Loads, Rehearsal, RehearseError, Score, planned, rehearse};
+use regen_rehearse::{Estimator, Loads, Rehearsal, RehearseError, planned, rehearse};
+use regen_report::results::{Rehearsed, rehearsed_text};
 use regen_runtime::BaseModel;
-use serde::Serialize;
 
 use crate::args::{
     DelayArg, EstimatorArg, Format, PayloadArg, PriorArg, ReadingArgs, RehearseArgs, SolvingArgs,
@@ -29,30 +28,6 @@ use crate::{
     terminal,
 };
 use scratch::Folder;
-
-/// The version of the JSON.
-const VERSION: usize = 1;
-
-/// The JSON of `regen rehearse`.
-#[derive(Serialize)]
-struct RehearseJson<'a> {
-    version: usize,
-    robot: &'a str,
-    motion: &'a str,
-    estimator: &'a str,
-    /// The durations of the runs of a seed, s.
-    durations: &'a [f64],
-    step: f64,
-    seed: u64,
-    perturb: f64,
-    unmodelled: Option<String>,
-    interrupted: bool,
-    /// The least score, percent.
-    needed: f64,
-    passed: bool,
-    #[serde(flatten)]
-    score: &'a Score,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
@@ -150,8 +125,8 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
         return Err(Failure::Interrupted(text));
     }
     let passed = score.least >= args.score;
-    let json = RehearseJson {
-        version: VERSION,
+    let json = Rehearsed {
+        version: Rehearsed::VERSION,
         robot: &robot.name,
         motion: motion.name(),
         estimator: rehearsal.estimator.name(),
@@ -167,7 +142,7 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
     };
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
-        Format::Human => text::to_text(&json),
+        Format::Human => rehearsed_text(&json),
     })?;
     if interrupted {
         return Err(Failure::Interrupted(format!(

@@ -82,10 +82,7 @@ fn a_mechanism_that_does_not_close_is_an_error_of_its_spec() {
         std::fs::read_to_string(root().join("tests/trybuild/ui/spec/home_does_not_close.yaml"));
     std::fs::write(dir.join("far.yaml"), text.unwrap()).unwrap();
     let run = regen(&dir, &["check", "far.yaml"]).ended(3);
-    let (_, told) = run
-        .err
-        .split_once("cut 'pin' gapes by ")
-        .unwrap();
+    let (_, told) = run.err.split_once("cut 'pin' gapes by ").unwrap();
     let gap: f64 = told.split(' ').next().unwrap().parse().unwrap();
     assert!((6.0..9.0).contains(&gap), "{}", run.err);
 }

@@ -23,6 +23,7 @@ mod explanation;
 mod identification;
 mod info;
 mod inspection;
+mod rehearsal;
 
 pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
@@ -33,3 +34,4 @@ pub use identification::{
 };
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};
+pub use rehearsal::{Rehearsed, rehearsed_text};

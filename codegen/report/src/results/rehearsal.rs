@@ -2,13 +2,50 @@
 
 use std::fmt::Write as _;
 
-use regen_rehearse::ParameterScore;
+use regen_codegen::explain::lines::{columns, field};
+use regen_identify::text::figure_of;
+use regen_rehearse::{ParameterScore, Score};
+use serde::Serialize;
 
-use super::RehearseJson;
-use crate::table;
+/// A rehearsal to be printed, and its JSON.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rehearsed<'a> {
+    /// The version of the JSON: [`Self::VERSION`].
+    pub version: usize,
+    /// The robot's name.
+    pub robot: &'a str,
+    /// The name of the motion.
+    pub motion: &'a str,
+    /// The name of the estimator.
+    pub estimator: &'a str,
+    /// The durations of the runs of a seed, s.
+    pub durations: &'a [f64],
+    /// The time between samples, s.
+    pub step: f64,
+    /// The first seed.
+    pub seed: u64,
+    /// The part by which the true parameters differ from the nominal ones at most.
+    pub perturb: f64,
+    /// What the simulated robot has and the model has not, in words.
+    pub unmodelled: Option<String>,
+    /// Whether seeds are missing because the run was interrupted.
+    pub interrupted: bool,
+    /// The least score that was asked for, percent.
+    pub needed: f64,
+    /// Whether the score reaches it.
+    pub passed: bool,
+    /// The scores.
+    #[serde(flatten)]
+    pub score: &'a Score,
+}
+
+impl Rehearsed<'_> {
+    /// The version of the JSON.
+    pub const VERSION: usize = 1;
+}
 
 /// The table of all parameters, and the scores over all of them.
-pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
+pub fn rehearsed_text(json: &Rehearsed<'_>) -> String {
     let score = json.score;
     let count = json.durations.len();
     let seeds = match score.seeds {
@@ -18,13 +55,13 @@ pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
     let mut out = format!("{}, {seeds}, {}\n", json.robot, json.estimator);
     let longest = json.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
     let runs = match count {
-        1 => format!("1 of {} s", table::figure_of(4, longest)),
-        _ => format!("{count} of up to {} s", table::figure_of(4, longest)),
+        1 => format!("1 of {} s", figure_of(4, longest)),
+        _ => format!("{count} of up to {} s", figure_of(4, longest)),
     };
     let runs = format!("{runs}, every {} s, {}", json.step, json.motion);
-    out.push_str(&table::field("runs", &runs));
+    out.push_str(&field("runs", &runs));
     if let Some(unmodelled) = &json.unmodelled {
-        out.push_str(&table::field("not modelled", unmodelled));
+        out.push_str(&field("not modelled", unmodelled));
     }
     if let Some(first) = score.failed.first() {
         let why = first.why.lines().next().unwrap_or_default();
@@ -34,7 +71,7 @@ pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
             score.seeds,
             first.seed
         );
-        out.push_str(&table::field("failed", &text));
+        out.push_str(&field("failed", &text));
     }
     let estimates = score.seeds - score.failed.len();
     if estimates > 0 {
@@ -42,12 +79,12 @@ pub(super) fn to_text(json: &RehearseJson<'_>) -> String {
     }
     let verdict = if json.passed { "passed" } else { "not passed" };
     let text = format!("{:.1} %, {} % needed: {verdict}", score.least, json.needed);
-    out.push_str(&table::field("score", &text));
+    out.push_str(&field("score", &text));
     out
 }
 
 /// The table of the parameters and what it says in all, of so many seeds with an estimate.
-fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
+fn of_estimates(json: &Rehearsed<'_>, estimates: usize) -> String {
     let score = json.score;
     let mut out = "\n".to_owned();
     let level = format!("in {} %", (100.0 * score.level).round() / 100.0);
@@ -66,19 +103,19 @@ fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
         .iter()
         .map(|parameter| line(parameter, estimates))
         .collect();
-    out.push_str(&table::columns(&head, &lines));
+    out.push_str(&columns(&head, &lines));
     out.push('\n');
     if let (Some(within), Some(inside)) = (score.within, score.inside) {
         let text = format!(
             "{within:.2} % of all values; {:.1} % of the seeds in {}",
             score.least, score.lowest
         );
-        out.push_str(&table::field("in 3 sigma", &text));
+        out.push_str(&field("in 3 sigma", &text));
         let [low, high] = score.by_chance;
         let text = format!(
             "{inside:.1} % of all intervals; {low:.0} to {high:.0} % of a parameter's by chance"
         );
-        out.push_str(&table::field(&level, &text));
+        out.push_str(&field(&level, &text));
     }
     if let Some(error) = score.relative_absolute {
         let mut text = format!("{error:.3} % on a fresh run");
@@ -86,7 +123,7 @@ fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
             // writing to a String cannot fail
             let _ = write!(text, ", {of_truth:.3} % with the true parameters");
         }
-        out.push_str(&table::field("eps_RA", &text));
+        out.push_str(&field("eps_RA", &text));
     }
     out
 }
@@ -94,13 +131,13 @@ fn of_estimates(json: &RehearseJson<'_>, estimates: usize) -> String {
 /// The row of a parameter.
 fn line(parameter: &ParameterScore, estimates: usize) -> Vec<String> {
     let figure = |digits: usize, value: Option<f64>| {
-        value.map_or_else(|| "-".to_owned(), |x| table::figure_of(digits, x))
+        value.map_or_else(|| "-".to_owned(), |x| figure_of(digits, x))
     };
     let share = |count: usize| format!("{:.0}", 100.0 * count as f64 / estimates as f64);
     let mark = if parameter.is_low { "!" } else { "" };
     vec![
         parameter.label.clone(),
-        table::figure_of(4, parameter.truth),
+        figure_of(4, parameter.truth),
         figure(4, parameter.mean),
         figure(2, parameter.rms_percent),
         figure(2, parameter.sigma_percent),
