@@ -75,6 +75,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         &[
             "base",
             "constraints",
+            "diag",
             "kinematics",
             "model",
             "numeric",

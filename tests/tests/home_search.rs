@@ -40,7 +40,7 @@ fn close(text: &str) -> Result<Vec<f64>, String> {
 /// Disturbs home's dependent coordinates by up to 1 rad or 1 m, and closes.
 fn disturb(sample: &Sample, seed: u64) -> End {
     let before = close(&sample.text).unwrap();
-    let names = sample.mechanism.names.clone();
+    let names = sample.mechanism.coordinates.clone();
     let mut random = Random::new(seed);
     let mut given = before.clone();
     for (name, q) in names.iter().zip(&mut given) {
