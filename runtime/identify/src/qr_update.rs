@@ -25,21 +25,7 @@ pub(crate) fn reduce(
     side: &mut [f64],
     rows: usize,
 ) -> f64 {
-    reduce_from(0, r, z, block, side, rows)
-}
-
-/// [`reduce`] of rows whose entries before the column `first` are zero; `block` has the columns from
-/// there on.
-pub(crate) fn reduce_from(
-    first: usize,
-    r: &mut [f64],
-    z: &mut [f64],
-    block: &mut [f64],
-    side: &mut [f64],
-    rows: usize,
-) -> f64 {
     Arch::new().dispatch(Reduce {
-        first,
         r,
         z,
         block,
@@ -51,7 +37,6 @@ pub(crate) fn reduce_from(
 /// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
 /// do not depend on it.
 struct Reduce<'a> {
-    first: usize,
     r: &'a mut [f64],
     z: &'a mut [f64],
     block: &'a mut [f64],
@@ -64,13 +49,12 @@ impl WithSimd for Reduce<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        reduce_rows(self.first, self.r, self.z, self.block, self.side, self.rows)
+        reduce_rows(self.r, self.z, self.block, self.side, self.rows)
     }
 }
 
 #[inline(always)]
 fn reduce_rows(
-    first: usize,
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -81,14 +65,14 @@ fn reduce_rows(
     if rows == 0 {
         return 0.0;
     }
-    let (columns, _) = block.split_at_mut(n.saturating_sub(first) * rows);
+    let (columns, _) = block.split_at_mut(n * rows);
     // a column of zeros in rows and triangle stays zero, as many do where an effort does not depend
     // on all parameters
     let present = |(k, column): &(usize, &mut [f64])| {
         let above = &r[k * n..=k * n + k];
         column.iter().chain(above).any(|x| *x != 0.0)
     };
-    let mut rest: Vec<(usize, &mut [f64])> = (first..n)
+    let mut rest: Vec<(usize, &mut [f64])> = (0..n)
         .zip(columns.chunks_exact_mut(rows))
         .filter(present)
         .collect();
@@ -149,10 +133,10 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
 }
 
 /// Number of independent sums, which the compiler keeps in vector registers.
-pub(crate) const LANES: usize = 8;
+const LANES: usize = 8;
 
 #[inline(always)]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
@@ -202,21 +186,7 @@ fn subtract_two(v: &[f64], a: &mut [f64], sa: f64, b: &mut [f64], sb: f64) {
     }
 }
 
-/// Solves `R^T y = g` for an upper triangular R.
-#[inline(always)]
-pub(crate) fn forward(r: &[f64], g: &[f64]) -> Vec<f64> {
-    let n = g.len();
-    let mut y = g.to_vec();
-    for k in 0..n {
-        let (column, rest) = r[k * n..].split_at(k);
-        let sum = dot(column, &y[..k]);
-        y[k] = (y[k] - sum) / rest[0];
-    }
-    y
-}
-
 /// Solves R x = z by back substitution; `None` if a diagonal entry is zero.
-#[inline(always)]
 pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
     let n = z.len();
     let mut x = z.to_vec();
@@ -239,8 +209,8 @@ pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
 
-    /// Zeros change nothing: rows that begin later, and columns without entries, give the triangle
-    /// of a plain Householder factorisation of all rows.
+    /// Columns of zeros, in all rows or in those of one block, change nothing: the triangle's squares
+    /// are those of the rows.
     #[test]
     fn rows_and_columns_of_zeros_are_left_out() {
         let (n, rows, first) = (6, 11, 2);
@@ -249,7 +219,7 @@ mod tests {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             (seed >> 33) as f64 / 2_f64.powi(30) - 1.0
         };
-        // column 4 has no entries, and the second block begins at column 2
+        // column 4 has no entries, and columns 0 and 1 have none in the second block
         let mut entry = |j: usize| if j == 4 { 0.0 } else { random() };
         let one: Vec<f64> = (0..n * rows).map(|k| entry(k / rows)).collect();
         let two: Vec<f64> = (0..n * rows)
@@ -264,14 +234,7 @@ mod tests {
         let (mut r, mut z) = (vec![0.0; n * n], vec![0.0; n]);
         reduce(&mut r, &mut z, &mut one.clone(), &mut vec![1.0; rows], rows);
         let side = &mut vec![0.5; rows];
-        reduce_from(
-            first,
-            &mut r,
-            &mut z,
-            &mut two[first * rows..].to_vec(),
-            side,
-            rows,
-        );
+        reduce(&mut r, &mut z, &mut two.clone(), side, rows);
         let dot = |a: usize, b: usize| -> f64 {
             let of = |all: &[f64]| -> f64 {
                 (0..rows)

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::{finite, size};
 use super::faces::{InteriorStart, find_interior_point};
-use super::interior::{InteriorOutcome, Point, minimise, start};
+use super::interior::{InteriorOutcome, minimise, start};
 use super::known::Known;
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
@@ -19,8 +19,6 @@ use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 const TARGET_GAP: f64 = 1e-10;
-/// A fit that began at the point of another is made anew where its gap is larger than this.
-const MAX_GAP_OF_KNOWN: f64 = 1e-8;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The cost of the term for closeness to the reference at the first solution, as a fraction of the
@@ -201,31 +199,24 @@ pub(crate) fn identify_like(
     let setting = Setting::new(factor, combinations, layout, options);
     let least_squares_residual = least_squares_residual(factor).0;
     let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let solve = |problem: &Problem, first: Point| {
-        let Problem {
-            objective,
-            cones,
-            reach,
-            ..
-        } = problem;
-        minimise(objective, cones, reach, first, TARGET_GAP, &|_| false)
-    };
-    let again = known.point(&setting)?;
-    let again = again.and_then(|(problem, first)| {
-        let inside = first.x.clone();
-        let minimum = solve(&problem, first)?;
-        (minimum.gap.part() <= MAX_GAP_OF_KNOWN).then_some((problem, inside, minimum))
-    });
-    let (problem, interior_point, minimum) = match again {
+    let InteriorStart {
+        problem,
+        x: interior_point,
+    } = match known.point(&setting)? {
         Some(again) => again,
-        None => {
-            let InteriorStart { problem, x } = find_interior_point(&setting)?;
-            let first =
-                start(&problem.objective, &problem.cones, x.clone()).ok_or_else(no_solution)?;
-            let minimum = solve(&problem, first).ok_or_else(no_solution)?;
-            (problem, x, minimum)
-        }
+        None => find_interior_point(&setting)?,
     };
+    let first = start(&problem.objective, &problem.cones, interior_point.clone())
+        .ok_or_else(no_solution)?;
+    let minimum = minimise(
+        &problem.objective,
+        &problem.cones,
+        &problem.reach,
+        first,
+        TARGET_GAP,
+        &|_| false,
+    );
+    let minimum = minimum.ok_or_else(no_solution)?;
     let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())

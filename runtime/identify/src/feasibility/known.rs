@@ -1,16 +1,10 @@
 //! What fits of similar observations share, such as those of the draws of an interval.
 
 use super::faces::{InteriorStart, find_interior_point, interior_point_of};
-use super::interior::{Point, minimise, start};
-use super::problem::{Problem, Setting};
-use super::symmetric::Square;
+use super::problem::Setting;
 use super::verdict::{refutes, verdict};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
 use crate::estimate::QrFactor;
-
-/// A fit from which others begin ends at this relative duality gap: the point before it is near their
-/// optima, and far enough from the borders of the cones.
-const KNOWN_GAP: f64 = 1e-3;
 
 /// What fits of similar observations share; it changes how long a fit takes.
 #[derive(Clone, Debug, Default)]
@@ -18,8 +12,8 @@ pub(crate) struct Known {
     /// The weights of certificates that no physical robot has the base parameters of other
     /// observations: they may prove it for these too.
     certificates: Vec<Vec<f64>>,
-    /// Parameters (p, SI) inside all constraints, on the way to the best ones, with the duals there.
-    inside: Option<(Vec<f64>, Vec<Square>)>,
+    /// Parameters (p, SI) inside all constraints.
+    inside: Option<Vec<f64>>,
 }
 
 impl Known {
@@ -44,16 +38,7 @@ impl Known {
         }
         let setting = Setting::new(factor, combinations, layout, options);
         let InteriorStart { problem, x } = find_interior_point(&setting)?;
-        let Problem {
-            objective,
-            cones,
-            reach,
-            ..
-        } = &problem;
-        known.inside = start(objective, cones, x)
-            .and_then(|first| minimise(objective, cones, reach, first, KNOWN_GAP, &|_| false))
-            .map(|ended| ended.interior_point)
-            .map(|point| (problem.expand(&point.x), point.duals));
+        known.inside = Some(problem.expand(&x));
         Ok(known)
     }
 
@@ -74,13 +59,13 @@ impl Known {
         Ok(false)
     }
 
-    /// The problem with the known point, if that is inside its cones.
+    /// The problem with the known point inside its cones, if it is well inside.
     pub(super) fn point(
         &self,
         setting: &Setting<'_>,
-    ) -> Result<Option<(Problem, Point)>, FeasibilityError> {
+    ) -> Result<Option<InteriorStart>, FeasibilityError> {
         match &self.inside {
-            Some((phi, duals)) => interior_point_of(setting, phi, duals),
+            Some(phi) => interior_point_of(setting, phi),
             None => Ok(None),
         }
     }

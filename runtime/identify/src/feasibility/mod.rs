@@ -27,7 +27,6 @@ mod program;
 mod psd_completion;
 mod reduced;
 mod sizes;
-mod step;
 mod sums;
 mod symmetric;
 mod verdict;
