@@ -115,7 +115,7 @@ impl Served {
             if state["edit"] == edit && state["busy"] == false {
                 return state;
             }
-            assert!(begun.elapsed() < Duration::from_secs(60), "{state}");
+            assert!(begun.elapsed() < Duration::from_mins(1), "{state}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }

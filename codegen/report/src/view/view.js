@@ -343,7 +343,7 @@
     for (const [[x, y], text, dye, bold] of words) {
       pen.font = `${bold ? "600 " : ""}12px system-ui, "DejaVu Sans", sans-serif`;
       const wide = pen.measureText(text).width;
-      const box = { x: x + 11, y: y - 10, w: wide, h: 14 };
+      const box = { x: Math.max(2, Math.min(x + 11, seen.w - wide - 4)), y: y - 10, w: wide, h: 14 };
       for (let tries = 0; tries < 12; tries++) {
         const hit = taken.find((t) => box.x < t.x + t.w && t.x < box.x + box.w && box.y < t.y + t.h && t.y < box.y + box.h);
         if (!hit) break;
