@@ -105,7 +105,11 @@ fn homes_guessed_badly_close_or_get_a_line_that_closes() {
 fn two_hundred_homes_close_or_get_a_line_that_closes() {
     let ends = ends(200);
     let count = |wanted: &dyn Fn(&End) -> bool| ends.iter().filter(|(_, e)| wanted(e)).count();
-    let lost: Vec<&u64> = ends.iter().filter(|(_, e)| *e == End::Lost).map(|(s, _)| s).collect();
+    let lost: Vec<&u64> = ends
+        .iter()
+        .filter(|(_, e)| *e == End::Lost)
+        .map(|(s, _)| s)
+        .collect();
     println!(
         "of 200: {} close where they did, {} elsewhere, {} of these beyond 0; {} get lines that \
          close, {} of these the one they had; lost: {lost:?}",

@@ -227,7 +227,10 @@ fn what_floats_in_space_is_proposed_to_do_so() {
         base: Some(Base::Floating),
         ..Options::default()
     };
-    assert_has(&imported_with(&mesh, &floating).spec, "type: spherical, body: a");
+    assert_has(
+        &imported_with(&mesh, &floating).spec,
+        "type: spherical, body: a",
+    );
     let empty = "<robot name=\"q\"><link name=\"a\"/></robot>";
     assert!(!refused(empty).contains("floating"));
 }
