@@ -46,6 +46,7 @@ fn info_has_the_keys_and_names_of_the_format() {
                 "coordinates",
                 "cuts",
                 "dof",
+                "home",
                 "independent",
                 "operations",
                 "parameters",

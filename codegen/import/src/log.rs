@@ -83,9 +83,10 @@ impl Group<'_> {
             n => format!(" and {n} more"),
         };
         let listed = format!("{}{more}", shown.join(", "));
-        let text = match self.items.is_empty() {
-            true => self.first.text.clone(),
-            false => self.first.text.replacen("{}", &listed, 1),
+        let text = if self.items.is_empty() {
+            self.first.text.clone()
+        } else {
+            self.first.text.replacen("{}", &listed, 1)
         };
         if self.count > self.items.len().max(1) {
             format!("{text} ({} times)", self.count)

@@ -26,8 +26,8 @@ Examples:
   regen info robots/3rps.yaml
   regen info robots/3rps.yaml --format json
 
-The JSON has robot, coordinates, independent, dof, parameters, cuts and
-operations; the operations are those of the regressor.")]
+The JSON has robot, coordinates, independent, home, dof, parameters, cuts and
+operations; home is closed, the operations are those of the regressor.")]
 pub(crate) struct InfoArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
