@@ -360,37 +360,38 @@ impl FrictionData {
             labels.extend(self.steps(laws));
         }
         let columns = labels.len();
-        // each effort by itself, as it depends on some of the columns only
-        let mut efforts: Vec<EffortRows> = (0..self.dof)
-            .map(|_| EffortRows {
-                factor: QrFactor::new(labels.clone()),
-                block: vec![0.0; ROWS_PER_BLOCK * columns],
-                side: Vec::with_capacity(ROWS_PER_BLOCK),
-            })
-            .collect();
+        let mut factor = QrFactor::new(labels);
+        // so few rows that they stay in a cache
+        let most = ROWS_PER_BLOCK.max(self.dof);
+        let mut block = vec![0.0; most * columns];
+        let mut side = Vec::with_capacity(most);
+        let mut flush = |block: &[f64], side: &mut Vec<f64>| {
+            let rows = block.chunks_exact(most.max(1));
+            let packed: Vec<f64> = rows
+                .flat_map(|column| column[..side.len()].iter().copied())
+                .collect();
+            let done = factor.push_block(&packed, side);
+            side.clear();
+            done
+        };
         self.visit(laws, shapes, steps, &mut |rows| {
-            let each = rows.tau.iter().zip(rows.weights).zip(&mut efforts);
-            for (i, ((tau, weight), own)) in each.enumerate() {
+            for (i, (tau, weight)) in rows.tau.iter().zip(rows.weights).enumerate() {
                 if *weight == 0.0 {
                     continue;
                 }
-                let at = own.side.len();
+                let at = side.len();
                 let entries = rows.w.iter().skip(i).step_by(rows.tau.len());
-                for (column, x) in own.block.chunks_exact_mut(ROWS_PER_BLOCK).zip(entries) {
+                for (column, x) in block.chunks_exact_mut(most.max(1)).zip(entries) {
                     column[at] = *x;
                 }
-                own.side.push(*tau);
-                if own.side.len() == ROWS_PER_BLOCK {
-                    own.flush()?;
+                side.push(*tau);
+                if side.len() == most {
+                    flush(&block, &mut side)?;
                 }
             }
             Ok(())
         })?;
-        let mut factor = QrFactor::new(labels);
-        for mut own in efforts {
-            own.flush()?;
-            factor.merge(&own.factor)?;
-        }
+        flush(&block, &mut side)?;
         Ok(factor)
     }
 
@@ -503,29 +504,8 @@ impl FrictionData {
     }
 }
 
-/// The number of rows that are reduced at a time: so few that they stay in a cache.
+/// The number of rows that are reduced at a time.
 const ROWS_PER_BLOCK: usize = 128;
-
-/// The rows of one effort with the factor of those that were reduced.
-struct EffortRows {
-    factor: QrFactor,
-    /// The columns of the next rows, [`ROWS_PER_BLOCK`] entries each.
-    block: Vec<f64>,
-    /// The efforts of the next rows.
-    side: Vec<f64>,
-}
-
-impl EffortRows {
-    /// Reduces the rows to the factor.
-    fn flush(&mut self) -> Result<(), EstimateError> {
-        let rows = self.side.len();
-        let columns = self.block.chunks_exact(ROWS_PER_BLOCK);
-        let packed: Vec<f64> = columns.flat_map(|c| &c[..rows]).copied().collect();
-        self.factor.push_block(&packed, &self.side)?;
-        self.side.clear();
-        Ok(())
-    }
-}
 
 /// Checks that there are `expected` values, all finite.
 fn check(what: &'static str, expected: usize, values: &[f64]) -> Result<(), EstimateError> {

@@ -5,8 +5,7 @@ use super::FrictionData;
 use super::starts::{STARTS, start};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
-    BaseMap, Bound, FeasibilityError, Known, Options, ParameterLayout, PhysicalFit, identify,
-    identify_like,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, PhysicalFit, identify,
 };
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
@@ -112,8 +111,6 @@ struct Search<'a> {
     options: &'a Options,
     /// The shapes of the first start, around which all shapes stay.
     first: Vec<[f64; SHAPES]>,
-    /// What the fits at all shapes share, once one was made.
-    known: Option<Known>,
     programmes: usize,
 }
 
@@ -180,14 +177,7 @@ impl Search<'_> {
         let factor = self.data.factor(&shapes, None)?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = self.padded(&layout);
-        let known = match self.known.take() {
-            Some(known) => known,
-            None => Known::of(&factor, &combinations, &layout, &options)?,
-        };
-        self.programmes += 1;
-        let solution = identify_like(&factor, &combinations, &layout, &options, &known);
-        self.known = Some(known);
-        let solution = solution?;
+        let solution = self.solve(&factor, &combinations, &layout, &options)?;
         let cost = self.cost(&solution);
         Ok(Point {
             shapes,
@@ -337,7 +327,6 @@ pub fn fit(
         layout: layout.extended(&coefficients)?,
         options,
         first: shapes(0),
-        known: None,
         programmes: 0,
     };
     let linear = linear(&mut search)?;
