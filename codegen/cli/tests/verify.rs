@@ -181,3 +181,11 @@ fn the_module_of_a_robot_of_the_workspace_is_checked_too() {
     let run = regen(&dir, &verify).ended(1);
     assert!(run.err.contains(name), "{}", run.err);
 }
+
+#[test]
+fn a_body_of_which_only_the_mass_is_stated_is_verified() {
+    let dir = scratch("verify_mass_alone");
+    let text = crate::common::pendulum("arm") + "bodies:\n  1: {mass: 2}\n";
+    fs::write(dir.join("arm.yaml"), text).unwrap();
+    regen(&dir, &["verify", "--all", "arm.yaml"]).ended(0);
+}

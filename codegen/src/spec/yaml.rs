@@ -262,11 +262,9 @@ impl<'a> Loader<'a> {
             let (event, span) = event.map_err(|error| {
                 let at = self.offset(*error.marker());
                 let message = format!("not YAML: {}", error.info());
-                let found = Diagnostic::new(Span::new(at, at + 1), message);
-                match self.open_bracket() {
-                    Some(open) => found.hint(open),
-                    None => found,
-                }
+                let mut found = Diagnostic::new(Span::new(at, at + 1), message);
+                found.hint = self.open_bracket();
+                found
             })?;
             let span = Span::new(self.offset(span.start), self.offset(span.end));
             self.event(event, span)?;
@@ -280,13 +278,13 @@ impl<'a> Loader<'a> {
         let text = &self.source.text;
         self.stack.iter().rev().find_map(|open| {
             let (Open::List { span, .. } | Open::Map { span, .. }) = open;
-            let bracket = text.get(span.start..)?.chars().next()?;
-            let before = text.get(..span.start)?;
+            let (before, after) = text.split_at_checked(span.start)?;
+            let bracket = after.chars().next().filter(|c| "{[".contains(*c))?;
             let line = before.matches('\n').count() + 1;
             let column = before.rsplit('\n').next()?.chars().count() + 1;
-            matches!(bracket, '{' | '[').then(|| {
-                format!("the `{bracket}` of line {line}, column {column} is still open here")
-            })
+            Some(format!(
+                "the `{bracket}` of line {line}, column {column} is still open here"
+            ))
         })
     }
 

@@ -378,12 +378,15 @@ impl Tree {
             .iter_mut()
             .find(|b| b.label == label)
             .ok_or_else(|| format!("no body {label}"))?;
-        let field = |key: &str| value.get(key).ok_or_else(|| format!("{label}: no {key}"));
-        let inertia: [f64; 6] = vector(field("inertia")?, names)?;
+        let mass = value.get("mass");
+        let mass = mass.ok_or_else(|| format!("{label}: no mass"))?;
+        let com = value.get("com").map(|com| vector(com, names));
+        let inertia = value.get("inertia").map(|inertia| vector(inertia, names));
+        // both may be left out, and are zero then
         let nominal = PhysicalBody {
-            mass: scalar(field("mass")?, names)?,
-            com: vector(field("com")?, names)?,
-            inertia,
+            mass: scalar(mass, names)?,
+            com: com.transpose()?.unwrap_or([0.0; 3]),
+            inertia: inertia.transpose()?.unwrap_or([0.0; 6]),
         };
         body.nominal = Some(nominal.parameters());
         Ok(())
