@@ -139,7 +139,8 @@ fn wrong_files_and_words_exit_with_3_and_show_the_place() {
     assert!(run.err.contains("with a cut (--cut)"), "{}", run.err);
     let run = regen(&dir, &["import", &arm]).ended(0);
     assert!(
-        run.err.contains("as pi/2; --exact keeps the digits"),
+        run.err
+            .contains("as pi/2 (3 times); --exact keeps the digits"),
         "{}",
         run.err
     );

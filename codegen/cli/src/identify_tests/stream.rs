@@ -92,7 +92,8 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
             // blocks start from guesses that decay to 1e-16, the ends of the log to 1e-3 only
             assert!(error(&found) < 1e-3, "{smoothing:?} {:?}", found.estimate);
             let samples = found.left_out.samples;
-            assert!(samples > 700 && samples < 6000 / 7, "{samples}");
+            // the low-pass filter gets averages of 2, of which every fourth is used
+            assert!(samples > 600 && samples < 6000 / 7, "{samples}");
         }
     });
 }
@@ -113,7 +114,7 @@ fn a_fast_log_is_averaged_before_its_filter_without_bias() {
         // 5000 Hz are 50 times 2 Hz 50 times, so 32 equations become one
         let left = found.left_out;
         assert_eq!(32 * left.samples + left.unsettled, 60_000);
-        assert!(left.samples > 1600, "{left:?}");
+        assert!(left.samples > 1200, "{left:?}");
     });
 }
 
