@@ -29,6 +29,8 @@ class ImportOptions(TypedDict, total=False):
     force: bool
     #: Where loops start to be closed, as NAME=VALUE [default: 0]
     home: Values | None
+    #: Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
+    lock: Values | None
     #: The spec's name [default: the robot's in the file]
     name: Value | None
     #: Where the spec is written [default: standard output]; a file that exists is left as it is
