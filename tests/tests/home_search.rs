@@ -23,10 +23,8 @@ enum End {
 /// The text with other values of home.
 fn with_home(text: &str, home: &str) -> String {
     let lines = text.lines().filter(|line| !line.starts_with("home:"));
-    let mut out: String = lines.map(|line| format!("{line}\n")).collect();
-    out.push_str(home);
-    out.push('\n');
-    out
+    let all: Vec<&str> = lines.chain([home, ""]).collect();
+    all.join("\n")
 }
 
 /// Closes a spec at home; its coordinates, or the error as text.

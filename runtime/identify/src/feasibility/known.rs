@@ -90,8 +90,8 @@ mod tests {
             let values = [0.2, 0.01, -0.02, 0.3, 0.015, -0.1, 0.05, 0.02, 0.1, 2.0];
             let tau: Vec<f64> = values
                 .iter()
-                .zip(0..)
-                .map(|(x, k)| (x + shift * f64::from(k % 3 - 1)) * w[11 * k as usize])
+                .enumerate()
+                .map(|(k, x)| (x + shift * ((k % 3) as f64 - 1.0)) * w[11 * k])
                 .collect();
             let mut factor = QrFactor::new(labels.clone());
             factor.push_block(&w, &tau).unwrap();
