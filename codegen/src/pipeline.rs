@@ -229,12 +229,7 @@ impl Mechanism {
             &at_home.redundant_rows,
             analysis,
         );
-        for warning in &mut explanation.warnings {
-            if let Some(place) = warning.place {
-                let line = self.source.position(place).line;
-                warning.text = format!("line {line}: {}", warning.text);
-            }
-        }
+        explanation.name_lines(&self.source);
         Ok(explanation)
     }
 

@@ -6,17 +6,17 @@ use regen_codegen::pipeline::Mechanism;
 use regen_tests::random::{self, Sample};
 use regen_tests::reference::Random;
 
-/// What became of a home.
+/// What the derivation makes of a home whose dependent coordinates were disturbed.
 #[derive(Debug, PartialEq)]
 enum End {
-    /// It closes where it closed before it was disturbed.
+    /// The loops close in the state in which they closed before.
     Same,
-    /// It closes elsewhere; whether a dependent coordinate went beyond 0.
+    /// The loops close in another state; whether a dependent coordinate has another sign there.
     Elsewhere(bool),
-    /// It does not close, and the error has lines of which the first closes; whether one of the
-    /// lines is where it closed before.
+    /// The loops do not close from this home, and the error proposes other homes, of which the first
+    /// closes; whether one of them is the state before.
     Line(bool),
-    /// It does not close, and no line does.
+    /// The loops close neither from this home nor from the first one that the error proposes.
     Lost,
 }
 

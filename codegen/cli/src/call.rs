@@ -100,20 +100,7 @@ pub enum CallErrorKind {
     Stopped,
 }
 
-/// A mistake in a file, at its place.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mistake {
-    /// The file's name.
-    pub file: String,
-    /// The line, from 1.
-    pub line: usize,
-    /// The column in characters, from 1.
-    pub column: usize,
-    /// What is wrong, with the path in words.
-    pub message: String,
-    /// What to write instead; may be empty.
-    pub hint: String,
-}
+pub use regen_serve::Mistake;
 
 /// Why a call failed.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use regen_serve::{Done, Mistake, Options, Program, ServeError, Server};
+use regen_serve::{Done, Options, Program, ServeError, Server};
 
 use crate::args::ServeArgs;
 use crate::call::{self, Handle};
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &ServeArgs, no_cache: bool) -> Result<(), Failure> {
                 Err(error) => {
                     done.printed = error.printed;
                     done.failure = Some(error.message);
-                    done.mistakes = error.mistakes.into_iter().map(Mistake::from).collect();
+                    done.mistakes = error.mistakes;
                 }
             }
             done
@@ -54,18 +54,6 @@ pub(crate) fn run(args: &ServeArgs, no_cache: bool) -> Result<(), Failure> {
     terminal::print(&format!("{}\n", server.url()))?;
     terminal::note("open this address in a browser on this machine; Ctrl-C ends the server");
     server.run()
-}
-
-impl From<call::Mistake> for Mistake {
-    fn from(mistake: call::Mistake) -> Self {
-        Self {
-            file: mistake.file,
-            line: mistake.line,
-            column: mistake.column,
-            message: mistake.message,
-            hint: mistake.hint,
-        }
-    }
 }
 
 impl From<ServeError> for Failure {

@@ -10,7 +10,8 @@ pub(super) fn html(report: &Content<'_>) -> String {
     let file = report.file;
     let row = |least: &LeastSquaresRow| {
         let own = file.parameters.iter().find(|p| p.label == least.label)?;
-        let moved = (own.value - least.value) / least.sigma;
+        // of a parameter without a deviation, no difference can be told in deviations
+        let moved = Some((own.value - least.value) / least.sigma).filter(|x| x.is_finite());
         Some(vec![
             escaped(&least.label),
             four(own.value),
@@ -18,7 +19,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
             escaped(&least.unit),
             four(least.sigma),
             interval([least.low, least.high]),
-            four(moved),
+            moved.map_or_else(|| "–".to_owned(), four),
         ])
     };
     let rows: Vec<Vec<String>> = file.least_squares.iter().filter_map(row).collect();

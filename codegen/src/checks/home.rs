@@ -2,6 +2,7 @@
 
 use crate::constraints::Gap;
 use crate::diag::Diagnostic;
+use crate::explain::lines::rounded;
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -79,8 +80,8 @@ fn remedy(gap: &Gap) -> &'static str {
 
 fn said(model: &Model, gap: &Gap) -> String {
     let name = &model.cuts[gap.cut].name;
-    let metres = format!("{:.2e} m", gap.metres);
-    let radians = format!("{:.2e} rad", gap.radians);
+    let metres = format!("{} m", rounded(gap.metres));
+    let radians = format!("{} rad", rounded(gap.radians));
     let width = match (gap.metres > TINY, gap.radians > TINY) {
         (true, true) => format!("{metres} and {radians}"),
         (false, true) => radians,
@@ -98,11 +99,8 @@ fn line(spec: &Spec, model: &Model, home: &[f64]) -> String {
         !model.drives.contains(c) && (moved || written(&coordinate.name))
     });
     let entries = entries.filter_map(|(_, (coordinate, value))| {
-        let value = format!("{value:.6}");
-        let value = value.trim_end_matches('0').trim_end_matches('.');
-        let zero = matches!(value, "0" | "-0");
-        (!zero || written(&coordinate.name))
-            .then(|| format!("{}: {}", coordinate.name, if zero { "0" } else { value }))
+        let value = rounded(*value);
+        (value != "0" || written(&coordinate.name)).then(|| format!("{}: {value}", coordinate.name))
     });
     format!("`home: {{{}}}`", entries.collect::<Vec<_>>().join(", "))
 }

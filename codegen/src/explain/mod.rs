@@ -20,7 +20,7 @@ use core::fmt::{self, Write as _};
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
 use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
-use crate::diag::Span;
+use crate::diag::{Source, Span};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -210,6 +210,16 @@ pub struct Explanation {
 }
 
 impl Explanation {
+    /// Puts the line of its place in front of each warning that has one.
+    pub(crate) fn name_lines(&mut self, source: &Source) {
+        for warning in &mut self.warnings {
+            if let Some(place) = warning.place {
+                let line = source.position(place).line;
+                warning.text = format!("line {line}: {}", warning.text);
+            }
+        }
+    }
+
     /// The parameters without effect (`with` is empty) or identifiable only in combination with
     /// others, each with its reason, as far as this follows from null directions completed from
     /// samples. Parameters whose directions are derived exactly are left out: the derivation is
@@ -329,13 +339,6 @@ pub fn explain(
 }
 
 /// Statements about the number of coordinates, the mobility and the drives.
-/// A value of home with six decimals at most; rounding errors are 0.
-pub fn rounded(q: f64) -> String {
-    let text = format!("{q:.6}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0" } else { text }.to_owned()
-}
-
 fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fact> {
     let names = |of: &[usize]| -> String {
         let names = of.iter().map(|c| model.coordinates[*c].name.as_str());
@@ -366,7 +369,7 @@ fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fac
         let closed = model.coordinates.iter().zip(home).enumerate();
         let closed =
             closed.filter(|(c, _)| model.dependent.contains(c) && !model.drives.contains(c));
-        let closed = closed.map(|(_, (c, q))| format!("{} {}", c.name, rounded(*q)));
+        let closed = closed.map(|(_, (c, q))| format!("{} {}", c.name, lines::rounded(*q)));
         facts.push(Fact::given(format!(
             "home closes at {}",
             closed.collect::<Vec<_>>().join(", ")

@@ -322,6 +322,11 @@ pub(crate) fn replicate(
     }
     let mut step = vec![0.0; n];
     let mut error = None;
+    // undetermined parameters have no interval, so their values need not be chosen
+    let options = &Options {
+        rough: true,
+        ..options.clone()
+    };
     let mut draws = Vec::with_capacity(replicates);
     for k in 0..replicates {
         // every other draw mirrors the one before it, so that the mean of the draws is exact

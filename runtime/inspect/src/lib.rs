@@ -46,7 +46,7 @@ pub use period::Period;
 pub use predict::{EffortNoise, ExpectedStatus, PredictedParameter, Prediction, predict};
 pub use proposal::proposal;
 pub use relations::Derivative;
-pub use spectrum::Spectrum;
+pub use spectrum::{Spectrum, amplitude_density};
 
 /// The version of what is serialised here: a change of a name or a meaning increases it.
 pub const VERSION: u32 = 2;

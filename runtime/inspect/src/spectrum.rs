@@ -7,6 +7,7 @@
 
 use serde::Serialize;
 
+use crate::clock::median;
 use crate::fft::Fft;
 
 /// The part of half the sampling rate between which the noise floor is looked for.
@@ -25,6 +26,8 @@ const SMOOTHING: f64 = 0.05;
 const BLOCK_SECONDS: f64 = 20.0;
 /// Bounds of the number of rows in a block.
 const BLOCK_ROWS: [usize; 2] = [64, 16_384];
+/// A step of more than this many usual ones is a gap.
+const GAP_STEPS: f64 = 1.5;
 /// Most points of a spectrum for a picture.
 const PICTURE_POINTS: usize = 240;
 
@@ -36,6 +39,42 @@ pub(crate) fn block_rows(rows: usize, step: f64) -> usize {
     let wanted = wanted.clamp(BLOCK_ROWS[0], BLOCK_ROWS[1]);
     // the power of two below
     1 << wanted.ilog2()
+}
+
+/// The square root of the power spectral density of samples, as a picture shows it: frequency, Hz,
+/// and the samples' unit/sqrt(Hz). A step of over one and a half usual ones is a gap, behind which
+/// a new block begins; without a whole block of at least 64 samples there are no points.
+///
+/// - `times`: s, ascending; `values`: one for each.
+///
+/// ```
+/// use regen_inspect::amplitude_density;
+///
+/// // 0.5 and -0.5 in turns: all of the power is at half of the rate, 50 Hz
+/// let times: Vec<f64> = (0..512).map(|k| 0.01 * f64::from(k)).collect();
+/// let values: Vec<f64> = (0..512).map(|k| 0.5 * f64::from(1 - 2 * (k % 2))).collect();
+/// let found = amplitude_density(&times, &values);
+/// let highest = found.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+/// assert!(highest.0 > 45.0);
+/// assert!(amplitude_density(&times[..63], &values[..63]).is_empty());
+/// ```
+pub fn amplitude_density(times: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let step = median(&steps);
+    if step.is_nan() || step <= 0.0 {
+        return Vec::new();
+    }
+    let mut welch = Welch::new(block_rows(values.len(), step));
+    for (k, value) in values.iter().enumerate() {
+        let before = k.checked_sub(1).and_then(|before| steps.get(before));
+        if before.is_some_and(|own| *own > GAP_STEPS * step) {
+            welch.restart();
+        }
+        welch.push(*value);
+    }
+    welch
+        .finish(1.0 / step)
+        .map_or_else(Vec::new, |density| density.picture())
 }
 
 /// The density of one column, gathered row by row.
@@ -274,6 +313,32 @@ mod tests {
         let found = spectrum(2, slow, 1e-7);
         assert!((found.noise / 1e-7 - 1.0).abs() < 0.05, "{found:?}");
         assert!(found.meets.unwrap() < 2.5 && found.ends < 1.0, "{found:?}");
+    }
+
+    #[test]
+    fn the_density_of_noise_is_its_deviation_over_the_root_of_the_band() {
+        let mut noise = Noise::new(7);
+        let times: Vec<f64> = (0..8192).map(|k| 0.005 * f64::from(k)).collect();
+        let values: Vec<f64> = times.iter().map(|_| 3.0 * noise.normal()).collect();
+        let found = amplitude_density(&times, &values);
+        // a variance of 9 over 100 Hz; averages over many frequencies scatter by a few percent
+        let high = found.iter().filter(|(f, _)| *f > 10.0);
+        let (sum, count) = high.fold((0.0, 0.0), |(s, n), (_, d)| (s + d * d, n + 1.0));
+        assert!((sum / count / 0.09 - 1.0).abs() < 0.1, "{}", sum / count);
+        // the second half an hour later: two logs, and no step between them
+        let apart: Vec<f64> = times
+            .iter()
+            .map(|t| t + if *t > 20.0 { 3600.0 } else { 0.0 })
+            .collect();
+        let shifted: Vec<f64> = apart
+            .iter()
+            .zip(&values)
+            .map(|(t, v)| v + if *t > 20.0 { 1e3 } else { 0.0 })
+            .collect();
+        let low =
+            |points: &[(f64, f64)]| points.iter().find(|(f, _)| *f > 1.0).map_or(0.0, |p| p.1);
+        assert!(low(&amplitude_density(&apart, &shifted)) < 3.0 * low(&found));
+        assert!(low(&amplitude_density(&times, &shifted)) > 3.0 * low(&found));
     }
 
     #[test]

@@ -2,8 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::explain::lines::{columns, field, paragraph};
-use regen_codegen::explain::rounded;
+use regen_codegen::explain::lines::{columns, field, paragraph, rounded};
 use regen_codegen::robot::{FunctionKind, Robot};
 use serde::Serialize;
 

@@ -32,8 +32,10 @@ pub struct Filtering {
 }
 
 /// Rate of the averages that a low-pass filter gets, divided by its cutoff: an average over a
-/// fiftieth of a period turns and damps the motion by less than a thousandth.
+/// fiftieth of a period reduces a sine of the cutoff's frequency by less than a thousandth.
 const RATE_PER_CUTOFF: f64 = 50.0;
+/// The most equations that are averaged, for clocks whose first step is next to nothing.
+const MAX_AVERAGED: usize = 4096;
 
 impl Filtering {
     /// The number of consecutive equations that are averaged before the low-pass filter: a power of
@@ -78,9 +80,6 @@ impl Filtering {
         self.decimation.div_ceil(averaged).max(1)
     }
 }
-
-/// More equations are not averaged, whatever the clock says.
-const MAX_AVERAGED: usize = 4096;
 
 impl Default for Filtering {
     /// No filter, no decimation, and equations at standstill are left out.

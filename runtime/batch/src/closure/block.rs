@@ -1,0 +1,238 @@
+//! Newton's method at a block of states: prediction, steps, and whether the loops are closed then.
+
+use regen_runtime::{Arguments, ClosureError, Function, Model};
+
+use super::series::set;
+use super::{
+    CONVERGED_STEP, MAX_CORRECTION_RATIO, MAX_STEPS, RELATIVE_TOLERANCE, ROUGH_STEP, SUSPECT_PIVOT,
+    TrajectoryClosure,
+};
+use crate::eval_many;
+use crate::inverse::{Reference, largest};
+
+impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
+    /// The inverse of A at a closed state; `None` where it is near a singularity.
+    pub(super) fn reference(&self, q: &[f64]) -> Result<Option<Reference>, ClosureError> {
+        let info = self.model.info();
+        let mut a = vec![0.0; info.rows * q.len()];
+        self.model.jacobian(q, &mut a)?;
+        Ok(Reference::new(&a, q.len(), info.dependent))
+    }
+
+    /// Computes a function at the states of a block; states with a small pivot are no longer `ok`.
+    pub(super) fn eval(
+        &self,
+        function: Function,
+        arguments: Arguments<'_, f64>,
+        out: &mut [f64],
+        ok: &mut [bool],
+    ) -> Result<(), ClosureError> {
+        let mut pivots = vec![1.0; ok.len()];
+        eval_many(self.model, function, ok.len(), arguments, out, &mut pivots)?;
+        for (ok, pivot) in ok.iter_mut().zip(&pivots) {
+            *ok &= *pivot >= SUSPECT_PIVOT;
+        }
+        Ok(())
+    }
+
+    /// The states along the tangents from `q`, and how far any coordinate moves there, in units.
+    pub(super) fn predicted(
+        &self,
+        q: &[f64],
+        line: &[f64],
+        targets: &[f64],
+        len: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>), ClosureError> {
+        let info = self.model.info();
+        let mut tangent = vec![0.0; q.len()];
+        let arguments = Arguments {
+            q,
+            qd_i: line,
+            ..Arguments::EMPTY
+        };
+        let mut pivots = vec![1.0; len];
+        eval_many(
+            self.model,
+            Function::Velocities,
+            len,
+            arguments,
+            &mut tangent,
+            &mut pivots,
+        )?;
+        let mut moves = vec![0.0; len];
+        for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
+            for (moved, step) in moves.iter_mut().zip(series) {
+                *moved = largest(*moved, (step / unit).abs());
+            }
+        }
+        for (step, q) in tangent.iter_mut().zip(q) {
+            *step += q;
+        }
+        set(&mut tangent, info.independent, targets, len);
+        Ok((tangent, moves))
+    }
+
+    /// Newton's method for the dependent coordinates of each state. With `moves` the steps must
+    /// halve and stay short compared to these predictors; states that break that, or do not
+    /// converge, are no longer `ok`.
+    pub(super) fn newton(
+        &self,
+        q: &mut [f64],
+        ok: &mut [bool],
+        moves: Option<&[f64]>,
+        len: usize,
+    ) -> Result<(), ClosureError> {
+        let info = self.model.info();
+        let mut step = vec![0.0; info.dependent.len() * len];
+        let mut pivots = vec![1.0; len];
+        let floor: Vec<f64> = self
+            .sizes(q, info.dependent, len)
+            .iter()
+            .map(|size| {
+                (1.0 + size)
+                    * if moves.is_some() {
+                        CONVERGED_STEP
+                    } else {
+                        ROUGH_STEP
+                    }
+            })
+            .collect();
+        let mut moved = vec![0.0; len];
+        let mut before = vec![f64::INFINITY; len];
+        let mut done: Vec<bool> = ok.iter().map(|ok| !ok).collect();
+        for _ in 0..MAX_STEPS {
+            let arguments = Arguments {
+                q,
+                ..Arguments::EMPTY
+            };
+            eval_many(
+                self.model,
+                Function::NewtonStep,
+                len,
+                arguments,
+                &mut step,
+                &mut pivots,
+            )?;
+            let sizes = self.step_sizes(&step, len);
+            for (state, size) in sizes.into_iter().enumerate() {
+                if done[state] {
+                    continue;
+                }
+                moved[state] += size;
+                let refused = moves.is_some_and(|moves| {
+                    moved[state] > MAX_CORRECTION_RATIO * moves[state] + floor[state]
+                        || size > 0.5 * before[state]
+                });
+                if refused || !size.is_finite() {
+                    (ok[state], done[state]) = (false, true);
+                    continue;
+                }
+                for (k, c) in info.dependent.iter().enumerate() {
+                    q[c * len + state] += step[k * len + state];
+                }
+                before[state] = size;
+                done[state] = size <= floor[state];
+            }
+            if done.iter().all(|done| *done) {
+                return Ok(());
+            }
+        }
+        for (ok, done) in ok.iter_mut().zip(&done) {
+            *ok &= done;
+        }
+        Ok(())
+    }
+
+    /// Checks that the residuals are within the tolerance, and A near that of the reference. After
+    /// the last Newton step the residuals are rounding errors: a state where they are larger is left
+    /// to [`LoopClosure`].
+    pub(super) fn check_closed(
+        &self,
+        reference: &Reference,
+        q: &[f64],
+        ok: &mut [bool],
+        len: usize,
+    ) -> Result<(), ClosureError> {
+        let info = self.model.info();
+        let residuals = self.residuals(q, len)?;
+        let mut a = vec![0.0; info.rows * q.len()];
+        let arguments = Arguments {
+            q,
+            ..Arguments::EMPTY
+        };
+        self.eval(Function::Jacobian, arguments, &mut a, ok)?;
+        let tolerances = self.tolerances(&a, q, len);
+        let near = reference.is_near(&a, len);
+        for (state, ok) in ok.iter_mut().enumerate() {
+            *ok &= residuals[state] <= tolerances[state] && near[state];
+        }
+        Ok(())
+    }
+
+    /// The largest |f| of each state, in units of the rows; NaN if any entry is.
+    fn residuals(&self, q: &[f64], len: usize) -> Result<Vec<f64>, ClosureError> {
+        let mut f = vec![0.0; self.row_units.len() * len];
+        let mut pivots = vec![1.0; len];
+        let arguments = Arguments {
+            q,
+            ..Arguments::EMPTY
+        };
+        eval_many(
+            self.model,
+            Function::Constraints,
+            len,
+            arguments,
+            &mut f,
+            &mut pivots,
+        )?;
+        let mut out = vec![0.0; len];
+        for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
+            for (out, f) in out.iter_mut().zip(series) {
+                *out = largest(*out, (f / unit).abs());
+            }
+        }
+        Ok(out)
+    }
+
+    /// The largest residual of each state that counts as closed: the size of the terms of the
+    /// largest row, `|A| max(1, |q|)`, times a constant.
+    fn tolerances(&self, a: &[f64], q: &[f64], len: usize) -> Vec<f64> {
+        let mut out = vec![0.0; len];
+        for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
+            let mut sums = vec![0.0; len];
+            let entries = row.chunks_exact(len).zip(q.chunks_exact(len));
+            for ((entries, q), unit) in entries.zip(&self.units) {
+                for (sum, (a, q)) in sums.iter_mut().zip(entries.iter().zip(q)) {
+                    *sum += (a * unit / row_unit).abs() * (q / unit).abs().max(1.0);
+                }
+            }
+            for (out, sum) in out.iter_mut().zip(&sums) {
+                *out = largest(*out, RELATIVE_TOLERANCE * sum);
+            }
+        }
+        out
+    }
+
+    /// The largest of these coordinates of each state, in units.
+    fn sizes(&self, q: &[f64], which: &[usize], len: usize) -> Vec<f64> {
+        let mut out = vec![0.0; len];
+        for c in which {
+            for (out, q) in out.iter_mut().zip(&q[c * len..(c + 1) * len]) {
+                *out = largest(*out, (q / self.units[*c]).abs());
+            }
+        }
+        out
+    }
+
+    /// The largest entry of each state's Newton step, in units.
+    fn step_sizes(&self, step: &[f64], len: usize) -> Vec<f64> {
+        let mut out = vec![0.0; len];
+        let dependent = self.model.info().dependent.iter();
+        for (series, c) in step.chunks_exact(len).zip(dependent) {
+            for (out, step) in out.iter_mut().zip(series) {
+                *out = largest(*out, (step / self.units[*c]).abs());
+            }
+        }
+        out
+    }
+}
