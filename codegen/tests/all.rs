@@ -12,6 +12,7 @@ mod emission;
 mod explain;
 mod expressions;
 mod files;
+mod kept_parameters;
 mod latex;
 mod mutations;
 mod mutations_derive;

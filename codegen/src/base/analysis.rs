@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::spec::Spec;
 
-use super::certificate::{Certificate, certify};
+use super::certificate::{Certificate, Samples, certify};
 use super::null_completion::NullCompletion;
 use super::{Base, derive_with_completion, payloads, right_angles};
 
@@ -17,6 +17,10 @@ const LAST_SEED: u64 = 7;
 pub struct Analysis {
     /// The base parameters and the null space.
     pub base: Base,
+    /// The condition of the sampled rows in the kept columns, each column scaled to length 1: the
+    /// largest singular value divided by the smallest; infinite above 1e7. Of several groups of
+    /// columns (payloads) the largest. `None` where the base is not complete.
+    pub condition: Option<f64>,
     /// The rank over all columns from sampled states; or why it could not be sampled.
     pub certificate: Result<Certificate, String>,
     /// Whether the null space is proven complete: the number of derived and completed directions
@@ -56,6 +60,7 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
         Err(e) => {
             return Analysis {
                 base: derive_with_completion(spec, model, None, None),
+                condition: None,
                 certificate: Err(e.to_string()),
                 complete: false,
             };
@@ -83,9 +88,21 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
         }
         return Analysis {
             complete,
+            condition: complete.then(|| condition(&base, &samples, model)),
             base,
             // of payloads too: their directions are part of those of all columns
             certificate: Ok(payloads::certificate(&samples, model)),
         };
     }
+}
+
+/// The condition of the sampled rows in the kept columns; of groups of columns the largest.
+fn condition(base: &Base, samples: &Samples, model: &Model) -> f64 {
+    let groups = model.column_groups();
+    let of_group = |group: &Vec<usize>| {
+        let kept = base.parameters.iter().map(|p| p.column);
+        let kept: Vec<usize> = kept.filter(|column| group.contains(column)).collect();
+        samples.condition(&kept)
+    };
+    groups.iter().map(of_group).fold(1.0, f64::max)
 }

@@ -12,16 +12,22 @@ use super::span::{Vector, add_scaled, clear};
 /// Columns in the order in which elimination is tried: first those of `first`, then the others so
 /// that the remaining base parameters are simple.
 ///
-/// Masses, then first moments along z, then one diagonal moment are eliminated first, those of
-/// bodies far from the base before those near it (the grouping of Khalil's rules); friction and
-/// rotors are kept as long as possible, offsets as long as no friction has their effect: Fc+ and Fc-
-/// then are the efforts in either direction.
+/// All parameters of bodies that are fixed to others come first, so that they are lumped into the
+/// body that carries them. Then masses, first moments along the joint's axis, and one diagonal moment
+/// across it are eliminated, those of bodies far from the base before those near it (the grouping of
+/// Khalil's rules, for any axis); friction and rotors are kept as long as possible, offsets as long
+/// as no friction has their effect: Fc+ and Fc- then are the efforts in either direction.
 pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
-    const ORDER: [usize; 10] = [9, 8, 3, 5, 4, 2, 1, 7, 6, 0];
+    let places: Vec<Place> = (0..model.bodies.len())
+        .map(|body| Place::of(model, body))
+        .collect();
     let rank = |column: usize| -> (usize, usize) {
         match model.parameters[column].kind {
             ParameterKind::Inertial { body, entry } => {
-                let class = ORDER.iter().position(|e| *e == entry).unwrap_or(0);
+                let class = match places[body] {
+                    Place::Fixed => 0,
+                    Place::Jointed(axis) => 1 + place_in_order(entry, axis),
+                };
                 (class, usize::MAX - body)
             }
             ParameterKind::Rotor { coordinate } => (20, coordinate),
@@ -37,6 +43,58 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
         .collect();
     rest.sort_by_key(|c| (rank(*c), *c));
     first.iter().copied().chain(rest).collect()
+}
+
+/// How a body hangs on the one that carries it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// No joint moves it against the body that carries it, and it is no payload, which only some
+    /// runs carry.
+    Fixed,
+    /// A joint moves it, about or along this axis of its frame; z where the joint has several axes.
+    Jointed(usize),
+}
+
+impl Place {
+    pub(super) fn of(model: &Model, body: usize) -> Place {
+        const Z: usize = 2;
+        let first = &model.links[model.bodies[body].link];
+        let mut motions = usize::from(first.motion.is_some());
+        let mut at = first.parent;
+        while let Some(link) = at {
+            if model.bodies.iter().any(|other| other.link == link) {
+                break;
+            }
+            motions += usize::from(model.links[link].motion.is_some());
+            at = model.links[link].parent;
+        }
+        match &first.motion {
+            Some(motion) if motions == 1 => Place::Jointed(motion.axis.index()),
+            None if motions == 0 && at.is_some() && !model.payloads.contains(&body) => Place::Fixed,
+            _ => Place::Jointed(Z),
+        }
+    }
+}
+
+/// The place of one of a body's ten parameters among those that are eliminated first: for z as its
+/// joint's axis the mass, mz, Iyy, Izz and so on. For another axis its name and z change places.
+fn place_in_order(entry: usize, axis: usize) -> usize {
+    const ORDER: [usize; 10] = [9, 8, 3, 5, 4, 2, 1, 7, 6, 0];
+    const MOMENTS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+    let mut names = [0, 1, 2];
+    names.swap(axis, 2);
+    let renamed = match entry {
+        0..6 => {
+            let pairs = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+            let mut found = pairs.filter(|(i, j)| MOMENTS[*i][*j] == entry);
+            found
+                .next()
+                .map_or(entry, |(i, j)| MOMENTS[names[i]][names[j]])
+        }
+        6..9 => 6 + names[entry - 6],
+        _ => entry,
+    };
+    ORDER.iter().position(|e| *e == renamed).unwrap_or(0)
 }
 
 /// A basis of the null space that is the unit matrix at the eliminated columns.
@@ -75,7 +133,7 @@ pub(super) fn reduce(
 impl Reduced {
     /// Eliminates a column, if some row of `open` has an entry there with a weight of at most
     /// `max_weight`: the entry with the shortest expression is the pivot.
-    fn eliminate(
+    pub(super) fn eliminate(
         &mut self,
         field: &mut Field,
         open: &mut Vec<Vector>,

@@ -20,6 +20,7 @@ mod analysis;
 pub mod certificate;
 mod coefficient;
 mod coupled;
+mod exchange;
 pub mod field;
 mod geometry;
 mod kept_columns;
@@ -230,7 +231,16 @@ fn derive_with_completion(
     let null = payloads::apart(&mut field, null, model);
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
-    let reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
+    let mut reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
+    if let Some(completion) = completion {
+        let rules = exchange::Rules {
+            model,
+            lengths: &completion.lengths(),
+            requested: &requested,
+            divides_by_expressions: spec.geometry.is_empty(),
+        };
+        exchange::exchange(&mut field, &mut reduced, &rules);
+    }
     // A reduced row is completed if it has an entry in a tag column. Its factors are known as well
     // as those of the least exact completed direction that it uses.
     let provenance_of = |row: &Vector| -> (Provenance, Exactness) {

@@ -115,6 +115,7 @@ fn parse_provenance(word: &str) -> Option<(Provenance, Exactness)> {
 pub fn store(source: &Source, analysis: &Analysis) -> String {
     let Analysis {
         base,
+        condition,
         certificate,
         complete,
     } = analysis;
@@ -136,6 +137,9 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
         "sums {} {} {} {complete}",
         base.trees, base.from_trees, base.completed
     );
+    if let Some(condition) = condition {
+        let _ = writeln!(out, "condition {condition:?}");
+    }
     if base.refuted > 0 {
         let _ = writeln!(out, "refuted {}", base.refuted);
     }
@@ -208,6 +212,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
             unvaried_names: Vec::new(),
             coincidences: Vec::new(),
         },
+        condition: None,
         certificate: Err("none".to_owned()),
         complete: false,
     };
@@ -237,6 +242,7 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 base.completed = number(2)?;
                 analysis.complete = parts.get(3)?.parse().ok()?;
             }
+            "condition" => analysis.condition = Some(parts.first()?.parse().ok()?),
             "refuted" => base.refuted = number(0)?,
             "number" => base.unrecognised.push(rest.to_owned()),
             "held" => base.unvaried_names.push(rest.to_owned()),

@@ -15,11 +15,11 @@ use crate::base::{self, Analysis, Exactness, Substitution, Term};
 use crate::robot::Robot;
 
 pub use factor::Style;
-pub use words::{certificate, completed, doubt, label, layer};
+pub use words::{certificate, completed, doubt, label, largest_term, layer};
 
 use factor::{Factor, Signed};
 use rows::{Part, Row};
-use words::{mark, payloads};
+use words::{condition, largest_coefficient, mark, payloads};
 
 /// The number of inertial parameters of a body; they come first, body by body.
 const PER_BODY: usize = 10;
@@ -280,6 +280,8 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         facts.push(("held", format!("completed factors hold for {note}")));
     }
     facts.push(("certificate", certificate(analysis)));
+    facts.extend(largest_coefficient(robot, analysis));
+    facts.extend(condition(analysis));
     if !base.coincidences.is_empty() {
         let text = format!("equal only by value: {}", base.coincidences.join("; "));
         facts.push(("values", text));

@@ -43,10 +43,13 @@ fn read_case<T: Copy>(from: &mut Reader<'_>, cases: &[T]) -> Option<T> {
 pub(super) fn write(out: &mut Writer, analysis: &Analysis) {
     let Analysis {
         base,
+        condition,
         certificate,
         complete,
     } = analysis;
     out.flag(*complete);
+    out.flag(condition.is_some());
+    out.double(condition.unwrap_or_default());
     out.flag(certificate.is_ok());
     match certificate {
         Ok(found) => {
@@ -63,6 +66,8 @@ pub(super) fn write(out: &mut Writer, analysis: &Analysis) {
 
 pub(super) fn read(from: &mut Reader<'_>) -> Option<Analysis> {
     let complete = from.flag()?;
+    let conditioned = from.flag()?;
+    let condition = Some(from.double()?).filter(|_| conditioned);
     let certificate = if from.flag()? {
         Ok(Certificate {
             columns: from.size()?,
@@ -77,6 +82,7 @@ pub(super) fn read(from: &mut Reader<'_>) -> Option<Analysis> {
     };
     Some(Analysis {
         base: read_base(from)?,
+        condition,
         certificate,
         complete,
     })

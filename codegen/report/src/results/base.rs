@@ -4,7 +4,7 @@ use regen_codegen::base::certificate::Certificate;
 use regen_codegen::base::{Analysis, BaseParameter, Exactness, Term};
 use regen_codegen::explain::Grouped;
 use regen_codegen::explain::lines::field;
-use regen_codegen::explain::table::{self as words, completed, doubt, label, layer};
+use regen_codegen::explain::table::{self as words, completed, doubt, label, largest_term, layer};
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
@@ -17,6 +17,11 @@ pub struct BaseJson<'a> {
     base: Vec<Row<'a>>,
     null_directions: NullDirections,
     certificate: Option<CertificateJson>,
+    /// The largest coefficient beside a kept parameter; null without combinations.
+    largest_coefficient: Option<f64>,
+    /// The condition of the rows sampled, their kept columns scaled to length 1; null where it is
+    /// not known or above 1e7.
+    condition: Option<f64>,
     /// The payloads, whose base parameters are apart from the robot's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     payloads: Vec<PayloadJson<'a>>,
@@ -112,6 +117,8 @@ pub fn base<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]
             completed: completed(analysis),
         },
         certificate: analysis.certificate.as_ref().ok().map(certificate),
+        largest_coefficient: largest_term(analysis).map(|(term, _)| term.value.to_f64().abs()),
+        condition: analysis.condition.filter(|c| c.is_finite()),
         payloads: payloads(robot, analysis),
         complete: analysis.complete,
         reason: doubt(analysis),

@@ -9,6 +9,8 @@
 //! meet, the base is proven.
 
 mod closed_state;
+mod condition;
+mod condition;
 mod evaluate;
 mod float320;
 mod linear;

@@ -124,9 +124,30 @@ impl Samples {
 
     /// The rank of a subset of the columns, and the evidence for it.
     pub fn certificate_of(&self, columns: &[usize]) -> Certificate {
-        let chosen = self.rows.iter().map(|row| row.of_columns(columns));
+        let chosen = self.rows_of(columns);
         let units = columns.iter().map(|&c| self.units[c]).collect();
         Samples::new(chosen.collect(), units, self.certificate.states).certificate
+    }
+
+    /// The sampled rows of some columns, in scaled units.
+    pub(super) fn rows_of(&self, columns: &[usize]) -> impl Iterator<Item = Row> {
+        self.rows.iter().map(|row| row.of_columns(columns))
+    }
+
+    /// How strongly each parameter acts at the sampled states: the length of its column, in the
+    /// energy's unit per SI unit of the parameter.
+    pub(in crate::base) fn lengths(&self) -> Vec<f64> {
+        let mut squares = vec![0.0; self.units.len()];
+        for row in &self.rows {
+            for (c, x) in row.entries() {
+                let x = x.to_f64();
+                squares[c] += x * x;
+            }
+        }
+        let columns = squares.iter().zip(&self.units);
+        columns
+            .map(|(square, unit)| libm::ldexp(libm::sqrt(*square), -unit))
+            .collect()
     }
 
     /// The rank of a subset of the columns.

@@ -75,6 +75,11 @@ impl<'a> NullCompletion<'a> {
         }
     }
 
+    /// How strongly each parameter acts at the sampled states, see [`Samples::lengths`].
+    pub(super) fn lengths(&self) -> Vec<f64> {
+        self.samples.lengths()
+    }
+
     /// The number of directions that are not null at the sampled states; above 0 only if their
     /// derivation is wrong.
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {

@@ -10,6 +10,8 @@ const MAX_EXPRESSION_CHARS: usize = 60;
 const MAX_NUMBER_DIGITS: usize = 6;
 /// The number of significant digits printed, as in the tables of papers.
 const DIGITS: usize = 4;
+/// The number of significant digits of a number in place of an expression.
+const DIGITS_INSTEAD: usize = 6;
 
 /// How a coefficient is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,11 +48,11 @@ impl Signed {
     /// The coefficient of a term.
     pub(super) fn new(term: &Term, style: Style) -> Self {
         let (negative, expression) = term.coefficient.unsigned();
-        let number = || digits(term.value.to_f64().abs());
+        let number = |places| digits(term.value.to_f64().abs(), places);
         let factor = match style {
             _ if expression.is_one() => Factor::One,
-            Style::Numbers => Factor::Number(number()),
-            Style::Short if is_long(&expression.to_string()) => Factor::Instead(number()),
+            Style::Numbers => Factor::Number(number(DIGITS)),
+            Style::Short if is_long(&expression.to_string()) => Factor::Instead(number(DIGITS_INSTEAD)),
             Style::Short | Style::Expressions => Factor::Expression(expression),
         };
         let negative = match factor {
@@ -72,15 +74,15 @@ fn has_long_number(text: &str) -> bool {
     runs.any(|run| run.len() > MAX_NUMBER_DIGITS)
 }
 
-/// A number in four significant digits, or fewer where it has no more. The shortest decimal that
+/// A number in this many significant digits, or fewer where it has no more. The shortest decimal that
 /// reads back to the double is rounded, not the binary value: 0.22815 becomes 0.2282, as on paper.
-pub(super) fn digits(value: f64) -> String {
+fn digits(value: f64, count: usize) -> String {
     let whole = format!("{value:e}");
     let (mantissa, exponent) = whole.split_once('e').unwrap_or((&whole, "0"));
     let all: Vec<u8> = mantissa.bytes().filter(u8::is_ascii_digit).collect();
     let mut exponent: i32 = exponent.parse().unwrap_or(0);
-    let mut kept: Vec<u8> = all.iter().copied().take(DIGITS).collect();
-    if all.get(DIGITS).is_some_and(|&next| next >= b'5') {
+    let mut kept: Vec<u8> = all.iter().copied().take(count).collect();
+    if all.get(count).is_some_and(|&next| next >= b'5') {
         let nines = kept.iter().rev().take_while(|&&d| d == b'9').count();
         let end = kept.len() - nines;
         for digit in kept.iter_mut().skip(end) {
@@ -98,7 +100,7 @@ pub(super) fn digits(value: f64) -> String {
     }
     let mut text: String = kept.iter().map(|&d| char::from(d)).collect();
     match usize::try_from(exponent) {
-        Ok(places) if places < DIGITS => {
+        Ok(places) if places < count => {
             // digits before the point
             while text.len() <= places {
                 text.push('0');
@@ -159,7 +161,7 @@ mod tests {
             (0.000_123_456, "0.0001235"),
             (0.000_012_345_6, "1.235e-5"),
         ] {
-            assert_eq!(digits(value), text);
+            assert_eq!(digits(value, DIGITS), text);
         }
     }
 
@@ -182,7 +184,7 @@ mod tests {
     fn fractions_of_long_numbers_give_way_to_decimals() {
         let ratio = Number::ratio(632_337_041, 115_162_534).unwrap_or_else(Number::zero);
         let short = signed("632337041/115162534", ratio.clone(), Style::Short);
-        assert_eq!(short.factor, Factor::Instead("5.491".to_owned()));
+        assert_eq!(short.factor, Factor::Instead("5.49082".to_owned()));
         let full = signed("632337041/115162534", ratio, Style::Expressions);
         assert_eq!(full.factor, expression("632337041/115162534"));
         assert!(!has_long_number("123456/654321*a"));

@@ -1,7 +1,7 @@
 //! The wording about base parameters that all outputs share.
 
 use crate::base::certificate::Certificate;
-use crate::base::{Analysis, Exactness, Provenance};
+use crate::base::{Analysis, BaseParameter, Exactness, Provenance, Term};
 use crate::robot::Robot;
 
 /// The mark that follows a layer's name where factors are not exact functions of the geometry
@@ -77,6 +77,52 @@ pub fn label(robot: &Robot, column: usize) -> &str {
         .parameters
         .get(column)
         .map_or("?", |p| p.label.as_str())
+}
+
+/// The term with the largest coefficient beside a kept parameter, with its base parameter; `None`
+/// where all base parameters are single parameters.
+pub fn largest_term(analysis: &Analysis) -> Option<(&Term, &BaseParameter)> {
+    let all = analysis.base.parameters.iter();
+    let terms = all.flat_map(|p| p.terms.iter().skip(1).map(move |term| (term, p)));
+    let size = |term: &Term| term.value.to_f64().abs();
+    terms.reduce(|a, b| if size(b.0) > size(a.0) { b } else { a })
+}
+
+/// The largest coefficient, as a line of the table.
+pub(super) fn largest_coefficient(
+    robot: &Robot,
+    analysis: &Analysis,
+) -> Option<(&'static str, String)> {
+    let (term, parameter) = largest_term(analysis)?;
+    let text = format!(
+        "coefficient {}, of {} beside {}",
+        significant(term.value.to_f64().abs()),
+        label(robot, term.column),
+        label(robot, parameter.column)
+    );
+    Some(("largest", text))
+}
+
+/// The condition of the sampled rows, as a line of the table.
+pub(super) fn condition(analysis: &Analysis) -> Option<(&'static str, String)> {
+    let condition = analysis.condition?;
+    let number = if condition.is_finite() {
+        significant(condition)
+    } else {
+        "more than 1e7".to_owned()
+    };
+    let text = format!("{number} of the rows sampled, their kept columns scaled to length 1");
+    Some(("condition", text))
+}
+
+/// A number in three significant digits.
+fn significant(x: f64) -> String {
+    let rounded: f64 = format!("{x:.2e}").parse().unwrap_or(x);
+    if (1e-3..1e6).contains(&rounded) {
+        format!("{rounded}")
+    } else {
+        format!("{rounded:e}")
+    }
 }
 
 /// The certificate in one line.

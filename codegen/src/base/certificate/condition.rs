@@ -1,0 +1,152 @@
+//! How well the sampled rows are conditioned in the kept columns.
+
+use super::rank::Samples;
+
+/// Conditions above this cannot be told from products of doubles.
+const LARGEST: f64 = 1e7;
+/// The largest number of steps of a power iteration, and the relative change at which it ends.
+const STEPS: usize = 1000;
+const CHANGE: f64 = 1e-7;
+
+impl Samples {
+    /// The condition of the sampled rows of some columns, each column scaled to length 1: the
+    /// largest singular value divided by the smallest. Infinite where it is above 1e7.
+    pub fn condition(&self, columns: &[usize]) -> f64 {
+        let Some(factor) = cholesky(self.products(columns)) else {
+            return f64::INFINITY;
+        };
+        let n = columns.len();
+        let largest = power(n, |x| times(&factor, &times_transposed(&factor, x)));
+        let least = power(n, |x| backward(&factor, &forward(&factor, x)));
+        let condition = libm::sqrt(largest * least);
+        if condition < LARGEST {
+            condition.max(1.0)
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// The scalar products of the columns, each scaled to length 1.
+    fn products(&self, columns: &[usize]) -> Vec<Vec<f64>> {
+        let n = columns.len();
+        let mut sums = vec![vec![0.0; n]; n];
+        for row in self.rows_of(columns) {
+            let entries: Vec<(usize, f64)> = row.entries().map(|(c, x)| (c, x.to_f64())).collect();
+            for &(i, x) in &entries {
+                for &(j, y) in &entries {
+                    sums[i][j] += x * y;
+                }
+            }
+        }
+        let lengths: Vec<f64> = (0..n).map(|i| libm::sqrt(sums[i][i])).collect();
+        for (i, row) in sums.iter_mut().enumerate() {
+            for (x, length) in row.iter_mut().zip(&lengths) {
+                *x /= lengths[i] * length;
+            }
+        }
+        sums
+    }
+}
+
+/// The lower triangle L with `L L^T` equal to a symmetric matrix; `None` if it is not positive
+/// definite.
+fn cholesky(mut a: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
+    for i in 0..a.len() {
+        for j in 0..=i {
+            let sum: f64 = a[i][..j].iter().zip(&a[j]).map(|(x, y)| x * y).sum();
+            let rest = a[i][j] - sum;
+            if i > j {
+                a[i][j] = rest / a[j][j];
+            } else if rest > 0.0 {
+                a[i][i] = libm::sqrt(rest);
+            } else {
+                return None;
+            }
+        }
+    }
+    Some(a)
+}
+
+fn times(l: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
+    let rows = l.iter().enumerate();
+    rows.map(|(i, row)| row[..=i].iter().zip(x).map(|(l, x)| l * x).sum())
+        .collect()
+}
+
+fn times_transposed(l: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
+    let mut y = vec![0.0; x.len()];
+    for (i, (row, x)) in l.iter().zip(x).enumerate() {
+        for (y, l) in y.iter_mut().zip(&row[..=i]) {
+            *y += l * x;
+        }
+    }
+    y
+}
+
+fn forward(l: &[Vec<f64>], b: &[f64]) -> Vec<f64> {
+    let mut x: Vec<f64> = Vec::with_capacity(b.len());
+    for (i, row) in l.iter().enumerate() {
+        let sum: f64 = row[..i].iter().zip(&x).map(|(l, x)| l * x).sum();
+        x.push((b[i] - sum) / row[i]);
+    }
+    x
+}
+
+fn backward(l: &[Vec<f64>], b: &[f64]) -> Vec<f64> {
+    let mut x = b.to_vec();
+    for i in (0..l.len()).rev() {
+        x[i] /= l[i][i];
+        let at = x[i];
+        for (x, l) in x.iter_mut().zip(&l[i][..i]) {
+            *x -= l * at;
+        }
+    }
+    x
+}
+
+/// The largest eigenvalue of a symmetric positive definite operator, by power iteration from a
+/// start with parts in all directions.
+fn power(n: usize, apply: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
+    let mut x: Vec<f64> = (0..n).map(|i| 1.0 + (i % 7) as f64 / 7.0).collect();
+    let mut value = 1.0;
+    for _ in 0..STEPS {
+        let size = length(&x);
+        x = apply(&x.iter().map(|x| x / size).collect::<Vec<_>>());
+        let before = value;
+        value = length(&x);
+        if (value - before).abs() <= CHANGE * value {
+            break;
+        }
+    }
+    value
+}
+
+fn length(x: &[f64]) -> f64 {
+    libm::sqrt(x.iter().map(|x| x * x).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::float320::Float320;
+    use super::super::sparse::Row;
+    use super::*;
+
+    fn samples(rows: &[[f64; 2]]) -> Samples {
+        let rows = rows.iter().map(|row| Row::of(row.map(Float320::from_f64)));
+        Samples::new(rows.collect(), vec![0; 2], 1)
+    }
+
+    #[test]
+    fn the_condition_is_that_of_the_columns_directions() {
+        // orthogonal columns of any length
+        assert!((samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1]) - 1.0).abs() < 1e-9);
+        // columns at an angle of 2 atan(1/3): the condition is the cotangent of its half
+        let found = samples(&[[3.0, 3.0], [1.0, -1.0]]).condition(&[0, 1]);
+        assert!((found - 3.0).abs() < 1e-9, "{found}");
+        assert!(
+            samples(&[[1.0, 1.0], [1.0, 1.0]])
+                .condition(&[0, 1])
+                .is_infinite()
+        );
+    }
+}
