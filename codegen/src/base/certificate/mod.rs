@@ -10,7 +10,6 @@
 
 mod closed_state;
 mod condition;
-mod condition;
 mod evaluate;
 mod float320;
 mod linear;
