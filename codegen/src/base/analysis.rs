@@ -5,7 +5,7 @@ use crate::spec::Spec;
 
 use super::certificate::{Certificate, Samples, certify};
 use super::null_completion::NullCompletion;
-use super::{Base, derive_with_completion, payloads, right_angles};
+use super::{Base, derive_with_completion, meant, payloads};
 
 /// Seed of the random states of every certificate, fixed so that results are reproducible.
 const SEED: u64 = 1;
@@ -46,7 +46,7 @@ pub struct Analysis {
 /// assert_eq!(analysis.base.rank(), 3);
 /// ```
 pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
-    let Some((restored, replaced)) = right_angles::restored(model) else {
+    let Some((restored, replaced)) = meant::restored(model) else {
         return analyse_as_given(spec, model, home);
     };
     let mut analysis = analyse_as_given(spec, &restored, home);

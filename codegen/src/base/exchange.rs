@@ -16,7 +16,7 @@ use super::kept_columns::{Place, Reduced};
 use super::span::Vector;
 
 /// Coefficients up to this size stay, in units in which all columns have length 1.
-const LARGEST: f64 = 10.0;
+const LARGEST: f64 = 4.0;
 /// The largest number of exchanges.
 const MAX_EXCHANGES: usize = 2000;
 
