@@ -115,7 +115,8 @@ fn suspicions(report: &Content<'_>) -> String {
     if report.suspicions.is_empty() {
         return String::new();
     }
-    let mut out = "<div class=\"doubt\">\n<p>The logs may have been misread:</p>\n<ul>\n".to_owned();
+    let mut out =
+        "<div class=\"doubt\">\n<p>The logs may have been misread:</p>\n<ul>\n".to_owned();
     for suspected in report.suspicions {
         let _ = writeln!(out, "<li>{}</li>", escaped(&suspected.to_string()));
     }

@@ -125,8 +125,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
         if !again.is_empty() {
             missed.push(format!(
                 "{name}: the remedy {} leaves {}",
-                first.remedy,
-                again[0]
+                first.remedy, again[0]
             ));
         }
     }

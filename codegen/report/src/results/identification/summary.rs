@@ -118,7 +118,11 @@ pub struct Suspected {
 impl std::fmt::Display for Suspected {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if self.remedy.starts_with("--column") {
-            write!(f, "{}. If that is so, read it with {}", self.found, self.remedy)
+            write!(
+                f,
+                "{}. If that is so, read it with {}",
+                self.found, self.remedy
+            )
         } else {
             write!(f, "{}. {}", self.found, self.remedy)
         }
