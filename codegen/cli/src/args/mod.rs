@@ -117,11 +117,14 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     Ok(cli)
 }
 
-/// The words of a command line as a shell reads them; the first one, the program, by its name.
+/// The words of a command line as a shell reads them. The program is named without its folder, and
+/// so is whatever has an absolute path: a report is the same wherever its files lie.
 fn command_line(words: &[OsString]) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
     let quoted = words.iter().skip(1).map(|word| {
-        let word = word.to_string_lossy();
+        let path = std::path::Path::new(word);
+        let name = path.file_name().filter(|_| path.is_absolute());
+        let word = name.unwrap_or(word).to_string_lossy();
         if !word.is_empty() && word.chars().all(plain) {
             word.into_owned()
         } else {
