@@ -79,7 +79,7 @@ pub(crate) fn warn(
     }
     working.end();
     for suspicion in &out {
-        terminal::note(&format!("warning: {}", suspicion));
+        terminal::note(&format!("warning: {suspicion}"));
     }
     out
 }
