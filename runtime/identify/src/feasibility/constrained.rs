@@ -18,10 +18,13 @@ use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Ve
 use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
-const TARGET_GAP: f64 = 1e-10;
-/// A solution that began at similar observations is used if its gap is not larger; otherwise the
-/// method begins again well inside the cones.
-const MAX_NEAR_GAP: f64 = 1e-9;
+pub(super) const TARGET_GAP: f64 = 1e-10;
+/// From a point near the optimum of similar observations, the method stops at this many times the
+/// gap that was reached there, at most [`MAX_NEAR_GOAL`].
+const NEAR_GOAL_RATIO: f64 = 2.0;
+const MAX_NEAR_GOAL: f64 = 1e-8;
+/// With a gap of more than this many times that one, it begins again well inside the cones.
+const MAX_NEAR_RATIO: f64 = 10.0;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The cost of the term for closeness to the reference at the first solution, as a fraction of the
@@ -217,22 +220,24 @@ pub(crate) fn identify_like(
             }
         }
     };
-    let solve = |from| {
+    let solve = |from, goal| {
         let Problem {
             objective,
             cones,
             reach,
             ..
         } = &problem;
-        minimise(objective, cones, reach, from, TARGET_GAP, &|_| false)
+        minimise(objective, cones, reach, from, goal, &|_| false)
     };
-    let near = central
-        .and_then(solve)
-        .filter(|found| found.gap.part() <= MAX_NEAR_GAP);
+    let near = central.and_then(|(point, reached)| {
+        let goal = (NEAR_GOAL_RATIO * reached).min(MAX_NEAR_GOAL);
+        let found = solve(point, goal)?;
+        (found.gap.part() <= MAX_NEAR_RATIO * reached).then_some(found)
+    });
     let minimum = match near {
         Some(found) => found,
         None => start(&problem.objective, &problem.cones, inside.clone())
-            .and_then(solve)
+            .and_then(|point| solve(point, TARGET_GAP))
             .ok_or_else(no_solution)?,
     };
     let limited = bodies_at_limit(&problem, layout, &minimum);

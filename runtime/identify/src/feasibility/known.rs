@@ -1,14 +1,12 @@
 //! What fits of similar observations share, such as those of the draws of an interval.
 
+use super::constrained::TARGET_GAP;
 use super::faces::{InteriorStart, find_interior_point};
 use super::interior::{Point, minimise, start};
 use super::problem::{Problem, Setting};
 use super::verdict::{refutes, verdict};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
 use crate::estimate::QrFactor;
-
-/// The gap to which similar observations are fitted to find where others begin.
-const CENTRAL_GAP: f64 = 1e-3;
 
 /// What fits of similar observations share, with the same combinations, layout and options; it
 /// changes how long a fit takes.
@@ -28,8 +26,8 @@ struct Similar {
     noise: f64,
     /// A point well inside the cones.
     inside: Vec<f64>,
-    /// A point near the central path, on the way to the optimum.
-    central: Option<Point>,
+    /// A point near the central path on the way to the optimum, and the gap that was reached.
+    central: Option<(Point, f64)>,
 }
 
 /// A problem and the points from which it may be solved.
@@ -37,8 +35,9 @@ pub(super) struct Starts {
     pub(super) problem: Problem,
     /// A point well inside the cones.
     pub(super) inside: Vec<f64>,
-    /// A point that is quicker, if the optimum is near that of similar observations.
-    pub(super) central: Option<Point>,
+    /// A point that is quicker if the optimum is near that of similar observations, and the gap
+    /// that was reached there.
+    pub(super) central: Option<(Point, f64)>,
 }
 
 impl Known {
@@ -70,11 +69,13 @@ impl Known {
             reach,
             ..
         } = &problem;
-        let central = start(objective, cones, x.clone())
-            .and_then(|first| minimise(objective, cones, reach, first, CENTRAL_GAP, &|_| false));
+        let first = start(objective, cones, x.clone());
+        let central = first
+            .and_then(|first| minimise(objective, cones, reach, first, TARGET_GAP, &|_| false))
+            .map(|found| (found.interior_point, found.gap.part().max(TARGET_GAP)));
         known.similar = Some(Similar {
             noise: setting.noise,
-            central: central.map(|found| found.interior_point),
+            central,
             inside: x,
             problem,
         });

@@ -215,6 +215,9 @@ impl LinearisedFit<'_> {
             behind: Behind::Steps(&point.values, LOG_SHAPE_REACH),
         };
         let mut w = Vec::with_capacity(dof * self.kept.len());
+        let columns_left_out: Vec<usize> = (0..self.data.labels.len() + columns.count())
+            .filter(|column| !self.kept.contains(column))
+            .collect();
         let mut left = vec![0.0; dof];
         let mut used = vec![0.0; dof];
         self.data.visit(&columns, &mut |rows| {
@@ -229,12 +232,10 @@ impl LinearisedFit<'_> {
                 }
             }
             // the unknowns of steps that are left out are 1, which changes no shape
-            for column in 0..rows.w.len() / dof.max(1) {
-                if !self.kept.contains(&column) {
-                    let entries = &rows.w[column * dof..(column + 1) * dof];
-                    for (rest, x) in left.iter_mut().zip(entries) {
-                        *rest -= x;
-                    }
+            for column in &columns_left_out {
+                let entries = &rows.w[column * dof..(column + 1) * dof];
+                for (rest, x) in left.iter_mut().zip(entries) {
+                    *rest -= x;
                 }
             }
             for (slot, weight) in used.iter_mut().zip(rows.weights) {
