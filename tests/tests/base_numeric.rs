@@ -81,6 +81,9 @@ fn completed_bases_reproduce_the_regressor_with_independent_columns() {
     for path in all_files() {
         let text = text_of(&path);
         let name = path.file_name().unwrap().to_string_lossy();
+        if SPECIAL.iter().all(|s| s.0 != name) {
+            continue;
+        }
         let trees = Derivation::new(&text).unwrap().kept().len();
         let special = SPECIAL.iter().find(|s| s.0 == name && s.1 == trees);
         let Some((_, _, rank)) = special else {

@@ -105,7 +105,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, text) in &written {
         write::atomically(out, text)?;
     }
-    report::of_identified(args, &robot, &model, &json.file, &identified)?;
+    report::of_identified(args, &robot, &model, &json, &identified)?;
     terminal::print(&match args.format {
         Format::Json => table::document(&json),
         Format::Human => identification_text(&json, DELAY_REMEDY),

@@ -64,7 +64,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         },
         _ => (None, Vec::new(), None),
     };
-    let told: Vec<String> = doubts.iter().map(suspect::describe).collect();
+    let told: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
         logs: &logs,

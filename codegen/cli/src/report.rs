@@ -6,11 +6,12 @@ use regen_codegen::robot::Robot;
 
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, loads, observe, parameters, terminal, write};
+use crate::{experiment, load, loads, observe, parameters, suspect, terminal, write};
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_report::results::Identification;
 use regen_report::{Inputs, ReportError};
 
 /// Writes the report if `regen identify` was given `--report`.
@@ -18,7 +19,7 @@ pub(crate) fn of_identified(
     args: &IdentifyArgs,
     robot: &Robot,
     model: &Interpreted<'_>,
-    file: &ParameterFile,
+    found: &Identification,
     identified: &IdentifiedModel,
 ) -> Result<(), Failure> {
     let Some(out) = &args.report.report else {
@@ -35,10 +36,12 @@ pub(crate) fn of_identified(
         robot,
         session: &loads::scaled(model, &args.reading, identified),
         by_run: &loads::by_run(robot, model, &args.reading, &runs, identified)?,
-        file,
+        file: &found.file,
         identified,
         logs: &args.logs,
         validation: &args.physical.against,
+        suspicions: &found.summary.suspicions,
+        command: args.report.command.as_deref(),
     };
     let outputs = Outputs {
         page: out,
@@ -76,14 +79,24 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     })?;
     observe::require_consistent(&args.reading)?;
     let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
+    let session = loads::scaled(&model, &args.reading, &identified);
+    // where gains are unknown, weights and inertias cannot judge what the columns are
+    let suspicions = if identified.gains.is_empty() {
+        let opened = session.open(&args.logs).map_err(ReportError::from)?;
+        suspect::doubts(&model, opened.logs(), &session.reading.columns)
+    } else {
+        Vec::new()
+    };
     let inputs = Inputs {
         robot: &robot,
-        session: &loads::scaled(&model, &args.reading, &identified),
+        session: &session,
         by_run: &loads::by_run(&robot, &model, &args.reading, &runs, &identified)?,
         file: &file,
         identified: &identified,
         logs: &args.logs,
         validation: &args.against,
+        suspicions: &suspicions,
+        command: args.command.as_deref(),
     };
     let outputs = Outputs {
         page: &args.out,

@@ -43,16 +43,6 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
     Suspected { found, remedy }
 }
 
-/// A suspicion and its remedy in words.
-pub(crate) fn describe(suspected: &Suspected) -> String {
-    let Suspected { found, remedy } = suspected;
-    if remedy.starts_with("--column") {
-        format!("{found}. If that is so, read it with {remedy}")
-    } else {
-        format!("{found}. {remedy}")
-    }
-}
-
 /// The option that reads a column with this assignment.
 fn option(to: &Assignment) -> String {
     let factor = format!("{:.11e}", to.factor).parse().unwrap_or(to.factor);
@@ -89,7 +79,7 @@ pub(crate) fn warn(
     }
     working.end();
     for suspicion in &out {
-        terminal::note(&format!("warning: {}", describe(suspicion)));
+        terminal::note(&format!("warning: {suspicion}"));
     }
     out
 }

@@ -312,13 +312,11 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         assert_eq!(run.out, clean);
     }
     let upside = turned("tau_q1").each("tau_q3", |_, x| -x);
-    let run = identify(&dir, &upside.text(), &[]).ended(0);
-    assert!(
-        run.err
-            .contains("columns `tau_q1`, `tau_q3` look as if their signs were flipped"),
-        "{}",
-        run.err
-    );
+    let run = identify(&dir, &upside.text(), &["--report", "page.html"]).ended(0);
+    let told = "columns `tau_q1`, `tau_q3` look as if their signs were flipped";
+    assert!(run.err.contains(told), "{}", run.err);
+    let page = std::fs::read_to_string(dir.join("page.html")).unwrap();
+    assert!(page.contains(told) && page.contains("may have been misread"));
     // with `--no-suspicion` nothing is searched for
     let run = identify(&dir, &upside.text(), &["--no-suspicion"]).ended(0);
     assert_eq!(beyond_length(&run.err), "");

@@ -188,7 +188,27 @@ fn the_report_is_one_page_with_every_figure_and_table() {
     ];
     let rest = ["--against", "run-2.csv", "--out", "again.html"];
     regen(dir, &[&args[..], &rest].concat()).ended(0);
-    assert_eq!(fs::read_to_string(dir.join("again.html")).unwrap(), page);
+    let again = fs::read_to_string(dir.join("again.html")).unwrap();
+    let (page, command) = without_command(&page);
+    assert!(
+        command.starts_with("regen identify 3rps_friction.yaml run-1.csv "),
+        "{command}"
+    );
+    let (again, command) = without_command(&again);
+    assert_eq!(
+        command,
+        "regen report 3rps_friction.yaml p.json run-1.csv --butterworth 4,15 --against run-2.csv \
+         --out again.html"
+    );
+    assert_eq!(again, page);
+}
+
+/// A report without the row of its command, and the command.
+fn without_command(page: &str) -> (String, String) {
+    let row = "<dt>Command</dt><dd><code>";
+    let (before, rest) = page.split_once(row).unwrap();
+    let (command, after) = rest.split_once("</code></dd>\n").unwrap();
+    (format!("{before}{after}"), command.to_owned())
 }
 
 /// The browser, if one is available.

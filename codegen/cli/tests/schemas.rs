@@ -82,7 +82,11 @@ fn what_commands_print_fits_their_schemas() {
     ] {
         let words = [&words[..], options, &["--format", "json"]].concat();
         // the runs themselves compare
-        regen(&dir, &words).ended(0).json();
+        let printed = regen(&dir, &words).ended(0).json();
+        // a physical model, and no other, says how far it may be from its optimum
+        let gap = printed["gap"].as_f64();
+        assert_eq!(gap.is_some(), words.contains(&"--feasible"), "{words:?}");
+        assert!(gap.is_none_or(|gap| (0.0..1e-6).contains(&gap)), "{gap:?}");
     }
 }
 

@@ -5,7 +5,9 @@ import pickle
 import signal
 import threading
 import time
+from random import Random
 
+import numpy as np
 import pytest
 
 import regen
@@ -84,3 +86,64 @@ def test_progress_is_told_and_may_stop_the_work(picker):
     with pytest.raises(Enough):
         picker.excite(steps=100_000, starts=4_000, harmonics=5, frequency=0.2, progress=progress)
     assert all(of is None or done <= of for _, done, of in seen)
+
+
+def _mutated(text, random):
+    """A description with one or two random edits."""
+    pieces = ["{", "}", "[", "]", ": ", "\n", ",", "'", "&a ", "*a", "^", "sqrt(", "1e999", "-1", "\0", "\U0001f916"]
+    for _ in range(random.randint(1, 2)):
+        at = random.randint(0, len(text))
+        end = min(len(text), at + random.randint(1, 6))
+        match random.randint(0, 3):
+            case 0:
+                text = text[:at] + text[end:]
+            case 1:
+                text = text[:at] + text[at:end] * 2 + text[end:]
+            case 2:
+                text = text[:at] + random.choice(pieces) + text[at:]
+            case _:
+                text = text[:at] + chr(random.randint(1, 0x2FF)) + text[at + 1 :]
+    return text
+
+
+def test_any_text_is_a_robot_or_an_error_of_ours():
+    random = Random(1)
+    good = WRONG.replace("prismtic", "prismatic")
+    read = refused = 0
+    for _ in range(300):
+        text = _mutated(good, random)
+        try:
+            robot = regen.Robot(text)
+        except (regen.RegenError, OSError):
+            refused += 1
+            continue
+        read += 1
+        assert robot.regressor(*(np.zeros((2, len(robot.coordinates))) for _ in range(3))).shape[0] == 2
+    assert read > 5 and refused > 100
+
+
+def test_any_arrays_are_evaluated_or_refused(scara):
+    random = Random(2)
+    n = len(scara.coordinates)
+    shapes = [(), (0,), (1,), (2,), (n,), (0, n), (3, n), (n, 3), (2, 2, n)]
+    kinds = [np.float64, np.float32, np.int64, np.complex128, bool, object, "U3", "datetime64[s]"]
+    strange = [None, "q", {}, [[1.0, 2.0], [3.0]], [], float("nan"), b"x", range(n)]
+    answered = refused = 0
+    for _ in range(600):
+        given = []
+        for _ in range(3):
+            if random.random() < 0.2:
+                given.append(random.choice(strange))
+            else:
+                array = np.zeros((3, n), random.choice(kinds[:3]))
+                if random.random() < 0.2:
+                    array = np.zeros(random.choice(shapes), random.choice(kinds))
+                given.append(array[..., ::-1] if array.ndim else array)
+        try:
+            tau = scara.inverse_dynamics(*given, phi=np.zeros(len(scara.parameters)))
+        except regen.RegenError:
+            refused += 1
+            continue
+        answered += 1
+        assert not np.any(tau) and not any(np.iscomplexobj(one) for one in given)
+    assert answered > 10 and refused > 100

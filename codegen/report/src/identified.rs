@@ -14,6 +14,7 @@ use regen_runtime::BaseTerm;
 use crate::ReportError;
 use crate::charts::Figure;
 use crate::gather::{self, Errors, LogRows, Spectra};
+use crate::results::Suspected;
 use crate::{figures, page, residuals};
 
 /// The inputs of a report.
@@ -33,6 +34,10 @@ pub struct Inputs<'a> {
     pub validation: &'a [Run],
     /// The models of logs in which the robot carries something else; the others have `identified`.
     pub by_run: &'a [(Run, IdentifiedModel)],
+    /// What looks wrong with the logs.
+    pub suspicions: &'a [Suspected],
+    /// The command that makes the report, to be printed in it.
+    pub command: Option<&'a str>,
 }
 
 /// A report.
@@ -49,6 +54,8 @@ pub(crate) struct Content<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) model: &'a Interpreted<'a>,
     pub(crate) file: &'a ParameterFile,
+    pub(crate) suspicions: &'a [Suspected],
+    pub(crate) command: Option<&'a str>,
     /// Each base parameter's nominal value; `None` where the spec lacks a value of its combination.
     pub(crate) nominal: Vec<Option<f64>>,
     pub(crate) seen: LogRows,
@@ -125,6 +132,8 @@ pub(crate) struct Content<'a> {
 ///     logs: &logs,
 ///     validation: &[],
 ///     by_run: &[],
+///     suspicions: &[],
+///     command: None,
 /// })?;
 /// assert!(found.html.contains("<h1>Identification of arm</h1>"));
 /// assert!(found.figures.iter().any(|figure| figure.name == "forces-q1"));
@@ -154,6 +163,8 @@ pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
         robot: inputs.robot,
         model,
         file: inputs.file,
+        suspicions: inputs.suspicions,
+        command: inputs.command,
         nominal: nominal.collect(),
         errors,
         method: method(&session.reading, seen.derivatives, seen.velocities),

@@ -57,6 +57,12 @@ pub(super) fn html(report: &Content<'_>) -> String {
     if let Some(text) = &report.file.feasibility {
         rows.push(("Feasibility", escaped(text)));
     }
+    if let Some(gap) = report.file.gap {
+        rows.push((
+            "Optimality gap",
+            format!("the objective is at most {gap:.1e} of itself above the optimum"),
+        ));
+    }
     for errors in &report.errors {
         let title = if errors.used {
             "eps<sub>RA</sub>"
@@ -82,6 +88,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
         let _ = writeln!(out, "<dt>{title}</dt><dd>{text}</dd>");
     }
     out.push_str("</dl>\n");
+    out.push_str(&suspicions(report));
     section("summary", "Model", &out)
 }
 
@@ -97,5 +104,22 @@ fn provenance(report: &Content<'_>) -> Vec<(&'static str, String)> {
         rows.push(("Date", escaped(date)));
     }
     rows.push(("Made by", format!("regen {}", env!("CARGO_PKG_VERSION"))));
+    if let Some(command) = report.command {
+        rows.push(("Command", format!("<code>{}</code>", escaped(command))));
+    }
     rows
+}
+
+/// What looks wrong with the logs, as a list; empty where nothing does.
+fn suspicions(report: &Content<'_>) -> String {
+    if report.suspicions.is_empty() {
+        return String::new();
+    }
+    let mut out =
+        "<div class=\"doubt\">\n<p>The logs may have been misread:</p>\n<ul>\n".to_owned();
+    for suspected in report.suspicions {
+        let _ = writeln!(out, "<li>{}</li>", escaped(&suspected.to_string()));
+    }
+    out.push_str("</ul>\n</div>\n");
+    out
 }

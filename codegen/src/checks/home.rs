@@ -1,8 +1,7 @@
 //! The error of a home from which the loops do not close: which cut gapes, and what closes.
 
 use crate::constraints::Gap;
-use crate::diag::Diagnostic;
-use crate::explain::lines::rounded;
+use crate::diag::{Diagnostic, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
 

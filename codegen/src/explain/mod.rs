@@ -20,7 +20,7 @@ use core::fmt::{self, Write as _};
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
 use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
-use crate::diag::{Source, Span};
+use crate::diag::{Source, Span, rounded};
 use crate::model::Model;
 use crate::spec::Spec;
 
@@ -369,7 +369,7 @@ fn coordinate_facts(model: &Model, home: &[f64], redundant: &[usize]) -> Vec<Fac
         let closed = model.coordinates.iter().zip(home).enumerate();
         let closed =
             closed.filter(|(c, _)| model.dependent.contains(c) && !model.drives.contains(c));
-        let closed = closed.map(|(_, (c, q))| format!("{} {}", c.name, lines::rounded(*q)));
+        let closed = closed.map(|(_, (c, q))| format!("{} {}", c.name, rounded(*q)));
         facts.push(Fact::given(format!(
             "home closes at {}",
             closed.collect::<Vec<_>>().join(", ")

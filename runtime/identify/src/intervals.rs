@@ -31,6 +31,8 @@ use crate::feasibility::{
 /// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
 /// more in length, but cover the true value as often.
 pub const DEFAULT_DRAWS: usize = 100;
+/// The number of draws that a thread projects before the progress is told.
+const DRAWS_PER_THREAD: usize = 4;
 /// A limit is uncertain if more than this part of the draws, and less than all but this part, are
 /// at it.
 const UNCERTAIN_LIMIT_PART: f64 = 0.025;
@@ -341,32 +343,35 @@ pub(crate) fn replicate(
         draws.push((factor_with_solution(factor, &moved)?, moved));
     }
     let known = &Known::of(factor, combinations, layout, options)?;
-    // as many at a time as there are processors; the draws do not depend on each other
+    // a few at a time on each processor; the draws do not depend on each other
     let threads = std::thread::available_parallelism().map_or(1, core::num::NonZero::get);
+    let fit =
+        |draw: &(QrFactor, Vec<f64>)| identify_like(&draw.0, combinations, layout, options, known);
     let mut done = 0;
-    for some in draws.chunks(threads) {
+    for some in draws.chunks(threads * DRAWS_PER_THREAD) {
         let found = std::thread::scope(|scope| {
-            let started: Vec<_> = some
-                .iter()
-                .map(|(factor, _)| {
-                    scope.spawn(|| identify_like(factor, combinations, layout, options, known))
-                })
+            let parts = some.chunks(DRAWS_PER_THREAD);
+            let started: Vec<_> = parts
+                .map(|part| scope.spawn(|| part.iter().map(fit).collect::<Vec<_>>()))
                 .collect();
             let ended = started.into_iter().map(std::thread::ScopedJoinHandle::join);
             ended.collect::<Vec<_>>()
         });
+        let found = found.into_iter().flat_map(|part| match part {
+            Ok(part) => part,
+            Err(panic) => std::panic::resume_unwind(panic),
+        });
         for ((_, moved), found) in some.iter().zip(found) {
             match found {
-                Ok(Ok(found)) => {
+                Ok(found) => {
                     out.phi.push(found.phi);
                     out.beta.push(found.beta);
                     out.unprojected.push(moved.clone());
                 }
-                Ok(Err(why)) => {
+                Err(why) => {
                     out.failed += 1;
                     error.get_or_insert(why);
                 }
-                Err(panic) => std::panic::resume_unwind(panic),
             }
             done += 1;
             progress(done);

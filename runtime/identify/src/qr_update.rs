@@ -31,7 +31,123 @@ pub(crate) fn reduce(
         block,
         side,
         rows,
+        kept: None,
     })
+}
+
+/// The reflection of one column: `1 - u u^T / h` with u = (head, v), where v is what [`reduce`]
+/// leaves of the column.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Reflection {
+    head: f64,
+    /// 0 where nothing was reflected.
+    h: f64,
+    /// Whether the row of the triangle changed its sign afterwards.
+    flipped: bool,
+}
+
+/// As [`reduce`], and keeps the reflection of each column for [`reflect`].
+pub(crate) fn reduce_and_keep(
+    r: &mut [f64],
+    z: &mut [f64],
+    block: &mut [f64],
+    side: &mut [f64],
+    rows: usize,
+) -> Vec<Reflection> {
+    let mut kept = vec![Reflection::default(); z.len()];
+    Arch::new().dispatch(Reduce {
+        r,
+        z,
+        block,
+        side,
+        rows,
+        kept: Some(&mut kept),
+    });
+    kept
+}
+
+/// Reflects further columns as [`reduce_and_keep`] did with its own: the result is that of
+/// reducing all columns at once, up to the further columns' own reflections.
+///
+/// - `block`: what `reduce_and_keep` left of its columns, `rows` entries each;
+/// - `tops`: for each further column, its entries in the rows of the triangle;
+/// - `columns`: the further columns, `rows` entries each.
+pub(crate) fn reflect(
+    kept: &[Reflection],
+    block: &[f64],
+    tops: &mut [f64],
+    columns: &mut [f64],
+    rows: usize,
+) {
+    if rows > 0 {
+        Arch::new().dispatch(Reflect {
+            kept,
+            block,
+            tops,
+            columns,
+            rows,
+        });
+    }
+}
+
+/// [`reflect`] as a task for one instruction set.
+struct Reflect<'a> {
+    kept: &'a [Reflection],
+    block: &'a [f64],
+    tops: &'a mut [f64],
+    columns: &'a mut [f64],
+    rows: usize,
+}
+
+impl WithSimd for Reflect<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        reflect_columns(self.kept, self.block, self.tops, self.columns, self.rows);
+    }
+}
+
+#[inline(always)]
+fn reflect_columns(
+    kept: &[Reflection],
+    block: &[f64],
+    tops: &mut [f64],
+    columns: &mut [f64],
+    rows: usize,
+) {
+    let n = kept.len();
+    for (k, (reflection, v)) in kept.iter().zip(block.chunks_exact(rows)).enumerate() {
+        let Reflection { head, h, flipped } = *reflection;
+        if h != 0.0 {
+            let mut column = 0;
+            let mut pairs = columns.chunks_exact_mut(2 * rows);
+            for pair in &mut pairs {
+                let (a, b) = pair.split_at_mut(rows);
+                let (pa, pb) = dots(v, a, b);
+                let (ta, tb) = (column * n + k, (column + 1) * n + k);
+                let sa = head.mul_add(tops[ta], pa) / h;
+                let sb = head.mul_add(tops[tb], pb) / h;
+                tops[ta] -= sa * head;
+                tops[tb] -= sb * head;
+                subtract_two(v, a, sa, b, sb);
+                column += 2;
+            }
+            let last = pairs.into_remainder();
+            if !last.is_empty() {
+                let at = column * n + k;
+                let s = head.mul_add(tops[at], dot(v, last)) / h;
+                tops[at] -= s * head;
+                subtract(v, last, s);
+            }
+        }
+        if flipped {
+            tops.iter_mut()
+                .skip(k)
+                .step_by(n)
+                .for_each(|top| *top = -*top);
+        }
+    }
 }
 
 /// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
@@ -42,6 +158,8 @@ struct Reduce<'a> {
     block: &'a mut [f64],
     side: &'a mut [f64],
     rows: usize,
+    /// Where the reflection of each column is kept, if it is.
+    kept: Option<&'a mut [Reflection]>,
 }
 
 impl WithSimd for Reduce<'_> {
@@ -49,7 +167,20 @@ impl WithSimd for Reduce<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        reduce_rows(self.r, self.z, self.block, self.side, self.rows)
+        let Reduce {
+            r,
+            z,
+            block,
+            side,
+            rows,
+            kept,
+        } = self;
+        match kept {
+            Some(kept) => reduce_rows(r, z, block, side, rows, |k, reflection| {
+                kept[k] = reflection;
+            }),
+            None => reduce_rows(r, z, block, side, rows, |_, _| {}),
+        }
     }
 }
 
@@ -60,6 +191,7 @@ fn reduce_rows(
     block: &mut [f64],
     side: &mut [f64],
     rows: usize,
+    mut keep: impl FnMut(usize, Reflection),
 ) -> f64 {
     let n = z.len();
     if rows == 0 {
@@ -76,6 +208,14 @@ fn reduce_rows(
             if alpha < 0.0 {
                 flip(r, z, k);
             }
+            let flipped = alpha < 0.0;
+            keep(
+                k,
+                Reflection {
+                    flipped,
+                    ..Reflection::default()
+                },
+            );
             continue;
         }
         let norm = alpha.mul_add(alpha, tail).sqrt();
@@ -108,9 +248,11 @@ fn reduce_rows(
         let s = head.mul_add(z[k], dot(v, side)) / h;
         z[k] -= s * head;
         subtract(v, side, s);
-        if beta < 0.0 {
+        let flipped = beta < 0.0;
+        if flipped {
             flip(r, z, k);
         }
+        keep(k, Reflection { head, h, flipped });
     }
     dot(side, side)
 }
@@ -128,7 +270,7 @@ fn flip(r: &mut [f64], z: &mut [f64], k: usize) {
 const LANES: usize = 8;
 
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
@@ -194,4 +336,55 @@ pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Option<Vec<f64>> {
         }
     }
     Some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Columns that are reflected later give the triangle of all columns reduced at once, over
+    /// several blocks, with a column of zeros among them.
+    #[test]
+    fn later_columns_give_the_triangle_of_all_columns() {
+        let (first, later, rows, blocks) = (5, 3, 20, 3);
+        let n = first + later;
+        let entry = |block: usize, row: usize, column: usize| match column {
+            2 => 0.0,
+            _ => {
+                ((block * rows + row) as f64 * (0.37 + 0.21 * column as f64) + column as f64).sin()
+            }
+        };
+        let (mut r, mut z, mut rss) = (vec![0.0; n * n], vec![0.0; n], 0.0);
+        let (mut own, mut own_z) = (vec![0.0; first * first], vec![0.0; first]);
+        let mut tops = vec![0.0; first * later];
+        let (mut rest, mut rest_z, mut left) = (vec![0.0; later * later], vec![0.0; later], 0.0);
+        for block in 0..blocks {
+            let fill = |columns: core::ops::Range<usize>| -> Vec<f64> {
+                let column = |c| (0..rows).map(move |i| entry(block, i, c));
+                columns.flat_map(column).collect()
+            };
+            let side = fill(20..21);
+            rss += reduce(&mut r, &mut z, &mut fill(0..n), &mut side.clone(), rows);
+            let (mut a, mut b, mut y) = (fill(0..first), fill(first..n), side);
+            let kept = reduce_and_keep(&mut own, &mut own_z, &mut a, &mut y, rows);
+            reflect(&kept, &a, &mut tops, &mut b, rows);
+            left += reduce(&mut rest, &mut rest_z, &mut b, &mut y, rows);
+        }
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        for c in 0..n {
+            for i in 0..=c {
+                let found = match (i < first, c < first) {
+                    (true, true) => own[c * first + i],
+                    (true, false) => tops[(c - first) * first + i],
+                    _ => rest[(c - first) * later + i - first],
+                };
+                close(r[c * n + i], found);
+            }
+        }
+        z.iter()
+            .zip(own_z.iter().chain(&rest_z))
+            .for_each(|(a, b)| close(*a, *b));
+        close(rss, left);
+        assert!(rss > 1.0 && r[n * n - 1] > 0.1);
+    }
 }

@@ -240,7 +240,8 @@ fn the_readme_s_example_runs() {
     let (example, _) = rest.split_once("```").unwrap();
     let dir = outside_crate(
         "readme",
-        "[dependencies]\nregen-runtime = { path = \"RUNTIME\", features = [\"macros\"] }\n",
+        "[dependencies]\nregen-runtime = { path = \"RUNTIME\", features = [\"macros\"] }\n\
+         regen-control = { path = \"RUNTIME/control\" }\n",
         "main.rs",
         example,
     );

@@ -106,8 +106,33 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     {
         return Err(Failure::Usage(why));
     }
-    let parsed = command.get_matches_from(words);
-    Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))
+    let parsed = command.get_matches_from(&words);
+    let mut cli =
+        Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))?;
+    match &mut cli.command {
+        Some(Command::Identify(args)) => args.report.command = Some(command_line(&words)),
+        Some(Command::Report(args)) => args.command = Some(command_line(&words)),
+        _ => {}
+    }
+    Ok(cli)
+}
+
+/// The words of a command line as a shell reads them. The program is named without its folder, and
+/// so is whatever has an absolute path: a report is the same wherever its files lie.
+fn command_line(words: &[OsString]) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
+    let quoted = words.iter().skip(1).map(|word| {
+        let path = std::path::Path::new(word);
+        let name = path.file_name().filter(|_| path.is_absolute());
+        let word = name.unwrap_or(word).to_string_lossy();
+        if !word.is_empty() && word.chars().all(plain) {
+            word.into_owned()
+        } else {
+            format!("'{}'", word.replace('\'', r"'\''"))
+        }
+    });
+    let words: Vec<String> = std::iter::once("regen".to_owned()).chain(quoted).collect();
+    words.join(" ")
 }
 
 /// Parses the words of a command, the first being the command's name; never ends the process.

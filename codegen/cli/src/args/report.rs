@@ -35,6 +35,9 @@ pub(crate) struct ReportArgs {
     /// Write each figure as an SVG file into this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) figures: Option<PathBuf>,
+    /// The command line as a shell reads it, which the page shows.
+    #[arg(skip)]
+    pub(crate) command: Option<String>,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
 }
@@ -50,4 +53,7 @@ pub(crate) struct ReportOptions {
     /// Write each figure of the page as an SVG file into this folder
     #[arg(long, value_name = "DIR", requires = "report")]
     pub(crate) figures: Option<PathBuf>,
+    /// The command line as a shell reads it, which the page shows.
+    #[arg(skip)]
+    pub(crate) command: Option<String>,
 }

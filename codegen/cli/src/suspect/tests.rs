@@ -125,8 +125,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
         if !again.is_empty() {
             missed.push(format!(
                 "{name}: the remedy {} leaves {}",
-                first.remedy,
-                describe(&again[0])
+                first.remedy, again[0]
             ));
         }
     }
@@ -149,7 +148,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
     };
     for run in ["run1.csv", "run2.csv"] {
         let clean = warnings(&model, &Log::read(&guide.join(run)), &settings);
-        assert!(clean.is_empty(), "{}", describe(&clean[0]));
+        assert!(clean.is_empty(), "{}", clean[0]);
     }
     let log = Log::read(&guide.join("run1.csv"));
     let both = ["tau_q1", "tau_q3"];
@@ -264,11 +263,11 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
     let other = Log::read(&guide.join("run2.csv"));
     for clean in [&log, &other] {
         let clean = warnings(&model, clean, &settings);
-        assert!(clean.is_empty(), "{}", describe(&clean[0]));
+        assert!(clean.is_empty(), "{}", clean[0]);
     }
     // an offset of the size of friction cannot be distinguished from slightly different friction
     let little = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
-    assert!(little.is_empty(), "{}", describe(&little[0]));
+    assert!(little.is_empty(), "{}", little[0]);
     are_named(
         &model,
         &settings,
@@ -358,7 +357,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         ..Settings::default()
     };
     let clean = warnings(&model, &log, &settings);
-    assert!(clean.is_empty(), "{}", describe(&clean[0]));
+    assert!(clean.is_empty(), "{}", clean[0]);
     let all = ["tau_q2", "tau_q7", "tau_q9"];
     are_named(
         &model,

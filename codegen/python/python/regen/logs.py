@@ -23,6 +23,17 @@ Logs = Union[str, "os.PathLike[str]", Mapping[str, Any], Sequence[Any], Any]
 _EXPERIMENT = {"runs", "process", "columns"}
 
 
+def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """Real numbers in double precision; complex numbers, dates and texts are none."""
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "fiubO":
+            return np.asarray(array, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"`{name}` is no array of numbers: {error}") from None
+    raise InputError(f"`{name}` has entries of type {array.dtype}, real numbers are needed")
+
+
 class Log(Mapping[str, "NDArray[np.float64]"]):
     """Columns of a log by name, each of shape (N,); ``t`` in s, the others in SI units.
 
@@ -32,7 +43,7 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
     """
 
     def __init__(self, columns: Mapping[str, ArrayLike], data: Mapping[str, Any] | None = None) -> None:
-        self._columns = {str(name): np.asarray(v, dtype=float) for name, v in columns.items()}
+        self._columns = {str(name): numbers(str(name), v) for name, v in columns.items()}
         lengths = {len(v) for v in self._columns.values() if v.ndim == 1}
         if len(lengths) != 1 or any(v.ndim != 1 for v in self._columns.values()):
             shapes = {name: v.shape for name, v in self._columns.items()}

@@ -15,7 +15,7 @@ from ._call import Progress
 from .base import Base
 from .errors import InputError, NumericError, translated
 from .fleet import Factors
-from .logs import Log, Logs, as_files
+from .logs import Log, Logs, as_files, numbers
 from .results import (
     Excitation,
     Explanation,
@@ -340,7 +340,7 @@ class Robot:
         n, dof = len(self.coordinates), self.dof
         if n == dof or "q" not in arguments:
             return
-        q = np.asarray(arguments["q"], dtype=float)
+        q = numbers("q", arguments["q"])
         if q.ndim == 0 or q.shape[-1] != dof:
             return
         shape = q.shape[:-1]
@@ -567,7 +567,7 @@ def _read(path: str) -> str:
 
 
 def _array(name: str, values: ArrayLike, length: int) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = numbers(name, values)
     if array.ndim == 0 or array.shape[-1] != length:
         raise InputError(f"`{name}` has shape {array.shape}, the last must be {length}")
     return array

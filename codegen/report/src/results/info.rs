@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::explain::lines::{columns, field, paragraph, rounded};
+use regen_codegen::diag::rounded;
+use regen_codegen::explain::lines::{columns, field, paragraph};
 use regen_codegen::robot::{FunctionKind, Robot};
 use serde::Serialize;
 

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::error::{finite, size};
 use super::faces::{InteriorStart, find_interior_point};
 use super::interior::{InteriorOutcome, minimise, start};
-use super::known::Known;
+use super::known::{Known, Starts};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
@@ -18,7 +18,13 @@ use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Ve
 use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
-const TARGET_GAP: f64 = 1e-10;
+pub(super) const TARGET_GAP: f64 = 1e-10;
+/// From a point near the optimum of similar observations, the method stops at this many times the
+/// gap that was reached there, at most [`MAX_NEAR_GOAL`].
+const NEAR_GOAL_RATIO: f64 = 2.0;
+const MAX_NEAR_GOAL: f64 = 1e-8;
+/// With a gap of more than this many times that one, it begins again well inside the cones.
+const MAX_NEAR_RATIO: f64 = 10.0;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
 /// The cost of the term for closeness to the reference at the first solution, as a fraction of the
@@ -199,24 +205,41 @@ pub(crate) fn identify_like(
     let setting = Setting::new(factor, combinations, layout, options);
     let least_squares_residual = least_squares_residual(factor).0;
     let no_solution = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let InteriorStart {
+    let Starts {
         problem,
-        x: interior_point,
-    } = match known.point(&setting)? {
-        Some(again) => again,
-        None => find_interior_point(&setting)?,
+        inside,
+        central,
+    } = match known.starts(&setting)? {
+        Some(starts) => starts,
+        None => {
+            let InteriorStart { problem, x } = find_interior_point(&setting)?;
+            Starts {
+                problem,
+                inside: x,
+                central: None,
+            }
+        }
     };
-    let first = start(&problem.objective, &problem.cones, interior_point.clone())
-        .ok_or_else(no_solution)?;
-    let minimum = minimise(
-        &problem.objective,
-        &problem.cones,
-        &problem.reach,
-        first,
-        TARGET_GAP,
-        &|_| false,
-    );
-    let minimum = minimum.ok_or_else(no_solution)?;
+    let solve = |from, goal| {
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = &problem;
+        minimise(objective, cones, reach, from, goal, &|_| false)
+    };
+    let near = central.and_then(|(point, reached)| {
+        let goal = (NEAR_GOAL_RATIO * reached).min(MAX_NEAR_GOAL);
+        let found = solve(point, goal)?;
+        (found.gap.part() <= MAX_NEAR_RATIO * reached).then_some(found)
+    });
+    let minimum = match near {
+        Some(found) => found,
+        None => start(&problem.objective, &problem.cones, inside.clone())
+            .and_then(|point| solve(point, TARGET_GAP))
+            .ok_or_else(no_solution)?,
+    };
     let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())
@@ -224,8 +247,7 @@ pub(crate) fn identify_like(
         closest_to_reference(&problem, options, &minimum)
     };
     let (phi, check, physical_x) =
-        physical_parameters(&problem, layout, options, &x, &interior_point)
-            .ok_or_else(no_solution)?;
+        physical_parameters(&problem, layout, options, &x, &inside).ok_or_else(no_solution)?;
     let rise = objective(&problem, &physical_x) - objective(&problem, &x);
     let gap = gap + rise.max(0.0) / minimum.gap.value;
     finite("solution", &phi).map_err(|_| no_solution())?;

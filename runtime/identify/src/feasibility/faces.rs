@@ -2,7 +2,7 @@
 //! equations restrict the parameters.
 
 use super::FeasibilityError;
-use super::cones::{Cone, Objective};
+use super::cones::Objective;
 use super::equalities::Equality;
 use super::inertia::{ENTRIES, TRIANGLE};
 use super::interior::{Point, minimise, start};
@@ -12,8 +12,6 @@ use super::symmetric::{ONE, Square, ZERO, eigen, smallest};
 
 /// The search stops at a point this far inside all cones, in their units.
 const DEEP_INSIDE: f64 = 0.3;
-/// A point of another search is used again where it is this far inside all cones.
-const WELL_INSIDE: f64 = 0.1;
 /// A point closer to the border of a cone than this does not count as inside, in the cone's unit.
 const MIN_INSIDE: f64 = 1e-7;
 /// An eigenvalue of a dual matrix above this fraction of the largest entry proves that the cone's
@@ -101,24 +99,6 @@ pub(super) fn find_interior_point(
     Err(FeasibilityError::Contradiction(
         "bounds, known values and sums, together with what is physical,".to_owned(),
     ))
-}
-
-/// The problem with a point inside its cones that belongs to given parameters (p, SI); `None` where
-/// they are not well inside.
-pub(super) fn interior_point_of(
-    setting: &Setting<'_>,
-    phi: &[f64],
-) -> Result<Option<InteriorStart>, FeasibilityError> {
-    let units = setting.units();
-    let faces = vec![None; setting.layout.bodies().len()];
-    let problem = setting.problem(&setting.equalities(&units)?, &faces)?;
-    let variables = problem.solved.variables.iter();
-    let x: Vec<f64> = variables
-        .map(|j| phi.get(*j).copied().unwrap_or(0.0) / units[*j])
-        .collect();
-    let well = |cone: &Cone| smallest(&cone.at(&x), cone.size) >= WELL_INSIDE;
-    let inside = problem.cones.iter().all(well);
-    Ok(inside.then_some(InteriorStart { problem, x }))
 }
 
 /// Restricts the cones to faces by the duals of the search for an inside point; returns whether any

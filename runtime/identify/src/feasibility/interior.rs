@@ -7,10 +7,12 @@
 //! a solver that factors a squared or an indefinite matrix.
 
 use super::cones::{Cone, Gap, Objective, gap, remainder};
+use super::scaled::{Groups, Scaled, ScaledRows};
 use super::symmetric::{
-    self, Square, ZERO, cholesky, congruence, inner, inverse, plus, product, transposed, upper,
+    Square, ZERO, cholesky, congruence, inner, inverse, plus, product, transposed, upper,
 };
-use crate::qr_update::{reduce, substitute};
+use super::triangle::Triangle;
+use crate::qr_update::dot;
 
 /// The largest number of steps.
 const MAX_STEPS: usize = 120;
@@ -42,51 +44,6 @@ pub(super) struct InteriorOutcome {
     pub(super) interior_point: Point,
 }
 
-/// The scaling of one cone at a point, in which its matrix and its dual are the same diagonal
-/// matrix.
-struct Scaled {
-    inverse: Square,
-    lambda: [f64; 4],
-}
-
-impl Scaled {
-    /// Computes G with `G^-1 X G^-T = G^T S G = diag(lambda)`; `None` unless both matrices are
-    /// positive definite.
-    fn new(at: &Square, dual: &Square, size: usize) -> Option<Self> {
-        let l = cholesky(at, size)?;
-        cholesky(dual, size)?;
-        let middle = congruence(&transposed(&l), dual);
-        let (squares, q) = symmetric::eigen(&middle, size);
-        let mut lambda = [0.0; 4];
-        let mut inverse = product(&transposed(&q), &inverse(&l, size));
-        for k in 0..size {
-            if squares[k].is_nan() || squares[k] <= 0.0 {
-                return None;
-            }
-            lambda[k] = squares[k].sqrt();
-            let root = lambda[k].sqrt();
-            inverse[k].iter_mut().for_each(|x| *x *= root);
-        }
-        Some(Self { inverse, lambda })
-    }
-
-    /// The largest step that keeps `diag(lambda) + step d` positive semidefinite.
-    fn step(&self, d: &Square, size: usize) -> f64 {
-        let mut scaled = ZERO;
-        for r in 0..size {
-            for c in 0..size {
-                scaled[r][c] = d[r][c] / (self.lambda[r] * self.lambda[c]).sqrt();
-            }
-        }
-        let least = symmetric::smallest(&scaled, size);
-        if least < 0.0 {
-            -1.0 / least
-        } else {
-            f64::INFINITY
-        }
-    }
-}
-
 /// The directions of one step.
 struct Direction {
     x: Vec<f64>,
@@ -100,22 +57,19 @@ struct Direction {
 struct Step<'a> {
     cones: &'a [Cone],
     scaled: Vec<Scaled>,
-    /// The rows of the scaled cones, column by column.
-    block: Vec<f64>,
-    /// The number of rows in `block`.
-    height: usize,
+    block: ScaledRows<'a>,
     /// The rows of the objective with their residuals, both times sqrt(2).
     rows: &'a [Vec<f64>],
     residuals: Vec<f64>,
     linear: &'a [f64],
-    triangle: Vec<f64>,
+    triangle: Triangle,
 }
 
 impl Step<'_> {
     /// Solves for the direction with these right-hand sides in the scaled cones.
     fn direction(&self, sides: &[Square]) -> Option<Direction> {
         let n = self.linear.len();
-        let mut target = Vec::with_capacity(self.height);
+        let mut target = Vec::new();
         for ((cone, scaled), side) in self.cones.iter().zip(&self.scaled).zip(sides) {
             for (r, c) in upper(cone.size) {
                 target.push(if r == c {
@@ -126,17 +80,14 @@ impl Step<'_> {
             }
         }
         let mut x = vec![0.0; n];
-        let mut seen = vec![0.0; self.height];
+        let mut seen = vec![0.0; target.len()];
         for _ in 0..REFINEMENT_ROUNDS {
             // the gradient of the least squares over both kinds of rows, and of the linear part
             let over: Vec<f64> = self
                 .rows
                 .iter()
                 .zip(&self.residuals)
-                .map(|(row, r)| {
-                    -r - core::f64::consts::SQRT_2
-                        * row.iter().zip(&x).map(|(a, d)| a * d).sum::<f64>()
-                })
+                .map(|(row, r)| -r - core::f64::consts::SQRT_2 * dot(&row[..n], &x))
                 .collect();
             let mut gradient: Vec<f64> = self.linear.iter().map(|c| -c).collect();
             for (row, r) in self.rows.iter().zip(&over) {
@@ -144,27 +95,13 @@ impl Step<'_> {
                     *g += core::f64::consts::SQRT_2 * a * r;
                 }
             }
-            for (g, column) in gradient
-                .iter_mut()
-                .zip(self.block.chunks_exact(self.height))
-            {
-                *g += column
-                    .iter()
-                    .zip(target.iter().zip(&seen))
-                    .map(|(b, (t, s))| b * (t - s))
-                    .sum::<f64>();
-            }
-            let half = forward(&self.triangle, &gradient);
-            let more = substitute(&self.triangle, &half)?;
+            let rest: Vec<f64> = target.iter().zip(&seen).map(|(t, s)| t - s).collect();
+            self.block.add_products(&rest, &mut gradient);
+            let more = self.triangle.solve(&gradient)?;
             for (v, d) in x.iter_mut().zip(&more) {
                 *v += d;
             }
-            seen.fill(0.0);
-            for (d, column) in x.iter().zip(self.block.chunks_exact(self.height)) {
-                for (s, b) in seen.iter_mut().zip(column) {
-                    *s += b * d;
-                }
-            }
+            seen = self.block.along(&x);
         }
         let mut entries = seen.iter().copied();
         let matrices: Vec<Square> = self
@@ -220,48 +157,24 @@ impl Step<'_> {
     }
 }
 
-/// Solves `R^T y = g` for an upper triangular R.
-fn forward(r: &[f64], g: &[f64]) -> Vec<f64> {
-    let n = g.len();
-    let mut y = g.to_vec();
-    for k in 0..n {
-        let column = &r[k * n..k * n + k];
-        let sum: f64 = column.iter().zip(&y).map(|(a, b)| a * b).sum();
-        y[k] = (y[k] - sum) / r[k * n + k];
-    }
-    y
-}
-
 /// The duals with the smallest change, in their own scaling, for which they balance the gradient;
 /// `None` if one would leave its cone.
-fn repaired(objective: &Objective, cones: &[Cone], at: &Point) -> Option<Vec<Square>> {
-    let n = at.x.len();
-    let height: usize = cones.iter().map(|c| c.size * (c.size + 1) / 2).sum();
+fn repaired(
+    objective: &Objective,
+    cones: &[Cone],
+    groups: &Groups,
+    at: &Point,
+) -> Option<Vec<Square>> {
     let scaled: Option<Vec<Scaled>> = cones
         .iter()
         .zip(&at.duals)
         .map(|(cone, dual)| Scaled::new(&cone.at(&at.x), dual, cone.size))
         .collect();
     let scaled = scaled?;
-    let block = rows(cones, &scaled, n, height);
-    let (mut triangle, mut none) = (vec![0.0; n * n], vec![0.0; n]);
-    reduce(
-        &mut triangle,
-        &mut none,
-        &mut block.clone(),
-        &mut vec![0.0; height],
-        height,
-    );
     let residuals = objective.residuals(&at.x);
     let (left, _) = remainder(objective, cones, &at.x, &residuals, &at.duals);
     let left: Vec<f64> = left.iter().map(super::sums::Sum::value).collect();
-    let y = substitute(&triangle, &forward(&triangle, &left))?;
-    let mut change = vec![0.0; height];
-    for (d, column) in y.iter().zip(block.chunks_exact(height)) {
-        for (s, b) in change.iter_mut().zip(column) {
-            *s += b * d;
-        }
-    }
+    let change = groups.rows(cones, &scaled).least_entries(&left)?;
     let mut entries = change.into_iter();
     let each = cones.iter().zip(&scaled).zip(&at.duals);
     let moved: Vec<Square> = each
@@ -294,27 +207,6 @@ fn matrix(size: usize, entries: &mut impl Iterator<Item = f64>) -> Square {
     m
 }
 
-/// The rows of the scaled cones, column by column.
-fn rows(cones: &[Cone], scaled: &[Scaled], n: usize, height: usize) -> Vec<f64> {
-    let mut block = vec![0.0; n * height];
-    let mut first = 0;
-    for (cone, scaled) in cones.iter().zip(scaled) {
-        for (v, m) in &cone.terms {
-            let own = congruence(&scaled.inverse, m);
-            let column = &mut block[v * height + first..];
-            for (slot, (r, c)) in column.iter_mut().zip(upper(cone.size)) {
-                *slot += if r == c {
-                    own[r][c]
-                } else {
-                    core::f64::consts::SQRT_2 * own[r][c]
-                };
-            }
-        }
-        first += cone.size * (cone.size + 1) / 2;
-    }
-    block
-}
-
 /// Minimises an objective over cones from a point strictly inside them.
 ///
 /// - `reach`: the largest absolute value of each variable in the set;
@@ -334,16 +226,8 @@ pub(super) fn minimise(
     let root = core::f64::consts::SQRT_2;
     let degree = cones.iter().map(|c| c.size).sum::<usize>().max(1) as f64;
     // the triangular factor of the objective's rows, computed once
-    let (mut own, mut none) = (vec![0.0; n * n], vec![0.0; n]);
-    let tall = objective.rows.len();
-    let mut block = vec![0.0; n * tall];
-    for (i, row) in objective.rows.iter().enumerate() {
-        for (v, a) in row.iter().take(n).enumerate() {
-            block[v * tall + i] = root * a;
-        }
-    }
-    reduce(&mut own, &mut none, &mut block, &mut vec![0.0; tall], tall);
-    let height: usize = cones.iter().map(|c| c.size * (c.size + 1) / 2).sum();
+    let own = Triangle::of(&objective.rows, n, root);
+    let groups = Groups::of(cones, n);
 
     let mut at = start;
     let mut interior_point = at.clone();
@@ -356,7 +240,7 @@ pub(super) fn minimise(
             && found.unbalanced > 0.1 * found.complementarity
         {
             for _ in 0..MAX_REPAIRS {
-                let Some(duals) = repaired(objective, cones, &at) else {
+                let Some(duals) = repaired(objective, cones, &groups, &at) else {
                     break;
                 };
                 let better = gap(objective, cones, reach, &at.x, &duals);
@@ -395,21 +279,12 @@ pub(super) fn minimise(
             .sum::<f64>()
             / degree;
         let mu = mu.max(1e-3 * goal * found.value / degree);
-        let block = rows(cones, &scaled, n, height);
-        let mut triangle = own.clone();
-        let mut spent = block.clone();
-        reduce(
-            &mut triangle,
-            &mut none,
-            &mut spent,
-            &mut vec![0.0; height],
-            height,
-        );
+        let block = groups.rows(cones, &scaled);
+        let triangle = block.reduced(own.clone());
         let step = Step {
             cones,
             scaled,
             block,
-            height,
             rows: &objective.rows,
             residuals: objective
                 .residuals(&at.x)

@@ -1,23 +1,47 @@
 //! What fits of similar observations share, such as those of the draws of an interval.
 
-use super::faces::{InteriorStart, find_interior_point, interior_point_of};
-use super::problem::Setting;
+use super::constrained::TARGET_GAP;
+use super::faces::{InteriorStart, find_interior_point};
+use super::interior::{Point, minimise, start};
+use super::problem::{Problem, Setting};
 use super::verdict::{refutes, verdict};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
 use crate::estimate::QrFactor;
 
-/// What fits of similar observations share; it changes how long a fit takes.
+/// What fits of similar observations share, with the same combinations, layout and options; it
+/// changes how long a fit takes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Known {
     /// The weights of certificates that no physical robot has the base parameters of other
     /// observations: they may prove it for these too.
     certificates: Vec<Vec<f64>>,
-    /// Parameters (p, SI) inside all constraints.
-    inside: Option<Vec<f64>>,
+    similar: Option<Similar>,
+}
+
+/// A fit of similar observations.
+#[derive(Clone, Debug)]
+struct Similar {
+    problem: Problem,
+    /// The standard deviation of its noise.
+    noise: f64,
+    /// A point well inside the cones.
+    inside: Vec<f64>,
+    /// A point near the central path on the way to the optimum, and the gap that was reached.
+    central: Option<(Point, f64)>,
+}
+
+/// A problem and the points from which it may be solved.
+pub(super) struct Starts {
+    pub(super) problem: Problem,
+    /// A point well inside the cones.
+    pub(super) inside: Vec<f64>,
+    /// A point that is quicker if the optimum is near that of similar observations, and the gap
+    /// that was reached there.
+    pub(super) central: Option<(Point, f64)>,
 }
 
 impl Known {
-    /// What a fit to these observations finds before it begins, see [`identify`].
+    /// What a fit to these observations finds, see [`identify`](super::identify).
     pub(crate) fn of(
         factor: &QrFactor,
         combinations: &BaseMap,
@@ -28,17 +52,33 @@ impl Known {
         let Ok(beta) = factor.solve() else {
             return Ok(known);
         };
-        if !options.constrain() {
-            let Verdict::Infeasible { certificate } =
-                verdict(layout, combinations, &beta, options.scale)?
-            else {
-                return Ok(known);
-            };
-            known.certificates.push(certificate.weights);
-        }
         let setting = Setting::new(factor, combinations, layout, options);
-        let InteriorStart { problem, x } = find_interior_point(&setting)?;
-        known.inside = Some(problem.expand(&x));
+        let inside = find_interior_point(&setting);
+        if !options.constrain() {
+            match verdict(layout, combinations, &beta, options.scale)? {
+                Verdict::Infeasible { certificate } => known.certificates.push(certificate.weights),
+                // a fit may need no point inside
+                _ if inside.is_err() => return Ok(known),
+                _ => {}
+            }
+        }
+        let InteriorStart { problem, x } = inside?;
+        let Problem {
+            objective,
+            cones,
+            reach,
+            ..
+        } = &problem;
+        let first = start(objective, cones, x.clone());
+        let central = first
+            .and_then(|first| minimise(objective, cones, reach, first, TARGET_GAP, &|_| false))
+            .map(|found| (found.interior_point, found.gap.part().max(TARGET_GAP)));
+        known.similar = Some(Similar {
+            noise: setting.noise,
+            central,
+            inside: x,
+            problem,
+        });
         Ok(known)
     }
 
@@ -59,15 +99,25 @@ impl Known {
         Ok(false)
     }
 
-    /// The problem with the known point inside its cones, if it is well inside.
-    pub(super) fn point(
-        &self,
-        setting: &Setting<'_>,
-    ) -> Result<Option<InteriorStart>, FeasibilityError> {
-        match &self.inside {
-            Some(phi) => interior_point_of(setting, phi),
-            None => Ok(None),
+    /// The problem of these observations in the units and limits of similar ones, and where to
+    /// begin.
+    pub(super) fn starts(&self, setting: &Setting<'_>) -> Result<Option<Starts>, FeasibilityError> {
+        let Some(similar) = &self.similar else {
+            return Ok(None);
+        };
+        // the cones of an entropic prior contain the noise
+        if setting.options.entropic > 0.0 && setting.noise.total_cmp(&similar.noise).is_ne() {
+            return Ok(None);
         }
+        let mut problem = similar.problem.clone();
+        let linear = problem.objective.linear;
+        problem.objective = setting.objective(&problem.solved, &problem.units)?;
+        problem.objective.linear = linear;
+        Ok(Some(Starts {
+            problem,
+            inside: similar.inside.clone(),
+            central: similar.central.clone(),
+        }))
     }
 }
 
@@ -102,7 +152,7 @@ mod tests {
             ..Options::default()
         };
         let known = Known::of(&observed(0.0), &all, &layout, &options).unwrap();
-        assert!(!known.certificates.is_empty() && known.inside.is_some());
+        assert!(!known.certificates.is_empty() && known.similar.is_some());
         let (mut refuted, mut physical) = (0, 0);
         for shift in [0.0, 1e-3, -0.01, 0.03, -0.09, 0.5, -3.0] {
             let factor = observed(shift);

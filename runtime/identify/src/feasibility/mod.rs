@@ -26,9 +26,11 @@ mod problem;
 mod program;
 mod psd_completion;
 mod reduced;
+mod scaled;
 mod sizes;
 mod sums;
 mod symmetric;
+mod triangle;
 mod verdict;
 
 // links the BLAS and LAPACK symbols that the solver calls

@@ -55,6 +55,7 @@ pub(super) struct Setting<'a> {
 
 /// The problem in the variables that no equation eliminates. Each variable is one of the
 /// parameters, divided by its unit.
+#[derive(Clone, Debug)]
 pub(super) struct Problem {
     /// All parameters as affine expressions in the variables.
     pub(super) solved: Solved,
@@ -228,7 +229,11 @@ impl Setting<'_> {
 
     /// The squares `||R B phi - z||^2 + rss` of the observations, and one row for each prior,
     /// weighted by the noise over the prior's standard deviation.
-    fn objective(&self, solved: &Solved, units: &[f64]) -> Result<Objective, FeasibilityError> {
+    pub(super) fn objective(
+        &self,
+        solved: &Solved,
+        units: &[f64],
+    ) -> Result<Objective, FeasibilityError> {
         let n = solved.variables.len();
         let r = self.factor.columns();
         let mut rows = vec![vec![0.0; n + 1]; r];

@@ -101,6 +101,10 @@ pub struct ParameterFile {
     /// The verdict on the physical feasibility, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feasibility: Option<String>,
+    /// The bound on how far the objective of a physically feasible model can exceed the optimum, as
+    /// a part of the objective.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<f64>,
     /// The level of the confidence intervals, in (0, 1).
     pub confidence: f64,
     /// How the standard deviations were computed, in words.
@@ -171,6 +175,7 @@ impl ParameterFile {
             logs: found.provenance.logs.clone(),
             date: found.provenance.date.clone(),
             feasibility: (!found.feasibility.is_empty()).then(|| found.feasibility.clone()),
+            gap: found.gap,
             confidence,
             deviations: found.intervals.method.clone(),
             parameters: parameters.collect(),

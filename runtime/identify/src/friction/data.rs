@@ -1,5 +1,9 @@
 //! The equations and joint velocities of a log, in memory, for the fit of nonlinear friction.
 
+use std::sync::OnceLock;
+
+use super::columns::FrictionColumns;
+use super::reduced::{Linearised, Reduced};
 use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
 use crate::signals::Smoothing;
@@ -65,26 +69,28 @@ pub struct FrictionData {
     pub(super) joints: Vec<FrictionJoint>,
     pub(super) laws: Vec<Friction>,
     dof: usize,
-    smoothing: Smoothing,
+    pub(super) smoothing: Smoothing,
     /// The weighted regressor, equation by equation: dof x columns, column by column.
-    w: Vec<f64>,
+    pub(super) w: Vec<f64>,
     /// The weighted efforts, dof for each equation.
-    tau: Vec<f64>,
-    weights: Vec<f64>,
+    pub(super) tau: Vec<f64>,
+    pub(super) weights: Vec<f64>,
     runs: Vec<Run>,
     /// Whether the friction of a joint acts on a row at any sample: dof x joints, joint by joint.
-    acts: Vec<bool>,
+    pub(super) acts: Vec<bool>,
+    /// The linear columns after their reduction, from the first factor on.
+    reduced: OnceLock<Reduced>,
 }
 
 /// Consecutive samples of the motion, unfiltered.
 #[derive(Clone, Debug, Default)]
-struct Run {
-    times: Vec<f64>,
-    qd: Vec<f64>,
+pub(super) struct Run {
+    pub(super) times: Vec<f64>,
+    pub(super) qd: Vec<f64>,
     /// See [`directions`], sample by sample: dof x joints, joint by joint.
-    directions: Vec<f64>,
+    pub(super) directions: Vec<f64>,
     /// The indices of the samples that have equations.
-    equations: Vec<usize>,
+    pub(super) equations: Vec<usize>,
 }
 
 /// The equations of one sample, for given shapes of friction.
@@ -131,6 +137,7 @@ impl FrictionData {
             weights: Vec::new(),
             runs: Vec::new(),
             acts: vec![false; dof * joints.len()],
+            reduced: OnceLock::new(),
         })
     }
 
@@ -198,6 +205,7 @@ impl FrictionData {
         for (acts, d) in self.acts.iter_mut().zip(directions) {
             *acts |= *d != 0.0;
         }
+        self.reduced.take();
         if self.runs.is_empty() {
             self.interrupt();
         }
@@ -231,6 +239,7 @@ impl FrictionData {
             });
         };
         run.equations.push(after + place);
+        self.reduced.take();
         let weighted = |values: &[f64], into: &mut Vec<f64>| {
             let rows = values.chunks_exact(weights.len().max(1));
             into.extend(rows.flat_map(|c| c.iter().zip(weights).map(|(x, s)| x * s)));
@@ -257,6 +266,7 @@ impl FrictionData {
             let what = "weights";
             return Err(EstimateError::NotFinite { what, row });
         }
+        self.reduced.take();
         for values in [&mut self.w, &mut self.tau, &mut self.weights] {
             for row in values.chunks_exact_mut(self.dof.max(1)) {
                 for (value, weight) in row.iter_mut().zip(weights) {
@@ -273,7 +283,7 @@ impl FrictionData {
     /// # Errors
     /// When an entry is not finite.
     pub fn linear_factor(&self) -> Result<QrFactor, EstimateError> {
-        self.factor_of(&self.linear_laws(), &[], None)
+        self.linearised(&self.linear_laws(), &[])?.factor()
     }
 
     /// The linear friction law for every joint.
@@ -335,112 +345,56 @@ impl FrictionData {
         laws.iter().zip(&self.joints).flat_map(of).collect()
     }
 
-    /// The factor of the linear columns and the columns of friction for given shapes. With `steps`
-    /// = (x, reach) it has one more column for each shape parameter: the derivative of the effort
-    /// by the logarithm of that parameter, for the linear parameters `x`, times `reach`. The
-    /// unknown of that column is 1 plus the step in units of `reach`.
-    pub(super) fn factor(
-        &self,
-        shapes: &[[f64; SHAPES]],
-        steps: Option<(&[f64], f64)>,
-    ) -> Result<QrFactor, EstimateError> {
-        self.factor_of(&self.laws, shapes, steps)
-    }
-
-    /// Like [`factor`](Self::factor), with other laws.
-    pub(super) fn factor_of(
+    /// The equations with the columns of friction for given shapes, see
+    /// [`Linearised`](super::reduced::Linearised).
+    pub(super) fn linearised(
         &self,
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
-        steps: Option<(&[f64], f64)>,
-    ) -> Result<QrFactor, EstimateError> {
-        let mut labels = self.labels.clone();
-        labels.extend(self.coefficients(laws));
-        if steps.is_some() {
-            labels.extend(self.steps(laws));
-        }
-        let columns = labels.len();
-        let mut factor = QrFactor::new(labels);
-        // so few rows that they stay in a cache
-        let most = ROWS_PER_BLOCK.max(self.dof);
-        let mut block = vec![0.0; most * columns];
-        let mut side = Vec::with_capacity(most);
-        let mut flush = |block: &[f64], side: &mut Vec<f64>| {
-            let rows = block.chunks_exact(most.max(1));
-            let packed: Vec<f64> = rows
-                .flat_map(|column| column[..side.len()].iter().copied())
-                .collect();
-            let done = factor.push_block(&packed, side);
-            side.clear();
-            done
-        };
-        self.visit(laws, shapes, steps, &mut |rows| {
-            for (i, (tau, weight)) in rows.tau.iter().zip(rows.weights).enumerate() {
-                if *weight == 0.0 {
-                    continue;
-                }
-                let at = side.len();
-                let entries = rows.w.iter().skip(i).step_by(rows.tau.len());
-                for (column, x) in block.chunks_exact_mut(most.max(1)).zip(entries) {
-                    column[at] = *x;
-                }
-                side.push(*tau);
-                if side.len() == most {
-                    flush(&block, &mut side)?;
-                }
+    ) -> Result<Linearised, EstimateError> {
+        let reduced = match self.reduced.get() {
+            Some(reduced) => reduced,
+            None => {
+                let reduced = Reduced::of(self)?;
+                self.reduced.get_or_init(|| reduced)
             }
-            Ok(())
-        })?;
-        flush(&block, &mut side)?;
-        Ok(factor)
+        };
+        reduced.linearised(self, laws, shapes)
     }
 
-    /// Calls `each` with the equations of each sample in order of time, with the columns of
-    /// [`factor`](Self::factor).
+    /// Calls `each` with the unfiltered motion of each run that has equations, and the number of
+    /// its first equation.
+    pub(super) fn visit_runs(
+        &self,
+        each: &mut dyn FnMut(&Run, usize) -> Result<(), EstimateError>,
+    ) -> Result<(), EstimateError> {
+        let mut equation = 0;
+        for run in &self.runs {
+            if !run.equations.is_empty() {
+                each(run, equation)?;
+                equation += run.equations.len();
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls `each` with the equations of each sample in order of time: the linear columns, and
+    /// those of friction.
     pub(super) fn visit(
         &self,
-        laws: &[Friction],
-        shapes: &[[f64; SHAPES]],
-        steps: Option<(&[f64], f64)>,
+        columns: &FrictionColumns<'_>,
         each: &mut dyn FnMut(Rows<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), EstimateError> {
         let (dof, r) = (self.dof, self.labels.len());
-        let linear: usize = laws.iter().map(|law| law.coefficients().len()).sum();
-        let curved = steps.map_or(0, |_| {
-            laws.iter().map(|law| law.shape_symbols().len()).sum()
-        });
-        // for every column of friction, the rows that it acts on
-        let rows_of = |k: usize| (0..dof).filter(move |i| self.acts[k * dof + i]);
-        let mut places = Vec::new();
-        let (mut column, mut step) = (r, r + linear);
-        for (k, law) in laws.iter().enumerate() {
-            for c in 0..law.coefficients().len() {
-                places.extend(rows_of(k).map(|i| (column + c, i)));
-            }
-            column += law.coefficients().len();
-            if steps.is_some() {
-                for s in 0..law.shape_symbols().len() {
-                    places.extend(rows_of(k).map(|i| (step + s, i)));
-                }
-                step += law.shape_symbols().len();
-            }
-        }
-        let mut w = vec![0.0; dof * (r + linear + curved)];
+        let places = columns.places(self);
+        let shifts = columns.shifts_efforts();
+        let mut w = vec![0.0; dof * (r + columns.count())];
         let mut tau = vec![0.0; dof];
         let mut channels = Vec::new();
-        let mut equation = 0;
-        for run in &self.runs {
-            if run.equations.is_empty() {
-                continue;
-            }
-            channels.clear();
-            for sample in 0..run.times.len() {
-                self.channels(run, sample, laws, shapes, steps, &mut channels);
-            }
-            self.smoothing
-                .apply(&run.times, &mut channels, places.len())?;
+        self.visit_runs(&mut |run, first| {
+            columns.entries(self, run, &mut channels)?;
             let mut follows = false;
-            for &sample in &run.equations {
+            for (equation, &sample) in (first..).zip(&run.equations) {
                 w[..dof * r].copy_from_slice(&self.w[equation * dof * r..][..dof * r]);
                 w[dof * r..].fill(0.0);
                 tau.copy_from_slice(&self.tau[equation * dof..][..dof]);
@@ -448,8 +402,8 @@ impl FrictionData {
                 let own = &channels[sample * places.len()..][..places.len()];
                 for ((column, row), value) in places.iter().zip(own) {
                     let value = value * weights[*row];
-                    w[column * dof + row] = value;
-                    if *column >= r + linear {
+                    w[(r + column) * dof + row] = value;
+                    if shifts.contains(column) {
                         tau[*row] += value;
                     }
                 }
@@ -460,52 +414,11 @@ impl FrictionData {
                     follows,
                 })?;
                 follows = true;
-                equation += 1;
             }
-        }
-        Ok(())
-    }
-
-    /// Appends the entries of the columns of friction at one sample, unfiltered.
-    fn channels(
-        &self,
-        run: &Run,
-        sample: usize,
-        laws: &[Friction],
-        shapes: &[[f64; SHAPES]],
-        steps: Option<(&[f64], f64)>,
-        out: &mut Vec<f64>,
-    ) {
-        let (dof, joints) = (self.dof, self.joints.len());
-        let mut column = self.labels.len();
-        for (k, law) in laws.iter().enumerate() {
-            let v = run.qd[sample * joints + k];
-            let sign = if v == 0.0 { 0.0 } else { v.signum() };
-            let shape = shapes.get(k).copied().unwrap_or([1.0; SHAPES]);
-            let direction = &run.directions[(sample * joints + k) * dof..][..dof];
-            let acts = &self.acts[k * dof..][..dof];
-            let mut add = |value: f64| {
-                let rows = direction.iter().zip(acts).filter(|(_, acts)| **acts);
-                out.extend(rows.map(|(d, _)| d * value));
-            };
-            let used = law.coefficients().len();
-            for value in &law.columns(v, sign, shape)[..used] {
-                add(*value);
-            }
-            if let Some((x, reach)) = steps {
-                let own = x.get(column..column + used).unwrap_or_default();
-                for slope in &law.slopes(v, sign, shape)[..law.shape_symbols().len()] {
-                    let effect: f64 = slope.iter().zip(own).map(|(s, x)| s * x).sum();
-                    add(effect * reach);
-                }
-            }
-            column += used;
-        }
+            Ok(())
+        })
     }
 }
-
-/// The number of rows that are reduced at a time.
-const ROWS_PER_BLOCK: usize = 128;
 
 /// Checks that there are `expected` values, all finite.
 fn check(what: &'static str, expected: usize, values: &[f64]) -> Result<(), EstimateError> {

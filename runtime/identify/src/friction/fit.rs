@@ -2,10 +2,12 @@
 //! other parameters inside.
 
 use super::FrictionData;
+use super::reduced::Linearised;
 use super::starts::{STARTS, start};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, PhysicalFit, identify,
+    BaseMap, Bound, FeasibilityError, Known, Options, ParameterLayout, PhysicalFit, identify,
+    identify_like,
 };
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
@@ -111,6 +113,8 @@ struct Search<'a> {
     options: &'a Options,
     /// The shapes of the first start, around which all shapes stay.
     first: Vec<[f64; SHAPES]>,
+    /// What the fit of the first shapes found, from which the others begin.
+    known: Option<Known>,
     programmes: usize,
 }
 
@@ -118,6 +122,7 @@ struct Search<'a> {
 #[derive(Clone)]
 struct Point {
     shapes: Vec<[f64; SHAPES]>,
+    equations: Linearised,
     solution: PhysicalFit,
     /// The minimised cost: squared residuals plus the squared deviations from priors.
     cost: f64,
@@ -174,13 +179,22 @@ impl Search<'_> {
 
     /// Solves for the best parameters with these shapes.
     fn point(&mut self, shapes: Vec<[f64; SHAPES]>) -> Result<Point, FeasibilityError> {
-        let factor = self.data.factor(&shapes, None)?;
+        let equations = self.data.linearised(&self.data.laws, &shapes)?;
+        let factor = equations.factor()?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = self.padded(&layout);
-        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        self.programmes += 1;
+        let known = match self.known.take() {
+            Some(known) => known,
+            None => Known::of(&factor, &combinations, &layout, &options)?,
+        };
+        let solution = identify_like(&factor, &combinations, &layout, &options, &known);
+        self.known = Some(known);
+        let solution = solution?;
         let cost = self.cost(&solution);
         Ok(Point {
             shapes,
+            equations,
             solution,
             cost,
         })
@@ -188,7 +202,7 @@ impl Search<'_> {
 
     /// Solves again with the same shapes and chooses what the observations leave open.
     fn finished(&mut self, point: &Point) -> Result<PhysicalFit, FeasibilityError> {
-        let factor = self.data.factor(&point.shapes, None)?;
+        let factor = point.equations.factor()?;
         let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
         let options = Options {
             rough: self.options.rough,
@@ -199,8 +213,7 @@ impl Search<'_> {
 
     /// The Gauss-Newton step of the shape logarithms without constraints, cut to the trust region.
     fn free_step(&self, from: &Point, reach: f64) -> Option<Vec<f64>> {
-        let effect = Some((from.solution.beta.as_slice(), 1.0));
-        let factor = self.data.factor(&from.shapes, effect).ok()?;
+        let factor = from.equations.with_steps(&from.solution.beta, 1.0).ok()?;
         let values = factor.solve().ok()?;
         let known = self.combinations.labels().len();
         let steps: Vec<f64> = values[known..].iter().map(|s| s - 1.0).collect();
@@ -216,9 +229,7 @@ impl Search<'_> {
     /// The steps of the shape logarithms that solve the linearised problem with its constraints,
     /// within the trust region.
     fn step(&mut self, from: &Point, reach: f64) -> Result<Vec<f64>, FeasibilityError> {
-        let factor = self
-            .data
-            .factor(&from.shapes, Some((&from.solution.beta, reach)))?;
+        let factor = from.equations.with_steps(&from.solution.beta, reach)?;
         let known = self.combinations.labels().len();
         // a shape parameter whose coefficient is 0 has no effect: it takes no step
         let lengths = factor.column_norms();
@@ -327,6 +338,7 @@ pub fn fit(
         layout: layout.extended(&coefficients)?,
         options,
         first: shapes(0),
+        known: None,
         programmes: 0,
     };
     let linear = linear(&mut search)?;
@@ -426,7 +438,7 @@ pub(super) fn symbols(
 fn linear(search: &mut Search<'_>) -> Result<PhysicalFit, FeasibilityError> {
     let data = search.data;
     let laws = data.linear_laws();
-    let factor = data.factor_of(&laws, &[], None)?;
+    let factor = data.linearised(&laws, &[])?.factor()?;
     let more = data.coefficients(&laws);
     let (layout, combinations) = search.linear_friction_problem(&more)?;
     let options = Options {

@@ -1,6 +1,7 @@
 //! Confidence intervals of a fit with nonlinear friction, by linearisation at its optimum.
 
 use super::FrictionData;
+use super::columns::{Behind, FrictionColumns};
 use super::data::Rows;
 use super::fit::{FrictionFit, symbols};
 use crate::estimate::{
@@ -64,8 +65,8 @@ pub fn intervals(
     let coefficients = data.coefficients(&point.laws);
     let r = combinations.labels().len();
     let known = r + coefficients.len();
-    let steps = Some((point.values.as_slice(), LOG_SHAPE_REACH));
-    let whole = data.factor_of(&point.laws, &point.shapes, steps)?;
+    let equations = data.linearised(&point.laws, &point.shapes)?;
+    let whole = equations.with_steps(&point.values, LOG_SHAPE_REACH)?;
     let (factor, kept) = determined_part(&whole, known)?;
     let values = factor.solve()?;
     let linear = LinearisedFit {
@@ -208,36 +209,40 @@ impl LinearisedFit<'_> {
     fn visit(&self, each: &mut RowVisitor<'_>) -> Result<(), EstimateError> {
         let dof = self.data.dof();
         let point = &self.fit.point;
-        let steps = Some((point.values.as_slice(), LOG_SHAPE_REACH));
+        let columns = FrictionColumns {
+            laws: &point.laws,
+            shapes: &point.shapes,
+            behind: Behind::Steps(&point.values, LOG_SHAPE_REACH),
+        };
         let mut w = Vec::with_capacity(dof * self.kept.len());
+        let columns_left_out: Vec<usize> = (0..self.data.labels.len() + columns.count())
+            .filter(|column| !self.kept.contains(column))
+            .collect();
         let mut left = vec![0.0; dof];
         let mut used = vec![0.0; dof];
-        self.data
-            .visit(&point.laws, &point.shapes, steps, &mut |rows| {
-                w.clear();
-                for column in self.kept {
-                    w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
+        self.data.visit(&columns, &mut |rows| {
+            w.clear();
+            for column in self.kept {
+                w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
+            }
+            left.copy_from_slice(rows.tau);
+            for (column, value) in w.chunks_exact(dof.max(1)).zip(self.values) {
+                for (rest, x) in left.iter_mut().zip(column) {
+                    *rest -= x * value;
                 }
-                left.copy_from_slice(rows.tau);
-                for (column, value) in w.chunks_exact(dof.max(1)).zip(self.values) {
-                    for (rest, x) in left.iter_mut().zip(column) {
-                        *rest -= x * value;
-                    }
+            }
+            // the unknowns of steps that are left out are 1, which changes no shape
+            for column in &columns_left_out {
+                let entries = &rows.w[column * dof..(column + 1) * dof];
+                for (rest, x) in left.iter_mut().zip(entries) {
+                    *rest -= x;
                 }
-                // the unknowns of steps that are left out are 1, which changes no shape
-                for column in 0..rows.w.len() / dof.max(1) {
-                    if !self.kept.contains(&column) {
-                        let entries = &rows.w[column * dof..(column + 1) * dof];
-                        for (rest, x) in left.iter_mut().zip(entries) {
-                            *rest -= x;
-                        }
-                    }
-                }
-                for (slot, weight) in used.iter_mut().zip(rows.weights) {
-                    *slot = f64::from(*weight > 0.0);
-                }
-                each(&rows, &w, &left, &used)
-            })
+            }
+            for (slot, weight) in used.iter_mut().zip(rows.weights) {
+                *slot = f64::from(*weight > 0.0);
+            }
+            each(&rows, &w, &left, &used)
+        })
     }
 
     fn deviations(&self, factor: &QrFactor) -> Result<Deviations, EstimateError> {

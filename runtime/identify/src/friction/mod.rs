@@ -10,10 +10,12 @@
 //! region, from several starts. Each step is a cone programme in all unknowns, so that it obeys the
 //! constraints; ready-made nonlinear least-squares solvers do not support them.
 
+mod columns;
 mod data;
 mod fit;
 mod intervals;
 mod passes;
+mod reduced;
 mod starts;
 
 pub use data::{FrictionData, FrictionJoint, directions};

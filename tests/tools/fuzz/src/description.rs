@@ -1,11 +1,13 @@
-//! Targets for descriptions: YAML, the expressions in it, and the derivation.
+//! Targets for descriptions: YAML, the expressions in it, the derivation, and C.
 
 use std::fmt::Write as _;
+use std::process::Command;
 
 use regen_codegen::diag::{Report, Source};
-use regen_codegen::interpret;
 use regen_codegen::pipeline::{BaseSource, DeriveError, derive_with};
+use regen_codegen::robot::Robot;
 use regen_codegen::spec::{Spec, parse};
+use regen_codegen::{emit, interpret};
 
 /// The text of a file; the reader refuses bytes that are not UTF-8.
 fn text(bytes: &[u8]) -> Option<&str> {
@@ -93,25 +95,31 @@ pub fn expression(bytes: &[u8]) {
 /// The length of the largest text that is derived, bytes: longer ones take too long.
 const MAX_DERIVED_BYTES: usize = 1500;
 
-/// Checks that a description becomes a robot whose functions can be run, or is refused.
-///
-/// # Panics
-/// When it is neither.
-pub fn derive(bytes: &[u8]) {
-    let Some(text) = text(bytes).filter(|text| text.len() <= MAX_DERIVED_BYTES) else {
-        return;
-    };
+/// The robot of a short description; errors are checked by [`shown`].
+fn derived(bytes: &[u8]) -> Option<Robot> {
+    let text = text(bytes).filter(|text| text.len() <= MAX_DERIVED_BYTES)?;
     let source = Source::new("input.yaml", text);
     // like the macro: with base parameters if these are quick
     let robot = match derive_with(&source, BaseSource::Store(None)) {
         Err(DeriveError::NotStored) => derive_with(&source, BaseSource::Skip),
         other => other,
     };
-    let robot = match robot {
-        Ok(robot) => robot,
-        Err(DeriveError::Spec(report)) => return shown(text, &report),
+    match robot {
+        Ok(robot) => Some(robot),
+        Err(DeriveError::Spec(report)) => {
+            shown(text, &report);
+            None
+        }
         Err(problem) => unreachable!("nothing was stored: {problem:?}"),
-    };
+    }
+}
+
+/// Checks that a description becomes a robot whose functions can be run, or is refused.
+///
+/// # Panics
+/// When it is neither.
+pub fn derive(bytes: &[u8]) {
+    let Some(robot) = derived(bytes) else { return };
     for function in &robot.functions {
         let arguments = function.program.arguments.iter();
         let arguments: Vec<Vec<f64>> = arguments.map(|a| vec![0.3; a.len]).collect();
@@ -119,5 +127,35 @@ pub fn derive(bytes: &[u8]) {
         let (values, _) = interpret::run(&function.program, &arguments);
         let size = function.program.output.shape.iter().product::<usize>();
         assert_eq!(values.len(), size);
+    }
+}
+
+/// Checks that a description becomes C that gcc compiles without a warning, or is refused. Without
+/// gcc, the C is only written.
+///
+/// # Panics
+/// When gcc refuses the C.
+pub fn c(bytes: &[u8]) {
+    let Some(robot) = derived(bytes) else { return };
+    // the command refuses these
+    if emit::c::hides_a_header(&robot.name) {
+        return;
+    }
+    let files = emit::c::files(&robot);
+    let folder = std::env::temp_dir().join(format!("regen-fuzz-c-{}", std::process::id()));
+    let source = folder.join("robot.c");
+    let written = std::fs::create_dir_all(&folder)
+        .and_then(|()| std::fs::write(folder.join(format!("{}.h", files.name)), &files.header))
+        .and_then(|()| std::fs::write(&source, &files.source));
+    let compiled = written.and_then(|()| {
+        let mut gcc = Command::new("gcc");
+        gcc.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]);
+        gcc.args(["-Werror", "-fsyntax-only"]).arg(&source).output()
+    });
+    // what cannot be removed is temporary
+    let _ = std::fs::remove_dir_all(&folder);
+    if let Ok(compiled) = compiled {
+        let told = String::from_utf8_lossy(&compiled.stderr);
+        assert!(compiled.status.success(), "{told}");
     }
 }

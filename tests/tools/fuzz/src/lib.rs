@@ -18,7 +18,7 @@ mod description;
 mod log;
 mod other;
 
-pub use description::{derive, expression, yaml};
+pub use description::{c, derive, expression, yaml};
 pub use log::{bag, csv, parquet};
 pub use other::{experiment, factors, import};
 
@@ -26,10 +26,11 @@ pub use other::{experiment, factors, import};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets; the names are those of the fuzz targets and of the directories in `kept/`.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 10] = [
     ("yaml", yaml),
     ("expression", expression),
     ("derive", derive),
+    ("c", c),
     ("csv", csv),
     ("parquet", parquet),
     ("bag", bag),

@@ -145,6 +145,12 @@ fn every_short_description_is_derived_or_refused() {
 }
 
 #[test]
+fn every_short_description_is_refused_or_becomes_c_that_compiles() {
+    let derived = ("tests/tools/fuzz/kept/derive", &["yaml"][..]);
+    answers("c", &[derived], 40);
+}
+
+#[test]
 fn every_csv_log_gives_equations_or_an_error() {
     answers("csv", &[], 1500);
 }

@@ -115,6 +115,20 @@ pub struct Suspected {
     pub remedy: String,
 }
 
+impl std::fmt::Display for Suspected {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.remedy.starts_with("--column") {
+            write!(
+                f,
+                "{}. If that is so, read it with {}",
+                self.found, self.remedy
+            )
+        } else {
+            write!(f, "{}. {}", self.found, self.remedy)
+        }
+    }
+}
+
 impl Summary {
     /// The summary of a least-squares fit; the results of later steps are empty.
     pub fn of(start: &LeastSquaresStart) -> Self {
