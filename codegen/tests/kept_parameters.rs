@@ -149,5 +149,9 @@ fn names_are_not_divided_by_where_their_value_is_small() {
     assert!(coefficients(&small).contains(&"a^2".to_owned()));
     let ten_thousandth = Number::ratio(1, 10_000).unwrap();
     let terms = small.base.parameters.iter().flat_map(|p| &p.terms);
-    assert!(terms.map(|t| &t.value).any(|value| *value == ten_thousandth));
+    assert!(
+        terms
+            .map(|t| &t.value)
+            .any(|value| *value == ten_thousandth)
+    );
 }

@@ -87,7 +87,10 @@ impl Rules<'_> {
 
     /// The largest coefficient of a row beyond [`LARGEST`].
     fn worst(&self, eliminated: usize, row: &Vector, movable: &[bool]) -> Option<Excess> {
-        let own = self.lengths.get(eliminated).filter(|length| **length > 0.0)?;
+        let own = self
+            .lengths
+            .get(eliminated)
+            .filter(|length| **length > 0.0)?;
         if !*movable.get(eliminated)? {
             return None;
         }

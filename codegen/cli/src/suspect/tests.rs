@@ -11,7 +11,7 @@ use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{LoopClosure, Model};
 
-use super::{LogColumns, Suspected, describe, one};
+use super::{LogColumns, Suspected, one};
 use crate::load;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
@@ -106,7 +106,11 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
     let mut missed = Vec::new();
     for (name, log, words) in mistakes {
         let found = warnings(model, log, settings);
-        let text = found.iter().map(describe).collect::<Vec<_>>().join("\n");
+        let text = found
+            .iter()
+            .map(Suspected::to_string)
+            .collect::<Vec<_>>()
+            .join("\n");
         println!("{name}: {text}");
         if !words.iter().all(|word| text.contains(word)) {
             missed.push(format!("{name}: wanted {words:?}, told:\n{text}"));

@@ -52,7 +52,9 @@ impl Signed {
         let factor = match style {
             _ if expression.is_one() => Factor::One,
             Style::Numbers => Factor::Number(number(DIGITS)),
-            Style::Short if is_long(&expression.to_string()) => Factor::Instead(number(DIGITS_INSTEAD)),
+            Style::Short if is_long(&expression.to_string()) => {
+                Factor::Instead(number(DIGITS_INSTEAD))
+            }
             Style::Short | Style::Expressions => Factor::Expression(expression),
         };
         let negative = match factor {
