@@ -206,7 +206,8 @@ impl Mechanism {
     ///
     /// # Errors
     /// [`StoreProblem::OutOfDate`] if the base parameters were stored for another version of the
-    /// spec, [`StoreProblem::Malformed`] if the text is not in the format of [`base::store`].
+    /// spec, [`StoreProblem::OtherRegen`] if another version of `regen` wrote them,
+    /// [`StoreProblem::Malformed`] if the text is not in the format of [`base::store`].
     pub fn load_base(&mut self, stored: &str) -> Result<(), StoreProblem> {
         let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
         self.analysis = OnceCell::from(analysis);

@@ -5,7 +5,7 @@
 //! The format is line-based; the first word of a line says what the line contains:
 //!
 //! ```text
-//! regen-base 0.1.0                    the version that wrote it
+//! regen-base 0.2.0                    the version that wrote it
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
 //! sums 4 45 0 true                    trees, dimension, completed, complete
@@ -36,6 +36,8 @@ use super::{
 
 /// The first line. It contains the version, since another version may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
+/// How the first line begins whatever the version.
+const FORMAT: &str = "regen-base ";
 /// The last line; a file without it is incomplete.
 const END: &str = "end";
 
@@ -45,6 +47,8 @@ const END: &str = "end";
 pub enum StoreProblem {
     /// The file was written for another version of the spec.
     OutOfDate,
+    /// Another version of `regen` wrote the file, which may choose other base parameters.
+    OtherRegen,
     /// The file is not in the format that `regen` writes.
     Malformed,
 }
@@ -53,6 +57,7 @@ impl core::fmt::Display for StoreProblem {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             StoreProblem::OutOfDate => "belongs to another version of the spec",
+            StoreProblem::OtherRegen => "was written by another version of regen",
             StoreProblem::Malformed => "is not what regen writes",
         })
     }
@@ -179,7 +184,7 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
 /// Reads an analysis from the text of its file.
 ///
 /// # Errors
-/// If the text belongs to another version of the spec, or is malformed.
+/// If the text belongs to another version of the spec or of `regen`, or is malformed.
 pub fn restore(
     text: &str,
     source: &Source,
@@ -188,8 +193,10 @@ pub fn restore(
 ) -> Result<Analysis, StoreProblem> {
     let body = text.trim_end().strip_suffix(END).unwrap_or("");
     let mut lines = body.lines();
-    if lines.next() != Some(HEAD) {
-        return Err(StoreProblem::Malformed);
+    match lines.next() {
+        Some(HEAD) => {}
+        Some(other) if other.starts_with(FORMAT) => return Err(StoreProblem::OtherRegen),
+        _ => return Err(StoreProblem::Malformed),
     }
     let owner = lines.next().and_then(|l| l.strip_prefix("spec "));
     if owner.ok_or(StoreProblem::Malformed)? != digest(source) {
@@ -311,6 +318,7 @@ mod tests {
     fn problems_say_what_they_are() {
         let said = |problem: StoreProblem| problem.to_string();
         assert!(said(StoreProblem::OutOfDate).contains("another version of the spec"));
+        assert!(said(StoreProblem::OtherRegen).contains("another version of regen"));
         assert!(said(StoreProblem::Malformed).contains("not what regen writes"));
     }
 
@@ -329,6 +337,11 @@ mod tests {
         assert_eq!(
             restore(&text, &edited, &spec, &model),
             Err(StoreProblem::OutOfDate)
+        );
+        let older = text.replacen(HEAD, "regen-base 0.0.1", 1);
+        assert_eq!(
+            restore(&older, &source, &spec, &model),
+            Err(StoreProblem::OtherRegen)
         );
         for broken in [
             text.replace("term 25 ", "term 99 "),
