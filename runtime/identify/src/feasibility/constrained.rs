@@ -209,15 +209,14 @@ pub(crate) fn identify_like(
         problem,
         inside,
         central,
-    } = match known.starts(&setting)? {
-        Some(starts) => starts,
-        None => {
-            let InteriorStart { problem, x } = find_interior_point(&setting)?;
-            Starts {
-                problem,
-                inside: x,
-                central: None,
-            }
+    } = if let Some(starts) = known.starts(&setting)? {
+        starts
+    } else {
+        let InteriorStart { problem, x } = find_interior_point(&setting)?;
+        Starts {
+            problem,
+            inside: x,
+            central: None,
         }
     };
     let solve = |from, goal| {

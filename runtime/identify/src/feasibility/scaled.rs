@@ -73,7 +73,7 @@ struct Group {
 /// The groups of cones, by their first variables.
 #[derive(Debug)]
 pub(super) struct Groups {
-    groups: Vec<Group>,
+    all: Vec<Group>,
     /// The place of each cone's first entry among those of all cones.
     places: Vec<usize>,
     variables: usize,
@@ -119,7 +119,7 @@ impl Groups {
         }
         groups.sort_by_key(|g| (g.variables.first().copied(), g.cones.first().copied()));
         Self {
-            groups,
+            all: groups,
             places,
             variables: n,
             height,
@@ -128,7 +128,7 @@ impl Groups {
 
     /// The rows of the scaled cones.
     pub(super) fn rows<'a>(&'a self, cones: &'a [Cone], scaled: &[Scaled]) -> ScaledRows<'a> {
-        let blocks = self.groups.iter().map(|group| {
+        let blocks = self.all.iter().map(|group| {
             let height = group.height;
             let mut block = vec![0.0; group.variables.len() * height];
             let mut first = 0;
@@ -173,7 +173,7 @@ impl ScaledRows<'_> {
     /// Each group with its rows.
     fn each(&self) -> impl Iterator<Item = (&Group, &[f64])> {
         let blocks = self.blocks.iter().map(Vec::as_slice);
-        self.groups.groups.iter().zip(blocks)
+        self.groups.all.iter().zip(blocks)
     }
 
     /// The places of a group's entries among those of all cones.

@@ -34,7 +34,7 @@ pub(super) fn curved(law: Friction) -> Vec<usize> {
     let pairs = at(1.0).into_iter().zip(at(2.0));
     let changes = pairs.take(law.coefficients().len()).enumerate();
     changes
-        .filter(|(_, (a, b))| !law.is_linear() && a != b)
+        .filter(|(_, (a, b))| !law.is_linear() && a.total_cmp(b).is_ne())
         .map(|(c, _)| c)
         .collect()
 }
