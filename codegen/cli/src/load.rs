@@ -56,12 +56,9 @@ fn up_to(limit: usize, path: &Path) -> Result<String, Failure> {
 }
 
 /// Reads files that an MJCF file includes, from the folder that it is in.
-pub(crate) fn included_files(file: &Path) -> impl FnMut(&str) -> Result<String, String> {
+pub(crate) fn included_files(file: &Path) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
-    move |name: &str| {
-        let bytes = std::fs::read(folder.join(name)).map_err(|error| error.to_string())?;
-        String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".to_owned())
-    }
+    move |name: &str| std::fs::read(folder.join(name)).map_err(|error| error.to_string())
 }
 
 /// Reads a spec's text.

@@ -322,7 +322,7 @@ impl<'a> Export<'a> {
         };
         let tree = match format {
             FileFormat::Urdf => urdf::read(&root, &mut fields)?,
-            FileFormat::Mjcf => mjcf::read(&root, &mut fields)?,
+            FileFormat::Mjcf => mjcf::read(&root, &mut fields, reader)?,
         };
         let draft = layout::lay_out(&tree, &mut Log::default());
         self.log.forget_notes();

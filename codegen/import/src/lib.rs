@@ -3,7 +3,7 @@
 //!
 //! [`import`] converts the text of a file into the text of a spec: with the file's names, limits,
 //! inertias and friction; long serial limbs with branches; loops as cuts, joints that follow others
-//! as couplings. This crate reads and writes no files, only texts. [`export`] writes identified
+//! as couplings. This crate opens no files itself. [`export`] writes identified
 //! parameters back.
 //!
 //! ```
@@ -42,6 +42,7 @@ mod frames;
 mod layout;
 mod lock;
 mod log;
+mod mesh;
 mod mjcf;
 mod names;
 mod notes;
@@ -139,8 +140,8 @@ pub struct Imported {
     pub notes: Vec<Note>,
 }
 
-/// Converts a URDF or MJCF file into a spec. `reader` returns the texts of included files, by the
-/// names given in the file.
+/// Converts a URDF or MJCF file into a spec. `reader` returns the bytes of included files and of
+/// meshes whose volume is needed, by the names given in the file.
 ///
 /// # Errors
 /// If the file is invalid, with one report per file; or if the mechanism it describes is, with the
@@ -199,7 +200,7 @@ fn tree(
     };
     match root.tag.as_str() {
         "robot" => urdf::read(&root, &mut fields),
-        "mujoco" => mjcf::read(&root, &mut fields),
+        "mujoco" => mjcf::read(&root, &mut fields, reader),
         other => {
             let message = format!("<{other}> is neither URDF nor MJCF");
             let hint = "a URDF file starts with <robot>, an MJCF file with <mujoco>";

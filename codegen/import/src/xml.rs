@@ -34,9 +34,9 @@ pub(crate) struct Attribute {
     pub(crate) place: Place,
 }
 
-/// A function that returns the text of an included file, or the reason why it cannot be read, by
-/// the name given in the file.
-pub type Reader<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
+/// A function that returns the bytes of an included file or of a mesh, or the reason why it cannot
+/// be read, by the name given in the file.
+pub type Reader<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
 
 impl Element {
     pub(crate) fn attribute(&self, name: &str) -> Option<&Attribute> {
@@ -248,7 +248,10 @@ fn splice(
             continue;
         }
         included.push(file.value.clone());
-        let text = match reader(&file.value) {
+        let text = reader(&file.value).and_then(|bytes| {
+            String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".to_owned())
+        });
+        let text = match text {
             Ok(text) => text,
             Err(why) => {
                 let message = format!("cannot read the included file '{}': {why}", file.value);

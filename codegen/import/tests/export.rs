@@ -16,7 +16,7 @@ fn tried(urdf: &str, spec: &str, parameters: &Parameters) -> Result<Exported, St
     let given = Source::new("fit.json", json.join("\n"));
     let urdf = Source::new("robot.urdf", urdf);
     let mut reader = |name: &str| match name {
-        "more.xml" => Ok(INCLUDED.to_owned()),
+        "more.xml" => Ok(INCLUDED.as_bytes().to_vec()),
         _ => Err("there is none".to_owned()),
     };
     let spec = Source::new("spec.yaml", spec);
@@ -415,7 +415,7 @@ fn mjcf_that_changes_what_is_written_is_refused() {
     let shared = shared
         .replace("name=\"b\"", "name=\"c\"")
         .replace("name=\"s\"", "name=\"t\"");
-    let mut reader = |_: &str| Ok(INCLUDED.to_owned());
+    let mut reader = |_: &str| Ok(INCLUDED.as_bytes().to_vec());
     let source = Source::new("robot.xml", shared.clone());
     let spec = regen_import::import(&source, &mut reader, &Options::default())
         .unwrap()

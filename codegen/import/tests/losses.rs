@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
-use regen_import::{Base, Options};
+use regen_codegen::diag::Source;
+use regen_import::{Base, Options, import};
 
 const INERTIAL: &str = r#"<inertial mass="2" pos="0 0.1 0.2" diaginertia="0.03 0.02 0.015"/>"#;
 
@@ -88,6 +89,61 @@ fn forces_that_are_left_out_are_noted_once() {
     assert_has(&said, "springdamper of 'q' and 1 more");
     assert_has(&said, "gravcomp of 1 bodies");
     assert_has(&said, "damping -2 of 'r' is negative");
+}
+
+/// A cube of 0.2 m from the origin, in cm; with and without its last side.
+const CUBE: &str = "v 0 0 0\nv 20 0 0\nv 0 20 0\nv 20 20 0\nv 0 0 20\nv 20 0 20\nv 0 20 20\nv 20 20 20\n\
+                    f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+
+#[test]
+fn a_link_of_closed_meshes_has_their_mass() {
+    let geoms = "<joint name=\"q\"/>\
+                 <geom type=\"mesh\" mesh=\"cube\" density=\"500\" pos=\"-0.1 -0.1 0.3\"/>\
+                 <geom mesh=\"named\" type=\"mesh\" mass=\"2\"/>";
+    let assets = "<compiler meshdir=\"meshes/\"/><default><mesh scale=\"0.01 0.01 0.01\"/></default>\
+                  <asset><mesh file=\"cube.obj\"/><mesh name=\"named\" file=\"cube.obj\" \
+                  scale=\"0.01 -0.01 0.01\"/></asset>";
+    let text = mjcf(assets, geoms, "").replace(INERTIAL, "");
+    let source = Source::new("robot.xml", text);
+    let mut files = |name: &str| match name {
+        "meshes/cube.obj" => Ok(CUBE.as_bytes().to_vec()),
+        _ => Err(format!("asked for {name}")),
+    };
+    let found = import(&source, &mut files, &Options::default()).unwrap();
+    // 4 kg about (0, 0, 0.4) and 2 kg about (0.1, -0.1, 0.1), each with m l^2 / 6 about its centre
+    let expected = "a: {mass: 6, com: [0.033333333333, -0.033333333333, 0.3], inertia: [";
+    assert_has(&found.spec, expected);
+    let tensor = found.spec.split(expected).nth(1).unwrap();
+    let tensor = tensor.split(']').next().unwrap().split(", ");
+    let tensor: Vec<f64> = tensor.map(|x| x.parse().unwrap()).collect();
+    let reduced = 4.0 * 2.0 / 6.0;
+    let own = (4.0 + 2.0) * 0.2 * 0.2 / 6.0;
+    let [x, y, z] = [0.1, -0.1, -0.3];
+    let expected = [
+        own + reduced * (y * y + z * z),
+        -reduced * x * y,
+        -reduced * x * z,
+        own + reduced * (x * x + z * z),
+        -reduced * y * z,
+        own + reduced * (x * x + y * y),
+    ];
+    for (found, expected) in tensor.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+    let said = notes(&found);
+    assert_has(
+        &said,
+        "mass from closed meshes, with 1000 kg/m^3 where no density is given: 'a'",
+    );
+
+    let open = CUBE.rsplit_once("f 2").unwrap().0;
+    let mut open = |_: &str| Ok(open.as_bytes().to_vec());
+    let found = import(&source, &mut open, &Options::default()).unwrap();
+    assert_has(&found.spec, "# The file states no mass of: a");
+    assert_has(&notes(&found), "mesh 'cube': its surface is not closed");
+    let mut none = |_: &str| Err("it is not there".to_owned());
+    let found = import(&source, &mut none, &Options::default()).unwrap();
+    assert_has(&notes(&found), "'meshes/cube.obj': it is not there");
 }
 
 #[test]

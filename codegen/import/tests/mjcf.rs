@@ -156,7 +156,7 @@ fn included_files_are_read_in_place() {
     let part = "<mujoco><joint name=\"q\" axis=\"0 1 0\"/></mujoco>";
     let source = Source::new("robot.xml", single("<include file=\"part.xml\"/>"));
     let mut reader = |name: &str| match name {
-        "part.xml" => Ok(part.to_owned()),
+        "part.xml" => Ok(part.as_bytes().to_vec()),
         _ => Err("there is none".to_owned()),
     };
     let with = import(&source, &mut reader, &Options::default()).unwrap();
@@ -165,7 +165,7 @@ fn included_files_are_read_in_place() {
         spec(&single("<joint name=\"q\" axis=\"0 1 0\"/>"))
     );
     // an error in the included file has its place there
-    let mut broken = |_: &str| Ok("<mujoco>\n<joint axis=\"0 0 0\"/></mujoco>".to_owned());
+    let mut broken = |_: &str| Ok(b"<mujoco>\n<joint axis=\"0 0 0\"/></mujoco>".to_vec());
     let reports = import(&source, &mut broken, &Options::default()).unwrap_err();
     assert_has(
         &reports[0].to_string(),

@@ -23,7 +23,7 @@ fn spec_of(file: &str, exact: bool) -> String {
     let source = Source::new(file, std::fs::read_to_string(&path).unwrap());
     let mut reader = |name: &str| {
         let path = path.parent().unwrap().join(name);
-        std::fs::read_to_string(path).map_err(|e| e.to_string())
+        std::fs::read(path).map_err(|e| e.to_string())
     };
     // the vectors are efforts of joints, also where the file has a motor over several
     let joints: &[&str] = match file {

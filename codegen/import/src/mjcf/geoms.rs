@@ -8,6 +8,9 @@ use crate::pose::{Pose, UNIT, V3, difference, norm, scaled, sum, tensor_in, tran
 use crate::tree::Inertia;
 use crate::xml::Element;
 
+/// The density of geoms that state none, kg/m^3, as in MuJoCo.
+const DENSITY: f64 = 1000.0;
+
 impl Reading<'_, '_, '_> {
     /// The inertia of all geoms of a body in the body's frame; `around` is the pose of the geoms'
     /// frame in the body's.
@@ -18,47 +21,90 @@ impl Reading<'_, '_, '_> {
         body: &str,
     ) -> Option<Inertia> {
         let mut parts = Vec::new();
-        let mut meshes = 0;
+        let (mut unknown, mut read) = (None, false);
         for (element, inherited, around) in geoms {
             let of = Classed {
                 element,
                 inherited: *inherited,
             };
             match self.geom(of) {
-                Geom::Mesh => meshes += 1,
-                Geom::Solid(pose, mass, diagonal) if mass > 0.0 => {
-                    parts.push((around.then(&pose), mass, diagonal));
+                Geom::Mesh(mesh) => match self.solid_of_mesh(of, mesh.as_deref()) {
+                    Ok((pose, mass, tensor)) => {
+                        parts.push((around.then(&pose), mass, tensor));
+                        read = true;
+                    }
+                    Err(why) => unknown = unknown.or(Some(why)),
+                },
+                Geom::Solid(pose, mass, tensor) if mass > 0.0 => {
+                    parts.push((around.then(&pose), mass, tensor));
                 }
                 Geom::Solid(..) => {}
             }
         }
-        self.left_out.meshes = meshes > 0;
-        if meshes == 0 {
-            return combined(&parts);
+        self.left_out.meshes = unknown.is_some();
+        let place = geoms.first().map(|(first, ..)| first.place);
+        if let Some(place) = place.filter(|_| moves) {
+            let text = match &unknown {
+                Some(why) => Some(format!(
+                    "bodies without values, as meshes have their mass ({why}): {{}} (MuJoCo writes \
+                     inertials with mj_saveLastXML)"
+                )),
+                None if read => Some(format!(
+                    "mass from closed meshes, with {DENSITY} kg/m^3 where no density is given: {{}}"
+                )),
+                None => None,
+            };
+            if let Some(text) = text {
+                let item = format!("'{body}'");
+                self.fields.log.note_of(place, text, &item);
+            }
         }
-        if moves && let Some((first, ..)) = geoms.first() {
-            let text = "bodies without values, as meshes have their mass, which are not read: {} \
-                        (MuJoCo writes inertials with mj_saveLastXML)";
-            let item = format!("'{body}'");
-            self.fields.log.note_of(first.place, text, &item);
+        if unknown.is_some() {
+            None
+        } else {
+            combined(&parts)
         }
-        None
     }
 
-    /// Whether the body that was read last has mass in meshes.
+    /// The inertia of a geom that is a mesh: frame at the centre of mass, mass and tensor; or in
+    /// words why it is not known.
+    fn solid_of_mesh(
+        &mut self,
+        of: Classed<'_>,
+        mesh: Option<&str>,
+    ) -> Result<(Pose, f64, [f64; 6]), String> {
+        let name = mesh.ok_or("a shape fitted to a mesh has no size here")?;
+        let is_shell = self.attribute(of, "shellinertia");
+        if is_shell.is_some_and(|a| a.value == "true") {
+            return Err("shells are not computed".to_owned());
+        }
+        let solid = self.mesh(name)?;
+        let (mass, density) = self.mass(of);
+        let mass = mass.unwrap_or(density * solid.volume);
+        let pose = self.pose(of).then(&Pose::shift(solid.centre));
+        Ok((pose, mass, solid.tensor.map(|x| x * mass / solid.volume)))
+    }
+
+    /// The mass of a geom, if it is given, and its density.
+    fn mass(&mut self, of: Classed<'_>) -> (Option<f64>, f64) {
+        let mut number = |name: &str| {
+            let attribute = self.attribute(of, name)?;
+            self.fields.number(&attribute)
+        };
+        (number("mass"), number("density").unwrap_or(DENSITY))
+    }
+
+    /// Whether the body that was read last has mass in meshes that is not known.
     pub(super) fn take_meshes(&mut self) -> bool {
         core::mem::take(&mut self.left_out.meshes)
     }
 
     fn geom(&mut self, of: Classed<'_>) -> Geom {
-        let mut number = |name: &str| {
-            let attribute = self.attribute(of, name)?;
-            self.fields.number(&attribute)
-        };
-        let (mass, density) = (number("mass"), number("density").unwrap_or(1000.0));
-        let group = number("group").unwrap_or(0.0);
+        let (mass, density) = self.mass(of);
+        let group = self.attribute(of, "group");
+        let group = group.and_then(|a| self.fields.number(&a)).unwrap_or(0.0);
         let [low, high] = self.compiler.groups;
-        let nothing = Geom::Solid(Pose::default(), 0.0, [0.0; 3]);
+        let nothing = Geom::Solid(Pose::default(), 0.0, [0.0; 6]);
         if !(low..=high).contains(&group) || mass.map_or(density == 0.0, |m| m == 0.0) {
             return nothing;
         }
@@ -67,8 +113,10 @@ impl Reading<'_, '_, '_> {
         if matches!(kind.as_str(), "plane" | "hfield") {
             return nothing;
         }
-        if matches!(kind.as_str(), "mesh" | "sdf") || self.attribute(of, "mesh").is_some() {
-            return Geom::Mesh;
+        let mesh = self.attribute(of, "mesh");
+        if matches!(kind.as_str(), "mesh" | "sdf") || mesh.is_some() {
+            let is_mesh = kind == "mesh" || self.attribute(of, "type").is_none();
+            return Geom::Mesh(mesh.filter(|_| is_mesh).map(|a| a.value));
         }
         let size = self.attribute(of, "size");
         let mut size = size
@@ -96,14 +144,16 @@ impl Reading<'_, '_, '_> {
             return nothing;
         };
         let mass = mass.unwrap_or(density * volume);
-        Geom::Solid(pose, mass, radii.map(|r| r * mass))
+        let [x, y, z] = radii.map(|r| r * mass);
+        Geom::Solid(pose, mass, [x, 0.0, 0.0, y, 0.0, z])
     }
 }
 
 enum Geom {
-    Mesh,
-    /// Frame at the centre of mass, mass, principal moments of inertia.
-    Solid(Pose, f64, V3),
+    /// The name of the mesh; `None` for a shape that is fitted to one.
+    Mesh(Option<String>),
+    /// Frame at the centre of mass, mass, moments of inertia.
+    Solid(Pose, f64, [f64; 6]),
 }
 
 /// Volume, and principal moments of inertia per unit of mass.
@@ -144,7 +194,7 @@ fn solid(kind: &str, [a, b, c]: V3) -> Option<(f64, V3)> {
 }
 
 /// The combined inertia of several solids, in the frame in which they are placed.
-fn combined(parts: &[(Pose, f64, V3)]) -> Option<Inertia> {
+fn combined(parts: &[(Pose, f64, [f64; 6])]) -> Option<Inertia> {
     let mass: f64 = parts.iter().map(|p| p.1).sum();
     if mass <= 0.0 {
         return None;
@@ -152,8 +202,8 @@ fn combined(parts: &[(Pose, f64, V3)]) -> Option<Inertia> {
     let weighted = parts.iter().map(|(pose, m, _)| scaled(pose.p, m / mass));
     let com = weighted.fold([0.0; 3], sum);
     let mut tensor = [0.0; 6];
-    for (pose, m, [x, y, z]) in parts {
-        let turned = tensor_in([*x, 0.0, 0.0, *y, 0.0, *z], &transposed(&pose.r));
+    for (pose, m, own) in parts {
+        let turned = tensor_in(*own, &transposed(&pose.r));
         let [u, v, w] = difference(pose.p, com);
         let steiner = [
             v * v + w * w,

@@ -6,14 +6,18 @@ mod bodies;
 mod defaults;
 mod equality;
 mod geoms;
+mod meshes;
 mod orientation;
 mod resistance;
 mod tendon_coupling;
 mod tendons;
 
+use std::collections::BTreeMap;
+
 use crate::fields::Fields;
+use crate::mesh::Solid;
 use crate::tree::Tree;
-use crate::xml::{Attribute, Element};
+use crate::xml::{Attribute, Element, Reader};
 
 use defaults::Defaults;
 
@@ -32,6 +36,18 @@ pub(crate) struct Compiler {
     groups: [f64; 2],
     /// The total mass to which all masses are scaled.
     total_mass: Option<f64>,
+    /// The folder of the mesh files, empty for that of the file.
+    meshes: String,
+}
+
+impl Compiler {
+    /// The path of a mesh file beside the file that is imported.
+    fn mesh_path(&self, file: &str) -> String {
+        match self.meshes.trim_end_matches('/') {
+            "" => file.to_owned(),
+            folder => format!("{folder}/{file}"),
+        }
+    }
 }
 
 /// The source of the bodies' inertia.
@@ -51,6 +67,9 @@ struct Reading<'a, 'f, 'l> {
     tree: Tree,
     sites: Vec<(String, crate::tree::Side)>,
     root: &'a Element,
+    files: &'f mut Reader<'f>,
+    /// The solids of the meshes that were asked for.
+    solids: BTreeMap<String, Result<Solid, String>>,
     left_out: LeftOut,
 }
 
@@ -61,13 +80,17 @@ struct LeftOut {
     compensated: usize,
     /// The joints with a `springdamper`.
     springdampers: Vec<String>,
-    /// Whether meshes of the body that was read last have mass.
+    /// Whether meshes of the body that was read last have mass that is not known.
     meshes: bool,
 }
 
-/// Reads the robot of an MJCF file whose includes have been inserted; `None` if an error was
-/// recorded.
-pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
+/// Reads the robot of an MJCF file whose includes have been inserted, and with `files` the meshes
+/// that bodies without inertia consist of; `None` if an error was recorded.
+pub(crate) fn read(
+    root: &Element,
+    fields: &mut Fields<'_>,
+    files: &mut Reader<'_>,
+) -> Option<Tree> {
     let compiler = compiler(root, fields);
     let defaults = Defaults::new(root, fields.log);
     let mut reading = Reading {
@@ -82,6 +105,8 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         },
         sites: Vec::new(),
         root,
+        files,
+        solids: BTreeMap::new(),
         left_out: LeftOut::default(),
     };
     let gravity = root
@@ -107,7 +132,9 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
         inertia: InertiaFrom::Either,
         groups: [0.0, 5.0],
         total_mass: None,
+        meshes: String::new(),
     };
+    let mut assets = String::new();
     let elements: Vec<&Element> = root.all("compiler").collect();
     for attribute in elements.iter().flat_map(|e| &e.attributes) {
         let value = attribute.value.as_str();
@@ -132,6 +159,8 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
                 "global coordinates",
                 "current MuJoCo has local ones only: save the file again with a MuJoCo before 2.3.4",
             ),
+            "meshdir" => settings.meshes.clone_from(&attribute.value),
+            "assetdir" => assets.clone_from(&attribute.value),
             "settotalmass" => {
                 settings.total_mass = fields.number(attribute).filter(|m| *m > 0.0);
             }
@@ -141,6 +170,9 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
             }
             _ => {}
         }
+    }
+    if settings.meshes.is_empty() {
+        settings.meshes = assets;
     }
     settings
 }
@@ -195,6 +227,7 @@ impl Reading<'_, '_, '_> {
     /// Notes elements that a spec of rigid bodies cannot express.
     fn note_ignored_elements(&mut self) {
         let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
+        let meshes = meshes.saturating_sub(self.solids.len());
         if meshes > 0 {
             let text = format!("{meshes} meshes are not read: the dynamics do not need them");
             self.fields.log.note(self.root.place, text);

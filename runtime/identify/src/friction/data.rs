@@ -352,12 +352,11 @@ impl FrictionData {
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
     ) -> Result<Linearised, EstimateError> {
-        let reduced = match self.reduced.get() {
-            Some(reduced) => reduced,
-            None => {
-                let reduced = Reduced::of(self)?;
-                self.reduced.get_or_init(|| reduced)
-            }
+        let reduced = if let Some(reduced) = self.reduced.get() {
+            reduced
+        } else {
+            let reduced = Reduced::of(self)?;
+            self.reduced.get_or_init(|| reduced)
         };
         reduced.linearised(self, laws, shapes)
     }
