@@ -111,7 +111,7 @@ fn a_link_of_closed_meshes_has_their_mass() {
     };
     let found = import(&source, &mut files, &Options::default()).unwrap();
     // 4 kg about (0, 0, 0.4) and 2 kg about (0.1, -0.1, 0.1), each with m l^2 / 6 about its centre
-    let expected = "a: {mass: 6, com: [0.033333333333, -0.033333333333, 0.3], inertia: [";
+    let expected = "a: {mass: 6, com: [0.033333333333333, -0.033333333333333, 0.3], inertia: [";
     assert_has(&found.spec, expected);
     let tensor = found.spec.split(expected).nth(1).unwrap();
     let tensor = tensor.split(']').next().unwrap().split(", ");

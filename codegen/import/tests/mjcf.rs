@@ -476,7 +476,7 @@ fn a_body_of_meshes_and_solids_has_no_values_and_is_told() {
     assert!(!made.spec.contains("mass: 1"), "{}", made.spec);
     assert_has(
         &notes(&made),
-        "bodies without values, as meshes have their mass, which are not read: 'a'",
+        "bodies without values, as meshes have their mass (no mesh is called 'm'): 'a'",
     );
 }
 

@@ -227,7 +227,7 @@ impl Reading<'_, '_, '_> {
     /// Notes elements that a spec of rigid bodies cannot express.
     fn note_ignored_elements(&mut self) {
         let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
-        let meshes = meshes.saturating_sub(self.solids.len());
+        let meshes = meshes - self.solids.values().filter(|found| found.is_ok()).count();
         if meshes > 0 {
             let text = format!("{meshes} meshes are not read: the dynamics do not need them");
             self.fields.log.note(self.root.place, text);
