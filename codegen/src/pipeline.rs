@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::base::{self, Analysis, StoreProblem};
 use crate::checks;
-use crate::constraints::Closed;
+use crate::constraints::{Closed, HomeProblem};
 use crate::diag::{Report, Source};
 use crate::explain::{self, Explanation};
 use crate::functions::{Context, Symbols, request};
@@ -173,6 +173,11 @@ impl Mechanism {
         &self.model
     }
 
+    /// The report of a problem at home, with its place in the spec.
+    pub fn report(&self, problem: &HomeProblem) -> Report {
+        checks::home_report(&self.source, &self.spec, &self.model, problem)
+    }
+
     /// The frames, joints and cuts as numbers, for drawing. The scene is built from the spec alone;
     /// the loops need not close.
     pub fn scene(&self) -> Scene {
@@ -192,10 +197,6 @@ impl Mechanism {
     /// - the two frames of a cut differ by a half turn at home;
     /// - the expression graph is full: the robot needs more expressions than can be numbered;
     /// - `base: drop` in the spec names a parameter that is not a base parameter.
-    ///
-    /// [`HomeProblem::NotClosed`]: crate::constraints::HomeProblem::NotClosed
-    /// [`HomeProblem::Mobility`]: crate::constraints::HomeProblem::Mobility
-    /// [`HomeProblem::NotIndependent`]: crate::constraints::HomeProblem::NotIndependent
     pub fn analysis(&self) -> Result<&Analysis, Report> {
         let analysis = self.analysis_with_dropped()?;
         checks::check_dropped_parameters(&self.source, &self.spec, &self.model, &analysis.base)?;

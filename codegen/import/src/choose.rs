@@ -1,11 +1,15 @@
 //! Choice of independent coordinates, by the loop closure that the derivation uses.
 
+use regen_codegen::Mechanism;
 use regen_codegen::constraints::{HomeProblem, NumericLoops, close_home, world_equations};
-use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+use regen_codegen::diag::{Diagnostic, Report, Source, Span, rounded};
 use regen_codegen::functions::Symbols;
 use regen_codegen::kinematics::{Frames, Geometry};
+use regen_codegen::model::Model;
 use regen_codegen::sym::Graph;
-use regen_codegen::{model, spec};
+
+/// The largest number of closed states that are proposed.
+const MAX_PROPOSALS: usize = 3;
 
 /// Result of the test of a choice of independent coordinates.
 #[derive(Clone, Debug)]
@@ -17,37 +21,37 @@ pub(crate) enum Verdict {
 }
 
 /// Tests the independent coordinates of a spec, which are the actuated ones if it names none.
+/// `home_option` is how errors refer to the initial values for the closure.
 ///
 /// # Errors
 /// If the spec is invalid, its home does not close, or the mechanism cannot move at home.
-pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
+pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict, Report> {
     let source = Source::new("imported spec", text);
-    let spec = spec::parse(&source)?;
-    let model = model::build(&spec);
+    let mechanism = Mechanism::open(&source)?;
+    let model = mechanism.model();
     let mut g = Graph::new();
-    let _ = Symbols::new(&mut g, &model);
-    let frames = Frames::new(&mut g, &model, Geometry::Values);
-    let world = world_equations(&mut g, &frames, &model, None);
-    let loops = NumericLoops::new(&g, &world, &model);
+    let _ = Symbols::new(&mut g, model);
+    let frames = Frames::new(&mut g, model, Geometry::Values);
+    let world = world_equations(&mut g, &frames, model, None);
+    let loops = NumericLoops::new(&g, &world, model);
     let names = |which: Vec<usize>| -> Vec<String> {
         let coordinates = which.into_iter().filter_map(|c| model.coordinates.get(c));
         coordinates.map(|c| c.name.clone()).collect()
     };
-    match close_home(&loops, &model) {
+    match close_home(&loops, model) {
         Ok(_) => Ok(Verdict::Valid),
         Err(HomeProblem::Mobility {
             mobility, choice, ..
         }) if mobility > 0 => Ok(Verdict::Choose(names(choice))),
         Err(HomeProblem::NotIndependent { choice, .. }) => Ok(Verdict::Choose(names(choice))),
         Err(problem) => {
-            let (message, hint) = match problem {
-                HomeProblem::NotClosed { residual, .. } => (
-                    format!("the loops do not close (residual {residual:.2e}, in m and rad)"),
-                    "check the frames of the cuts, and give `home` close to a closed configuration",
-                ),
+            let (message, hint) = match &problem {
+                HomeProblem::NotClosed { near, .. } => {
+                    not_closed(&mechanism, &problem, near, home_option)
+                }
                 _ => (
                     "the mechanism cannot move at home".to_owned(),
-                    "a cut or a coupling is too many, or home is singular",
+                    "a cut or a coupling is too many, or home is singular".to_owned(),
                 ),
             };
             let at = text.find("\ncuts:").map_or(0, |at| at + 1);
@@ -55,4 +59,39 @@ pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
             Err(Report::new(source.clone(), vec![diagnostic]))
         }
     }
+}
+
+/// Says how far the cuts gape, and from where the loops close.
+fn not_closed(
+    mechanism: &Mechanism,
+    problem: &HomeProblem,
+    near: &[Vec<f64>],
+    home_option: &str,
+) -> (String, String) {
+    let report = mechanism.report(problem);
+    let told = report.diagnostics.into_iter().next();
+    let (message, hint) = told.map_or_else(Default::default, |d| (d.message, d.hint));
+    let states = near.iter().take(MAX_PROPOSALS);
+    let states =
+        states.map(|state| format!("`{home_option} {}`", values(mechanism.model(), state)));
+    let states: Vec<String> = states.collect();
+    if states.is_empty() {
+        return (message, hint.unwrap_or_default());
+    }
+    (
+        message,
+        format!("the loops close from {}", states.join(", or ")),
+    )
+}
+
+/// The coordinates that are not 0 in a state, as `NAME=VALUE,NAME=VALUE`.
+fn values(model: &Model, state: &[f64]) -> String {
+    let all = model.coordinates.iter().zip(state).enumerate();
+    let joints = all.filter(|(c, _)| !model.drives.contains(c));
+    let values = joints.map(|(_, (coordinate, value))| (&coordinate.name, rounded(*value)));
+    let values = values.filter(|(_, value)| value != "0");
+    let words: Vec<String> = values
+        .map(|(name, value)| format!("{name}={value}"))
+        .collect();
+    words.join(",")
 }

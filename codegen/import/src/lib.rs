@@ -317,7 +317,7 @@ fn write_valid_spec(
     let names_independent = actuated.is_empty() && !drives || actuated.iter().any(follows);
     frame.independent = names_independent.then_some(free.as_slice());
     let mut text = write::write(draft, &frame);
-    if let Verdict::Choose(mut choice) = choose::test_independent(&text)? {
+    if let Verdict::Choose(mut choice) = choose::test_independent(&text, options.names.home)? {
         replace_followers(&mut choice, draft);
         // if there are loops, and neither file nor options name actuated joints, the independent
         // coordinates become the actuated ones
@@ -332,7 +332,7 @@ fn write_valid_spec(
             frame.independent = Some(&choice);
             text = write::write(draft, &frame);
         }
-        choose::test_independent(&text)?;
+        choose::test_independent(&text, options.names.home)?;
     }
     Ok((name, text))
 }

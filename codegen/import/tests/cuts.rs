@@ -8,7 +8,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
 use regen_codegen::pipeline::{BaseSource, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_import::Options;
+use regen_import::{Options, import};
 
 /// `robots/fourbar.yaml` opened at its cut, in the same frames.
 const TREE: &str = r#"<robot name="fourbar">
@@ -152,7 +152,10 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
         assert_has(&refused_with(TREE, &with_cut(cut)), complaint);
     }
     let far = with_cut("pin:revolute:coupler@0.35,0,0:rocker@3,0,0");
-    assert_has(&refused_with(TREE, &far), "the loops do not close");
+    let said = refused_with(TREE, &far);
+    assert_has(&said, "the loops do not close");
+    assert_has(&said, "cut 'pin' gapes by");
+    assert_has(&said, "no state closes");
     for (actuated, home, complaint) in [
         ("q4", "q1=0", "actuated:1:1: no joint is called 'q4'"),
         ("q1", "q4=0", "home:1:1: 'q4=0' gives no coordinate a value"),
@@ -165,4 +168,29 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
         };
         assert_has(&refused_with(TREE, &options), complaint);
     }
+}
+
+/// From some starts the loop does not close; the words that are given then close it.
+#[test]
+fn where_the_loops_do_not_close_a_home_that_does_is_given() {
+    let mut options = with_cut("pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0");
+    options.names.home = "--home";
+    let mut refusals = 0;
+    for (q2, q3) in (0..9).flat_map(|k| (0..9).map(move |l| (k, l))) {
+        let at = |name: &str, k: i32| format!("{name}={}", 0.77 * f64::from(k - 4));
+        options.home = vec!["q1=pi/3".to_owned(), at("q2", q2), at("q3", q3)];
+        let source = Source::new("robot.xml", TREE);
+        let mut none = |_: &str| Err("there is none".to_owned());
+        let Err(reports) = import(&source, &mut none, &options) else {
+            continue;
+        };
+        let said = reports[0].to_string();
+        assert_has(&said, "cut 'pin' gapes by");
+        let near = said.split("`--home ").nth(1).unwrap();
+        let near = near.split('`').next().unwrap();
+        options.home = near.split(',').map(str::to_owned).collect();
+        assert_has(&imported_with(TREE, &options).spec, "q1: 1.047198");
+        refusals += 1;
+    }
+    assert!(refusals > 0);
 }
