@@ -58,7 +58,12 @@ fn a_list_of_parameters_to_eliminate_is_kept_to() {
     let (chosen, _) = analysed(&wrist("z", wish));
     assert!(kept(&free, &labels).contains(&"mx(1)"));
     assert!(!kept(&chosen, &labels).contains(&"mx(1)"));
-    assert!(chosen.condition > free.condition, "{:?} {:?}", chosen.condition, free.condition);
+    assert!(
+        chosen.condition > free.condition,
+        "{:?} {:?}",
+        chosen.condition,
+        free.condition
+    );
 }
 
 /// A tool that is screwed onto a link counts with the link, whatever its place.
@@ -149,9 +154,5 @@ fn names_are_not_divided_by_where_their_value_is_small() {
     assert!(coefficients(&small).contains(&"a^2".to_owned()));
     let square = Number::ratio(1, 100_000_000).unwrap();
     let terms = small.base.parameters.iter().flat_map(|p| &p.terms);
-    assert!(
-        terms
-            .map(|t| &t.value)
-            .any(|value| *value == square)
-    );
+    assert!(terms.map(|t| &t.value).any(|value| *value == square));
 }
