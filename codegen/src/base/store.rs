@@ -9,6 +9,7 @@
 //! spec 6f1c...                        digest of the spec's bytes (SHA-256)
 //! certificate 70 25 19 96 1.2e-3 4e-95  columns rank states digits kept dropped
 //! sums 4 45 0 true                    trees, dimension, completed, complete
+//! condition 385.2                     condition of the sampled rows, if it is known
 //! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! held a, b in proportion only: ...   names that were not varied, and why
