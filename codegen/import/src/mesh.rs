@@ -172,6 +172,8 @@ fn finite(triangle: Triangle) -> Option<Triangle> {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
+
     use super::*;
 
     /// A box from the origin to a corner, its sides as squares seen from outside.
@@ -179,7 +181,7 @@ mod tests {
         let mut text = String::new();
         for k in 0..8 {
             let at = |bit: usize, length: f64| if k >> bit & 1 == 1 { length } else { 0.0 };
-            text += &format!("v {} {} {}\n", at(0, a), at(1, b), at(2, c));
+            let _ = writeln!(text, "v {} {} {}", at(0, a), at(1, b), at(2, c));
         }
         text + "f 1 3 4 2\nf 5/1 6/2 8/3 7/4\nf 1 2 6 5\nf 3//1 7//1 8//1 4//1\nf 1 5 7 3\nf -7 -5 -1 -3\n"
     }
@@ -212,7 +214,7 @@ mod tests {
             ascii += "facet normal 0 0 0\nouter loop\n";
             binary.extend([0; 12]);
             for [x, y, z] in triangle {
-                ascii += &format!("vertex {x:e} {y} {z}\n");
+                let _ = writeln!(ascii, "vertex {x:e} {y} {z}");
                 binary.extend([x, y, z].iter().flat_map(|v| (**v as f32).to_le_bytes()));
             }
             ascii += "endloop\nendfacet\n";

@@ -136,6 +136,30 @@ fn a_link_of_closed_meshes_has_their_mass() {
         "mass from closed meshes, with 1000 kg/m^3 where no density is given: 'a'",
     );
 
+    // vertices and faces in the file itself, of which one is missing then
+    let (corners, faces) = CUBE.split_at(CUBE.find('f').unwrap());
+    let corners = corners.replace(['v', '\n'], " ");
+    let mut triangles = String::new();
+    for face in faces.lines() {
+        let numbers = face.split_whitespace().skip(1);
+        let [a, b, c, d] = numbers
+            .map(|n| n.parse::<usize>().unwrap() - 1)
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap();
+        triangles += &[a, b, c, a, c, d].map(|n: usize| n.to_string()).join(" ");
+        triangles += " ";
+    }
+    let inline = format!("name=\"cube\" vertex=\"{corners}\" face=\"{triangles}\"");
+    let inline = source.text.replacen("file=\"cube.obj\"", &inline, 1);
+    let inline = Source::new("robot.xml", inline);
+    assert_eq!(
+        import(&inline, &mut files, &Options::default())
+            .unwrap()
+            .spec,
+        found.spec
+    );
+
     let open = CUBE.rsplit_once("f 2").unwrap().0;
     let mut open = |_: &str| Ok(open.as_bytes().to_vec());
     let found = import(&source, &mut open, &Options::default()).unwrap();

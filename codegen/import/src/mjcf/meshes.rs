@@ -47,12 +47,10 @@ impl Reading<'_, '_, '_> {
                     .and_then(|a| self.fields.numbers(a))
                     .unwrap_or_default();
                 let (corners, _) = corners.as_chunks::<3>();
-                let faces = self.fields.numbers(faces).unwrap_or_default();
-                let at = |index: f64| corners.get(index as usize).copied();
-                let (faces, _) = faces.as_chunks::<3>();
-                let triangles = faces
-                    .iter()
-                    .map(|[a, b, c]| Some([at(*a)?, at(*b)?, at(*c)?]));
+                let at = |word: &str| corners.get(word.parse::<usize>().ok()?).copied();
+                let words: Vec<&str> = faces.value.split_whitespace().collect();
+                let (faces, _) = words.as_chunks::<3>();
+                let triangles = faces.iter().map(|[a, b, c]| Some([at(a)?, at(b)?, at(c)?]));
                 match triangles.collect::<Option<Vec<_>>>() {
                     Some(triangles) => bounded(&triangles, factors),
                     None => Err("its triangles cannot be read"),
