@@ -258,7 +258,7 @@ def one(regen, path, folder, exact):
         complete=base["complete"],
         largest=max((abs(t["value"]) for row in base["base"] for t in row["terms"]), default=0),
     )
-    result["condition"] = (base["certificate"] or {}).get("condition")
+    result["condition"] = base["condition"]
     return result
 
 
