@@ -1,8 +1,8 @@
-//! Volume, centre and inertia of solids whose surface is a mesh of triangles in STL or OBJ.
+//! Volume, centre and inertia of meshes of triangles, which are read from STL or OBJ.
 
 use std::collections::BTreeMap;
 
-use crate::pose::{V3, cross, dot, scaled, sum};
+use crate::pose::{V3, cross, difference, dot, norm, scaled, sum};
 
 /// The number of bytes before the triangles of a binary STL file, and of each triangle.
 const HEAD: usize = 84;
@@ -19,61 +19,100 @@ pub(crate) struct Solid {
     pub(crate) tensor: [f64; 6],
 }
 
-type Triangle = [V3; 3];
+/// The corners of a triangle.
+pub(crate) type Triangle = [V3; 3];
 
-/// The solid that a mesh file bounds, with each axis multiplied by a factor.
+/// What a mesh counts as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Volume {
+    /// The volume that a closed surface bounds.
+    Exact,
+    /// The tetrahedra from one point to the triangles, each with its whole volume. That is the same
+    /// for convex meshes; of others parts count more than once. The surface need not be closed.
+    /// MuJoCo's default, which it calls `legacy`.
+    EachTriangle,
+}
+
+/// The triangles of a mesh file.
 ///
 /// # Errors
-/// In words, if the file is in no format that is read here, or if its surface is not closed: what
-/// it bounds has no volume then.
-pub(crate) fn solid(name: &str, bytes: &[u8], factors: V3) -> Result<Solid, &'static str> {
+/// In words, if the file is in no format that is read here, or broken.
+pub(crate) fn triangles(name: &str, bytes: &[u8]) -> Result<Vec<Triangle>, &'static str> {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     let triangles = match ending.as_str() {
         "stl" => stl(bytes),
         "obj" => std::str::from_utf8(bytes).ok().and_then(obj),
         _ => return Err("only STL and OBJ are read"),
     };
-    let triangles = triangles.ok_or("its triangles cannot be read")?;
-    bounded(&triangles, factors)
+    triangles.ok_or("its triangles cannot be read")
 }
 
-/// The solid bounded by triangles, with each axis multiplied by a factor.
+/// The solid of triangles, with each axis multiplied by a factor.
 ///
 /// # Errors
-/// In words, if the surface is not closed.
-pub(crate) fn bounded(triangles: &[Triangle], factors: V3) -> Result<Solid, &'static str> {
-    if !is_closed(triangles) {
+/// In words, if the surface is not closed where it must be, or if there is no volume.
+pub(crate) fn solid(
+    triangles: &[Triangle],
+    factors: V3,
+    volume: Volume,
+) -> Result<Solid, &'static str> {
+    if volume == Volume::Exact && !is_closed(triangles) {
         return Err("its surface is not closed");
     }
-    // tetrahedra from the origin to each triangle, with signed volumes
+    let place = |corner: V3| core::array::from_fn(|k| corner[k] * factors[k]);
+    let placed: Vec<Triangle> = triangles.iter().map(|t| t.map(place)).collect();
+    let (from, counted): (V3, fn(f64) -> f64) = match volume {
+        Volume::Exact => ([0.0; 3], |volume| volume),
+        Volume::EachTriangle => (middle(&placed), f64::abs),
+    };
+    let (whole, first, _) = moments(&placed, from, counted);
+    let centre = sum(from, scaled(first, 1.0 / whole));
+    let (own, _, second) = moments(&placed, centre, counted);
+    // mirrored, or with triangles that are seen from inside
+    let side = whole.signum();
+    let volume = own * side;
+    let [xx, xy, xz, yy, yz, zz] = second.map(|x| x * side);
+    let tensor = [yy + zz, -xy, -xz, xx + zz, -yz, xx + yy];
+    let numbers = tensor.iter().chain(&centre);
+    if volume > 0.0 && numbers.chain([&volume]).all(|x| x.is_finite()) {
+        Ok(Solid {
+            volume,
+            centre,
+            tensor,
+        })
+    } else {
+        Err("it has no volume")
+    }
+}
+
+/// Volume, first and second moments (xx, xy, xz, yy, yz, zz) of the tetrahedra from a point to each
+/// triangle, about that point, with their signed volumes counted as `counted` says.
+fn moments(triangles: &[Triangle], from: V3, counted: fn(f64) -> f64) -> (f64, V3, [f64; 6]) {
     let (mut volume, mut first, mut second) = (0.0, [0.0; 3], [0.0; 6]);
     for triangle in triangles {
-        let [a, b, c] = triangle.map(|corner| core::array::from_fn(|k| corner[k] * factors[k]));
-        let sixfold = dot(a, cross(b, c));
+        let [a, b, c] = triangle.map(|corner| difference(corner, from));
+        let own = counted(dot(a, cross(b, c)) / 6.0);
         let all = sum(a, sum(b, c));
-        volume += sixfold / 6.0;
-        first = sum(first, scaled(all, sixfold / 24.0));
+        volume += own;
+        first = sum(first, scaled(all, own / 4.0));
         let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         for (entry, (i, j)) in second.iter_mut().zip(pairs) {
-            let own = a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
-            *entry += sixfold / 120.0 * (all[i] * all[j] + own);
+            let corners = a[i] * a[j] + b[i] * b[j] + c[i] * c[j];
+            *entry += own / 20.0 * (all[i] * all[j] + corners);
         }
     }
-    // mirrored, or with triangles that are seen from inside
-    let side = volume.signum();
-    let (volume, first, second) = (volume * side, scaled(first, side), second.map(|x| x * side));
-    let centre = scaled(first, 1.0 / volume);
-    if !(volume > 0.0 && volume.is_finite() && centre.iter().all(|x| x.is_finite())) {
-        return Err("it has no volume");
+    (volume, first, second)
+}
+
+/// The centre of mass of the triangles' areas.
+fn middle(triangles: &[Triangle]) -> V3 {
+    let (mut area, mut first) = (0.0, [0.0; 3]);
+    for [a, b, c] in triangles {
+        let own = norm(cross(difference(*b, *a), difference(*c, *a)));
+        area += own;
+        first = sum(first, scaled(sum(*a, sum(*b, *c)), own / 3.0));
     }
-    let [x, y, z] = centre;
-    let of_centre = [x * x, x * y, x * z, y * y, y * z, z * z];
-    let [xx, xy, xz, yy, yz, zz] = core::array::from_fn(|k| second[k] - volume * of_centre[k]);
-    Ok(Solid {
-        volume,
-        centre,
-        tensor: [yy + zz, -xy, -xz, xx + zz, -yz, xx + yy],
-    })
+    scaled(first, 1.0 / area)
 }
 
 /// Whether each edge is passed as often in one direction as in the other.
@@ -186,6 +225,10 @@ mod tests {
         text + "f 1 3 4 2\nf 5/1 6/2 8/3 7/4\nf 1 2 6 5\nf 3//1 7//1 8//1 4//1\nf 1 5 7 3\nf -7 -5 -1 -3\n"
     }
 
+    fn read(name: &str, bytes: &[u8], factors: V3) -> Result<Solid, &'static str> {
+        solid(&triangles(name, bytes)?, factors, Volume::Exact)
+    }
+
     fn assert_near(found: &[f64], expected: &[f64]) {
         for (x, y) in found.iter().zip(expected) {
             assert!((x - y).abs() < 1e-6, "{found:?} {expected:?}");
@@ -205,7 +248,7 @@ mod tests {
     fn a_box_has_its_volume_centre_and_inertia_in_every_format() {
         let size = [0.2, 0.5, 1.5];
         let text = block(size);
-        is_block(solid("block.OBJ", text.as_bytes(), [1.0; 3]).unwrap(), size);
+        is_block(read("block.OBJ", text.as_bytes(), [1.0; 3]).unwrap(), size);
         let triangles = obj(&text).unwrap();
         let mut ascii = "solid block\n".to_owned();
         let mut binary = vec![b's'; 80];
@@ -221,11 +264,11 @@ mod tests {
             binary.extend([0; 2]);
         }
         for bytes in [ascii.as_bytes(), &binary] {
-            is_block(solid("block.stl", bytes, [1.0; 3]).unwrap(), size);
+            is_block(read("block.stl", bytes, [1.0; 3]).unwrap(), size);
         }
         // factors, and one that mirrors
-        let found = solid("block.stl", &binary, [2.0, -1.0, 1.0]).unwrap();
-        let expected = solid("block.stl", &binary, [2.0, 1.0, 1.0]).unwrap();
+        let found = read("block.stl", &binary, [2.0, -1.0, 1.0]).unwrap();
+        let expected = read("block.stl", &binary, [2.0, 1.0, 1.0]).unwrap();
         assert_near(&found.centre, &[0.2, -0.25, 0.75]);
         assert_near(&found.tensor, &expected.tensor);
     }
@@ -234,7 +277,7 @@ mod tests {
     fn a_body_that_is_no_box_has_products_of_inertia() {
         let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
         let faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-        let found = solid("a.obj", (corners.to_owned() + faces).as_bytes(), [1.0; 3]).unwrap();
+        let found = read("a.obj", (corners.to_owned() + faces).as_bytes(), [1.0; 3]).unwrap();
         assert_near(&[found.volume], &[1.0 / 6.0]);
         assert_near(&found.centre, &[0.25; 3]);
         // integrals over the tetrahedron: x^2 is 1/60, x y is 1/120
@@ -248,15 +291,15 @@ mod tests {
         let text = block([1.0; 3]);
         let open = text.replace("f 1 2 6 5\n", "");
         assert_eq!(
-            solid("a.obj", open.as_bytes(), [1.0; 3]).unwrap_err(),
+            read("a.obj", open.as_bytes(), [1.0; 3]).unwrap_err(),
             "its surface is not closed"
         );
         assert_eq!(
-            solid("a.obj", text.as_bytes(), [0.0; 3]).unwrap_err(),
+            read("a.obj", text.as_bytes(), [0.0; 3]).unwrap_err(),
             "it has no volume"
         );
         assert_eq!(
-            solid("a.dae", b"", [1.0; 3]).unwrap_err(),
+            read("a.dae", b"", [1.0; 3]).unwrap_err(),
             "only STL and OBJ are read"
         );
         for broken in [
@@ -266,7 +309,7 @@ mod tests {
             b"f 0 0 0",
             b"f -1 -1 -9223372036854775808",
         ] {
-            assert!(solid("a.obj", broken, [1.0; 3]).is_err(), "{broken:?}");
+            assert!(read("a.obj", broken, [1.0; 3]).is_err(), "{broken:?}");
         }
         for broken in [
             &b""[..],
@@ -275,7 +318,47 @@ mod tests {
             b"solid vertex 1 2 3",
             &[255; 90],
         ] {
-            assert!(solid("a.stl", broken, [1.0; 3]).is_err(), "{broken:?}");
+            assert!(read("a.stl", broken, [1.0; 3]).is_err(), "{broken:?}");
         }
+    }
+
+    /// The numbers are MuJoCo 4.0.0's for `inertia="exact"` and `inertia="legacy"`, at 1 kg/m^3.
+    #[test]
+    fn parts_of_what_is_not_convex_count_as_in_mujoco() {
+        // an L of three squares, 1.5 high, without and with its top
+        let flat = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2]];
+        let corner = |k: usize| -> V3 {
+            let [x, y] = flat[k % 6].map(f64::from);
+            [x, y, if k < 6 { 0.0 } else { 1.5 }]
+        };
+        let mut open: Vec<[usize; 3]> = vec![[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 5, 4]];
+        for (i, j) in (0..6).map(|i| (i, (i + 1) % 6)) {
+            open.extend([[i, j, j + 6], [i, j + 6, i + 6]]);
+        }
+        let mut whole = open.clone();
+        whole.extend([[6, 7, 8], [6, 8, 9], [6, 9, 10], [6, 10, 11]]);
+        let placed = |faces: &[[usize; 3]], volume| {
+            let triangles: Vec<Triangle> = faces.iter().map(|face| face.map(corner)).collect();
+            solid(&triangles, [0.1, 0.2, -0.1], volume)
+        };
+        let exact = placed(&whole, Volume::Exact).unwrap();
+        let each = placed(&whole, Volume::EachTriangle).unwrap();
+        let cup = placed(&open, Volume::EachTriangle).unwrap();
+        let centres = [
+            [0.125, 0.15, -0.075],
+            [0.124_289_88, 0.154_260_71, -0.075],
+            [0.124_288_12, 0.154_271_3, -0.061_595_88],
+        ];
+        let volumes = [0.012, 0.012_485_797_62, 0.010_128_319_12];
+        let principal = [0.085 + 0.1825 + 0.2225, 0.506_209_93, 0.436_010_92];
+        for (k, found) in [exact, each, cup].iter().enumerate() {
+            assert!((found.volume - volumes[k]).abs() < 1e-11, "{found:?}");
+            for (x, y) in found.centre.iter().zip(centres[k]) {
+                assert!((x - y).abs() < 1e-8, "{found:?}");
+            }
+            let trace = found.tensor[0] + found.tensor[3] + found.tensor[5];
+            assert!((trace - 1e-3 * principal[k]).abs() < 1e-10, "{found:?}");
+        }
+        assert!(placed(&open, Volume::Exact).is_err());
     }
 }

@@ -96,7 +96,7 @@ const CUBE: &str = "v 0 0 0\nv 20 0 0\nv 0 20 0\nv 20 20 0\nv 0 0 20\nv 20 0 20\
                     f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
 
 #[test]
-fn a_link_of_closed_meshes_has_their_mass() {
+fn a_link_of_meshes_has_their_mass() {
     let geoms = "<joint name=\"q\"/>\
                  <geom type=\"mesh\" mesh=\"cube\" density=\"500\" pos=\"-0.1 -0.1 0.3\"/>\
                  <geom mesh=\"named\" type=\"mesh\" mass=\"2\"/>";
@@ -133,7 +133,7 @@ fn a_link_of_closed_meshes_has_their_mass() {
     let said = notes(&found);
     assert_has(
         &said,
-        "mass from closed meshes, with 1000 kg/m^3 where no density is given: 'a'",
+        "with 1000 kg/m^3 where no density is given: 'a'",
     );
 
     // vertices and faces in the file itself, of which one is missing then
@@ -163,8 +163,17 @@ fn a_link_of_closed_meshes_has_their_mass() {
     let open = CUBE.rsplit_once("f 2").unwrap().0;
     let mut open = |_: &str| Ok(open.as_bytes().to_vec());
     let found = import(&source, &mut open, &Options::default()).unwrap();
-    assert_has(&found.spec, "# The file states no mass of: a");
-    assert_has(&notes(&found), "mesh 'cube': its surface is not closed");
+    assert_has(&found.spec, "a: {mass: ");
+    for (setting, why) in [
+        ("exact", "mesh 'cube': its surface is not closed"),
+        ("convex", "the hull of the mesh 'cube' is not computed"),
+        ("shell", "shells are not computed"),
+    ] {
+        let text = source.text.replace("<mesh scale", &format!("<mesh inertia=\"{setting}\" scale"));
+        let found = import(&Source::new("robot.xml", text), &mut open, &Options::default()).unwrap();
+        assert_has(&found.spec, "# The file states no mass of: a");
+        assert_has(&notes(&found), why);
+    }
     let mut none = |_: &str| Err("it is not there".to_owned());
     let found = import(&source, &mut none, &Options::default()).unwrap();
     assert_has(&notes(&found), "'meshes/cube.obj': it is not there");

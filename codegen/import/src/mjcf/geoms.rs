@@ -50,7 +50,9 @@ impl Reading<'_, '_, '_> {
                      inertials with mj_saveLastXML)"
                 )),
                 None if read => Some(format!(
-                    "mass from closed meshes, with {DENSITY} kg/m^3 where no density is given: {{}}"
+                    "mass from meshes, as MuJoCo counts it (of what is not convex parts more than once, \
+                     unless the mesh has inertia=\"exact\"), with {DENSITY} kg/m^3 where no density is \
+                     given: {{}}"
                 )),
                 None => None,
             };

@@ -2,7 +2,7 @@
 
 use super::Reading;
 use super::orientation::Classed;
-use crate::mesh::{Solid, bounded, solid};
+use crate::mesh::{Solid, Volume, solid, triangles};
 use crate::xml::Element;
 
 impl Reading<'_, '_, '_> {
@@ -35,11 +35,18 @@ impl Reading<'_, '_, '_> {
         let factors = factors
             .and_then(|a| self.fields.array::<3>(&a))
             .unwrap_or([1.0; 3]);
+        let volume = match self.attribute(of, "inertia").as_ref().map(|a| a.value.as_str()) {
+            Some("exact") => Volume::Exact,
+            None if self.compiler.exact_meshes => Volume::Exact,
+            None | Some("legacy") => Volume::EachTriangle,
+            Some("shell") => return Err("shells are not computed".to_owned()),
+            Some(_) => return Err(format!("the hull of the mesh '{name}' is not computed")),
+        };
         let found = match (element.text("file"), element.attribute("face")) {
             (Some(file), _) => {
                 let path = self.compiler.mesh_path(file);
                 let bytes = (self.files)(&path).map_err(|why| format!("'{path}': {why}"))?;
-                solid(&path, &bytes, factors)
+                triangles(&path, &bytes)
             }
             (None, Some(faces)) => {
                 let corners = element.attribute("vertex");
@@ -50,14 +57,13 @@ impl Reading<'_, '_, '_> {
                 let at = |word: &str| corners.get(word.parse::<usize>().ok()?).copied();
                 let words: Vec<&str> = faces.value.split_whitespace().collect();
                 let (faces, _) = words.as_chunks::<3>();
-                let triangles = faces.iter().map(|[a, b, c]| Some([at(a)?, at(b)?, at(c)?]));
-                match triangles.collect::<Option<Vec<_>>>() {
-                    Some(triangles) => bounded(&triangles, factors),
-                    None => Err("its triangles cannot be read"),
-                }
+                let faces = faces.iter().map(|[a, b, c]| Some([at(a)?, at(b)?, at(c)?]));
+                let faces: Option<Vec<_>> = faces.collect();
+                faces.ok_or("its triangles cannot be read")
             }
             (None, None) => Err("the hull of points is not computed"),
         };
+        let found = found.and_then(|triangles| solid(&triangles, factors, volume));
         found.map_err(|why| format!("mesh '{name}': {why}"))
     }
 }

@@ -38,6 +38,8 @@ pub(crate) struct Compiler {
     total_mass: Option<f64>,
     /// The folder of the mesh files, empty for that of the file.
     meshes: String,
+    /// Whether meshes count with the volume that they bound, if they do not say.
+    exact_meshes: bool,
 }
 
 impl Compiler {
@@ -133,6 +135,7 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
         groups: [0.0, 5.0],
         total_mass: None,
         meshes: String::new(),
+        exact_meshes: false,
     };
     let mut assets = String::new();
     let elements: Vec<&Element> = root.all("compiler").collect();
@@ -160,6 +163,7 @@ fn compiler(root: &Element, fields: &mut Fields<'_>) -> Compiler {
                 "current MuJoCo has local ones only: save the file again with a MuJoCo before 2.3.4",
             ),
             "meshdir" => settings.meshes.clone_from(&attribute.value),
+            "exactmeshinertia" => settings.exact_meshes = value == "true",
             "assetdir" => assets.clone_from(&attribute.value),
             "settotalmass" => {
                 settings.total_mass = fields.number(attribute).filter(|m| *m > 0.0);
@@ -227,7 +231,8 @@ impl Reading<'_, '_, '_> {
     /// Notes elements that a spec of rigid bodies cannot express.
     fn note_ignored_elements(&mut self) {
         let meshes = self.root.all("asset").flat_map(|a| a.all("mesh")).count();
-        let meshes = meshes - self.solids.values().filter(|found| found.is_ok()).count();
+        let read = self.solids.values().filter(|found| found.is_ok()).count();
+        let meshes = meshes.saturating_sub(read);
         if meshes > 0 {
             let text = format!("{meshes} meshes are not read: the dynamics do not need them");
             self.fields.log.note(self.root.place, text);

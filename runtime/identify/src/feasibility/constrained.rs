@@ -23,7 +23,8 @@ pub(super) const TARGET_GAP: f64 = 1e-10;
 /// gap that was reached there, at most [`MAX_NEAR_GOAL`].
 const NEAR_GOAL_RATIO: f64 = 2.0;
 const MAX_NEAR_GOAL: f64 = 1e-8;
-/// With a gap of more than this many times that one, it begins again well inside the cones.
+/// With a gap of more than this many times that one, or of more than [`MAX_OPTIMAL_GAP`], it begins
+/// again well inside the cones.
 const MAX_NEAR_RATIO: f64 = 10.0;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
@@ -231,7 +232,8 @@ pub(crate) fn identify_like(
     let near = central.and_then(|(point, reached)| {
         let goal = (NEAR_GOAL_RATIO * reached).min(MAX_NEAR_GOAL);
         let found = solve(point, goal)?;
-        (found.gap.part() <= MAX_NEAR_RATIO * reached).then_some(found)
+        let most = (MAX_NEAR_RATIO * reached).min(MAX_OPTIMAL_GAP);
+        (found.gap.part() <= most).then_some(found)
     });
     let minimum = match near {
         Some(found) => found,
