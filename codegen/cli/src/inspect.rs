@@ -217,6 +217,6 @@ fn predicted(
         Ok(found) => found,
         Err(error) => return Ok(Err(error.to_string())),
     };
-    let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns);
+    let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns, None);
     Ok(Ok((found, doubts)))
 }

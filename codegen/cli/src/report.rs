@@ -83,7 +83,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     // where gains are unknown, weights and inertias cannot judge what the columns are
     let suspicions = if identified.gains.is_empty() {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;
-        suspect::doubts(&model, opened.logs(), &session.reading.columns)
+        suspect::doubts(&model, opened.logs(), &session.reading.columns, None)
     } else {
         Vec::new()
     };

@@ -65,32 +65,22 @@ pub(crate) fn warn(
     if args.no_suspicion {
         return Vec::new();
     }
-    let working = progress::later("looking at the columns");
     let given = observe::settings(&args.reading).columns;
-    let mut out = Vec::new();
-    for (k, report) in logs.reports().iter().enumerate() {
-        let Ok(sample) = logs.sample(k) else { continue };
-        let columns = LogColumns {
-            file: &report.file,
-            given: &given,
-            model,
-        };
-        out.extend(one(&columns, &sample, found, &mut |k, n| working.at(k, n)));
-    }
-    working.end();
+    let out = doubts(model, logs, &given, found);
     for suspicion in &out {
         terminal::note(&format!("warning: {suspicion}"));
     }
     out
 }
 
-/// What looks wrong with logs by the weights and inertias of the robot, without an estimate.
+/// What looks wrong with logs, by the weights and inertias of the robot where there is no estimate.
 ///
-/// - `given`: how the columns are assigned.
+/// - `given`: how the columns are assigned; `found`: as for [`warn`].
 pub(crate) fn doubts(
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
     given: &[Assignment],
+    found: Option<&Estimate>,
 ) -> Vec<Suspected> {
     let working = progress::later("looking at the columns");
     let mut out = Vec::new();
@@ -101,7 +91,7 @@ pub(crate) fn doubts(
             given,
             model,
         };
-        out.extend(one(&columns, &sample, None, &mut |k, n| working.at(k, n)));
+        out.extend(one(&columns, &sample, found, &mut |k, n| working.at(k, n)));
     }
     working.end();
     out

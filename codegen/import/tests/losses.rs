@@ -131,10 +131,7 @@ fn a_link_of_meshes_has_their_mass() {
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
     let said = notes(&found);
-    assert_has(
-        &said,
-        "with 1000 kg/m^3 where no density is given: 'a'",
-    );
+    assert_has(&said, "with 1000 kg/m^3 where no density is given: 'a'");
 
     // vertices and faces in the file itself, of which one is missing then
     let (corners, faces) = CUBE.split_at(CUBE.find('f').unwrap());
@@ -169,8 +166,15 @@ fn a_link_of_meshes_has_their_mass() {
         ("convex", "the hull of the mesh 'cube' is not computed"),
         ("shell", "shells are not computed"),
     ] {
-        let text = source.text.replace("<mesh scale", &format!("<mesh inertia=\"{setting}\" scale"));
-        let found = import(&Source::new("robot.xml", text), &mut open, &Options::default()).unwrap();
+        let text = source
+            .text
+            .replace("<mesh scale", &format!("<mesh inertia=\"{setting}\" scale"));
+        let found = import(
+            &Source::new("robot.xml", text),
+            &mut open,
+            &Options::default(),
+        )
+        .unwrap();
         assert_has(&found.spec, "# The file states no mass of: a");
         assert_has(&notes(&found), why);
     }

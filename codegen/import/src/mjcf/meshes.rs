@@ -35,7 +35,11 @@ impl Reading<'_, '_, '_> {
         let factors = factors
             .and_then(|a| self.fields.array::<3>(&a))
             .unwrap_or([1.0; 3]);
-        let volume = match self.attribute(of, "inertia").as_ref().map(|a| a.value.as_str()) {
+        let volume = match self
+            .attribute(of, "inertia")
+            .as_ref()
+            .map(|a| a.value.as_str())
+        {
             Some("exact") => Volume::Exact,
             None if self.compiler.exact_meshes => Volume::Exact,
             None | Some("legacy") => Volume::EachTriangle,

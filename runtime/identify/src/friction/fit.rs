@@ -2,6 +2,7 @@
 //! other parameters inside.
 
 use super::FrictionData;
+use super::columns::curved;
 use super::reduced::Linearised;
 use super::starts::{STARTS, start};
 use crate::estimate::QrFactor;
@@ -200,6 +201,28 @@ impl Search<'_> {
         })
     }
 
+    /// For each joint, the shape of that point whose columns explain most of its effort. Where the
+    /// constraints leave a law no part in the fit, its shape has no effect and no slope leads away;
+    /// this finds the joints that another start serves better.
+    fn composed(&self, points: &[Point]) -> Result<Vec<[f64; SHAPES]>, FeasibilityError> {
+        let mut shapes = self.first.clone();
+        let mut most = vec![0.0; shapes.len()];
+        for point in points {
+            let factor = point.equations.factor()?;
+            let mut first = self.data.labels.len();
+            let joints = self.data.laws.iter().zip(&point.shapes);
+            for ((law, from), (shape, most)) in joints.zip(shapes.iter_mut().zip(&mut most)) {
+                let columns: Vec<usize> = curved(*law).into_iter().map(|c| first + c).collect();
+                let part = explained(&factor, &columns, &point.solution.beta)?;
+                if part > *most {
+                    (*shape, *most) = (*from, part);
+                }
+                first += law.coefficients().len();
+            }
+        }
+        Ok(shapes)
+    }
+
     /// Solves again with the same shapes and chooses what the observations leave open.
     fn finished(&mut self, point: &Point) -> Result<PhysicalFit, FeasibilityError> {
         let factor = point.equations.factor()?;
@@ -346,6 +369,10 @@ pub fn fit(
     for which in 0..STARTS {
         points.push(search.point(shapes(which))?);
     }
+    let composed = search.composed(&points)?;
+    if points.iter().all(|point| point.shapes != composed) {
+        points.push(search.point(composed)?);
+    }
     points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     points.truncate(2);
     let mut best: Option<Point> = None;
@@ -400,6 +427,21 @@ pub fn fit(
             shapes: best.shapes,
         },
     })
+}
+
+/// The squared residuals that columns with these values explain beyond all other columns.
+fn explained(factor: &QrFactor, columns: &[usize], x: &[f64]) -> Result<f64, FeasibilityError> {
+    let others = (0..factor.columns()).filter(|c| !columns.contains(c));
+    let order: Vec<usize> = others.chain(columns.iter().copied()).collect();
+    let last = factor.select(&order)?;
+    let n = last.columns();
+    let first = n - columns.len();
+    let part = |row: usize| -> f64 {
+        let own = columns.iter().zip(first..);
+        own.map(|(c, k)| last.r()[k * n + row] * x.get(*c).copied().unwrap_or(0.0))
+            .sum()
+    };
+    Ok((first..n).map(|row| part(row).powi(2)).sum())
 }
 
 /// The values of each joint's law as they are printed, in the order of the law's symbols.

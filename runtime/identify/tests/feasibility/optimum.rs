@@ -3,8 +3,8 @@
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, SYMBOLS, Scale, Total, Verdict,
-    identify, inertial_parameters, verdict,
+    BaseMap, Bound, FeasibilityError, Options, Outcome, ParameterLayout, SYMBOLS, Scale, Total,
+    Verdict, identify, inertial_parameters, verdict,
 };
 
 /// Pseudo-random numbers in -1..1 (SplitMix64), the same on every machine.
@@ -143,8 +143,8 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
             });
         }
         let found = identify(&factor, &combinations, &layout, &options).unwrap();
-        // with fewer rows than unknowns the optimum is limited only by rounding and by the safety
-        // limits
+        // measured: at most 1.2e-6, and 1.4e-5 with fewer rows than unknowns, where only rounding
+        // and the safety limits bound the optimum
         let most = if seed.is_multiple_of(2) { 3e-6 } else { 1e-4 };
         assert!(found.gap <= most, "{seed}: gap {:e}", found.gap);
         assert!(found.is_optimal() && found.check.is_physical(), "{seed}");
@@ -186,11 +186,10 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
     assert!(active >= 12, "constraints take part in {active} of 24");
 }
 
-/// Among the parameters that fit equally well, those near the reference are chosen, at no cost in
-/// the residuals.
+/// Towards a reference the fit of poor data does not get worse.
 #[test]
-fn the_reference_decides_only_what_the_data_leave_open() {
-    for seed in [2, 6] {
+fn the_reference_costs_nothing() {
+    for seed in 0..12 {
         let Problem {
             layout,
             combinations,
@@ -198,21 +197,47 @@ fn the_reference_decides_only_what_the_data_leave_open() {
             truth,
         } = problem(seed);
         let plain = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
-        let reference: Vec<Option<f64>> = truth.iter().map(|x| Some(3.0 * x)).collect();
         let options = Options {
-            reference: reference.clone(),
+            reference: truth.iter().map(|x| Some(3.0 * x)).collect(),
             ..Options::default()
         };
         let near = identify(&factor, &combinations, &layout, &options).unwrap();
         let ratio = near.squared_residual / plain.squared_residual;
-        assert!((ratio - 1.0).abs() < 1e-6, "{seed}: {ratio}");
-        let far = |phi: &[f64]| -> f64 {
-            let each = phi.iter().zip(&reference);
-            each.map(|(x, r)| (x - r.unwrap_or(0.0)).powi(2)).sum()
-        };
-        // apart from rounding, where what is open is near 0 for both
-        let most = far(&plain.phi) * (1.0 + 1e-9);
-        assert!(far(&near.phi) < most, "{seed}");
+        assert!((ratio - 1.0).abs() < 3e-6, "{seed}: {ratio}");
+        assert!(near.is_optimal() && near.check.is_physical(), "{seed}");
+    }
+}
+
+/// Among the parameters that fit equally well, those near the reference are chosen, whether a
+/// constraint is active or not.
+#[test]
+fn what_the_data_leave_open_follows_the_reference() {
+    let (layout, _, _) = one();
+    let seen = BaseMap::identity(layout.labels())
+        .select(&[5, 6, 9, 10])
+        .unwrap();
+    for friction in [0.3, -0.3] {
+        let mut factor = QrFactor::new(seen.labels().to_vec());
+        let mut w = vec![0.0; 16];
+        w.iter_mut().step_by(5).for_each(|x| *x = 1.0);
+        factor.push_block(&w, &[0.2, 0.3, 2.0, friction]).unwrap();
+        for open in [0.4, 1.5] {
+            let mut reference = vec![None; 11];
+            (reference[0], reference[3]) = (Some(open), Some(open));
+            let options = Options {
+                reference,
+                ..Options::default()
+            };
+            let found = identify(&factor, &seen, &layout, &options).unwrap();
+            let active = found.outcome == Outcome::Constrained;
+            assert_eq!(active, friction < 0.0);
+            for column in [0, 3] {
+                let x = found.phi[column];
+                // the weight of the reference is limited by what it may cost
+                assert!((x - open).abs() < 0.02 * open, "{friction} {open}: {x}");
+            }
+            assert!((found.phi[5] - 0.2).abs() < 1e-4 && (found.phi[9] - 2.0).abs() < 1e-4);
+        }
     }
 }
 
