@@ -1,6 +1,6 @@
 //! Limits of joints that follow others.
 
-use super::Model;
+use super::{Coupling, Model};
 
 /// The part of the narrower of two ranges that they must share at least.
 const LEAST_SHARED_PART: f64 = 1e-3;
@@ -9,19 +9,44 @@ const LEAST_SHARED_PART: f64 = 1e-3;
 /// coordinate that follows, and the range (rad or m) that the coordinates it follows give it by
 /// their own limits.
 pub fn contradicting_limits(model: &Model) -> Vec<(usize, [f64; 2])> {
-    let contradiction = |coupling: &super::Coupling| {
-        let own = model.coordinates[coupling.key].position?;
-        let mut led = [coupling.constant.to_f64(); 2];
-        for (c, factor) in &coupling.terms {
-            let limits = model.coordinates[*c].position?;
-            let [one, other] = limits.map(|x| x * factor.to_f64());
-            led = [led[0] + one.min(other), led[1] + one.max(other)];
+    let mut found: Vec<(usize, [f64; 2])> = Vec::new();
+    let mut left: Vec<&Coupling> = model.couplings.iter().collect();
+    while !left.is_empty() {
+        // first the couplings whose joints follow none of the others
+        let keys: Vec<usize> = left.iter().map(|coupling| coupling.key).collect();
+        let waits = |coupling: &Coupling| coupling.terms.iter().any(|(c, _)| keys.contains(c));
+        let (later, now): (Vec<_>, Vec<_>) = left.iter().partition(|coupling| waits(coupling));
+        if now.is_empty() {
+            break;
         }
-        let shared = own[1].min(led[1]) - own[0].max(led[0]);
-        let narrow = (own[1] - own[0]).min(led[1] - led[0]);
-        (narrow > 0.0 && shared < LEAST_SHARED_PART * narrow).then_some((coupling.key, led))
-    };
-    model.couplings.iter().filter_map(contradiction).collect()
+        for coupling in now {
+            let led = contradiction(model, coupling, &found);
+            found.extend(led.map(|led| (coupling.key, led)));
+        }
+        left = later;
+    }
+    found
+}
+
+/// Where a coupling leads its joint, if the joint's limits do not share enough of that.
+///
+/// - `led`: where joints are led whose own limits do not count.
+fn contradiction(
+    model: &Model,
+    coupling: &Coupling,
+    led: &[(usize, [f64; 2])],
+) -> Option<[f64; 2]> {
+    let own = model.coordinates[coupling.key].position?;
+    let mut range = [coupling.constant.to_f64(); 2];
+    for (c, factor) in &coupling.terms {
+        let instead = led.iter().find(|(key, _)| key == c).map(|(_, led)| *led);
+        let limits = instead.or(model.coordinates[*c].position)?;
+        let [one, other] = limits.map(|x| x * factor.to_f64());
+        range = [range[0] + one.min(other), range[1] + one.max(other)];
+    }
+    let shared = own[1].min(range[1]) - own[0].max(range[0]);
+    let narrow = (own[1] - own[0]).min(range[1] - range[0]);
+    (narrow > 0.0 && shared < LEAST_SHARED_PART * narrow).then_some(range)
 }
 
 #[cfg(test)]
@@ -46,6 +71,27 @@ mod tests {
         assert_eq!(found("-1", "[-0.5, 0]")?, 0);
         assert_eq!(found("1", "[0, 0.2]")?, 0);
         assert_eq!(found("3", "[-2, 0.1]")?, 0);
+        Ok(())
+    }
+
+    #[test]
+    fn the_limits_of_what_follows_such_a_finger_are_compared_with_where_it_is_led()
+    -> Result<(), String> {
+        let finger = |tip: &str| -> Result<Vec<f64>, String> {
+            let text = format!(
+                "name: hand\nlimbs:\n  - name: a\n    joints:\n      - {{name: q1, type: revolute, \
+                 body: 1, actuated: true, limits: {{position: [0, 0.5]}}}}\n      - {{name: q2, \
+                 type: revolute, body: 2, limits: {{position: [0, 0.5]}}}}\n      - {{name: q3, \
+                 type: revolute, body: 3, limits: {{position: {tip}}}}}\n\
+                 couplings: {{q3: 0.5*q2, q2: -q1}}\n"
+            );
+            let spec =
+                crate::spec::parse(&Source::new("hand.yaml", text)).map_err(|e| e.to_string())?;
+            let found = super::contradicting_limits(&crate::model::build(&spec));
+            Ok(found.iter().map(|(_, [low, _])| *low).collect())
+        };
+        assert_eq!(finger("[0, 0.5]")?, [-0.5, -0.25]);
+        assert_eq!(finger("[-0.5, 0]")?, [-0.5]);
         Ok(())
     }
 }

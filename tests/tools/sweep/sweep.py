@@ -156,6 +156,14 @@ def couplings(spec):
             if name != "pi":
                 terms[name] = (-1.0 if sign == "-" else 1.0) * float(factor or 1)
         found[key] = terms
+    # those that follow joints which follow others themselves
+    for _ in found:
+        for key, terms in found.items():
+            direct = {}
+            for name, factor in terms.items():
+                for of, more in found.get(name, {name: 1.0}).items():
+                    direct[of] = direct.get(of, 0.0) + factor * more
+            found[key] = direct
     return found
 
 
@@ -226,6 +234,9 @@ def rank(other, followers, independent, random, names, spec):
             sets.append(values)
         rows += reduced(other.regressor(*sets), followers, independent)
     rows = np.array(rows)
+    # a link without mass and inertia has no parameters in the spec
+    massive = [i.mass > 0 or np.abs(i.inertia).max() > 0 for i in other.model.inertias[1:]]
+    rows = rows[:, np.repeat(massive, 10)]
     size = np.linalg.norm(rows, axis=0)
     rows = rows[:, size > 1e-9 * size.max()]
     s = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), compute_uv=False)
