@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::spec::Spec;
 
-use super::certificate::{Certificate, Samples, certify};
+use super::certificate::{Certificate, certify};
 use super::null_completion::NullCompletion;
 use super::{Base, derive_with_completion, meant, payloads};
 
@@ -88,21 +88,13 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
         }
         return Analysis {
             complete,
-            condition: complete.then(|| condition(&base, &samples, model)),
+            condition: complete.then(|| {
+                let is_kept = |c: &usize| base.parameters.iter().any(|p| p.column == *c);
+                samples.condition_of_groups(model, &is_kept)
+            }),
             base,
             // of payloads too: their directions are part of those of all columns
             certificate: Ok(payloads::certificate(&samples, model)),
         };
     }
-}
-
-/// The condition of the sampled rows in the kept columns; of groups of columns the largest.
-fn condition(base: &Base, samples: &Samples, model: &Model) -> f64 {
-    let groups = model.column_groups();
-    let of_group = |group: &Vec<usize>| {
-        let kept = base.parameters.iter().map(|p| p.column);
-        let kept: Vec<usize> = kept.filter(|column| group.contains(column)).collect();
-        samples.condition(&kept)
-    };
-    groups.iter().map(of_group).fold(1.0, f64::max)
 }

@@ -17,6 +17,11 @@ use super::span::Vector;
 
 /// Coefficients up to this size stay, in units in which all columns have length 1.
 const LARGEST: f64 = 4.0;
+/// Where the condition of the kept columns is above `POOR` then, coefficients up to `LARGEST_IF_POOR`
+/// stay, if that lowers it to at most `BETTER` of what it was.
+const POOR: f64 = 1000.0;
+const LARGEST_IF_POOR: f64 = 1.1;
+const BETTER: f64 = 2.0 / 3.0;
 /// The largest number of exchanges.
 const MAX_EXCHANGES: usize = 2000;
 
@@ -29,6 +34,8 @@ pub(super) struct Rules<'a> {
     pub(super) requested: &'a [usize],
     /// Whether coefficients with an expression may be divided by: only where no name occurs in them.
     pub(super) divides_by_expressions: bool,
+    /// The condition of the sampled rows where these columns are eliminated.
+    pub(super) condition: &'a dyn Fn(&Reduced) -> f64,
 }
 
 /// A coefficient that is too large.
@@ -38,39 +45,51 @@ struct Excess {
     kept: usize,
 }
 
-/// Exchanges columns until no coefficient between inertial parameters is out of proportion; the
-/// largest first.
+/// Exchanges columns until no coefficient between inertial parameters is out of proportion.
 pub(super) fn exchange(field: &mut Field, reduced: &mut Reduced, rules: &Rules<'_>) {
-    let movable: Vec<bool> = (0..rules.lengths.len())
-        .map(|column| rules.may_move(column))
-        .collect();
-    // the worst coefficient of each row; a row that changes is looked at again
-    let mut worst: BTreeMap<usize, Option<Excess>> = BTreeMap::new();
-    for _ in 0..MAX_EXCHANGES {
-        for (eliminated, row) in &reduced.rows {
-            worst
-                .entry(*eliminated)
-                .or_insert_with(|| rules.worst(*eliminated, row, &movable));
+    rules.exchange_above(LARGEST, field, reduced);
+    let condition = (rules.condition)(reduced);
+    if condition > POOR {
+        let mut other = reduced.clone();
+        rules.exchange_above(LARGEST_IF_POOR, field, &mut other);
+        if (rules.condition)(&other) <= BETTER * condition {
+            *reduced = other;
         }
-        let found = worst
-            .iter()
-            .filter_map(|(eliminated, excess)| Some((*eliminated, (*excess)?)))
-            .reduce(|a, b| if b.1.size > a.1.size { b } else { a });
-        let Some((eliminated, Excess { kept, .. })) = found else {
-            return;
-        };
-        worst.retain(|column, _| {
-            let row = reduced.rows.get(column);
-            row.is_some_and(|row| !row.contains_key(&kept))
-        });
-        let Some(row) = reduced.rows.remove(&eliminated) else {
-            return;
-        };
-        reduced.eliminate(field, &mut vec![row], kept, usize::MAX);
     }
 }
 
 impl Rules<'_> {
+    /// Exchanges columns while a coefficient is above `limit`; the largest first.
+    fn exchange_above(&self, limit: f64, field: &mut Field, reduced: &mut Reduced) {
+        let movable: Vec<bool> = (0..self.lengths.len())
+            .map(|column| self.may_move(column))
+            .collect();
+        // the worst coefficient of each row; a row that changes is looked at again
+        let mut worst: BTreeMap<usize, Option<Excess>> = BTreeMap::new();
+        for _ in 0..MAX_EXCHANGES {
+            for (eliminated, row) in &reduced.rows {
+                worst
+                    .entry(*eliminated)
+                    .or_insert_with(|| self.worst(*eliminated, row, limit, &movable));
+            }
+            let found = worst
+                .iter()
+                .filter_map(|(eliminated, excess)| Some((*eliminated, (*excess)?)))
+                .reduce(|a, b| if b.1.size > a.1.size { b } else { a });
+            let Some((eliminated, Excess { kept, .. })) = found else {
+                return;
+            };
+            worst.retain(|column, _| {
+                let row = reduced.rows.get(column);
+                row.is_some_and(|row| !row.contains_key(&kept))
+            });
+            let Some(row) = reduced.rows.remove(&eliminated) else {
+                return;
+            };
+            reduced.eliminate(field, &mut vec![row], kept, usize::MAX);
+        }
+    }
+
     /// Whether a column may change from kept to eliminated and back: those of inertial parameters,
     /// but not of bodies that are fixed to others.
     fn may_move(&self, column: usize) -> bool {
@@ -85,8 +104,14 @@ impl Rules<'_> {
         }
     }
 
-    /// The largest coefficient of a row beyond [`LARGEST`].
-    fn worst(&self, eliminated: usize, row: &Vector, movable: &[bool]) -> Option<Excess> {
+    /// The largest coefficient of a row above `limit`.
+    fn worst(
+        &self,
+        eliminated: usize,
+        row: &Vector,
+        limit: f64,
+        movable: &[bool],
+    ) -> Option<Excess> {
         let own = self
             .lengths
             .get(eliminated)
@@ -95,7 +120,7 @@ impl Rules<'_> {
             return None;
         }
         let mut worst = None;
-        let mut largest = LARGEST;
+        let mut largest = limit;
         for (kept, factor) in row.range(..movable.len()) {
             let may_divide = factor.weight() == 0 || self.divides_by_expressions;
             if *kept == eliminated || !movable[*kept] || !may_divide {

@@ -98,7 +98,7 @@ fn place_in_order(entry: usize, axis: usize) -> usize {
 }
 
 /// A basis of the null space that is the unit matrix at the eliminated columns.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Reduced {
     /// By eliminated column, the row that is 1 there and 0 at all other eliminated columns: its
     /// other entries express the eliminated parameter by kept ones.

@@ -238,6 +238,12 @@ fn derive_with_completion(
             lengths: &completion.lengths(),
             requested: &requested,
             divides_by_expressions: spec.geometry.is_empty(),
+            condition: &|reduced| {
+                let is_kept = |c: &usize| {
+                    !reduced.rows.contains_key(c) && known.iter().all(|k| k.column != *c)
+                };
+                completion.condition(model, &is_kept)
+            },
         };
         exchange::exchange(&mut field, &mut reduced, &rules);
     }

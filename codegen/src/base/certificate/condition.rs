@@ -1,6 +1,7 @@
 //! How well the sampled rows are conditioned in the kept columns.
 
 use super::rank::Samples;
+use crate::model::Model;
 
 /// Conditions above this cannot be told from products of doubles.
 const LARGEST: f64 = 1e7;
@@ -9,6 +10,20 @@ const STEPS: usize = 1000;
 const CHANGE: f64 = 1e-7;
 
 impl Samples {
+    /// As [`condition`](Self::condition), of those columns of a mechanism that are kept; of several
+    /// groups of columns (payloads) the largest.
+    pub(in crate::base) fn condition_of_groups(
+        &self,
+        model: &Model,
+        is_kept: &dyn Fn(&usize) -> bool,
+    ) -> f64 {
+        let groups = model.column_groups().into_iter();
+        let kept = |group: Vec<usize>| group.into_iter().filter(is_kept).collect::<Vec<_>>();
+        groups
+            .map(|group| self.condition(&kept(group)))
+            .fold(1.0, f64::max)
+    }
+
     /// The condition of the sampled rows of some columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest. Infinite where it is above 1e7.
     pub fn condition(&self, columns: &[usize]) -> f64 {

@@ -80,6 +80,11 @@ impl<'a> NullCompletion<'a> {
         self.samples.lengths()
     }
 
+    /// The condition of the sampled rows in the columns that are kept.
+    pub(super) fn condition(&self, model: &Model, is_kept: &dyn Fn(&usize) -> bool) -> f64 {
+        self.samples.condition_of_groups(model, is_kept)
+    }
+
     /// The number of directions that are not null at the sampled states; above 0 only if their
     /// derivation is wrong.
     pub(super) fn refuted(&self, null: &[Vector]) -> usize {
