@@ -37,8 +37,9 @@ pub(super) struct SampledFactor {
 }
 
 impl SampledFactor {
-    /// The values as doubles, by their bits. Factors that differ as functions of the names differ at
-    /// some sample, since these are unrelated numbers.
+    /// The values as doubles, by their bits, and further digits of the own one: factors of a robot
+    /// that is nearly symmetric may agree in as many digits as a double has. Factors that differ as
+    /// functions of the names differ at some sample, since these are unrelated numbers.
     pub(super) fn leading_digits(&self) -> Vec<u64> {
         // no sample has the bits of a value that is no number
         let bits = |value: Option<&Float320>| value.map_or(f64::NAN, Float320::to_f64).to_bits();
@@ -48,7 +49,11 @@ impl SampledFactor {
             .iter()
             .map(|sample| bits(Some(&sample.value)));
         let own = [bits(Some(&self.value))].into_iter();
-        own.chain(one_scaled).chain(all_scaled).collect()
+        let further = self.value.leading_bits();
+        own.chain(further)
+            .chain(one_scaled)
+            .chain(all_scaled)
+            .collect()
     }
 }
 
@@ -218,6 +223,24 @@ fn sum(observed: &SampledFactor, groups: &[Group], scale: &Number) -> Option<Fit
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    /// A finger and its mirrored twin, whose frames are rounded differently in the file.
+    #[test]
+    fn factors_that_agree_as_doubles_are_told_apart() {
+        let value = Number::parse_decimal("117.711955557822268").unwrap();
+        let beside = Number::parse_decimal("117.7119555578222680000001").unwrap();
+        let [digits, other] = [&value, &beside].map(|number| {
+            let value = Float320::from_number(number);
+            SampledFactor {
+                value,
+                one_scaled: Vec::new(),
+                all_scaled: Vec::new(),
+            }
+            .leading_digits()
+        });
+        assert_eq!(digits[0], other[0]);
+        assert_ne!(digits, other);
+    }
 
     type Function<'a> = &'a dyn Fn(&Number, &Number) -> Number;
 

@@ -112,6 +112,12 @@ impl Float320 {
         (self.negative, UBig::from_le_bytes(&bytes), exponent)
     }
 
+    /// The first 192 bits of the mantissa: equal for numbers that are equal to 57 digits, but for
+    /// those on either side of a short one.
+    pub(crate) fn leading_bits(&self) -> [u64; 3] {
+        [self.words[4], self.words[3], self.words[2]]
+    }
+
     /// The nearest `f64`, up to an error in the last bit; infinite or 0 beyond its range.
     pub fn to_f64(&self) -> f64 {
         let magnitude = libm::ldexp(self.fraction(), self.exponent.max(-EXPONENT_LIMIT));
