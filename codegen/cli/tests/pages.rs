@@ -208,7 +208,8 @@ fn without_command(page: &str) -> (String, String) {
     let row = "<dt>Command</dt><dd><code>";
     let (before, rest) = page.split_once(row).unwrap();
     let (command, after) = rest.split_once("</code></dd>\n").unwrap();
-    (format!("{before}{after}"), command.to_owned())
+    let command = command.replace("<span>", "").replace("</span>", "");
+    (format!("{before}{after}"), command)
 }
 
 /// The browser, if one is available.

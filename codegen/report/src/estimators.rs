@@ -3,7 +3,7 @@
 use regen_identify::files::LeastSquaresRow;
 
 use crate::identified::Content;
-use crate::page::{escaped, four, interval, section, table};
+use crate::page::{escaped, four, interval, label, section, table};
 
 /// The section of the page; empty where the adopted model is least squares.
 pub(super) fn html(report: &Content<'_>) -> String {
@@ -13,7 +13,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
         // of a parameter without a deviation, no difference can be told in deviations
         let moved = Some((own.value - least.value) / least.sigma).filter(|x| x.is_finite());
         Some(vec![
-            escaped(&least.label),
+            label(&least.label),
             four(own.value),
             four(least.value),
             escaped(&least.unit),

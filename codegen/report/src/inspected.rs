@@ -7,7 +7,7 @@ use regen_inspect::{Column, ExpectedStatus, Joint, LogFacts, Prediction, Role};
 
 use crate::ReportError;
 use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE};
-use crate::page::{escaped, figure, four, section, table, whole};
+use crate::page::{escaped, figure, four, label, section, table, whole};
 
 /// Most columns in one figure: more lines cannot be told apart.
 const MAX_LINES: usize = 8;
@@ -330,7 +330,7 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
         .map(|p| {
             let needs: Vec<String> = p.needs.iter().map(ToString::to_string).collect();
             vec![
-                escaped(&p.label),
+                label(&p.label),
                 match p.status {
                     ExpectedStatus::Well | ExpectedStatus::Determined => p.status.name().to_owned(),
                     _ => format!("<b>{}</b>", p.status.name()),

@@ -21,6 +21,16 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// A parameter's label as HTML: a long one breaks behind `(` and `_` where its column is narrow.
+pub(super) fn label(text: &str) -> String {
+    const LONG: usize = 12;
+    let html = escaped(text);
+    if text.len() <= LONG {
+        return html;
+    }
+    html.replace('(', "(<wbr>").replace('_', "_<wbr>")
+}
+
 /// A number in four digits, without an exponent where it is readable so.
 pub(super) fn four(value: f64) -> String {
     let size = value.abs();
@@ -197,7 +207,7 @@ fn parameters(report: &Content<'_>) -> String {
                 format!(
                     "<span title=\"{}\">{}</span>",
                     escaped(&p.combination),
-                    escaped(&p.label)
+                    label(&p.label)
                 ),
                 four(p.value),
                 escaped(&p.unit),
@@ -299,7 +309,7 @@ fn physical(report: &Content<'_>) -> String {
         .map(|(k, p)| {
             let nominal = info.nominal.get(k).copied().flatten();
             vec![
-                escaped(&p.label),
+                label(&p.label),
                 four(p.value),
                 escaped(&p.unit),
                 four(p.sigma),
@@ -333,7 +343,7 @@ fn friction(report: &Content<'_>) -> String {
             let values: Vec<String> = values
                 .map(|(symbol, value)| format!("{} = {}", escaped(symbol), four(*value)))
                 .collect();
-            vec![escaped(&row.joint), escaped(&row.law), values.join(", ")]
+            vec![label(&row.joint), escaped(&row.law), values.join(", ")]
         })
         .collect();
     if !rows.is_empty() {
@@ -434,5 +444,7 @@ mod tests {
     #[test]
     fn text_cannot_become_tags() {
         assert_eq!(escaped("a<b & \"c\">"), "a&lt;b &amp; &quot;c&quot;&gt;");
+        assert_eq!(label("Izz(link_1)"), "Izz(link_1)");
+        assert_eq!(label("Fc(left_elbow)"), "Fc(<wbr>left_<wbr>elbow)");
     }
 }

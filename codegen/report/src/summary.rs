@@ -105,7 +105,12 @@ fn provenance(report: &Content<'_>) -> Vec<(&'static str, String)> {
     }
     rows.push(("Made by", format!("regen {}", env!("CARGO_PKG_VERSION"))));
     if let Some(command) = report.command {
-        rows.push(("Command", format!("<code>{}</code>", escaped(command))));
+        // an option is not broken behind its hyphens
+        let words = command
+            .split(' ')
+            .map(|word| format!("<span>{}</span>", escaped(word)));
+        let words: Vec<String> = words.collect();
+        rows.push(("Command", format!("<code>{}</code>", words.join(" "))));
     }
     rows
 }

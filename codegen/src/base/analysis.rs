@@ -90,7 +90,12 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
             complete,
             condition: complete.then(|| {
                 let is_kept = |c: &usize| base.parameters.iter().any(|p| p.column == *c);
-                samples.condition_of_groups(model, &is_kept)
+                let replaced = base.known.iter().flat_map(|k| {
+                    let terms = k.terms.iter();
+                    terms.map(|t| (k.column, t.column, t.value.to_f64()))
+                });
+                let replaced: Vec<(usize, usize, f64)> = replaced.collect();
+                samples.condition_of_groups(model, &is_kept, &replaced)
             }),
             base,
             // of payloads too: their directions are part of those of all columns

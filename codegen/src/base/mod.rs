@@ -233,6 +233,13 @@ fn derive_with_completion(
     let restricted = known::restricted(&mut field, &null, &known);
     let mut reduced = kept_columns::reduce(&mut field, &restricted, &order, requested.len());
     if let Some(completion) = completion {
+        let replaced: Vec<(usize, usize, f64)> = known
+            .iter()
+            .flat_map(|k| {
+                let terms = k.terms.iter();
+                terms.map(|(c, e)| (k.column, *c, e.value().to_f64()))
+            })
+            .collect();
         let rules = exchange::Rules {
             model,
             lengths: &completion.lengths(),
@@ -242,7 +249,8 @@ fn derive_with_completion(
                 let is_kept = |c: &usize| {
                     !reduced.rows.contains_key(c) && known.iter().all(|k| k.column != *c)
                 };
-                completion.condition(model, &is_kept)
+                let samples = completion.samples();
+                samples.condition_of_groups(model, &is_kept, &replaced)
             },
         };
         exchange::exchange(&mut field, &mut reduced, &rules);

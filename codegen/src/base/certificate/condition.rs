@@ -1,5 +1,7 @@
 //! How well the sampled rows are conditioned in the kept columns.
 
+use std::collections::BTreeMap;
+
 use super::rank::Samples;
 use crate::model::Model;
 
@@ -12,22 +14,26 @@ const CHANGE: f64 = 1e-7;
 impl Samples {
     /// As [`condition`](Self::condition), of those columns of a mechanism that are kept; of several
     /// groups of columns (payloads) the largest.
+    ///
+    /// - `replaced`: the parameters that others replace, each as its column, the column of one that
+    ///   replaces it, and the factor in SI units: its column is added to that one.
     pub(in crate::base) fn condition_of_groups(
         &self,
         model: &Model,
         is_kept: &dyn Fn(&usize) -> bool,
+        replaced: &[(usize, usize, f64)],
     ) -> f64 {
         let groups = model.column_groups().into_iter();
         let kept = |group: Vec<usize>| group.into_iter().filter(is_kept).collect::<Vec<_>>();
         groups
-            .map(|group| self.condition(&kept(group)))
+            .map(|group| self.condition(&kept(group), replaced))
             .fold(1.0, f64::max)
     }
 
     /// The condition of the sampled rows of some columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest. Infinite where it is above 1e7.
-    pub fn condition(&self, columns: &[usize]) -> f64 {
-        let Some(factor) = cholesky(self.products(columns)) else {
+    pub fn condition(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> f64 {
+        let Some(factor) = cholesky(self.products(columns, replaced)) else {
             return f64::INFINITY;
         };
         let n = columns.len();
@@ -42,11 +48,26 @@ impl Samples {
     }
 
     /// The scalar products of the columns, each scaled to length 1.
-    fn products(&self, columns: &[usize]) -> Vec<Vec<f64>> {
+    fn products(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
         let n = columns.len();
+        // for each column of the rows, the kept columns that contain it
+        let mut parts: BTreeMap<usize, Vec<(usize, f64)>> = BTreeMap::new();
+        for (place, c) in columns.iter().enumerate() {
+            parts.entry(*c).or_default().push((place, 1.0));
+            for (from, _, factor) in replaced.iter().filter(|(_, to, _)| to == c) {
+                let factor = factor * self.scale_between(*from, *c);
+                parts.entry(*from).or_default().push((place, factor));
+            }
+        }
         let mut sums = vec![vec![0.0; n]; n];
-        for row in self.rows_of(columns) {
-            let entries: Vec<(usize, f64)> = row.entries().map(|(c, x)| (c, x.to_f64())).collect();
+        for row in self.rows() {
+            let mut own: BTreeMap<usize, f64> = BTreeMap::new();
+            for (c, x) in row.entries() {
+                for (place, factor) in parts.get(&c).into_iter().flatten() {
+                    *own.entry(*place).or_default() += factor * x.to_f64();
+                }
+            }
+            let entries: Vec<(usize, f64)> = own.into_iter().collect();
             for &(i, x) in &entries {
                 for &(j, y) in &entries {
                     sums[i][j] += x * y;
@@ -146,22 +167,31 @@ mod tests {
     use super::super::sparse::Row;
     use super::*;
 
-    fn samples(rows: &[[f64; 2]]) -> Samples {
+    fn samples<const N: usize>(rows: &[[f64; N]]) -> Samples {
         let rows = rows.iter().map(|row| Row::of(row.map(Float320::from_f64)));
-        Samples::new(rows.collect(), vec![0; 2], 1)
+        Samples::new(rows.collect(), vec![0; N], 1)
     }
 
     #[test]
     fn the_condition_is_that_of_the_columns_directions() {
         // orthogonal columns of any length
-        assert!((samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1]) - 1.0).abs() < 1e-9);
+        assert!((samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1], &[]) - 1.0).abs() < 1e-9);
         // columns at an angle of 2 atan(1/3): the condition is the cotangent of its half
-        let found = samples(&[[3.0, 3.0], [1.0, -1.0]]).condition(&[0, 1]);
+        let found = samples(&[[3.0, 3.0], [1.0, -1.0]]).condition(&[0, 1], &[]);
         assert!((found - 3.0).abs() < 1e-9, "{found}");
         assert!(
             samples(&[[1.0, 1.0], [1.0, 1.0]])
-                .condition(&[0, 1])
+                .condition(&[0, 1], &[])
                 .is_infinite()
         );
+    }
+
+    /// The first column is that of a parameter which the second one follows.
+    #[test]
+    fn what_another_parameter_replaces_counts_with_that_one() {
+        let samples = samples(&[[3.0, 0.0, 3.0], [1.0, -2.0, 1.0]]);
+        assert!(samples.condition(&[0, 2], &[]).is_infinite());
+        let found = samples.condition(&[0, 2], &[(1, 0, 1.0)]);
+        assert!((found - 3.0).abs() < 1e-9, "{found}");
     }
 }

@@ -134,6 +134,16 @@ impl Samples {
         self.rows.iter().map(|row| row.of_columns(columns))
     }
 
+    /// All sampled rows, in scaled units.
+    pub(super) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The factor from the scaled unit of one column to that of another.
+    pub(super) fn scale_between(&self, from: usize, to: usize) -> f64 {
+        libm::ldexp(1.0, self.units[to] - self.units[from])
+    }
+
     /// How strongly each parameter acts at the sampled states: the length of its column, in the
     /// energy's unit per SI unit of the parameter.
     pub(in crate::base) fn lengths(&self) -> Vec<f64> {

@@ -80,9 +80,9 @@ impl<'a> NullCompletion<'a> {
         self.samples.lengths()
     }
 
-    /// The condition of the sampled rows in the columns that are kept.
-    pub(super) fn condition(&self, model: &Model, is_kept: &dyn Fn(&usize) -> bool) -> f64 {
-        self.samples.condition_of_groups(model, is_kept)
+    /// The regressor's rows at the sampled states.
+    pub(super) fn samples(&self) -> &Samples {
+        self.samples
     }
 
     /// The number of directions that are not null at the sampled states; above 0 only if their
