@@ -73,7 +73,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<(), Failure> {
-    if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_kept) {
+    if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_cache) {
         load::use_kept();
     }
     match cli.command {

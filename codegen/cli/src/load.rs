@@ -95,7 +95,7 @@ pub(crate) fn use_kept() {
 pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
     let mechanism = Mechanism::open(source)?;
     Ok(match CACHE.get() {
-        Some(cache) => mechanism.with_keeper(cache.clone()),
+        Some(cache) => mechanism.with_store(cache.clone()),
         None => mechanism,
     })
 }

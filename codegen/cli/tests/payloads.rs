@@ -244,13 +244,16 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
         "{written}"
     );
     for (line, words) in [
-        ("--friction", "--friction is not for unknown gains"),
-        ("--estimator iv", "--iv is not for unknown gains"),
+        ("--friction", "--friction does not work with unknown gains"),
+        ("--estimator iv", "--iv does not work with unknown gains"),
         (
             "--feasible --covariance --out f.json",
-            "--covariance is that of least squares",
+            "--covariance needs least squares",
         ),
-        ("--estimator didim", "--estimator is not for unknown gains"),
+        (
+            "--estimator didim",
+            "--estimator does not work with unknown gains",
+        ),
         ("--payload none", "leave out --payload"),
     ] {
         let (_, err) = run(&dir, &format!("identify arm.yaml runs.yaml {line}"), 2);
@@ -296,7 +299,7 @@ fn a_load_is_weighed_on_a_robot_that_was_identified_without_it() {
     let line = "identify arm.yaml carried.csv --payload unknown --butterworth 4,20";
     let (_, err) = run(&dir, line, 2);
     assert!(
-        err.contains("--payload unknown needs the robot without it"),
+        err.contains("--payload unknown needs the parameters of the robot without it"),
         "{err}"
     );
     let (_, err) = run(&dir, &format!("{line} --parameters exact.json"), 0);

@@ -19,7 +19,7 @@
 //! let phi = [1.0; rps3::PARAMETERS.len()];
 //! let (tau, _) = rps3::inverse_dynamics(legs.q(), &motion.qd, &motion.qdd, &phi);
 //! assert!(tau.iter().all(|force| force.is_finite()));
-//! # Ok::<(), regen_control::Misuse>(())
+//! # Ok::<(), regen_control::ClosureError>(())
 //! ```
 #![no_std]
 #![allow(
@@ -33,7 +33,7 @@ mod outcome;
 mod real;
 
 pub use closure::{Closure, Motion};
-pub use outcome::{Misuse, Outcome};
+pub use outcome::{ClosureError, Outcome};
 pub use real::Real;
 
 /// The type of a [`Closure`] of a generated model: `closure!(rps3::Rps3, f64)` for the struct `Rps3`
