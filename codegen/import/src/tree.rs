@@ -1,5 +1,4 @@
-//! The content of URDF and MJCF files: a tree of links with joints, and couplings and loop closures
-//! in addition.
+//! The content of URDF and MJCF files: a tree of links with joints, with couplings and loop closures.
 
 use crate::log::Place;
 use crate::pose::{Pose, V3};
