@@ -74,7 +74,7 @@ pub fn main() -> ExitCode {
 
 fn run(cli: Cli) -> Result<(), Failure> {
     if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_cache) {
-        load::use_kept();
+        load::use_cache();
     }
     match cli.command {
         Some(Command::New(args)) => new::run(&args),

@@ -223,7 +223,7 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
     let unknown = RUNS.replace("{m: 2.2}", "unknown");
     fs::write(dir.join("unknown.yaml"), unknown).unwrap();
     let (_, err) = run(&dir, "identify arm.yaml unknown.yaml", 4);
-    let words = "nothing fixes the scale of gain(q1), gain(q2), gain(q3)";
+    let words = "nothing determines the scale of gain(q1), gain(q2), gain(q3)";
     assert!(err.contains(words), "{err}");
     // outliers in units of measurement, and physical parameters, of the same runs
     let robust = json(&dir, "identify arm.yaml runs.yaml --estimator huber");
@@ -270,7 +270,8 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
     assert!(
-        err.contains("not by this") && err.contains("not for this"),
+        err.contains("does not identify unknown gains")
+            && err.contains("does not support runs with a payload"),
         "{err}"
     );
 }

@@ -463,9 +463,12 @@ fn what_runs_carry_is_found_by_the_spec_s_payloads_and_contradictions_are_told()
     assert_eq!(found.payloads[0].com, Some([0.0, 0.0, 0.1]));
     assert_eq!(found.payloads[1].mass, None);
     for (text, why) in [
-        ("{body: lid}", "'lid' is no payload of the spec"),
+        ("{body: lid}", "'lid' is not a payload of the spec"),
         ("unknown", "the spec has several payloads: box ball"),
-        ("{body: box, m: 3}", "another run says otherwise of 'box'"),
+        (
+            "{body: box, m: 3}",
+            "another run states other parameters of 'box'",
+        ),
     ] {
         let text = format!(
             "runs: [{{files: a, payload: {{body: box, m: 2}}}}, {{files: b, payload: {text}}}]"
