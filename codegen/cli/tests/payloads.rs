@@ -218,7 +218,7 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
         assert!(table.contains(words), "{words}\n{table}");
     }
     let refused = run(&dir, "validate arm.yaml fit.json none.csv", 3).1;
-    assert!(refused.contains("say what is carried"), "{refused}");
+    assert!(refused.contains("state what is carried"), "{refused}");
 
     let unknown = RUNS.replace("{m: 2.2}", "unknown");
     fs::write(dir.join("unknown.yaml"), unknown).unwrap();

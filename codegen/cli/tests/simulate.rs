@@ -241,7 +241,7 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     says(
         &["--parameters", "p.json"],
         3,
-        "`m(9)` is no parameter of fivebar",
+        "`m(9)` is not a parameter of fivebar",
     );
     says(&["--parameters", "none.json"], 5, "cannot read none.json");
     says(
