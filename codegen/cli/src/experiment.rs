@@ -53,7 +53,7 @@ impl Experiment {
     }
 }
 
-/// The hint for a file that is no experiment.
+/// The hint for a file that is not an experiment.
 const OTHER_FILE: &str = "an experiment file has the keys columns, process, runs and others; \
                           `regen schema experiment` describes them";
 

@@ -36,7 +36,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
     let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
     if !args.name.chars().all(plain) {
         return Err(Failure::Input(format!(
-            "{:?} is no name for a module: lower-case letters, digits and _, such as my_arm",
+            "{:?} is not a name for a module: lower-case letters, digits and _, such as my_arm",
             args.name
         )));
     }

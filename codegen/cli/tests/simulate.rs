@@ -247,7 +247,7 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     says(
         &["--pid", "q2=1,2,3"],
         3,
-        "`q2` is no actuated joint; these are q1, q3",
+        "`q2` is not an actuated joint; these are q1, q3",
     );
     says(&["--pid", "1,2"], 2, "KP,KI,KD");
     says(&["--step", "0"], 3, "--step must be above 0");

@@ -177,7 +177,7 @@ pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath,
     })
 }
 
-/// The checks of the comparison. A doubtful rank is no evidence against the certificate or the
+/// The checks of the comparison. A doubtful rank is not evidence against the certificate or the
 /// analytic rank, and is not compared with them.
 fn checks(
     analysis: &Analysis,

@@ -413,7 +413,7 @@ fn delay(
         // filtered values are not independent of their neighbours
         let memory = (0.5 / motion.cutoff / motion.step).max(1.0);
         let noise = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
-        // what the regression leaves of the motion is no noise, and differs from block to block
+        // what the regression leaves of the motion is not noise, and differs from block to block
         let scatter: f64 = blocks.iter().map(|(xy, xx)| (xy - step * xx).powi(2)).sum();
         let few = BLOCKS as f64 / (BLOCKS as f64 - 1.0);
         sigma = noise.max((few * scatter).sqrt() / xx);

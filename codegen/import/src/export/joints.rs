@@ -79,7 +79,7 @@ impl Export<'_> {
             return;
         }
         if spec.springs.iter().any(|spring| spring.name.value == name) {
-            let text = format!("the spring '{name}' is left out: it is no joint");
+            let text = format!("the spring '{name}' is left out: it is not a joint");
             self.log.note(file.root.place, text);
             return;
         }

@@ -33,7 +33,7 @@ def options(command: str) -> dict[str, tuple[bool, bool, str]]:
 
 def _value(value: Any) -> str:
     if isinstance(value, bool):
-        raise OptionError(f"{value} is no value of this option")
+        raise OptionError(f"{value} is not a value of this option")
     if isinstance(value, float):
         return repr(float(value))
     if isinstance(value, tuple):

@@ -194,7 +194,7 @@ def _expression(text: str) -> Any:
                 return left / right
             if isinstance(node.op, ast.Pow):
                 return left**right
-        raise ValueError(f"'{text}' is no expression")
+        raise ValueError(f"'{text}' is not an expression")
 
     source = text.replace("^", "**")
     return of(ast.parse(source, mode="eval").body)

@@ -30,7 +30,7 @@ def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
         if array.dtype.kind in "fiubO":
             return np.asarray(array, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"`{name}` is no array of numbers: {error}") from None
+        raise InputError(f"`{name}` is not an array of numbers: {error}") from None
     raise InputError(f"`{name}` has entries of type {array.dtype}, real numbers are needed")
 
 

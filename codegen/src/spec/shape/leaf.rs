@@ -138,7 +138,7 @@ fn check_coordinate(text: &str) -> Result<(), Refusal> {
         return Ok(());
     }
     Err((
-        "is no coordinate".into(),
+        "is not a coordinate".into(),
         "coordinates are joint names, with an axis at compound joints: 'q2', 's1.1'".into(),
     ))
 }
@@ -148,7 +148,7 @@ fn check_parameter(text: &str) -> Result<(), Refusal> {
         return Ok(());
     }
     Err((
-        "is no parameter".into(),
+        "is not a parameter".into(),
         "parameters are written 'Ixx(1)', 'Fv(q2)', 'J(q2)'".into(),
     ))
 }

@@ -140,7 +140,7 @@ impl fmt::Display for ExciteError {
             Self::Signal(error) => error.fmt(f),
             Self::Range { what, range } => {
                 let [lowest, highest] = range;
-                write!(f, "{what}: {lowest} to {highest} is no range")
+                write!(f, "{what}: {lowest} to {highest} is not a range")
             }
             Self::Unbounded { coordinate } => write!(
                 f,

@@ -138,7 +138,7 @@ fn check<'a>(
             && info.index_of(name).is_none()
         {
             let all = info.coordinates.join(" ");
-            return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
+            return Err(format!("`{name}` is not a coordinate of {}: {all}", info.name).into());
         }
     }
     if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {

@@ -34,7 +34,7 @@ pub type RawRow<'a> = Result<(u64, &'a [f64]), &'a Problem>;
 /// })?;
 /// // the time in s, then the columns of numbers
 /// assert_eq!(rows[1], (3, vec![0.01, 0.01, 0.11]));
-/// assert_eq!(problems, ["row 4: `x` in column `angle` is no finite number"]);
+/// assert_eq!(problems, ["row 4: `x` in column `angle` is not a finite number"]);
 /// # std::fs::remove_file(path)?;
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```

@@ -322,7 +322,7 @@ mod tests {
             values.for_each(|value| watch.push(0, value));
             watch.finish(1).1
         };
-        // rounding of the numbers is no step
+        // rounding of the numbers is not a step
         let coarse =
             steps(&mut (0..1000).map(|k| (swing(k) * 50.0).round() * 0.003 + 1e-16 * k as f64));
         assert!((coarse.encoder - 0.003).abs() < 1e-9, "{coarse:?}");

@@ -287,7 +287,7 @@ fn needs_gain(kind: QuantityKind, node: &Node, place: &Node, path: &str, sink: &
     let is_current = kind == QuantityKind::Effort && matches!(unit, Some("A" | "mA"));
     match (node.get("gain"), is_current) {
         (None, true) => {
-            let message = "a current is no effort".to_owned();
+            let message = "a current is not an effort".to_owned();
             let remedy = "give `gain`, the joint's torque constant with its gear in N m/A or N/A \
                           such as 0.12, or `gain: unknown`";
             sink.push(place.at, path, message, remedy);
@@ -377,7 +377,7 @@ pub(super) fn not_actuated(key: &Key, info: &Info<'_>, place: &str, sink: &mut S
         .filter_map(|k| info.coordinates.get(*k).copied())
         .collect();
     let near = did_you_mean(&key.text, names.iter().copied());
-    let message = format!("'{}' is no actuated coordinate{near}", key.text);
+    let message = format!("'{}' is not an actuated coordinate{near}", key.text);
     let remedy = format!("actuated are {}", names.join(" "));
     sink.push(key.at, place, message, &remedy);
 }
