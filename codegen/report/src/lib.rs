@@ -10,6 +10,10 @@
 //! | [`documents`] | the JSON schemas of these values |
 //!
 //! This package writes no files: pages and figures are returned as text.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 mod charts;
 pub mod documents;

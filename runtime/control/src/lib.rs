@@ -6,6 +6,10 @@
 //! and `f32`, and takes at most as many Newton steps in a call as it is told, so that the longest
 //! time of a call is known. `no_std`; depends on `regen-runtime` alone.
 //!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+//!
 //! ```
 //! use regen_control::{Outcome, closure};
 //! use regen_generated::rps3::{self, Rps3};

@@ -22,6 +22,8 @@ If no trajectory is within all limits, the limit that prevents it is named, and
 the exit code is 4. Ctrl-C ends the search with the best trajectory so far. The
 same seed gives the same file, on any number of threads.
 
+Equations are those of Mata et al. (2008); see the README.
+
 Examples:
   regen excite robots/3rps.yaml --out t.json
   regen excite robots/3rps.yaml --harmonics 11 --frequency 0.13333 \\

@@ -98,7 +98,7 @@ finds all ten of each body, nonnegative friction and rotors, and offsets of
 either sign. Parameters that the data do not determine are close to the spec's
 nominal values. --friction adds the spec's nonlinear friction; its samples stay
 in memory (--decimate). With --against, or more than one model, a table has the
-eps_RA (Eq. 33) of each model on each log, as in the chapter's Table 4.")]
+eps_RA of each model on each log (Mata et al., 2008, Eq. 33 and Table 4).")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
