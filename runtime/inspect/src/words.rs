@@ -191,24 +191,32 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             ));
         }
     }
-    let rate = found.clock.rate;
-    let certain = found.efforts.iter().filter_map(|effort| {
-        let [seconds, sigma] = effort.delay?;
-        let is_certain = seconds > CERTAIN_DEVIATIONS * sigma;
-        (is_certain && seconds * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
-    });
-    let certain: Vec<(usize, f64)> = certain.collect();
-    let late: Vec<String> = certain
+    let late: Vec<String> = late_efforts(found)
         .iter()
         .map(|(column, seconds)| {
             let title = title(found, *column);
             format!("{title} {} ms", figure_of(3, 1e3 * seconds))
         })
         .collect();
-    if !late.is_empty() && found.clock.source != ClockSource::Unknown {
+    if !late.is_empty() {
         out.push(format!(
             "efforts are behind the motion: {}",
             late.join(", ")
         ));
     }
+}
+
+/// The columns of the efforts that are certainly behind the motion, each with its delay in s; none
+/// if the time of the rows is unknown.
+pub(crate) fn late_efforts(found: &LogFacts) -> Vec<(usize, f64)> {
+    if found.clock.source == ClockSource::Unknown {
+        return Vec::new();
+    }
+    let rate = found.clock.rate;
+    let certain = found.efforts.iter().filter_map(|effort| {
+        let [seconds, sigma] = effort.delay?;
+        let is_certain = seconds > CERTAIN_DEVIATIONS * sigma;
+        (is_certain && seconds * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
+    });
+    certain.collect()
 }
