@@ -45,8 +45,8 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
             && model.dependent.contains(&c)
         {
             let text = format!(
-                "home of {name} is given as {given:.4} and closes at {closed:.4}, beyond 0: that may \
-                 be another assembly branch than the one that was meant"
+                "home of {name} is given as {given:.4} and closes at {closed:.4}, with the other \
+                 sign: this may not be the intended assembly branch"
             );
             facts.push(Fact::at(home_place(spec, name), text));
         }
