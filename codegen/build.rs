@@ -1,5 +1,5 @@
 //! Makes a digest of the generator's sources, by which results of another version of them are told
-//! apart where derived robots are kept.
+//! apart where derived robots are stored.
 
 use std::env;
 use std::fs;

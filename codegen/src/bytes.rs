@@ -1,4 +1,4 @@
-//! Numbers, texts and lists as bytes, and back.
+//! Serialises numbers, texts and lists to bytes, and reads them back.
 
 /// Writes values one after the other.
 #[derive(Debug, Default)]
@@ -10,12 +10,12 @@ impl Writer {
         self.0
     }
 
-    /// A byte, which usually tells cases apart.
+    /// A byte, such as the tag of an enum's variant.
     pub(crate) fn byte(&mut self, value: u8) {
         self.0.push(value);
     }
 
-    /// An unsigned integer, seven bits per byte: small numbers are short.
+    /// An unsigned integer with seven bits per byte (LEB128), so that small numbers are short.
     pub(crate) fn integer(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.0.push(value as u8 | 0x80);
@@ -43,7 +43,7 @@ impl Writer {
         self.byte(u8::from(value));
     }
 
-    /// Bytes with their number before them.
+    /// Bytes after their number.
     pub(crate) fn bytes(&mut self, bytes: &[u8]) {
         self.size(bytes.len());
         self.0.extend(bytes);
@@ -62,7 +62,7 @@ impl Writer {
     }
 }
 
-/// Reads what a [`Writer`] wrote; `None` where the bytes are not that.
+/// Reads what a [`Writer`] wrote; every method returns `None` if the bytes are malformed.
 #[derive(Debug)]
 pub(crate) struct Reader<'b>(&'b [u8]);
 
@@ -134,7 +134,7 @@ impl<'b> Reader<'b> {
         mut read: impl FnMut(&mut Self) -> Option<T>,
     ) -> Option<Vec<T>> {
         let count = self.size()?;
-        // an element takes a byte at least, so that a wrong count reserves no memory
+        // every element takes at least a byte: this bounds the memory that a wrong count reserves
         let mut list = Vec::with_capacity(count.min(self.0.len()));
         for _ in 0..count {
             list.push(read(self)?);

@@ -16,7 +16,7 @@ pub mod emit;
 pub mod explain;
 pub mod functions;
 pub mod interpret;
-pub mod kept;
+
 pub mod kinematics;
 pub mod model;
 pub mod numeric;
@@ -26,6 +26,7 @@ pub mod robot;
 pub mod scene;
 pub mod signature;
 pub mod spec;
+pub mod store;
 pub mod sym;
 
 pub use pipeline::Mechanism;

@@ -13,7 +13,6 @@ use crate::constraints::{Closed, HomeProblem};
 use crate::diag::{Report, Source};
 use crate::explain::{self, Explanation};
 use crate::functions::{Context, Symbols, request};
-use crate::kept::{self, Facts, Keeper, Key};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::{self, Model};
 use crate::optimize::lower;
@@ -21,6 +20,7 @@ use crate::robot::{Function, FunctionKind, Robot};
 use crate::scene::Scene;
 use crate::signature::Needs;
 use crate::spec::{self, Payloads, Spec};
+use crate::store::{self, Facts, Key, Store};
 use crate::sym::Graph;
 
 pub use whole::{BaseSource, DeriveError, derive, derive_with, functions_without_base};
@@ -54,8 +54,8 @@ pub struct Mechanism {
     model: Model,
     /// Which runs the spec's payloads are for.
     payloads: Payloads,
-    /// Where results are kept that were derived before, if anywhere.
-    keeper: Option<Arc<dyn Keeper>>,
+    /// The store of results that were derived before, if there is one.
+    store: Option<Arc<dyn Store>>,
     /// The loops closed at home, or the report why they cannot be.
     closed: OnceCell<Result<ClosedMechanism, Report>>,
     /// The base parameters, derived or read by [`Mechanism::load_base`].
@@ -101,19 +101,19 @@ impl Mechanism {
             spec,
             model,
             payloads: Payloads::default(),
-            keeper: None,
+            store: None,
             closed: OnceCell::new(),
             analysis: OnceCell::new(),
             at_home: OnceCell::new(),
         })
     }
 
-    /// The mechanism with a place where results are kept: what was derived before from the same
-    /// text, by the same generator, is read from there.
+    /// The mechanism with a store of results: what the same generator derived before from the same
+    /// text is read from the store.
     #[must_use]
-    pub fn with_keeper(self, keeper: Arc<dyn Keeper>) -> Self {
+    pub fn with_store(self, store: Arc<dyn Store>) -> Self {
         Self {
-            keeper: Some(keeper),
+            store: Some(store),
             ..self
         }
     }
@@ -155,7 +155,7 @@ impl Mechanism {
             model: model::build(&spec),
             spec,
             payloads,
-            keeper: self.keeper,
+            store: self.store,
             closed: OnceCell::new(),
             analysis: OnceCell::new(),
             at_home: OnceCell::new(),
@@ -213,7 +213,7 @@ impl Mechanism {
         let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
         self.analysis = OnceCell::from(analysis);
         // what follows depends on the stored text too, which keys do not contain
-        self.keeper = None;
+        self.store = None;
         Ok(())
     }
 
@@ -248,20 +248,20 @@ impl Mechanism {
         }
         let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
         let key = self.key("robot", &names.join(" "));
-        if let Some(robot) = self.kept_robot(&key) {
+        if let Some(robot) = self.stored_robot(&key) {
             return Ok(robot);
         }
         let robot = self.derive_robot(kinds)?;
-        if let Some(keeper) = &self.keeper {
-            keeper.keep(&key, &|| kept::robot_to_bytes(&robot));
+        if let Some(store) = &self.store {
+            store.put(&key, &|| store::robot_to_bytes(&robot));
         }
         Ok(robot)
     }
 
-    /// The robot that was kept for a key.
-    fn kept_robot(&self, key: &Key) -> Option<Robot> {
-        let bytes = self.keeper.as_ref()?.find(key)?;
-        let (facts, functions) = kept::robot_from_bytes(&bytes)?;
+    /// The robot that was stored for a key.
+    fn stored_robot(&self, key: &Key) -> Option<Robot> {
+        let bytes = self.store.as_ref()?.get(key)?;
+        let (facts, functions) = store::robot_from_bytes(&bytes)?;
         let at_home = AtHome {
             home: facts.home,
             redundant_rows: facts.redundant_rows,
@@ -335,12 +335,12 @@ impl Mechanism {
             return Ok(known);
         }
         let key = self.key("analysis", "");
-        if let Some(kept) = self.kept_facts(&key)
-            && let Some(analysis) = kept.analysis
+        if let Some(stored) = self.stored_facts(&key)
+            && let Some(analysis) = stored.analysis
         {
             self.at_home.get_or_init(|| AtHome {
-                home: kept.home,
-                redundant_rows: kept.redundant_rows,
+                home: stored.home,
+                redundant_rows: stored.redundant_rows,
             });
             return Ok(self.analysis.get_or_init(|| analysis));
         }
@@ -351,23 +351,23 @@ impl Mechanism {
         // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
         let analyse = || base::analyse(&self.spec, &self.model, home);
         let analysis = self.analysis.get_or_init(analyse);
-        if let Some(keeper) = &self.keeper {
+        if let Some(store) = &self.store {
             let facts = || Facts {
                 home: home.clone(),
                 redundant_rows: redundant_rows.clone(),
                 analysis: Some(analysis.clone()),
             };
-            keeper.keep(&key, &|| facts().to_bytes());
+            store.put(&key, &|| facts().to_bytes());
         }
         Ok(analysis)
     }
 
-    /// The facts that were kept for a key.
-    fn kept_facts(&self, key: &Key) -> Option<Facts> {
-        Facts::from_bytes(&self.keeper.as_ref()?.find(key)?)
+    /// The facts that were stored for a key.
+    fn stored_facts(&self, key: &Key) -> Option<Facts> {
+        Facts::from_bytes(&self.store.as_ref()?.get(key)?)
     }
 
-    /// Home and redundant rows, of the closed mechanism or as they were kept.
+    /// Home and the redundant rows, stored or of the closed mechanism.
     fn at_home(&self) -> Result<&AtHome, Report> {
         if let Some(known) = self.at_home.get() {
             return Ok(known);

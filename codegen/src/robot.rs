@@ -40,8 +40,8 @@ pub struct JointInfo {
     pub limits: [Option<[f64; 2]>; 4],
     /// Nominal values of the friction model's parameters, in the order of [`Friction::symbols`].
     pub nominal: [Option<f64>; 5],
-    /// How far the coordinate moves where the joints behind it turn by 1 rad, and where they slide
-    /// by 1 m: other than 1 and 0 for a drive.
+    /// How far the coordinate moves if its joint turns by 1 rad, and if it slides by 1 m. For a drive,
+    /// whose coordinate is linear in those of joints, these are sums of the sizes of its factors.
     pub travel: [f64; 2],
 }
 
@@ -88,7 +88,8 @@ pub struct Robot {
     pub parameters: Vec<Parameter>,
     /// Labels of the bodies, in order.
     pub bodies: Vec<String>,
-    /// The bodies that are payloads, as indices: their base parameters are apart from the robot's.
+    /// The indices of the bodies that are payloads, whose base parameters are separate from the
+    /// robot's.
     pub payloads: Vec<usize>,
     /// The cuts, in the order of the spec.
     pub cuts: Vec<CutInfo>,

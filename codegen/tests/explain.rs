@@ -252,7 +252,7 @@ fn rotors_explain_only_the_moments_that_they_took_over() {
     assert!(alone.contains("the rotor of q1"), "{alone}");
     let outer = together(&driven, "m(2)").unwrap();
     assert!(
-        outer.contains("what joint q2 does not change of body 2"),
+        outer.contains("inertia of body 2 that joint q2 leaves unchanged"),
         "{outer}"
     );
     for one in &driven.grouped {

@@ -3,9 +3,9 @@
 //! Use it through `regen-runtime` with the feature `macros`.
 
 mod input;
-mod kept;
 mod locate;
 mod model;
+mod module;
 
 use proc_macro::TokenStream;
 
@@ -25,7 +25,7 @@ use proc_macro::TokenStream;
 /// `rps3::Rps3`. Where that is a name of Rust's prelude or one that the module imports or
 /// defines, `Robot` is put behind it: a robot named `joint` is `joint::JointRobot`.
 ///
-/// What was derived is kept in the user's cache folder (`REGEN_CACHE` names another one, or is
+/// The result is cached in the user's cache folder (`REGEN_CACHE` names another one, or is
 /// `off`), so that an edit of Rust beside the macro derives nothing; see `regen_cache`.
 ///
 /// Macros are built without optimisation by default. Where a large robot makes that felt:

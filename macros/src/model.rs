@@ -12,8 +12,8 @@ use regen_codegen::emit;
 use regen_codegen::pipeline::DeriveError;
 
 use crate::input::Input;
-use crate::kept;
 use crate::locate::locate;
+use crate::module;
 
 /// The robot's module, or an error at the literal.
 pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
@@ -39,7 +39,7 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
         runtime: runtime().map_err(error)?,
     };
     let module =
-        kept::module(&source, stored.as_deref(), &options).map_err(|problem| match problem {
+        module::module(&source, stored.as_deref(), &options).map_err(|problem| match problem {
             DeriveError::Spec(report) => error(report_message(&report)),
             DeriveError::Store(problem) => {
                 let name = Path::new(&file.shown)

@@ -219,7 +219,7 @@ enum Start {
 impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// Closes the loops at the model's home: the independent coordinates keep their values, the
     /// dependent ones are solved by damped Newton iterations. [`home`](LoopClosure::home) returns
-    /// the result: a home that does not close, or is singular, is no error here but an outcome.
+    /// the result: a home that does not close, or is singular, is not an error here but an outcome.
     ///
     /// # Errors
     /// When the model's `Info` is inconsistent: [`ClosureError::Size`] for a home of other than n

@@ -45,12 +45,12 @@ pub struct Joint {
     pub limits: Limits,
     /// The nominal values of the friction model's coefficients, in the order of
     /// [`Friction::symbols`], SI units. They include the coefficients of nonlinear models, which
-    /// are not among the dynamic parameters. `None` where the description states no value, and
-    /// beyond the last symbol.
+    /// are not among the dynamic parameters. `None` if the description states no value, and after the
+    /// last symbol.
     pub nominal: [Option<f64>; 5],
-    /// How far the coordinate moves where the joints behind it turn by 1 rad, and where they slide
-    /// by 1 m: `[1, 0]` for a rotation, `[0, 1]` for a translation. For a drive, whose coordinate is
-    /// linear in those of joints, the sums of the sizes of its factors: a gear's ratio.
+    /// How far the coordinate moves if its joint turns by 1 rad, and if it slides by 1 m: `[1, 0]`
+    /// for a rotation, `[0, 1]` for a translation. For a drive, whose coordinate is linear in those of
+    /// joints, these are sums of the sizes of its factors, such as the ratio of a gear.
     pub travel: [f64; 2],
 }
 

@@ -2,12 +2,12 @@
 
 use crate::{Arguments, BaseFunction, Function, SizeError};
 
-/// A model that has a faster way to compute many states than one after the other: what
-/// [`Model::many`](crate::Model::many) gives.
+/// A model that computes many states faster than one after the other; see
+/// [`Model::many`](crate::Model::many).
 ///
-/// Arguments and outputs are stored entry by entry: the values of entry k at all `count` states
-/// stand one after the other from `k * count` on. Parameters (`phi`, `beta`, `free`) are the same
-/// at all states and are given once. `pivots` receives the [`Condition`](crate::Condition) of each
+/// Arguments and outputs are stored entry by entry: the values of entry k at all `count` states are
+/// consecutive, from index `k * count` on. Parameters (`phi`, `beta`, `free`) are the same at all
+/// states and are given once. `pivots` receives the [`Condition`](crate::Condition) of each
 /// state.
 pub trait ManyStates {
     /// Computes a function at `count` states, as [`Model::eval`](crate::Model::eval) does at one.

@@ -220,7 +220,7 @@ impl<'a> Parameter<'a> {
     }
 
     /// Parses a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` that a person or a file gives; `None`
-    /// if it is no label. A symbol that no other parameter has is taken for the name of an effort
+    /// if it is not a label. A symbol that no other parameter has is taken for the name of an effort
     /// term. A model lists its own parameters in [`Info`](crate::Info).
     pub fn read(label: &'a str) -> Option<Self> {
         let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;

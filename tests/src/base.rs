@@ -22,6 +22,7 @@ pub struct Derivation {
     pub spec: Spec,
     /// Its base parameters.
     pub base: Base,
+    /// The number of parameters, that is, of the regressor's columns.
     columns: usize,
 }
 
@@ -53,7 +54,8 @@ impl Derivation {
         })
     }
 
-    /// Derives and completes the base parameters of a spec's text.
+    /// Derives the base parameters of a spec's text, with the null directions that loops add to
+    /// those of the tree.
     ///
     /// # Errors
     /// The report of the spec's mistakes.
@@ -65,7 +67,7 @@ impl Derivation {
         })
     }
 
-    /// The value of a coefficient as derived.
+    /// The value of a coefficient at the geometry of its own spec.
     ///
     /// # Errors
     /// Never; it returns a `Result` to fit [`Derivation::agreement`].
@@ -85,12 +87,12 @@ impl Derivation {
         })
     }
 
-    /// The columns of the base parameters, including dropped ones.
+    /// The columns of the base parameters, including those that `base.drop` leaves out.
     pub fn kept(&self) -> Vec<usize> {
         self.base.parameters.iter().map(|p| p.column).collect()
     }
 
-    /// The combinations as rows, from all parameters to the base parameters.
+    /// The matrix that maps all parameters to the base parameters, one combination in each row.
     fn combinations(
         &self,
         value: &dyn Fn(&Term) -> Result<f64, String>,
@@ -104,8 +106,9 @@ impl Derivation {
         Ok(c)
     }
 
-    /// The regressor after substituting the equations of `base.zero` and `base.equal`: the columns
-    /// of known parameters are added to those that they are expressed in.
+    /// The regressor after substituting the equations of `base.zero` and `base.equal`: the column of
+    /// each known parameter is added, times its factor, to the columns of the parameters that
+    /// express it, and set to zero.
     fn known(
         &self,
         w: &DMatrix<f64>,
@@ -141,7 +144,8 @@ impl Derivation {
         let groups = model::build(&self.spec).column_groups();
         for (k, state) in states.iter().enumerate() {
             let mut w = mechanism.regressor(&state.q, &state.qd, &state.qdd)?;
-            // of payloads, runs without any and with one of them in turn
+            // states alternate between no payload and each payload in turn; columns of absent
+            // payloads are zero
             for (payload, columns) in groups.iter().enumerate().skip(1) {
                 for column in columns.iter().filter(|_| k % groups.len() != payload) {
                     w.column_mut(*column).fill(0.0);
@@ -152,7 +156,7 @@ impl Derivation {
             for (row, other) in w.row_iter().zip(again.row_iter()) {
                 let size = row.amax();
                 let off = (row - other).amax();
-                // skip rows that are only rounding
+                // a row that consists of rounding errors has no meaningful relative error
                 if size > 1e-12 || off > 1e-12 {
                     error = error.max(off / size);
                 }
@@ -192,8 +196,8 @@ impl Derivation {
 pub enum Verdict {
     /// The base is complete and reproduces the regressor.
     Holds(Judged),
-    /// The analysis itself reports that it cannot be certain, and why: for example a loop that
-    /// closes, or is special, only to the digits of its numbers.
+    /// The analysis reports that it cannot be certain, and why: for example, a loop closes, or has a
+    /// special geometry, only to as many digits as its numbers have.
     Uncertified(String),
     /// The base is wrong, or smaller than the certified rank.
     Fails(String),
@@ -208,7 +212,8 @@ pub struct Judged {
     pub error: f64,
     /// The number of null directions that the analysis of trees did not find.
     pub completed: usize,
-    /// The number of factors of these directions that are plain numbers.
+    /// The number of factors in these directions that were left as plain numbers, because no
+    /// expression in the geometry was recognised.
     pub numbers: usize,
 }
 
@@ -274,7 +279,7 @@ pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     }))
 }
 
-/// Scales columns to length 1, and columns of rounding to 0.
+/// Scales columns to length 1; columns that consist of rounding errors become 0.
 fn scaled(mut w: DMatrix<f64>) -> DMatrix<f64> {
     for mut column in w.column_iter_mut() {
         let norm = column.norm();

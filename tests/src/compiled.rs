@@ -45,7 +45,7 @@ impl Engine for Compiled<'_> {
         let name = kind.name();
         let mut functions = Function::ALL.into_iter();
         let function = functions.find(|f| f.signature().name == name);
-        let function = function.ok_or_else(|| format!("{name} is no function of Model"))?;
+        let function = function.ok_or_else(|| format!("{name} is not a function of Model"))?;
         let signature = function.signature();
         if inputs.len() != signature.arguments.len() {
             return Err(format!("{name}: {} arguments", inputs.len()));

@@ -33,7 +33,7 @@ const CUTS: [(&str, CutKind); 6] = [
     ("fixed", CutKind::Fixed),
 ];
 
-/// The YAML of the pitch of helical joints and cuts.
+/// The YAML of the pitch of helical joints and cuts, m per turn.
 const PITCH: &str = ", pitch: 0.7";
 
 /// Which joint types are drawn.
@@ -45,7 +45,8 @@ enum Hinges {
     Screws,
 }
 
-/// Three limbs with every kind of joint, friction and placement; the second starts at a body.
+/// A tree of three limbs with two joints each; types of joints, friction and placements are random.
+/// The second limb starts at a body of the first.
 pub fn tree(seed: u64) -> String {
     tree_of(seed, Hinges::Plain)
 }
@@ -100,11 +101,12 @@ fn loop_of(seed: u64, hinges: Hinges) -> Result<String, String> {
     Err(format!("seed {seed}: {last}"))
 }
 
-fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> {
+/// Draws one loop; with `Hinges::Screws` and `screw_cut`, its cut is helical.
+fn try_loop(seed: u64, hinges: Hinges, screw_cut: bool) -> Result<String, String> {
     let mut writer = Writer::new(seed, "loop", hinges);
     let (mut cut, mut kind) = CUTS[writer.below(CUTS.len())];
     let mut pitch = "";
-    if hinges == Hinges::Screws && is_even {
+    if hinges == Hinges::Screws && screw_cut {
         (cut, kind, pitch) = ("helical", CutKind::Helical, PITCH);
     }
     let mobility = 1 + writer.below(2);
@@ -117,7 +119,7 @@ fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> 
         let mut open = share;
         while open > 0 {
             let joint = JOINTS[writer.below(JOINTS.len())];
-            // sometimes a fixed joint; no joint takes more coordinates than remain
+            // a fixed joint always fits; others must not take more coordinates than remain
             if joint.1 <= open {
                 writer.joint(joint, false);
                 open -= joint.1;
@@ -134,7 +136,7 @@ fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> 
     }
     home.push_str("}\n");
     writer.text.push_str(&home);
-    // The pose of the open chain at home gives the cut's second frame.
+    // the loop closes at home if the second frame of the cut is placed there by the open chain
     let chain = Mechanism::from_yaml(&format!("{}independent: []\n", writer.text))?;
     let place = |label: &str| {
         let body = chain.bodies.iter().position(|b| b.label == label);
@@ -173,6 +175,7 @@ fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> 
     Err("no regular choice of independent coordinates".into())
 }
 
+/// Draws parts of a mechanism at random and writes them as YAML.
 struct Writer {
     random: Random,
     hinges: Hinges,
@@ -203,12 +206,14 @@ impl Writer {
         }
     }
 
+    /// A random index below `n`.
     fn below(&mut self, n: usize) -> usize {
-        #[allow(clippy::cast_sign_loss, reason = "not negative")]
+        #[allow(clippy::cast_sign_loss, reason = "the drawn number is not negative")]
         let k = self.random.uniform(0.0, n as f64) as usize;
         k.min(n - 1)
     }
 
+    /// A random pose, in m and rad.
     fn placement(&mut self) -> String {
         let (x, a) = (self.random.vector(3, 0.4), self.random.vector(3, 1.5));
         format!(
@@ -217,6 +222,7 @@ impl Writer {
         )
     }
 
+    /// Begins a limb at a body, or at the world.
     fn limb(&mut self, from: Option<&str>) {
         let base = self.placement();
         let from = from.unwrap_or("world");
@@ -228,6 +234,8 @@ impl Writer {
         self.limbs += 1;
     }
 
+    /// Appends a joint of a type with its number of coordinates to the last limb; it is actuated at
+    /// random unless `actuated` demands it.
     fn joint(&mut self, (kind, coordinates): (&str, usize), actuated: bool) {
         let (kind, pitch) = match (kind, self.hinges) {
             ("revolute", Hinges::Screws) => ("helical", PITCH),
@@ -273,7 +281,8 @@ impl Writer {
     }
 }
 
-/// The second frame relative to the first: rotation row by row, then the origin.
+/// The frame `to` relative to the frame `from`, both in the world: rotation row by row, then the
+/// origin.
 fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
     let mut out = [0.0; 12];
     for i in 0..3 {
@@ -287,7 +296,7 @@ fn relative(from: &[f64; 12], to: &[f64; 12]) -> [f64; 12] {
     out
 }
 
-/// Roll, pitch and yaw of a rotation.
+/// Roll, pitch and yaw of a rotation, rad.
 fn rpy(m: &[f64; 12]) -> [f64; 3] {
     [
         m[7].atan2(m[8]),

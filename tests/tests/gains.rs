@@ -1,5 +1,5 @@
 //! Unknown drive gains and payloads of simulated robots: found within their deviations, serial and
-//! with a closed loop, and refused where nothing fixes the scale.
+//! with a closed loop, and refused if nothing determines the scale.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod constrained;
@@ -398,7 +398,7 @@ fn a_scale_that_nothing_fixes_is_refused_by_the_names_of_the_gains() {
         ..plan
     };
     let refused = twin.fit(&plan, 1).unwrap_err();
-    assert!(refused.to_string().contains("nothing fixes the scale"));
+    assert!(refused.to_string().contains("nothing determines the scale"));
 
     let nothing = Plan {
         unknown_gains: Vec::new(),

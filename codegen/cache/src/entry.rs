@@ -1,6 +1,6 @@
 //! The form of an entry: the name of the form, the key, a digest of key and contents, the contents.
 
-use regen_codegen::kept::Key;
+use regen_codegen::store::Key;
 use sha2::{Digest, Sha256};
 
 /// The first bytes of an entry; another form gets another number.

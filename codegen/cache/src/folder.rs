@@ -1,4 +1,5 @@
-//! The files of a folder: read, written whole or not at all, and removed when they are too many.
+//! Reads the files of a folder, writes them atomically, and removes old ones when they take too much
+//! space.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -12,7 +13,7 @@ pub(crate) const EXTENSION: &str = "regen";
 /// The extension of a file that is being written.
 const PART: &str = "regen-part";
 
-/// Parts older than this are of writers that were interrupted.
+/// Parts older than this were left by interrupted writers.
 const ABANDONED: Duration = Duration::from_hours(1);
 
 /// The bytes of a file.
@@ -20,7 +21,7 @@ pub(crate) fn read(path: &Path) -> Option<Vec<u8>> {
     fs::read(path).ok()
 }
 
-/// Notes that an entry was used. Where that is not permitted, it is removed early at worst.
+/// Marks an entry as used now. If that is not permitted, the entry is removed early at worst.
 pub(crate) fn touch(path: &Path) {
     let file = File::options().append(true).open(path);
     let _ = file.and_then(|file| file.set_modified(SystemTime::now()));
@@ -31,7 +32,7 @@ pub(crate) fn remove(path: &Path) {
     let _ = fs::remove_file(path);
 }
 
-/// Writes a file under a name of its own and renames it: readers find all of it or nothing.
+/// Writes a file under a temporary name and renames it, so that readers find all of it or nothing.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     if let Some(folder) = path.parent() {
@@ -57,8 +58,8 @@ fn make(folder: &Path) -> io::Result<()> {
     builder.create(folder)
 }
 
-/// Removes abandoned parts, and the entries that were not used for longest until the others take at
-/// most `limit` bytes. Files of other names are not touched.
+/// Removes abandoned parts, and the least recently used entries until the others take at most
+/// `limit` bytes. Files with other names are not touched.
 pub(crate) fn shrink(folder: &Path, limit: u64) {
     let Ok(files) = fs::read_dir(folder) else {
         return;
@@ -88,8 +89,7 @@ pub(crate) fn shrink(folder: &Path, limit: u64) {
     }
 }
 
-/// Whether a file has the name that an entry or a part is given: 64 hexadecimal digits, and
-/// an extension.
+/// Whether a file has the name of an entry or a part: 64 hexadecimal digits, and an extension.
 fn has_name(path: &Path, extension: &str) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let Some((key, rest)) = name.and_then(|name| name.split_once('.')) else {

@@ -1,15 +1,15 @@
 //! Keeps derived robots in a folder of the user, so that each is derived once.
 //!
-//! A [`Cache`] is a [`Keeper`] of `regen_codegen`: a result is found by the digest of the spec's text
+//! A [`Cache`] is a [`Store`] of `regen_codegen`: a result is found by the digest of the spec's text
 //! and of the generator (its sources, its version, the compiler, the crates that it uses), so that
 //! an edit of either makes another entry, and old entries are never read again.
 //!
-//! Any number of processes may use the folder at once. An entry is written to a file of its own,
-//! which then gets the entry's name; it carries a digest of its contents, and one that is damaged is
-//! removed and made anew. Where the folder cannot be read or written, everything is derived as
-//! without it. Entries that were not used for longest are removed first when all take more than
-//! [`LIMIT`] bytes. The folder must belong to the user: generated source that it contains is
-//! compiled.
+//! Any number of processes may use the folder at once. An entry is written to a temporary file,
+//! which is then renamed; it carries a digest of its contents, and a damaged entry is removed and
+//! derived again. Where the folder cannot be read or written, everything is derived as if there
+//! were no cache. When all entries together take more than [`LIMIT`] bytes, the least recently
+//! used are removed. The folder must belong to the user, since generated source that it contains
+//! is compiled.
 
 mod entry;
 mod folder;
@@ -21,21 +21,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use regen_codegen::kept::{Keeper, Key};
+use regen_codegen::store::{Key, Store};
 
 pub use place::{VARIABLE, folder_of_user};
 
 /// The largest size of all entries by default, bytes.
 pub const LIMIT: u64 = 256 << 20;
 
-/// What is derived in less time than this is not kept by default.
+/// By default, results that are derived in less time than this are not cached: reading them would
+/// save nothing.
 pub const MIN_TIME: Duration = Duration::from_millis(50);
 
 /// A folder with results of derivations.
 ///
 /// ```
 /// use regen_cache::Cache;
-/// use regen_codegen::kept::Key;
+/// use regen_codegen::store::Key;
 ///
 /// let folder = std::env::temp_dir().join(format!("regen-cache-doc-{}", std::process::id()));
 /// let cache = Cache::at(&folder);
@@ -51,7 +52,8 @@ pub struct Cache {
     folder: PathBuf,
     limit: u64,
     min_time: Duration,
-    /// Since when the results are derived that were not found.
+    /// The time at which each result that was not found was asked for, which is when its derivation
+    /// began.
     sought: Mutex<BTreeMap<Key, Instant>>,
 }
 
@@ -72,14 +74,14 @@ impl Cache {
         folder_of_user(|name| std::env::var_os(name)).map(Self::at)
     }
 
-    /// The same folder with another limit of the size of all entries, bytes. The limit holds after
-    /// each [`write`](Self::write).
+    /// The same folder with another limit for the size of all entries, bytes, which is enforced
+    /// after each [`write`](Self::write).
     #[must_use]
     pub fn with_limit(self, limit: u64) -> Self {
         Self { limit, ..self }
     }
 
-    /// The same folder, where results are kept that take at least this time to derive.
+    /// The same folder, caching the results that take at least this time to derive.
     #[must_use]
     pub fn with_min_time(self, min_time: Duration) -> Self {
         Self { min_time, ..self }
@@ -104,7 +106,8 @@ impl Cache {
     }
 
     /// Writes bytes for a key, then removes old entries if all take more than the limit. Bytes
-    /// that take more than a quarter of it are not written, as they would displace too much.
+    /// that take more than a quarter of the limit are not written, since they would displace too
+    /// many other entries.
     ///
     /// # Errors
     /// If the folder cannot be made or the file cannot be written; no part of it is left.
@@ -122,8 +125,8 @@ impl Cache {
     }
 }
 
-impl Keeper for Cache {
-    fn find(&self, key: &Key) -> Option<Vec<u8>> {
+impl Store for Cache {
+    fn get(&self, key: &Key) -> Option<Vec<u8>> {
         let found = self.read(key);
         if found.is_none()
             && let Ok(mut sought) = self.sought.lock()
@@ -133,12 +136,12 @@ impl Keeper for Cache {
         found
     }
 
-    fn keep(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>) {
+    fn put(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>) {
         let since = self.sought.lock().ok().and_then(|mut s| s.remove(key));
         if since.is_some_and(|since| since.elapsed() >= self.min_time)
             && let Some(bytes) = bytes()
         {
-            // a result that cannot be kept is derived again; nothing else depends on it
+            // a failure to write costs a second derivation, and nothing else
             let _ = self.write(key, &bytes);
         }
     }

@@ -9,10 +9,10 @@ use std::time::{Duration, SystemTime};
 use regen_cache::Cache;
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_codegen::kept::Key;
 use regen_codegen::pipeline;
 use regen_codegen::robot::FunctionKind;
 use regen_codegen::spec::Payloads;
+use regen_codegen::store::Key;
 
 /// A folder that is not there yet.
 fn scratch(test: &str) -> PathBuf {
@@ -111,7 +111,7 @@ fn where_nothing_can_be_written_everything_is_derived() {
     assert!(cache.write(&key("a"), b"x").is_err());
     let open = || Mechanism::open(&pendulum("q1")).unwrap();
     let derived = open();
-    let mechanism = open().with_keeper(cache);
+    let mechanism = open().with_store(cache);
     assert_eq!(mechanism.analysis().unwrap(), derived.analysis().unwrap());
     fs::remove_file(file).unwrap();
 }
@@ -132,7 +132,7 @@ fn only_what_takes_time_is_kept() {
     let derive = |cache: Cache| {
         let folder = cache.folder().to_owned();
         let mechanism = Mechanism::open(&pendulum("q1")).unwrap();
-        mechanism.with_keeper(Arc::new(cache)).analysis().unwrap();
+        mechanism.with_store(Arc::new(cache)).analysis().unwrap();
         files(&folder).len()
     };
     let an_hour = Duration::from_hours(1);
@@ -159,7 +159,7 @@ fn another_text_other_payloads_and_other_functions_are_other_entries() {
                         .with_payloads(payloads)
                 };
                 let derived = open().robot(kinds).unwrap();
-                let kept = || open().with_keeper(cache.clone()).robot(kinds).unwrap();
+                let kept = || open().with_store(cache.clone()).robot(kinds).unwrap();
                 assert_eq!(kept(), derived);
                 count += 1;
                 assert!(files(cache.folder()).len() >= count);
@@ -181,7 +181,7 @@ fn a_kept_robot_is_the_derived_one() {
     ] {
         let text = fs::read_to_string(root.join(file)).unwrap();
         let source = Source::new(file, text);
-        let open = || Mechanism::open(&source).unwrap().with_keeper(cache.clone());
+        let open = || Mechanism::open(&source).unwrap().with_store(cache.clone());
         let entries = || files(cache.folder()).len();
         let (before, derived) = (entries(), open());
         // the text of a value shows what equality of numbers does not see

@@ -1,4 +1,4 @@
-//! Commands that another program runs in its own process.
+//! Runs commands within the process of another program.
 //!
 //! ```
 //! use std::collections::BTreeMap;
@@ -31,7 +31,7 @@ use crate::args::{Cli, PayloadArg, parse_words};
 use crate::exit::Failure;
 use crate::load;
 
-/// What the caller and a running command share, for example to end it from another thread.
+/// The state that the caller and a running command share; it lets another thread stop the command.
 #[derive(Clone, Debug, Default)]
 pub struct Handle(Arc<Shared>);
 
@@ -42,14 +42,14 @@ struct Shared {
     bar: Mutex<Option<ProgressBar>>,
 }
 
-/// How far a command has come.
+/// The progress of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done, in words; may be empty.
+    /// The current step, in words; may be empty.
     pub what: String,
-    /// How many parts are done.
+    /// The number of finished parts.
     pub done: u64,
-    /// How many parts there are; `None` where that is not known.
+    /// The number of all parts; `None` if it is unknown.
     pub all: Option<u64>,
 }
 
@@ -65,7 +65,7 @@ impl Handle {
         std::mem::take(&mut *lock(&self.0.notes))
     }
 
-    /// How far the command has come; `None` between long steps.
+    /// The progress of the current step; `None` between long steps.
     pub fn progress(&self) -> Option<Progress> {
         let bar = lock(&self.0.bar).clone()?;
         (!bar.is_finished()).then(|| Progress {
@@ -76,7 +76,7 @@ impl Handle {
     }
 }
 
-/// Locks; the values behind these locks are whole also after a panic.
+/// Locks a mutex. A poisoned lock is ignored, since the values are consistent even after a panic.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -84,9 +84,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The kinds of errors of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CallErrorKind {
-    /// A check failed: what was derived is incomplete, or beyond a bound.
+    /// A check failed: a result is incomplete, or an error exceeds its bound.
     Check,
-    /// Options that do not exist or do not go together.
+    /// Options that do not exist or contradict each other.
     Usage,
     /// Mistakes in a description, an experiment file or another file, with places.
     Description,
@@ -102,7 +102,7 @@ pub enum CallErrorKind {
 
 pub use regen_serve::Mistake;
 
-/// Why a call failed.
+/// The error of a call.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CallError {
     /// The kind of error.
@@ -111,7 +111,8 @@ pub struct CallError {
     pub message: String,
     /// The mistakes in files.
     pub mistakes: Vec<Mistake>,
-    /// What the command had printed before it failed: where only a check failed, its whole result.
+    /// The text that the command printed before it failed; if only a check failed, this is the whole
+    /// result.
     pub printed: String,
 }
 
@@ -176,7 +177,7 @@ struct Running {
     shared: Arc<Shared>,
     texts: BTreeMap<PathBuf, String>,
     printed: String,
-    /// The files that the command has written, where they are kept from the disk.
+    /// The files that the command has written, if they are stored here and not on the disk.
     files: Option<BTreeMap<PathBuf, String>>,
 }
 
@@ -184,7 +185,7 @@ thread_local! {
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
 }
 
-/// The payload with which a stopped call leaves the command.
+/// The panic payload with which a stopped call unwinds out of the command.
 struct Stopped;
 
 /// An option of a command.
@@ -196,11 +197,11 @@ pub struct CommandOption {
     pub takes_value: bool,
     /// Whether it may be repeated.
     pub is_repeated: bool,
-    /// What it does.
+    /// Its help text.
     pub help: String,
 }
 
-/// The options of a command; `None` where there is no such command.
+/// The options of a command; `None` if there is no such command.
 pub fn options(command: &str) -> Option<Vec<CommandOption>> {
     let all = Cli::command();
     let command = all.find_subcommand(command)?;
@@ -235,7 +236,7 @@ pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result
         Some(false) => Some(PayloadArg::None),
         None => None,
     };
-    load::use_kept();
+    load::use_cache();
     let (result, _) = as_call(BTreeMap::new(), None, handle, || {
         load::loaded_derived(source, payload)
     });
@@ -244,12 +245,12 @@ pub fn derive(source: &Source, payload: Option<bool>, handle: &Handle) -> Result
 
 /// Runs a command and returns what it prints.
 ///
-/// - `words`: the command and its options, as on a command line behind `regen`;
-/// - `texts`: texts that are read in place of the files of these paths.
+/// - `words`: the command and its options, as on a command line after `regen`;
+/// - `texts`: texts that are read in place of the files with these paths.
 ///
 /// # Errors
 ///
-/// When the command fails or is stopped. Files that it has written by then are whole.
+/// When the command fails or is stopped. Files that it has written by then are complete.
 pub fn run(
     words: &[OsString],
     texts: BTreeMap<PathBuf, String>,
@@ -258,7 +259,7 @@ pub fn run(
     run_with(words, texts, None, handle).0
 }
 
-/// As [`run`], but texts that the command would write are returned by their paths instead.
+/// As [`run`], but the texts that the command would write are returned, by path.
 pub fn run_in_memory(
     words: &[OsString],
     texts: BTreeMap<PathBuf, String>,
@@ -284,7 +285,7 @@ fn run_with(
     }
 }
 
-/// Does some work of this thread for a caller; returns also what was printed and written.
+/// Runs `work` in this thread as a call; also returns what was printed and written.
 fn as_call<T>(
     texts: BTreeMap<PathBuf, String>,
     files: Files,
@@ -311,41 +312,42 @@ fn as_call<T>(
     (result, after)
 }
 
-/// Does something with the call of this thread; `None` where a command line runs.
+/// Applies `run` to the call of this thread; `None` if the command runs from a command line.
 fn with<T>(run: impl FnOnce(&mut Running) -> T) -> Option<T> {
     RUNNING.with_borrow_mut(|running| running.as_mut().map(run))
 }
 
-/// Leaves a call that was stopped; commands report progress, messages and results through here.
+/// Unwinds out of a call that was stopped. Every report of progress, messages and results checks
+/// this.
 pub(crate) fn leave_if_stopped() {
     if with(|call| call.shared.stop.load(Ordering::Relaxed)) == Some(true) {
         resume_unwind(Box::new(Stopped));
     }
 }
 
-/// Adds to what a call prints; whether there is a call.
+/// Adds to the printed text of a call; returns whether there is a call.
 pub(crate) fn print(text: &str) -> bool {
     leave_if_stopped();
     with(|call| call.printed.push_str(text)).is_some()
 }
 
-/// Keeps a text that would be written to a path; whether the call keeps them.
-pub(crate) fn keep(path: &Path, text: &str) -> bool {
-    let kept = with(|call| {
+/// Stores a text that would be written to a path; returns whether the call stores such texts.
+pub(crate) fn store(path: &Path, text: &str) -> bool {
+    let stored = with(|call| {
         let files = call.files.as_mut()?;
         files.insert(path.to_owned(), text.to_owned());
         Some(())
     });
-    kept.flatten().is_some()
+    stored.flatten().is_some()
 }
 
-/// Adds a message of a call; whether there is a call.
+/// Adds a message of a call; returns whether there is a call.
 pub(crate) fn note(text: &str) -> bool {
     leave_if_stopped();
     with(|call| lock(&call.shared.notes).push(text.to_owned())).is_some()
 }
 
-/// A bar that the caller can read, where a call runs.
+/// A progress bar that the caller can read; `None` without a call.
 pub(crate) fn bar(length: Option<u64>) -> Option<ProgressBar> {
     leave_if_stopped();
     with(|call| {
@@ -360,12 +362,12 @@ pub(crate) fn bar(length: Option<u64>) -> Option<ProgressBar> {
     })
 }
 
-/// The flag that ends a call.
+/// The flag that stops a call.
 pub(crate) fn flag() -> Option<Arc<AtomicBool>> {
     with(|call| call.shared.stop.clone())
 }
 
-/// The text that a call gives for a path.
+/// The text that a call provides in place of a file.
 pub(crate) fn text(path: &Path) -> Option<String> {
     with(|call| call.texts.get(path).cloned()).flatten()
 }

@@ -12,10 +12,10 @@ use crate::interrupt;
 /// A failure that ended a run early.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// Generated source is not up to date, or a figure is beyond its bound; the details are on
+    /// Generated source is not up to date, or an error exceeds its bound; the details are on
     /// standard output.
     Check(String),
-    /// Arguments that do not go together.
+    /// Arguments that contradict each other.
     Usage(String),
     /// Errors in specs.
     Spec(Vec<Report>),
@@ -25,7 +25,7 @@ pub(crate) enum Failure {
     Numeric(String),
     /// A file or stream that cannot be read or written.
     Io(String),
-    /// Ctrl-C ended the work early; the text says what was kept.
+    /// Ctrl-C ended the work early; the text says which results were saved.
     Interrupted(String),
     /// The reader of standard output closed the pipe: the run ends without a message.
     BrokenPipe,

@@ -1,5 +1,5 @@
-//! Experiment files among the logs of a command: their runs take the place of logs, their settings
-//! are those over which options win.
+//! Experiment files among the logs of a command: their runs replace the logs, and options override
+//! their settings.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use crate::args::{DelayArg, PayloadArg, ReadingArgs};
 use crate::exit::Failure;
 use crate::{load, mistakes};
 
-/// What an experiment file says of reading logs.
+/// The content of an experiment file that concerns the reading of logs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Experiment {
     pub(crate) settings: Settings,
@@ -25,18 +25,18 @@ pub(crate) struct Experiment {
     pub(crate) unknown_gains: Vec<String>,
     /// The runs that are read, each with the payload that it carries.
     pub(crate) carried: Vec<(Run, Option<usize>)>,
-    /// The payloads of the robot with what is known of them.
+    /// The robot's payloads with their known parameters.
     pub(crate) payloads: Vec<KnownPayload>,
     /// The runs that are read, each with its commands and controllers.
     pub(crate) controlled: Vec<(Run, Controlled)>,
 }
 
-/// What an experiment file says of the loop of a run.
+/// The control loop of a run, as an experiment file describes it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Controlled {
     /// The columns of commanded positions.
     pub(crate) commands: Vec<Assignment>,
-    /// The controllers; `None` where the file does not say them.
+    /// The controllers; `None` if the file has none.
     pub(crate) setup: Option<Setup>,
 }
 
@@ -53,13 +53,13 @@ impl Experiment {
     }
 }
 
-/// The hint for a file that is no experiment.
+/// The hint for a file that is not an experiment.
 const OTHER_FILE: &str = "an experiment file has the keys columns, process, runs and others; \
                           `regen schema experiment` describes them";
 
-/// Replaces the experiment file among the logs by its runs to identify from, and sets the reading
-/// options; returns its runs to validate on. Logs beside the file are read in place of all runs.
-/// Unknown gains and payloads are refused.
+/// Replaces the experiment file among the logs by its runs for identification, and sets the reading
+/// options; returns its runs for validation. If logs are given too, they are read instead of the
+/// file's runs. Unknown gains and payloads are refused.
 ///
 /// - `spec`: the robot's description.
 pub(crate) fn resolve(
@@ -70,7 +70,8 @@ pub(crate) fn resolve(
     resolved(logs, reading, Some(spec), true)
 }
 
-/// As [`resolve`]; without a robot, its coordinates are those that the file names.
+/// As [`resolve`], with or without a robot; without one, the coordinates are those that the file
+/// names.
 pub(crate) fn resolve_for(
     logs: &mut Vec<Run>,
     reading: &mut ReadingArgs,
@@ -100,7 +101,7 @@ fn resolved(
             return match reading.folder {
                 None => Ok(Vec::new()),
                 Some(_) => Err(Failure::Usage(
-                    "--logs says where the files of an experiment file are, and none is given"
+                    "--logs names the folder of an experiment file's logs, but none is given"
                         .to_owned(),
                 )),
             };
@@ -147,7 +148,7 @@ fn resolved(
         controlled.clear();
     } else if loads.carried.iter().any(Option::is_some) {
         if reading.payload.is_some() {
-            let text = "the experiment file says what its runs carry: leave out --payload";
+            let text = "the experiment file names the payload of each run: leave out --payload";
             return Err(Failure::Usage(text.to_owned()));
         }
     } else if !loads.payloads.is_empty() {
@@ -171,7 +172,7 @@ fn resolved(
     Ok(validation)
 }
 
-/// Refuses an experiment of which no run is for identification.
+/// Refuses an experiment without runs for identification.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
     if logs.is_empty() {
         let text = "all runs of the experiment file are `use: validate`: there is nothing to \
@@ -181,10 +182,10 @@ pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The path of a run that is an experiment file, by its extension.
+/// The path of a run that is an experiment file, which its extension shows.
 pub(crate) fn yaml_path(run: &Run) -> Option<PathBuf> {
     let [path] = &run.files[..] else { return None };
-    // that of a ROS 2 bag
+    // the metadata of a ROS 2 bag
     if path.file_name()? == "metadata.yaml" {
         return None;
     }
@@ -228,7 +229,7 @@ fn read(
         if is_plain {
             file.require_plain()?;
         }
-        // without the robot it is not known which joints need a controller
+        // only the robot's description says which joints are actuated and need a controller
         let controlled = match spec {
             Some(_) => controlled(&file, &info)?,
             None => Vec::new(),
@@ -242,8 +243,8 @@ fn read(
 fn controlled(file: &ExperimentFile, info: &Info<'_>) -> Result<Vec<Controlled>, Mistakes> {
     let one = |(k, planned): (usize, &PlannedRun)| {
         let setup = match &planned.controller {
-            Some(said) => Some(
-                controllers(said, info)
+            Some(stated) => Some(
+                controllers(stated, info)
                     .map_err(|wrong| file.controller_mistake(k, &wrong.place, wrong.why))?,
             ),
             None => None,

@@ -75,14 +75,14 @@ pub(crate) fn run(args: &ExportArgs) -> Result<(), Failure> {
 fn placed(source: &Source) -> Result<(Parameters, Vec<String>), Failure> {
     Parameters::from_json(source).map_err(|mut report| {
         for diagnostic in &mut report.diagnostics {
-            diagnostic.hint = Some("regen export --help shows what stands here".to_owned());
+            diagnostic.hint = Some("regen export --help shows the format".to_owned());
         }
         Failure::from(report)
     })
 }
 
-/// Reads parameters from what `regen identify --out` wrote, or from any YAML; `None` for other
-/// JSON, which [`placed`] reads with the places of mistakes.
+/// Reads parameters from a file of `regen identify --out`, or from any YAML; `None` for other JSON,
+/// which [`placed`] reads with the places of mistakes.
 fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<String>)>, Failure> {
     let yaml = files::Format::of(path) == files::Format::Yaml;
     let Ok(mut value) = parameters::value(path) else {
@@ -99,7 +99,7 @@ fn identified(path: &Path, source: &Source) -> Result<Option<(Parameters, Vec<St
         && fields.contains_key("method")
     {
         if !fields.contains_key("bodies") {
-            let why = "these are base parameters, of which bodies cannot be made: identify with \
+            let why = "these are base parameters, which do not determine bodies: identify with \
                        --feasible";
             return Err(wrong(why.to_owned()));
         }

@@ -165,11 +165,15 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     Ok(Outcome { json, identified })
 }
 
-/// The covariance of the least-squares parameters; refused where another model was adopted.
+/// The covariance of the least-squares parameters.
+///
+/// # Errors
+/// When another model was adopted, to whose values the covariance does not belong.
 fn covariance(start: &LeastSquaresStart, more: bool) -> Result<Covariance, Failure> {
     if more {
         return Err(Failure::Usage(
-            "--covariance is that of least squares: leave out what adopts another model".to_owned(),
+            "--covariance needs least squares: leave out the options that adopt another model"
+                .to_owned(),
         ));
     }
     Ok(Covariance {

@@ -1,4 +1,4 @@
-//! `regen identify` with unknown gains of drives, and with payloads in some of the runs.
+//! `regen identify` with unknown drive gains, and with payloads in some of the runs.
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
@@ -16,8 +16,8 @@ use crate::exit::Failure;
 use crate::identify::{Outcome, note_short, note_unexplained};
 use crate::{load, loads, observe, parameters, physical, terminal};
 
-/// How often delays and gains are found from each other: gains at wrong delays are off, and delays at
-/// wrong gains.
+/// The number of alternations between estimating gains at given delays and delays at given gains,
+/// since errors of either bias the other.
 const DELAY_ROUNDS: usize = 3;
 
 /// Whether gains or payloads are to be identified.
@@ -28,7 +28,7 @@ pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
         || args.before.parameters.is_some()
 }
 
-/// Refuses options that the fit does not take.
+/// Refuses options that this fit does not support.
 pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     let physical = &args.physical;
     let estimator = !matches!(
@@ -48,24 +48,24 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     ];
     if let Some((_, option)) = wrong.iter().find(|wrong| wrong.0) {
         return Err(Failure::Usage(format!(
-            "{option} is not for unknown gains and payloads, which least squares or Huber's \
-             estimate identifies from all runs: leave it out"
+            "{option} does not work with unknown gains or payloads, which least squares or Huber's \
+             estimator identifies from all runs: leave it out"
         )));
     }
     if physical.feasible && args.before.covariance {
         return Err(Failure::Usage(
-            "--covariance is that of least squares: leave out --feasible".to_owned(),
+            "--covariance needs least squares: leave out --feasible".to_owned(),
         ));
     }
     if physical.bodies.is_some() && args.before.parameters.is_some() {
         return Err(Failure::Usage(
-            "--bodies is for a robot that is identified, and --parameters gives it".to_owned(),
+            "--bodies needs a robot to be identified, but --parameters states it".to_owned(),
         ));
     }
     Ok(())
 }
 
-/// Derives the robot: with payloads apart where a run carries one.
+/// Derives the robot; with separate payloads if a run carries one.
 pub(crate) fn robot(args: &IdentifyArgs, source: &Source) -> Result<Robot, Failure> {
     let experiment = args.reading.experiment.as_ref();
     let is_unknown = args.reading.payload == Some(PayloadArg::Unknown);
@@ -75,7 +75,8 @@ pub(crate) fn robot(args: &IdentifyArgs, source: &Source) -> Result<Robot, Failu
     load::loaded_with_base(source, args.reading.payload)
 }
 
-/// The runs with what they carry, and the payloads of the robot with what is known of them.
+/// The runs, each with the index of the payload that it carries, and the robot's payloads with their
+/// known parameters.
 type Loaded = (Vec<(Run, Option<usize>)>, Vec<KnownPayload>);
 
 fn loaded(args: &IdentifyArgs, bodies: &[String], source: &Source) -> Result<Loaded, Failure> {
@@ -90,8 +91,8 @@ fn loaded(args: &IdentifyArgs, bodies: &[String], source: &Source) -> Result<Loa
                 )
             } else {
                 format!(
-                    "{name} has the payloads {}: say in an experiment file which a run carries, \
-                     `payload: {{body: NAME}}`",
+                    "{name} has the payloads {}: state in an experiment file which of them each run \
+                     carries, `payload: {{body: NAME}}`",
                     bodies.join(", ")
                 )
             };
@@ -99,8 +100,9 @@ fn loaded(args: &IdentifyArgs, bodies: &[String], source: &Source) -> Result<Loa
         };
         if args.before.parameters.is_none() {
             return Err(Failure::Usage(
-                "--payload unknown needs the robot without it, --parameters PARAMS; or an \
-                 experiment file with runs that carry nothing beside those that do"
+                "--payload unknown needs the parameters of the robot without it, --parameters \
+                 PARAMS; or an experiment file with both runs that carry it and runs that carry \
+                 nothing"
                     .to_owned(),
             ));
         }
@@ -132,7 +134,7 @@ fn known_robot(
     match IdentifiedModel::read(&value, model) {
         Ok(found) => Ok(Some(KnownRobot::new(model, model, &found)?)),
         Err(FileError::Digest { .. }) if load::mechanism(source)?.payloads().next().is_some() => {
-            // parameters of runs without the payload
+            // the parameters may have been identified without the payload
             let bare = load::loaded_with_base(source, Some(PayloadArg::None))?;
             let terms = BaseTerms::new(&bare);
             let bare = Interpreted::with_terms(&bare, &terms);
@@ -189,8 +191,8 @@ pub(crate) fn solve(
     note_unexplained(&found.errors);
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(
-            "note: {} has no covariance, so its parameters are taken as exact, and deviations are \
-             too small; `regen identify --covariance --out` writes it",
+            "note: {} has no covariance, so its parameters count as exact, and deviations are too \
+             small; `regen identify --covariance --out` writes it",
             path.display()
         ));
     }
@@ -213,8 +215,7 @@ pub(crate) fn solve(
         identified.covariance = None;
     } else if identified.covariance.is_none() {
         return Err(Failure::Usage(
-            "--covariance is that of a robot which is identified, and --parameters gives it"
-                .to_owned(),
+            "--covariance needs a robot to be identified, but --parameters states it".to_owned(),
         ));
     }
     let mut summary = Summary::of_gains(found, session.kind.name());
@@ -248,7 +249,7 @@ pub(crate) fn solve(
     Ok(Outcome { json, identified })
 }
 
-/// The error of a model on each run that is predicted only.
+/// The error of a model on each run that `--against` names.
 fn errors(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -268,8 +269,8 @@ fn errors(
     Ok(logs)
 }
 
-/// The delays of the efforts, from the runs without a payload in the units that the gains of a first
-/// fit give them.
+/// Estimates the delays of the efforts from the runs without a payload, whose currents are converted
+/// to efforts by the gains of a previous fit.
 fn delays(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -280,7 +281,8 @@ fn delays(
     let bare: Vec<Run> = bare.map(|(run, _)| run.clone()).collect();
     if bare.is_empty() {
         return Err(Failure::Usage(
-            "delays are found from runs without a payload, and there is none: give them in seconds"
+            "delays are estimated from runs without a payload, but all runs carry one: state the \
+             delays in seconds"
                 .to_owned(),
         ));
     }

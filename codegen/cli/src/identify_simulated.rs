@@ -29,7 +29,8 @@ pub(crate) use controllers::stated_gains;
 use controllers::{common, controlled, require_known, setups};
 pub(crate) use estimator::{HUBER_BOUND, SETTLE, note_unused, with_estimator};
 
-/// The bandwidth of controllers where neither gains nor measured positions are known, Hz.
+/// The bandwidth of tuned controllers if it is not given and logs have no positions to choose it by,
+/// Hz.
 const BANDWIDTH_HZ: f64 = 3.0;
 
 /// Identifies by an estimator that simulates the controlled robot.
@@ -70,19 +71,20 @@ pub(crate) fn solve(
     Ok(Outcome { json, identified })
 }
 
-/// The tracks of all logs, the place of each one's log among the options, and what was found in the
-/// logs.
+/// The tracks of all logs; for each track, the index of its log among the options; and for each log,
+/// the report of its reader.
 type Tracks = (Vec<Track>, Vec<usize>, Vec<FileReport>);
 
+/// Reads the tracks of all logs that have more than one sample.
 fn read(args: &IdentifyArgs, session: &Session<'_, Interpreted<'_>>) -> Result<Tracks, Failure> {
     let info = session.model.info();
     let (mut all, mut places, mut reports) = (Vec::new(), Vec::new(), Vec::new());
     let reading = &session.reading;
     for (place, run) in args.logs.iter().enumerate() {
-        // options win over the experiment file
+        // options take precedence over the experiment file
         let mut commands = args.simulated.command.clone();
-        let said = controlled(args, run).map(|own| own.commands.as_slice());
-        let more = said.unwrap_or_default().iter();
+        let planned = controlled(args, run).map(|own| own.commands.as_slice());
+        let more = planned.unwrap_or_default().iter();
         let more = more.filter(|own| !commands.iter().any(|a| a.quantity == own.quantity));
         let more: Vec<Assignment> = more.cloned().collect();
         commands.extend(more);
@@ -95,7 +97,7 @@ fn read(args: &IdentifyArgs, session: &Session<'_, Interpreted<'_>>) -> Result<T
     Ok((all, places, reports))
 }
 
-/// The base parameters to start from.
+/// The base parameters to start from: those of `--start`, or else of the spec's nominal values.
 fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
     if let Some(path) = &args.simulated.start {
         return Ok(parameters::read(path, model)?.beta);
@@ -113,9 +115,9 @@ fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failu
     Ok(beta)
 }
 
-/// DIDIM from the efforts of the tracks.
+/// Identifies by DIDIM from the efforts of the tracks.
 ///
-/// - `all`: the tracks, each with its controllers, if they are known.
+/// - `all` and `known`: the tracks and, for each, its controllers if they are known.
 fn of_efforts(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -129,7 +131,7 @@ fn of_efforts(
         return Err(Failure::Input(text.to_owned()));
     }
     if args.simulated.controller.is_some() && !args.pid.is_empty() {
-        let text = "--pid and --controller say the same: give one of them";
+        let text = "--pid and --controller both give the controllers: use one of them";
         return Err(Failure::Usage(text.to_owned()));
     }
     for setup in known.iter().copied().flatten() {
@@ -216,8 +218,8 @@ fn pid_of(law: &Law) -> Pid {
     }
 }
 
-/// Warns where the simulated motion is not the measured one: then the regressor is not at the motion
-/// to which the efforts belong.
+/// Warns where the simulated motion is far from the measured one: the regressor is then evaluated at
+/// another motion than the one that the efforts belong to.
 fn note_departures(found: &[Departure], is_known: bool) {
     let far = found.iter().filter(|own| own.is_far());
     let far: Vec<String> = far
@@ -227,18 +229,19 @@ fn note_departures(found: &[Departure], is_known: bool) {
         return;
     }
     let remedy = if is_known {
-        "check the controllers' gains, or that they followed these commands"
+        "check the gains of the controllers, and that they followed these commands"
     } else {
         "give the robot's own gains (--controller, or `controller` in an experiment file)"
     };
     terminal::note(&format!(
-        "warning: the simulated motion differs from the measured one in {}: parameters are biased \
-         by more than their deviations say; {remedy}, or choose --estimator ls or iv",
+        "warning: the simulated motion differs from the measured one in {}: the parameters are \
+         biased by more than their standard deviations suggest; {remedy}, or choose --estimator ls \
+         or iv",
         far.join(", ")
     ));
 }
 
-/// A fit to the responses of the tracks.
+/// Identifies by fitting the simulated responses to the positions of the tracks.
 fn of_responses(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -280,16 +283,16 @@ fn of_responses(
     Ok((found.model, summary, shares))
 }
 
-/// Fails where commands alone left something undetermined; the result is printed and written
-/// already.
+/// Fails if the commands alone leave something undetermined. The result has already been printed and
+/// written by then.
 pub(crate) fn require_determined(summary: &Summary) -> Result<(), Failure> {
     let words = summary.undetermined();
     if words.is_empty() {
         return Ok(());
     }
     Err(Failure::Numeric(format!(
-        "responses to these commands do not determine {}: the values stay where they started along \
-         this; give a gain that is known, or move what is at rest",
+        "responses to these commands do not determine {}: along these combinations the values stay \
+         at the start; give a gain that is known, or move the joints that are at rest",
         words.join("; nor ")
     )))
 }

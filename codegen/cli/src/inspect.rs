@@ -1,4 +1,4 @@
-//! `regen inspect`: what logs hold, and what they can identify, before anything is fitted.
+//! `regen inspect`: describes logs, and predicts what they can identify, before any fit.
 
 use std::path::Path;
 
@@ -64,12 +64,12 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         },
         _ => (None, Vec::new(), None),
     };
-    let told: Vec<String> = doubts.iter().map(ToString::to_string).collect();
+    let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
         logs: &logs,
         prediction: prediction.as_ref(),
-        doubts: &told,
+        doubts: &doubt_texts,
         unpredicted: unpredicted.as_deref(),
     };
     if let Some(out) = &args.report {
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     })
 }
 
-/// Takes a robot's description that stands before the logs, as in other commands, for `--spec`.
+/// Moves a robot's description that precedes the logs, as in other commands, to `--spec`.
 fn take_spec(args: &mut InspectArgs) -> Result<(), Failure> {
     let [first, _, ..] = &args.logs[..] else {
         return Ok(());
@@ -118,7 +118,8 @@ fn take_spec(args: &mut InspectArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The runs with their files as an experiment file names them: from its own folder on.
+/// The runs with paths relative to the folder of the experiment file `out`; files outside it have
+/// absolute paths.
 fn relative_to(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
     let folder = out
         .and_then(Path::parent)
@@ -127,7 +128,6 @@ fn relative_to(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
         None => file.clone(),
         Some(folder) => match file.strip_prefix(folder) {
             Ok(rest) => rest.to_path_buf(),
-            // elsewhere: by its whole path
             Err(_) => std::path::absolute(file).unwrap_or_else(|_| file.clone()),
         },
     };
@@ -139,8 +139,8 @@ fn relative_to(runs: &[Run], out: Option<&Path>) -> Vec<Run> {
         .collect()
 }
 
-/// How the logs are read for the prediction: as the options and the experiment file say, and as is
-/// proposed where they say nothing.
+/// The settings for reading the logs for the prediction: those of the options and the experiment
+/// file and, for what they leave open, those of the proposed experiment file.
 fn reading(
     reading: &ReadingArgs,
     logs: &[LogFacts],
@@ -176,8 +176,8 @@ fn reading(
     Ok(settings)
 }
 
-/// What the logs can identify, and what contradicts the robot; in words why not, where they cannot be
-/// read for this robot.
+/// The prediction of what the logs can identify, and the contradictions between logs and robot. The
+/// inner error is the reason why the logs cannot be read for this robot, in words.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,
@@ -192,7 +192,7 @@ fn predicted(
         .all(|log| log.clock.source == ClockSource::Unknown)
     {
         return Ok(Err(
-            "nothing gives the time of the rows: state their rate with --rate HZ".to_owned(),
+            "the time of the rows is unknown: state their rate with --rate HZ".to_owned(),
         ));
     }
     let mut session = observe::session(model, &args.reading);

@@ -73,8 +73,8 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<(), Failure> {
-    if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_kept) {
-        load::use_kept();
+    if !cli.no_cache && cli.command.as_ref().is_some_and(Command::may_use_cache) {
+        load::use_cache();
     }
     match cli.command {
         Some(Command::New(args)) => new::run(&args),

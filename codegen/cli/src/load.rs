@@ -81,11 +81,11 @@ pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
 const WITHOUT_BASE: &str =
     "what does not need them works: `regen info`, `eval`, `simulate` and `view`";
 
-/// The user's cache, where the run may use one.
+/// The user's cache, if the run may use one.
 static CACHE: OnceLock<Arc<Cache>> = OnceLock::new();
 
-/// Lets this run use robots that were derived before, and keep those that it derives.
-pub(crate) fn use_kept() {
+/// Lets this run read and write the user's cache of derived robots.
+pub(crate) fn use_cache() {
     if let Some(cache) = Cache::of_user() {
         CACHE.get_or_init(|| Arc::new(cache));
     }
@@ -95,7 +95,7 @@ pub(crate) fn use_kept() {
 pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
     let mechanism = Mechanism::open(source)?;
     Ok(match CACHE.get() {
-        Some(cache) => mechanism.with_keeper(cache.clone()),
+        Some(cache) => mechanism.with_store(cache.clone()),
         None => mechanism,
     })
 }

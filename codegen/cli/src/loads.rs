@@ -1,4 +1,4 @@
-//! What runs carry, by the experiment file or the options, for commands that predict them.
+//! The payloads of runs, from the experiment file or the options, for commands that predict runs.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ pub(crate) fn bodies(robot: &Robot) -> Vec<String> {
     labels.cloned().collect()
 }
 
-/// The payload that a run carries, by the experiment file.
+/// The payload of a run in the experiment file.
 pub(crate) fn of_run(reading: &ReadingArgs, run: &Run) -> Option<usize> {
     let experiment = reading.experiment.as_ref()?;
     let planned = experiment.carried.iter().find(|(own, _)| own == run);
@@ -54,7 +54,7 @@ pub(crate) fn scaled<'m>(
     session
 }
 
-/// Derives the robot that the parameters of a file belong to: with payloads apart where the file has
+/// Derives the robot that the parameters of a file belong to; with separate payloads if the file has
 /// any.
 pub(crate) fn derived_for(
     source: &Source,
@@ -71,7 +71,7 @@ pub(crate) fn derived_for(
     };
     if reading.experiment.as_deref().is_some_and(carries) {
         return Err(Failure::Input(format!(
-            "{}: it has no payload, and runs of the experiment file carry one: identify from runs \
+            "{}: it has no payload, but runs of the experiment file carry one: identify from runs \
              with it",
             params.display()
         )));
@@ -90,8 +90,8 @@ pub(crate) fn require_gains(
     match lacking.next() {
         None => Ok(()),
         Some(name) => Err(Failure::Input(format!(
-            "{}: it has no gain of {name}, which the experiment file does not know: identify it, \
-             or give the torque constant in place of `unknown`",
+            "{}: it has no gain of {name}, which is unknown in the experiment file: identify it, or \
+             state the torque constant in place of `unknown`",
             params.display()
         ))),
     }
@@ -117,8 +117,8 @@ pub(crate) fn model_of(
         (false, Some(PayloadArg::Carried | PayloadArg::Unknown), [one]) => Some(&one.body),
         _ => {
             return Err(Failure::Input(format!(
-                "{run}: the parameters are of the robot with and without {}: say what is carried, \
-                 with --payload none or --payload carried, or in an experiment file",
+                "{run}: the parameters are those of the robot with and without {}: state what is \
+                 carried, with --payload none or --payload carried, or in an experiment file",
                 bodies.join(", ")
             )));
         }
@@ -126,7 +126,7 @@ pub(crate) fn model_of(
     Ok(found.carrying(model, &bodies, carried.map(String::as_str)))
 }
 
-/// The models of the runs that carry something else than others; nothing without payloads.
+/// The model of each run, with its payload; empty without payloads.
 pub(crate) fn by_run(
     robot: &Robot,
     model: &Interpreted<'_>,

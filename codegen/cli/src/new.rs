@@ -18,6 +18,7 @@ struct Printed<'a> {
 }
 
 impl Kind {
+    /// The text of the spec, in which `NAME` and `FILE` are to be replaced.
     fn template(self) -> &'static str {
         match self {
             Self::Serial => include_str!("new/serial.yaml"),
@@ -30,13 +31,13 @@ impl Kind {
     }
 }
 
-/// Runs the command.
+/// Runs `regen new`.
 pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
-    // Any other character could end the line that the name is written into.
+    // other characters, such as a line break, could end the value of `name` in the YAML
     let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
     if !args.name.chars().all(plain) {
         return Err(Failure::Input(format!(
-            "{:?} is no name for a module: lower-case letters, digits and _, such as my_arm",
+            "{:?} is not a name for a module: lower-case letters, digits and _, such as my_arm",
             args.name
         )));
     }
@@ -60,7 +61,8 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
             .replace("NAME", &args.name)
             .replace("FILE", &out.display().to_string()),
     };
-    // Only the name can still be wrong: the spec's reader checks it and words the error.
+    // templates and tables are valid by now, so only the name can be wrong: reading the spec checks
+    // it
     load::derived(&Source {
         name: out.display().to_string(),
         text: text.clone(),

@@ -101,7 +101,7 @@ fn to_text(json: &ObserveJson<'_>) -> String {
     out
 }
 
-/// Whether every equation was left out because its coordinate was at rest.
+/// Whether every equation was left out because its joint was at rest.
 pub(crate) fn all_rest(left: &LeftOut) -> bool {
     let mut rest = left.resting.iter().peekable();
     left.samples > 0 && rest.peek().is_some() && rest.all(|rest| *rest == left.samples)
@@ -119,8 +119,8 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
 /// Refuses combinations of reading options that contradict each other.
 pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
-        let text = "delays are not found here (auto): give the values that `identify` printed, \
-                    --delay NAME=S";
+        let text = "this command does not estimate delays (auto): give the values that `identify` \
+                    printed, --delay NAME=S";
         return Err(Failure::Input(text.to_owned()));
     }
     let settings = settings(reading);
@@ -158,7 +158,7 @@ pub(crate) fn session<'m>(
     }
 }
 
-/// The settings for reading logs: those of the experiment file, if there is one, and over them the
+/// The settings for reading logs: those of the experiment file, if there is one, overridden by the
 /// options.
 pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
     let stated = reading
@@ -242,7 +242,7 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         if !report.still.is_empty() {
             terminal::note(&format!(
-                "{}: {} never moves: what only its motion shows cannot be seen",
+                "{}: {} never moves: parameters that only its motion determines cannot be identified",
                 report.file,
                 report.still.join(", ")
             ));
@@ -283,7 +283,7 @@ fn note_treated(file: &str, problems: &Problems, policy: Policy) {
     }
 }
 
-/// A gap of at most this many usual steps is one of an uneven clock.
+/// A gap of at most this many usual steps is blamed on an uneven clock, which resampling corrects.
 const SHORT_GAP_STEPS: f64 = 3.0;
 
 impl From<DataError> for Failure {

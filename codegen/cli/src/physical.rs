@@ -38,17 +38,17 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     }
 }
 
-/// Notes the options that would bound masses which nothing bounds.
+/// Notes the option that would bound a mass which neither data nor constraints bound.
 pub(crate) fn note_unbounded(found: &IdentifiedModel) {
     if let Some(mass) = found.unbounded.first() {
         terminal::note(&format!(
-            "note: --bound '{mass}=LOWEST..HIGHEST' bounds a mass, nominal masses in the spec's \
-             `bodies:` do too"
+            "note: --bound '{mass}=LOWEST..HIGHEST' would bound this mass, and so would nominal \
+             masses in the spec's `bodies:`"
         ));
     }
 }
 
-/// Fails where the fit is not proven to be the optimum; the result is printed and written already.
+/// Fails if the fit is not proven to be the optimum, after the result was printed and written.
 pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
     match found.gap {
         Some(gap) if gap.is_nan() || gap > MAX_OPTIMAL_GAP => Err(Failure::Numeric(format!(

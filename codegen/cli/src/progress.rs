@@ -10,11 +10,11 @@ use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle, WeakPr
 
 use crate::call;
 
-/// The bar on the terminal: work inside of other work shows none of its own, since bars would leave
-/// each other's lines behind.
+/// The bar on the terminal. Work within other work shows no bar: two bars would disturb each other's
+/// lines.
 static SHOWN: Mutex<Option<WeakProgressBar>> = Mutex::new(None);
 
-/// Whether another bar may be shown: on a terminal, as long as there is none.
+/// Whether a bar may be shown: standard error is a terminal, and no other bar is shown.
 fn is_free() -> bool {
     let shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner);
     let other = shown.as_ref().and_then(WeakProgressBar::upgrade);

@@ -241,7 +241,7 @@ fn check(args: &RehearseArgs) -> Result<(), Failure> {
     ];
     if let Some((_, option)) = unused.iter().find(|(is, _)| *is) {
         return Err(Failure::Usage(format!(
-            "{option} is of no use to this estimator: leave it out, or choose another --estimator"
+            "{option} does not apply to this estimator: leave it out, or choose another --estimator"
         )));
     }
     let of_real_logs = [

@@ -1,4 +1,5 @@
-//! `regen report`, and `--report` of `regen identify`: the identification on one HTML page.
+//! `regen report`, and `--report` of `regen identify`: writes one HTML page about an
+//! identification.
 
 use std::path::Path;
 
@@ -56,7 +57,7 @@ struct Outputs<'a> {
     figures: Option<&'a Path>,
 }
 
-/// Runs the command.
+/// Runs `regen report`.
 pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut args = args.clone();
@@ -80,7 +81,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     observe::require_consistent(&args.reading)?;
     let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
     let session = loads::scaled(&model, &args.reading, &identified);
-    // where gains are unknown, weights and inertias cannot judge what the columns are
+    // these checks compare efforts with plausible weights and inertias, and so need known gains
     let suspicions = if identified.gains.is_empty() {
         let opened = session.open(&args.logs).map_err(ReportError::from)?;
         suspect::doubts(&model, opened.logs(), &session.reading.columns, None)
@@ -105,7 +106,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     write(&outputs, &inputs)
 }
 
-/// Makes the report and writes it: figures before the page, so that a page never lacks them.
+/// Makes the report and writes it: the figures first, so that a page never lacks its figures.
 fn write(outputs: &Outputs<'_>, inputs: &Inputs<'_>) -> Result<(), Failure> {
     let report = regen_report::report(inputs)?;
     if let Some(dir) = outputs.figures {

@@ -1,5 +1,5 @@
-//! Warnings about logs that were read without an error but look wrong, with the options that would
-//! read them correctly.
+//! Warns about logs that were read without an error but look wrong, with the options that would read
+//! them correctly.
 
 #[cfg(test)]
 mod tests;
@@ -26,18 +26,16 @@ fn with_options(found: suspect::Suspicion) -> Suspected {
                 (false, true) => {}
             }
             if columns.iter().any(|column| column.offset != 0.0) {
-                advice.push(
-                    "In the experiment file, where the offsets of these columns stay".to_owned(),
-                );
+                advice.push("In the experiment file, keep the offsets of these columns".to_owned());
             }
             advice.join(". ")
         }
         Remedy::Series => "The frequency is not that of the motion, the harmonics are too few, \
                            or parts of the log are not periodic: give --fourier the motion's \
-                           own, or use --butterworth"
+                           frequency, or use --butterworth"
             .to_owned(),
-        _ => "The sign or the delay of an effort, an offset, or a motion that does not tell it \
-              from the rest may be the cause; --feasible keeps it at 0 or above"
+        _ => "The cause may be the sign or the delay of an effort, an offset, or a motion that \
+              does not determine it separately; --feasible keeps it at 0 or above"
             .to_owned(),
     };
     Suspected { found, remedy }
@@ -53,9 +51,9 @@ fn option(to: &Assignment) -> String {
     format!("--column '{}={}{factor}'", to.quantity, to.column)
 }
 
-/// Prints and returns what looks wrong with each log; does nothing with `--no-suspicion`.
+/// Prints and returns the suspected mistakes in each log; does nothing with `--no-suspicion`.
 ///
-/// - `found`: the estimate from all logs, with standard deviations; `None` where there is none.
+/// - `found`: the estimate from all logs, with standard deviations; `None` if there is none.
 pub(crate) fn warn(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
@@ -73,16 +71,18 @@ pub(crate) fn warn(
     out
 }
 
-/// What looks wrong with logs, by the weights and inertias of the robot where there is no estimate.
+/// The suspected mistakes in logs. Without an estimate they are found from the weights and inertias
+/// of the nominal bodies.
 ///
-/// - `given`: how the columns are assigned; `found`: as for [`warn`].
+/// - `given`: the assignments of columns;
+/// - `found`: as for [`warn`].
 pub(crate) fn doubts(
     model: &Interpreted<'_>,
     logs: &Logs<'_, Interpreted<'_>>,
     given: &[Assignment],
     found: Option<&Estimate>,
 ) -> Vec<Suspected> {
-    let working = progress::later("looking at the columns");
+    let working = progress::later("checking the columns");
     let mut out = Vec::new();
     for (k, report) in logs.reports().iter().enumerate() {
         let Ok(sample) = logs.sample(k) else { continue };

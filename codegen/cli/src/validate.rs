@@ -52,8 +52,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         args.logs = planned;
     } else if args.reading.experiment.is_some() {
         terminal::note(
-            "note: no run of the experiment file is `use: validate`: the logs are predicted that \
-             are named, or else all runs",
+            "note: no run of the experiment file is `use: validate`: the given logs are predicted, \
+             or else all runs",
         );
     }
     let robot = loads::derived_for(&source, &args.reading, &args.params)?;
@@ -134,7 +134,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Finds the delays of the logs where that is asked for.
+/// Estimates the delays of the logs if `--delay auto` asks for it; returns those that were found and
+/// corrected, s.
 fn corrected(
     args: &mut ValidateArgs,
     model: &Interpreted<'_>,
@@ -146,8 +147,8 @@ fn corrected(
         .is_some_and(|e| !e.unknown_gains.is_empty() || e.carries());
     if has_unknowns && args.reading.delay.contains(&DelayArg::Auto) {
         return Err(Failure::Usage(
-            "delays are not found from logs with unknown gains or payloads: give them in seconds, \
-             --delay NAME=S"
+            "delays cannot be estimated here from logs with unknown gains or payloads: state them in \
+             seconds, --delay NAME=S"
                 .to_owned(),
         ));
     }
@@ -161,7 +162,7 @@ fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
     out.push_str(&corrected_delays_text(&json.corrected_delays));
     let name = stem;
-    // the number of logs whose columns fit side by side
+    // the number of logs whose columns fit on a line
     const BLOCK: usize = 5;
     let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
     for (block, titles) in names.chunks(BLOCK).enumerate() {

@@ -44,8 +44,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
     }
 }
 
-/// Checks a robot's identities; `same`, where given, is the result of the check of its source on
-/// disk.
+/// Checks a robot's identities; `same` is the result of the check of its source on disk, if there is
+/// one.
 pub(crate) fn checked(robot: &Robot, same: Option<bool>) -> Result<Report, Failure> {
     let mut report = regen_verify::identities(robot)?;
     let source = same.map(|same| Check::truth(SAME_SOURCE, same));
@@ -60,7 +60,9 @@ pub(crate) fn not_verified(robot: &str, failed: &[&str]) -> Failure {
 
 fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     if args.states.is_some() {
-        return Err(Failure::Usage("--states does not go with --all".to_owned()));
+        return Err(Failure::Usage(
+            "--states does not work with --all".to_owned(),
+        ));
     }
     let files = files(&args.files)?;
     let progress = match files.len() {
@@ -94,7 +96,8 @@ fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
     }
 }
 
-/// The spec files to verify: those named, those in named directories, or all of the workspace.
+/// The spec files to verify: the given ones and those in given directories or, without arguments, all
+/// of the workspace.
 fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     if named.is_empty() {
         return Ok(Workspace::current()?.robots()?);
@@ -132,8 +135,8 @@ fn independent(file: &Path) -> Result<OfFile, Failure> {
     })
 }
 
-/// The folders in which the vectors of a spec are looked for, relative to the spec's folder: next
-/// to it, or among the fixtures of the workspace that contains it.
+/// The folders in which test vectors of a spec are looked for, relative to the spec's folder: next to
+/// it, or among the fixtures of the workspace that contains it.
 const FOLDERS: [&str; 2] = ["vectors", "../tests/fixtures/vectors"];
 
 /// Reads the vectors computed by another program for a spec, from a file `vectors/NAME.json`;

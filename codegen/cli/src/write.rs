@@ -18,7 +18,7 @@ const MAX_NAME_CHARS: usize = 50;
 /// and its target is replaced; a pipe, a device or anything else that is not a regular file is
 /// written to directly.
 pub(crate) fn atomically(path: &Path, text: &str) -> Result<(), Failure> {
-    if call::keep(path, text) {
+    if call::store(path, text) {
         return Ok(());
     }
     replace(path, text).map_err(|error| Failure::io("write", path, &error))

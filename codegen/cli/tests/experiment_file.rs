@@ -221,7 +221,7 @@ fn what_a_command_cannot_use_is_refused_with_its_place_and_a_remedy() {
     ];
     let found = regen(&dir, &line).ended(3);
     for words in [
-        "`columns`, the effort of q1: unknown gains are found by least squares",
+        "`columns`, the effort of q1: this command or estimator does not identify unknown gains",
         "give the torque constant with the gear",
         "runs.yaml:4:39",
     ] {

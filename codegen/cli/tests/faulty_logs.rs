@@ -240,7 +240,7 @@ fn doubtful_rows_are_kept_on_request_and_told_on_request() {
             "keep",
             "rows that cannot be kept were left out: 1 x not a number",
         ),
-        ("tell", "`NaN` in column `tau_q1` is no finite number"),
+        ("tell", "`NaN` in column `tau_q1` is not a finite number"),
     ] {
         let (found, told) = json(&broken, &["--problems", policy]);
         assert!(told.contains(says), "{told}");

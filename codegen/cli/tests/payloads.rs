@@ -218,12 +218,12 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
         assert!(table.contains(words), "{words}\n{table}");
     }
     let refused = run(&dir, "validate arm.yaml fit.json none.csv", 3).1;
-    assert!(refused.contains("say what is carried"), "{refused}");
+    assert!(refused.contains("state what is carried"), "{refused}");
 
     let unknown = RUNS.replace("{m: 2.2}", "unknown");
     fs::write(dir.join("unknown.yaml"), unknown).unwrap();
     let (_, err) = run(&dir, "identify arm.yaml unknown.yaml", 4);
-    let words = "nothing fixes the scale of gain(q1), gain(q2), gain(q3)";
+    let words = "nothing determines the scale of gain(q1), gain(q2), gain(q3)";
     assert!(err.contains(words), "{err}");
     // outliers in units of measurement, and physical parameters, of the same runs
     let robust = json(&dir, "identify arm.yaml runs.yaml --estimator huber");
@@ -244,13 +244,16 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
         "{written}"
     );
     for (line, words) in [
-        ("--friction", "--friction is not for unknown gains"),
-        ("--estimator iv", "--iv is not for unknown gains"),
+        ("--friction", "--friction does not work with unknown gains"),
+        ("--estimator iv", "--iv does not work with unknown gains"),
         (
             "--feasible --covariance --out f.json",
-            "--covariance is that of least squares",
+            "--covariance needs least squares",
         ),
-        ("--estimator didim", "--estimator is not for unknown gains"),
+        (
+            "--estimator didim",
+            "--estimator does not work with unknown gains",
+        ),
         ("--payload none", "leave out --payload"),
     ] {
         let (_, err) = run(&dir, &format!("identify arm.yaml runs.yaml {line}"), 2);
@@ -267,7 +270,8 @@ fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
     assert!(
-        err.contains("not by this") && err.contains("not for this"),
+        err.contains("does not identify unknown gains")
+            && err.contains("does not support runs with a payload"),
         "{err}"
     );
 }
@@ -296,7 +300,7 @@ fn a_load_is_weighed_on_a_robot_that_was_identified_without_it() {
     let line = "identify arm.yaml carried.csv --payload unknown --butterworth 4,20";
     let (_, err) = run(&dir, line, 2);
     assert!(
-        err.contains("--payload unknown needs the robot without it"),
+        err.contains("--payload unknown needs the parameters of the robot without it"),
         "{err}"
     );
     let (_, err) = run(&dir, &format!("{line} --parameters exact.json"), 0);

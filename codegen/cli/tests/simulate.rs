@@ -241,13 +241,13 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     says(
         &["--parameters", "p.json"],
         3,
-        "`m(9)` is no parameter of fivebar",
+        "`m(9)` is not a parameter of fivebar",
     );
     says(&["--parameters", "none.json"], 5, "cannot read none.json");
     says(
         &["--pid", "q2=1,2,3"],
         3,
-        "`q2` is no actuated joint; these are q1, q3",
+        "`q2` is not an actuated joint; these are q1, q3",
     );
     says(&["--pid", "1,2"], 2, "KP,KI,KD");
     says(&["--step", "0"], 3, "--step must be above 0");

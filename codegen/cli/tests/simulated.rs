@@ -273,7 +273,7 @@ fn what_is_missing_or_wrong_is_answered_with_the_remedy() {
         (
             format!("{response} --controller other.yaml"),
             3,
-            "other.yaml: q2: this is no actuated",
+            "other.yaml: q2: this is not an actuated",
         ),
         (
             format!("{response} --controller gains.yaml --window 0"),

@@ -13,7 +13,7 @@ fn times(value: &mut Value, exponent: i32) {
     let text = match &*value {
         Value::String(text) => text.clone(),
         Value::Number(number) => number.to_string(),
-        other => panic!("{other:?} is no scalar"),
+        other => panic!("{other:?} is not a scalar"),
     };
     *value = Value::String(format!("10^({exponent})*({text})"));
 }

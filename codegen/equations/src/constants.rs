@@ -73,8 +73,8 @@ pub(crate) fn form(value: f64, lengths: &[(String, f64)]) -> Option<Form<'_>> {
     None
 }
 
-/// A number that is one over the only length that it can be, where that length is no multiple of an
-/// eighth.
+/// The inverse of a length as a form, if exactly one named length fits the number and that length
+/// is not a multiple of 1/8, which a plain number may well be by chance.
 fn inverse_of(value: f64, lengths: &[(String, f64)]) -> Option<Form<'_>> {
     let plain = |length: f64| (length * 8.0 - (length * 8.0).round()).abs() < 1e-12;
     let is = |length: f64| (1.0 / length - value).abs() <= 4.0 * f64::EPSILON * value;

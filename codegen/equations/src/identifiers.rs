@@ -1,9 +1,10 @@
-//! Names that are valid in Python, each given once.
+//! Makes distinct names that are valid in Python and in the computer algebra of the scripts.
 
 use std::collections::HashSet;
 
-/// Words that are no names in the written scripts.
-const TAKEN: [&str; 62] = [
+/// Words that cannot be names in the written scripts: Python's keywords, the functions and constants
+/// of SymPy, and the scripts' own variables.
+const RESERVED: [&str; 62] = [
     "False",
     "None",
     "True",
@@ -68,19 +69,19 @@ const TAKEN: [&str; 62] = [
     "oo",
 ];
 
-/// The names given so far.
+/// The names that are in use.
 #[derive(Debug)]
 pub(crate) struct Identifiers(HashSet<String>);
 
 impl Default for Identifiers {
     fn default() -> Self {
-        Self(TAKEN.iter().map(|word| (*word).to_owned()).collect())
+        Self(RESERVED.iter().map(|word| (*word).to_owned()).collect())
     }
 }
 
 impl Identifiers {
-    /// A new name like `wanted`: other characters become underscores, and a number is appended where
-    /// the name is taken.
+    /// A new name like `wanted`: characters other than ASCII letters and digits become underscores,
+    /// and a number is appended if the name is in use.
     pub(crate) fn give(&mut self, wanted: &str) -> String {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let mut name: String = wanted.chars().map(plain).collect();

@@ -7,12 +7,13 @@ use crate::names::Name;
 use crate::page::{Entry, Page};
 use crate::plain::{Level, Spelling, Writer, digits};
 
-/// Entries of a matrix that is written as one are at most this long, as source.
-const SHORT: usize = 48;
-/// Such a matrix has at most as many columns.
-const FEW: usize = 6;
-/// Characters of an equation's source after which a sum goes on in the next line.
-const LINE: usize = 150;
+/// The longest entry of a matrix that is written as a `bmatrix`, in characters of source; matrices
+/// with longer entries are written entry by entry.
+const MAX_ENTRY_LENGTH: usize = 48;
+/// The most columns of such a matrix, and half of its most rows.
+const MAX_MATRIX_COLUMNS: usize = 6;
+/// Characters of an equation's source after which a sum continues on the next line.
+const LINE_LENGTH: usize = 150;
 
 /// LaTeX in math mode.
 pub(crate) struct Latex<'p>(pub(crate) &'p Page<'p>);
@@ -97,7 +98,7 @@ impl Spelling for Latex<'_> {
     }
 }
 
-/// A named term.
+/// The name of an intermediate term: its letter with an index.
 fn term(name: &Name) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
     let index = if name.index.chars().all(plain) {
@@ -109,7 +110,8 @@ fn term(name: &Name) -> String {
     format!("{}_{{{index}}}", name.letter)
 }
 
-/// A name with its index below, and dots for derivatives: `\dot{q}_{1}` for q1.
+/// A name as letters with an index below, under an accent such as `dot` (empty for none): `q1` with
+/// the accent `dot` is `\dot{q}_{1}`.
 pub(crate) fn symbol(name: &str, accent: &str) -> String {
     let letters = name.chars().take_while(char::is_ascii_alphabetic).count();
     let (stem, rest) = name.split_at(letters);
@@ -141,7 +143,7 @@ fn broken(text: &str) -> String {
             _ => {}
         }
         let between = c == ' ' && depth == 0 && matches!(bytes.get(at + 1), Some(b'+' | b'-'));
-        if between && line > LINE {
+        if between && line > LINE_LENGTH {
             out.push_str(" \\\\\n  &\\quad");
             line = 0;
         }
@@ -184,9 +186,11 @@ pub(crate) fn write(page: &Page<'_>) -> String {
     let value = |entry: &Entry| writer.operand(entry.id).0;
     let (rows, columns) = page.shape;
     let is_short = columns > 1
-        && columns <= FEW
-        && rows <= 2 * FEW
-        && entries.iter().all(|entry| value(entry).len() <= SHORT);
+        && columns <= MAX_MATRIX_COLUMNS
+        && rows <= 2 * MAX_MATRIX_COLUMNS
+        && entries
+            .iter()
+            .all(|entry| value(entry).len() <= MAX_ENTRY_LENGTH);
     if is_short {
         let mut cells = vec![vec!["0".to_owned(); columns]; rows];
         for entry in &entries {

@@ -1,6 +1,10 @@
 //! The equations of a derived robot as a person writes them: intermediate terms with names in the
 //! order in which they are computed, then the entries of the result.
 //!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+//!
 //! ```
 //! use regen_codegen::Mechanism;
 //! use regen_codegen::diag::Source;

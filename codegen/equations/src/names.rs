@@ -1,10 +1,10 @@
-//! Which expressions get names, and the names: s_12 and c_12 for sines and cosines of sums of
-//! coordinates, t_1, t_2, ... for the others.
+//! Chooses the expressions that get names, and the names: s_12 and c_12 for sines and cosines of sums
+//! of coordinates, and t_1, t_2, ... for the others.
 
 use crate::graph::{Graph, Id, Node};
 
-/// An expression with more operations than this is divided by names.
-const LONGEST: usize = 14;
+/// A longer expression, counted in operations, is split by naming parts of it.
+const MAX_OPERATIONS: usize = 14;
 
 /// The name of an intermediate term: a letter and an index.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -20,8 +20,8 @@ pub(crate) struct Names {
 }
 
 impl Names {
-    /// Names what `outputs` use more than once, and what would be too long. `coordinate` is the name
-    /// of a coordinate for an input that is one.
+    /// Names the expressions that `outputs` use more than once, and parts of those that would be too
+    /// long. `coordinate` returns the name of the coordinate for an input that is one.
     pub(crate) fn new(
         g: &Graph,
         outputs: &[Id],
@@ -33,10 +33,10 @@ impl Names {
             uses[*id] += 1;
         }
         for id in (0..g.len()).rev() {
-            // what a sign is used for, its operand is
+            // the uses of a negation count as uses of its operand
             let count = match g.node(id) {
                 Node::Neg(_) => uses[id],
-                // an angle's sine and cosine are one use of it
+                // the sine and the cosine of an angle count as one use of the angle
                 Node::Cos(angle) if g.find(Node::Sin(angle)).is_some_and(|sine| uses[sine] > 0) => {
                     0
                 }
@@ -66,7 +66,7 @@ impl Names {
                 }
                 Node::Sin(angle) => Some(names.trigonometric("s", g, angle, coordinate)),
                 Node::Cos(angle) => Some(names.trigonometric("c", g, angle, coordinate)),
-                _ if uses[id] > 1 || (within + 1 > LONGEST && !outputs.contains(&id)) => {
+                _ if uses[id] > 1 || (within + 1 > MAX_OPERATIONS && !outputs.contains(&id)) => {
                     others += 1;
                     Some(Name {
                         letter: "t",
@@ -102,7 +102,7 @@ impl Names {
     ) -> Name {
         let mut parts = Vec::new();
         let known = summands(g, angle, false, &mut parts, coordinate);
-        // in the order of the coordinates, those that are subtracted last
+        // in the order of the coordinates, with subtracted ones last
         parts.sort();
         // q1 and q2 give 12, longer names and differences have signs between them
         let name = |part: &Summand| {
@@ -123,7 +123,7 @@ impl Names {
         let taken = |name: &Name| self.by_id.iter().flatten().any(|other| other == name);
         let mut name = Name { letter, index };
         if !known || taken(&name) {
-            // an angle that is no sum of coordinates is named by a letter
+            // an angle that is not a sum of coordinates has the index a1, a2, ...
             let mut number = 1_usize;
             loop {
                 name.index = format!("a{number}");
@@ -137,7 +137,7 @@ impl Names {
     }
 }
 
-/// A coordinate of a sum: those that are added come first, then in their order.
+/// A coordinate of a sum. Added ones sort before subtracted ones, then by their index.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Summand {
     minus: bool,

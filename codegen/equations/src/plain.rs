@@ -1,10 +1,10 @@
-//! Expressions on one line, as in programming languages.
+//! Writes expressions on one line, as in programming languages.
 
 use crate::constants::{Form, form};
 use crate::graph::{Graph, Id, Node};
 use crate::names::{Name, Names};
 
-/// How strongly the outermost operation of a text binds.
+/// The precedence of the outermost operation of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Level {
     Sum,
@@ -13,7 +13,7 @@ pub(crate) enum Level {
     Atom,
 }
 
-/// The spelling of what languages write differently.
+/// The parts of the notation that differ between languages.
 pub(crate) trait Spelling {
     /// A number that is not negative.
     fn number(&self, value: f64) -> String;
@@ -21,13 +21,13 @@ pub(crate) trait Spelling {
     fn input(&self, argument: usize, element: usize) -> String;
     /// A named term.
     fn name(&self, name: &Name) -> String;
-    /// A number with a root or a length.
+    /// A number that is expressed by a root or a named length.
     fn form(&self, form: &Form<'_>) -> (String, Level);
-    /// A function that is neither a root nor a step.
+    /// A function: `sin`, `cos`, `sqrt`, `sign`, `positive` or `negative`.
     fn call(&self, function: &str, operand: &str) -> String;
     /// A product.
     fn product(&self, a: &str, b: &str) -> String;
-    /// A quotient of an expression and its level by another one.
+    /// A quotient; both operands come with their precedence.
     fn quotient(&self, above: (String, Level), below: (String, Level)) -> (String, Level);
     /// A square.
     fn square(&self, operand: &str) -> String;
@@ -35,7 +35,7 @@ pub(crate) trait Spelling {
     fn group(&self, inner: &str) -> String;
 }
 
-/// Writes expressions.
+/// Writes the expressions of a graph, with the names that its nodes have.
 pub(crate) struct Writer<'w, S> {
     pub(crate) graph: &'w Graph,
     pub(crate) names: &'w Names,
@@ -65,7 +65,7 @@ impl<S: Spelling> Writer<'_, S> {
         }
     }
 
-    /// What an expression is, even where it has a name.
+    /// The expression that computes a node, even if the node has a name.
     pub(crate) fn expression(&self, id: Id) -> (String, Level) {
         let spelling = &self.spelling;
         let call = |function: &str, a: Id| {
@@ -106,7 +106,7 @@ impl<S: Spelling> Writer<'_, S> {
     }
 }
 
-/// A number with as many digits as it takes to read it back.
+/// A number with as many digits as are needed to read the same double back.
 pub(crate) fn digits(value: f64) -> String {
     if value.fract() == 0.0 && value < 1e15 {
         format!("{value:.0}")

@@ -67,7 +67,7 @@ impl Spelling for &Python {
 
     fn call(&self, function: &str, operand: &str) -> String {
         match function {
-            // no half at zero
+            // SymPy's default at zero is 1/2
             "positive" => format!("Heaviside({operand}, 0)"),
             "negative" => format!("Heaviside(-({operand}), 0)"),
             _ => format!("{function}({operand})"),
@@ -91,7 +91,7 @@ impl Spelling for &Python {
     }
 }
 
-/// What evaluates the result at numbers, term after term.
+/// The Python function that evaluates the result at numbers, term by term.
 const EVALUATE: &str = "
 
 def evaluate(values):

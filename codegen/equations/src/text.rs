@@ -48,7 +48,7 @@ impl Spelling for Plain<'_> {
     }
 }
 
-/// `sqrt(3)*a/2`, `2*sqrt(3)/(3*a)`.
+/// A form in infix notation, such as `sqrt(3)*a/2` or `2*sqrt(3)/(3*a)`, with its precedence.
 pub(crate) fn infix_form(form: &Form<'_>) -> (String, Level) {
     let [above, root, below] = form.factor;
     let (mut over, mut under) = (Vec::new(), Vec::new());
@@ -86,7 +86,7 @@ pub(crate) fn infix_form(form: &Form<'_>) -> (String, Level) {
     (text, level)
 }
 
-/// `a/b`, with parentheses around sums, and around products below.
+/// The quotient `a/b`. A sum is put in parentheses, and so is a product in the denominator.
 pub(crate) fn infix_quotient(above: (String, Level), below: (String, Level)) -> (String, Level) {
     let grouped = |(text, own): (String, Level), level: Level| {
         if own < level {
@@ -99,7 +99,7 @@ pub(crate) fn infix_quotient(above: (String, Level), below: (String, Level)) -> 
     (format!("{above}/{below}"), Level::Product)
 }
 
-/// The name of a term: `s_12`, `c_(1+2-3)`.
+/// The name of an intermediate term, such as `s_12` or `c_(1+2-3)`.
 fn term(name: &Name) -> String {
     if name.index.contains(['+', '-']) {
         format!("{}_({})", name.letter, name.index)
@@ -108,7 +108,7 @@ fn term(name: &Name) -> String {
     }
 }
 
-/// The whole text.
+/// The whole page: the heading, the lengths in use, the intermediate terms, and the entries.
 pub(crate) fn write(page: &Page<'_>) -> String {
     let writer = Writer {
         graph: &page.graph,

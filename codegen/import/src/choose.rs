@@ -1,4 +1,4 @@
-//! Choice of independent coordinates, by the loop closure that the derivation uses.
+//! Chooses independent coordinates with the loop closure that the derivation uses.
 
 use regen_codegen::Mechanism;
 use regen_codegen::constraints::{HomeProblem, NumericLoops, close_home, world_equations};
@@ -61,7 +61,8 @@ pub(crate) fn test_independent(text: &str, home_option: &str) -> Result<Verdict,
     }
 }
 
-/// Says how far the cuts gape, and from where the loops close.
+/// The message and the hint for loops that do not close: the gaps of the cuts, and values from which
+/// the loops close.
 fn not_closed(
     mechanism: &Mechanism,
     problem: &HomeProblem,
@@ -69,8 +70,8 @@ fn not_closed(
     home_option: &str,
 ) -> (String, String) {
     let report = mechanism.report(problem);
-    let told = report.diagnostics.into_iter().next();
-    let (message, hint) = told.map_or_else(Default::default, |d| (d.message, d.hint));
+    let first = report.diagnostics.into_iter().next();
+    let (message, hint) = first.map_or_else(Default::default, |d| (d.message, d.hint));
     let states = near.iter().take(MAX_PROPOSALS);
     let states =
         states.map(|state| format!("`{home_option} {}`", values(mechanism.model(), state)));

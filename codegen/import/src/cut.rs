@@ -113,7 +113,7 @@ impl Reading<'_> {
         let mut numbers = Vec::new();
         for word in frame.split(',') {
             let Some(number) = value(word.0) else {
-                let message = format!("'{}' is no number", word.0);
+                let message = format!("'{}' is not a number", word.0);
                 let hint = "write decimals, or multiples of pi as -2*pi/3";
                 self.error(word, message, hint);
                 return None;

@@ -218,7 +218,7 @@ fn joint(number: usize, columns: &[(Column, Unit)], cells: &[Cell<'_>]) -> Read<
     if let Some((cell, _)) = find(Column::Joint) {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
         if !cell.text.chars().all(plain) || !cell.text.starts_with(|c: char| c.is_alphabetic()) {
-            let message = format!("'{}' is no name of a joint", cell.text);
+            let message = format!("'{}' is not the name of a joint", cell.text);
             let hint = "letters, digits and _, such as q1";
             return Err(Diagnostic::new(cell.span, message).hint(hint).into());
         }
@@ -283,7 +283,7 @@ fn expression(cell: Cell<'_>, unit: Unit) -> Read<String> {
     let known = ["", "e", "E", "pi", "sqrt", "sin", "cos", "deg"];
     let mut unknown = words.filter(|word| !known.contains(word));
     if !cell.text.chars().all(plain) || unknown.next().is_some() {
-        let message = format!("'{}' is no number or expression such as pi/2", cell.text);
+        let message = format!("'{}' is not a number or expression such as pi/2", cell.text);
         return Err(Diagnostic::new(cell.span, message).into());
     }
     if cell.text.is_empty() || cell.text.parse::<f64>().is_ok_and(|value| value == 0.0) {

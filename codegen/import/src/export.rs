@@ -358,7 +358,7 @@ impl<'a> Export<'a> {
         if !values.mass.is_finite() || all.into_iter().any(|x| !x.is_finite()) {
             self.parameter_error(
                 label,
-                "a value that is no number".to_owned(),
+                "a value that is not a number".to_owned(),
                 "give finite numbers",
             );
             return false;

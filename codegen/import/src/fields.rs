@@ -21,7 +21,7 @@ impl Fields<'_> {
             match word.parse::<f64>() {
                 Ok(number) if number.is_finite() => numbers.push(number),
                 _ => {
-                    let message = format!("{}: '{word}' is no finite number", attribute.name);
+                    let message = format!("{}: '{word}' is not a finite number", attribute.name);
                     let hint = "write decimal numbers, separated by blanks";
                     self.log.error(attribute.place, message, hint);
                     return None;

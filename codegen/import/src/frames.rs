@@ -1,4 +1,4 @@
-//! Frames of joints: in the links of the file, and as Denavit-Hartenberg rows of a spec.
+//! Frames of joints, in the links of a file and as Denavit-Hartenberg rows of a spec.
 
 use crate::layout::{Draft, DraftJoint};
 use crate::pose::{Pose, ROUNDING_TOLERANCE, V3, about, clean, norm, times, unit};
@@ -54,6 +54,7 @@ pub(crate) fn joint_frame(joint: &Joint) -> (Pose, char) {
     (shift.then(&turned), axis)
 }
 
+/// The unit vector of an axis.
 pub(crate) fn axis_vector(axis: char) -> V3 {
     match axis {
         'x' => [1.0, 0.0, 0.0],
@@ -63,17 +64,17 @@ pub(crate) fn axis_vector(axis: char) -> V3 {
 }
 
 /// The displacement of a joint for a value of its coordinate (rad or m), in the joint's frame.
-pub(crate) fn motion(kind: Kind, axis: char, by: f64) -> Pose {
+pub(crate) fn motion(kind: Kind, axis: char, q: f64) -> Pose {
     match kind {
-        _ if by == 0.0 => Pose::default(),
-        Kind::Prismatic => Pose::shift(axis_vector(axis).map(|a| a * by)),
-        Kind::Revolute if axis == 'z' => Pose::from_rpy([0.0; 3], [0.0, 0.0, by]),
-        Kind::Revolute => Pose::turn(about(axis_vector(axis), by)),
+        _ if q == 0.0 => Pose::default(),
+        Kind::Prismatic => Pose::shift(axis_vector(axis).map(|a| a * q)),
+        Kind::Revolute if axis == 'z' => Pose::from_rpy([0.0; 3], [0.0, 0.0, q]),
+        Kind::Revolute => Pose::turn(about(axis_vector(axis), q)),
         _ => Pose::default(),
     }
 }
 
-/// The pose of a link in the world, with the coordinates at given values.
+/// The pose of a link in the world, for the values (rad or m) of the spec's coordinates.
 pub(crate) fn at(tree: &Tree, draft: &Draft, link: usize, value: &dyn Fn(&str) -> f64) -> Pose {
     let mut chain = Vec::new();
     let mut next = Some(link);
@@ -106,7 +107,7 @@ pub(crate) fn at(tree: &Tree, draft: &Draft, link: usize, value: &dyn Fn(&str) -
     pose
 }
 
-/// A modified Denavit-Hartenberg row alpha, a, d, theta; `None` if the pose is not one.
+/// The pose as a modified Denavit-Hartenberg row alpha, a, d, theta; `None` if no such row gives it.
 pub(crate) fn denavit_hartenberg(pose: &Pose) -> Option<[f64; 4]> {
     let r = &pose.r;
     // R = Rx(alpha) Rz(theta)
@@ -119,7 +120,7 @@ pub(crate) fn denavit_hartenberg(pose: &Pose) -> Option<[f64; 4]> {
     let back = times(&about([1.0, 0.0, 0.0], -alpha), pose.p);
     let [a, across, d] = clean(back, norm(pose.p));
     (across.abs() <= ROUNDING_TOLERANCE * norm(pose.p)).then(|| match pose.rpy() {
-        // keep the angles as given
+        // a single rotation keeps the angle that the file gives, without the rounding of atan2
         [roll, 0.0, 0.0] => [roll, a, d, 0.0],
         [0.0, 0.0, yaw] => [0.0, a, d, yaw],
         _ => [alpha, a, d, theta],

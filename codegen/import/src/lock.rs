@@ -13,7 +13,7 @@ pub(crate) fn lock(option: &str, text: &str, tree: &mut Tree, log: &mut Log) {
     let (name, value) = text.split_once('=').unwrap_or((text, "0"));
     let name = name.trim();
     let locked = cut::value(value)
-        .ok_or_else(|| format!("'{}' is no number", value.trim()))
+        .ok_or_else(|| format!("'{}' is not a number", value.trim()))
         .and_then(|value| lock_at(name, value, tree));
     if let Err(message) = locked {
         let file = log.add(Source::new(option, text));

@@ -76,9 +76,9 @@ struct Group<'a> {
 impl Group<'_> {
     /// The text, with the first few of its items.
     fn text(&self) -> String {
-        const MOST_ITEMS: usize = 4;
-        let shown: Vec<&str> = self.items.iter().take(MOST_ITEMS).copied().collect();
-        let more = match self.items.len().saturating_sub(MOST_ITEMS) {
+        const MAX_ITEMS: usize = 4;
+        let shown: Vec<&str> = self.items.iter().take(MAX_ITEMS).copied().collect();
+        let more = match self.items.len().saturating_sub(MAX_ITEMS) {
             0 => String::new(),
             n => format!(" and {n} more"),
         };

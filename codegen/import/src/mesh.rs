@@ -1,42 +1,44 @@
-//! Volume, centre and inertia of meshes of triangles, which are read from STL or OBJ.
+//! Reads triangle meshes from STL and OBJ files, and computes their volume, centre of mass and
+//! inertia.
 
 use std::collections::BTreeMap;
 
 use crate::pose::{V3, cross, difference, dot, norm, scaled, sum};
 
-/// The number of bytes before the triangles of a binary STL file, and of each triangle.
+/// The number of bytes before the triangles of a binary STL file.
 const HEAD: usize = 84;
+/// The number of bytes of each of its triangles.
 const TRIANGLE: usize = 50;
 
 /// A solid of density 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Solid {
-    /// In m^3.
+    /// The volume, m^3.
     pub(crate) volume: f64,
-    /// The centre of mass, in m.
+    /// The centre of mass in the frame of the mesh, m.
     pub(crate) centre: V3,
-    /// Moments of inertia about the centre: xx, xy, xz, yy, yz, zz, in m^5.
+    /// The inertia tensor about the centre of mass: xx, xy, xz, yy, yz, zz, m^5.
     pub(crate) tensor: [f64; 6],
 }
 
 /// The corners of a triangle.
 pub(crate) type Triangle = [V3; 3];
 
-/// What a mesh counts as.
+/// How the volume that a mesh encloses is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Volume {
     /// The volume that a closed surface bounds.
     Exact,
-    /// The tetrahedra from one point to the triangles, each with its whole volume. That is the same
-    /// for convex meshes; of others parts count more than once. The surface need not be closed.
-    /// MuJoCo's default, which it calls `legacy`.
+    /// The tetrahedra from one point to the triangles, each with the absolute value of its volume.
+    /// For convex meshes the result is the same; parts of others count more than once. The surface
+    /// need not be closed. This is MuJoCo's default, which it calls `legacy`.
     EachTriangle,
 }
 
 /// The triangles of a mesh file.
 ///
 /// # Errors
-/// In words, if the file is in no format that is read here, or broken.
+/// The reason in words, if the file is neither STL nor OBJ, or malformed.
 pub(crate) fn triangles(name: &str, bytes: &[u8]) -> Result<Vec<Triangle>, &'static str> {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     let triangles = match ending.as_str() {
@@ -50,7 +52,8 @@ pub(crate) fn triangles(name: &str, bytes: &[u8]) -> Result<Vec<Triangle>, &'sta
 /// The solid of triangles, with each axis multiplied by a factor.
 ///
 /// # Errors
-/// In words, if the surface is not closed where it must be, or if there is no volume.
+/// The reason in words, if the surface is not closed although [`Volume::Exact`] needs that, or if it
+/// encloses no volume.
 pub(crate) fn solid(
     triangles: &[Triangle],
     factors: V3,
@@ -68,7 +71,7 @@ pub(crate) fn solid(
     let (whole, first, _) = moments(&placed, from, counted);
     let centre = sum(from, scaled(first, 1.0 / whole));
     let (own, _, second) = moments(&placed, centre, counted);
-    // mirrored, or with triangles that are seen from inside
+    // the signed volume is negative if the factors mirror the mesh or its triangles face inwards
     let side = whole.signum();
     let volume = own * side;
     let [xx, xy, xz, yy, yz, zz] = second.map(|x| x * side);
@@ -85,8 +88,9 @@ pub(crate) fn solid(
     }
 }
 
-/// Volume, first and second moments (xx, xy, xz, yy, yz, zz) of the tetrahedra from a point to each
-/// triangle, about that point, with their signed volumes counted as `counted` says.
+/// The volume and the first and second moments (xx, xy, xz, yy, yz, zz) of the tetrahedra from a
+/// point to each triangle, about that point. `counted` maps the signed volume of a tetrahedron to
+/// the volume that counts.
 fn moments(triangles: &[Triangle], from: V3, counted: fn(f64) -> f64) -> (f64, V3, [f64; 6]) {
     let (mut volume, mut first, mut second) = (0.0, [0.0; 3], [0.0; 6]);
     for triangle in triangles {
@@ -160,7 +164,7 @@ fn stl(bytes: &[u8]) -> Option<Vec<Triangle>> {
     whole.then(|| triangles.map(|t| finite([t[0], t[1], t[2]])).collect())?
 }
 
-/// The corners of a triangle in a binary STL file, behind its normal.
+/// The corners of a triangle in a binary STL file, which follow its normal.
 fn binary_triangle(bytes: &[u8]) -> Option<Triangle> {
     let (numbers, _) = bytes.get(12..48)?.as_chunks::<4>();
     let at = |k: usize| f64::from(f32::from_le_bytes(numbers[k]));

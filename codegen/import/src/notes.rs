@@ -7,7 +7,7 @@ use crate::tree::{Joint, Tree};
 /// Notes joints that follow another one within limits that contradict the other's.
 pub(crate) fn contradicting_limits(tree: &Tree, log: &mut Log) {
     /// The part of the narrower range that both must share at least.
-    const LEAST_SHARED_PART: f64 = 1e-3;
+    const MIN_SHARED_PART: f64 = 1e-3;
     let joint = |name: &str| -> Option<&Joint> {
         let mut joints = tree.links.iter().flat_map(|link| &link.joints);
         joints.find(|joint| joint.name == name)
@@ -24,7 +24,7 @@ pub(crate) fn contradicting_limits(tree: &Tree, log: &mut Log) {
         let given = [ends[0].min(ends[1]), ends[0].max(ends[1])];
         let shared = own[1].min(given[1]) - own[0].max(given[0]);
         let narrow = (own[1] - own[0]).min(given[1] - given[0]);
-        if narrow > 0.0 && shared < LEAST_SHARED_PART * narrow {
+        if narrow > 0.0 && shared < MIN_SHARED_PART * narrow {
             let range = |[low, high]: [f64; 2]| format!("[{}, {}]", number(low), number(high));
             let text = format!(
                 "'{}' follows '{leader}', whose limits lead it to {}, and is limited to {}: the two \

@@ -6,15 +6,15 @@ use std::f64::consts::PI;
 /// decimals: the finer the multiples, the more digits must agree to exclude a coincidence.
 const PRINTED_MULTIPLES: [(u32, i32); 6] = [(1, 2), (2, 2), (3, 4), (4, 4), (6, 4), (12, 5)];
 
-/// Tolerance in rad for angles printed with many decimals, since some tools compute them
-/// carelessly.
+/// The tolerance for angles printed with many decimals, rad: some tools compute angles with errors
+/// of this size.
 const PRINTED_TOLERANCE_RAD: f64 = 1e-9;
 
 /// Tolerance in rad for computed angles.
 const COMPUTED_TOLERANCE_RAD: f64 = 1e-12;
 
-/// The multiple of pi that a printed number means, rounded or truncated at its last decimal: pi/2
-/// for 1.57, 1.5708 and 1.570796.
+/// The multiple of pi that was rounded or truncated to a printed number, such as pi/2 for 1.57,
+/// 1.5708 and 1.570796; `None` if there is none.
 pub(crate) fn printed_multiple(text: &str) -> Option<f64> {
     let value: f64 = text.trim().parse().ok()?;
     let decimals = decimals(text.trim())?;
@@ -43,7 +43,7 @@ fn decimals(text: &str) -> Option<i32> {
 pub(crate) fn number(x: f64) -> String {
     let shortest = shortest_decimal(x);
     let rounded = shortest_decimal(format!("{x:.14e}").parse().unwrap_or(x));
-    // three digits less are no coincidence; any other number keeps all of its digits
+    // a number that rounding shortens by three digits had a rounding error; others keep all digits
     if rounded.len() + 3 <= shortest.len() {
         rounded
     } else {

@@ -1,4 +1,4 @@
-//! Whether a rigid body may have the inertia that a file states.
+//! Checks whether a rigid body may have the inertia that a file states.
 
 use regen_codegen::spec::{Flaw, flaw};
 
@@ -7,18 +7,18 @@ use crate::tree::{Inertia, Link};
 
 /// Tensors whose flaw is below this part of their largest entry are physical up to rounding.
 const TOLERANCE: f64 = 1e-12;
-/// Moments of inertia below this part of the mass times 1 m^2 are rounding: no body is so small.
+/// Moments of inertia below the mass times this, m^2, are rounding: no body is so small.
 const NEGLIGIBLE_M2: f64 = 1e-15;
 
-/// The inertia of a link, without entries that are rounding; an error or a note where no body has
-/// it.
+/// The inertia of a link, without entries that are rounding. Adds an error or a note if no rigid body
+/// can have it.
 pub(crate) fn plausible(link: &Link, log: &mut Log) -> Inertia {
     let mut inertia = link.inertia.unwrap_or(Inertia::NONE);
     match flaw(inertia.tensor, TOLERANCE) {
         None => {}
         Some(_) if is_negligible(&inertia) => {
             inertia.tensor = [0.0; 6];
-            let text = "took inertias as 0 that are rounding: of {}";
+            let text = "inertias that are rounding count as 0: of {}";
             log.note_digits(link.place, text, &format!("'{}'", link.name));
         }
         Some(Flaw::Indefinite) => {
@@ -69,7 +69,7 @@ mod tests {
     fn rounding_is_no_inertia_and_no_error() {
         let rounding = [0.0, 0.0, 2.4e-35, 0.0, 0.0, 0.0];
         assert_eq!(taken(1.3, rounding), (false, [0.0; 6]));
-        // without a mass, nothing says what would be small
+        // without a mass there is nothing to compare with
         assert!(taken(0.0, rounding).0);
         let indefinite = [1e-3, 0.0, 2e-3, 1e-3, 0.0, 1e-3];
         assert_eq!(taken(1.3, indefinite), (true, indefinite));

@@ -1,5 +1,4 @@
-//! The content of URDF and MJCF files: a tree of links with joints, and couplings and loop closures
-//! in addition.
+//! The content of URDF and MJCF files: a tree of links with joints, with couplings and loop closures.
 
 use crate::log::Place;
 use crate::pose::{Pose, V3};
@@ -85,7 +84,8 @@ pub(crate) struct Joint {
     pub(crate) axis: V3,
     /// A point on the axis.
     pub(crate) anchor: V3,
-    /// The value of the coordinate at the zero configuration, rad or m.
+    /// The value of the coordinate in the pose that the file draws, rad or m: MJCF's `ref`, 0 in
+    /// URDF.
     pub(crate) reference: f64,
     pub(crate) position: Option<[f64; 2]>,
     pub(crate) velocity: Option<f64>,
@@ -225,7 +225,8 @@ pub(crate) struct Coupling {
 }
 
 impl Tree {
-    /// The pose of a link in the world at zero.
+    /// The pose of a link in the world as the file draws the robot: at zero coordinates in URDF, at
+    /// each joint's `ref` in MJCF.
     pub(crate) fn at_zero(&self, link: Option<usize>) -> Pose {
         let mut pose = Pose::default();
         let mut at = link;

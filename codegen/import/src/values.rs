@@ -1,4 +1,4 @@
-//! Parameters of bodies and joints from JSON.
+//! Reads parameters of bodies and joints from JSON.
 
 use std::collections::BTreeMap;
 
@@ -51,13 +51,14 @@ struct Joint {
     backward_coulomb: Option<f64>,
     J: Option<f64>,
     K: Option<f64>,
-    /// What robot files have no place for.
+    /// Symbols that robot files cannot express.
     #[serde(flatten)]
     others: BTreeMap<String, f64>,
 }
 
 impl Joint {
-    /// What robot files have of it: one value for both signs, the larger one, which is noted.
+    /// The parameters that robot files have. They have one value for both directions: the larger one
+    /// is used, with a note.
     fn parameters(self, name: &str, notes: &mut Vec<String>) -> JointParameters {
         let mut one = |symbol: &str, key: &str, both: Option<f64>, signs: [Option<f64>; 2]| {
             let [plus, minus] = signs;
@@ -99,8 +100,8 @@ impl Joint {
 impl Parameters {
     /// Parameters from the text of a JSON file, as `bodies:` and `nominal:` of a spec have them:
     /// `{"bodies": {LABEL: {"mass", "com", "inertia"}}, "joints": {NAME: {"Fv", "Fc", "J", "K"}}}`,
-    /// SI, with `Fv+`, `Fv-`, `Fc+` and `Fc-` in place of both directions' values. Beside them, in
-    /// words, where both directions differ.
+    /// SI, with `Fv+`, `Fv-`, `Fc+` and `Fc-` in place of `Fv` and `Fc`. Also returns a note for each
+    /// value that differs by direction.
     ///
     /// # Errors
     /// The first mistake with its place.
@@ -130,7 +131,7 @@ impl Parameters {
         Ok(checked(given))
     }
 
-    /// As [`from_json`](Self::from_json), from a value that was read already.
+    /// As [`from_json`](Self::from_json), from a parsed value.
     ///
     /// # Errors
     /// The first mistake.
@@ -139,7 +140,7 @@ impl Parameters {
     }
 }
 
-/// The values that URDF has, and what is left out or changed.
+/// The values that robot files can express, with notes about those that are changed.
 fn checked(given: Given) -> (Parameters, Vec<String>) {
     let mut notes = Vec::new();
     let bodies = given.bodies.into_iter().map(|(label, body)| {

@@ -142,7 +142,7 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
         ),
         (
             "pin:revolute:coupler@1,x,3:rocker",
-            "cuts:1:24: 'x' is no number",
+            "cuts:1:24: 'x' is not a number",
         ),
         (
             "pin:revolute:coupler@1,2,3@4:rocker",

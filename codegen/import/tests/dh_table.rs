@@ -56,17 +56,17 @@ fn mistakes_are_named_with_their_place() {
             3,
             "3 cells, but the first line has 4",
         ),
-        ("alpha,a,theta,d\n0,L1,0,0\n", 2, "'L1' is no number"),
+        ("alpha,a,theta,d\n0,L1,0,0\n", 2, "'L1' is not a number"),
         (
             "alpha,a,theta,d\n0,\"0.3\",0,0\n",
             2,
-            "'\"0.3\"' is no number",
+            "'\"0.3\"' is not a number",
         ),
         ("alpha [rpm],a,theta,d\n0,0,0,0\n", 1, "unknown unit 'rpm'"),
         (
             "joint,alpha,a,theta,d\n1st,0,0,0,0\n",
             2,
-            "'1st' is no name of a joint",
+            "'1st' is not the name of a joint",
         ),
         (
             "type,alpha,a,theta,d\nscrew,0,0,0,0\n",

@@ -253,7 +253,10 @@ fn what_no_body_can_have_is_refused() {
     };
     assert_has(&with(&|v| v.mass = 0.0), "fit.json:1:1: a: a mass of 0 kg");
     assert_has(&with(&|v| v.mass = -1.0), "a mass of -1 kg");
-    assert_has(&with(&|v| v.mass = f64::NAN), "a value that is no number");
+    assert_has(
+        &with(&|v| v.mass = f64::NAN),
+        "a value that is not a number",
+    );
     assert_has(
         &with(&|v| v.inertia[0] = -0.01),
         "not positive semidefinite",

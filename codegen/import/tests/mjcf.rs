@@ -85,7 +85,7 @@ fn the_sequence_of_euler_angles_counts_and_small_letters_move_along() {
     assert_has(&spec(&angles("XYZ", "0.3 0.5 0.7")), "rpy: [0.3, 0.5, 0.7]");
     assert_has(
         &refused(&angles("xyw", "0 0 0")),
-        "'xyw' is no sequence of three axes",
+        "'xyw' is not a sequence of three axes",
     );
 }
 

@@ -445,7 +445,7 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
         ),
         (
             single("continuous", "<origin xyz=\"0 a 0\"/>"),
-            "xyz: 'a' is no finite number",
+            "xyz: 'a' is not a finite number",
         ),
         (
             single("continuous", "").replace("value=\"2\"", "value=\"-2\""),

@@ -9,9 +9,9 @@ use regen_batch::sin_cos_portable;
 
 use crate::machine::{Register, flag, sign};
 
-/// The number of vector registers of the processor that one register of a tape takes where there are
-/// many states: enough that the choice of the instruction costs little, and few enough that all
-/// operands stay in registers.
+/// The number of the processor's vector registers that one register of a tape uses for many states:
+/// enough that the dispatch of an instruction costs little, and few enough that all operands stay in
+/// registers.
 pub(super) const WORDS: usize = 4;
 
 /// The value of a register at a block of states, aligned to cache lines: `pulp` aligns its vectors
@@ -40,7 +40,7 @@ impl<S: Simd, const WORDS: usize> Block<S, WORDS> {
     }
 }
 
-/// An operation word by word: `array::map` would be left as a call.
+/// Applies an operation word by word; the compiler would not inline `array::map`.
 macro_rules! by_words {
     ($($name:ident($($operand:ident),*) = $operation:ident;)*) => {
         $(

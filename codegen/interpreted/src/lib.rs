@@ -271,7 +271,8 @@ fn runtime_parameter(parameter: &model::Parameter) -> Parameter<'_> {
     Parameter::new(symbol, &parameter.owner)
 }
 
-/// Converts a friction law to the runtime's type by its name; a test holds both lists of laws equal.
+/// Converts a friction law to the runtime's type by its name; a test checks that both lists of laws
+/// are equal.
 fn law(friction: spec::Friction) -> Friction {
     let mut laws = Friction::ALL.into_iter();
     let found = laws.find(|law| law.name() == friction.word());

@@ -1,9 +1,8 @@
-//! Runs tapes: at one state, in numbers that may carry derivatives, or at blocks of states in vector
-//! registers, with the instruction set found at run time.
+//! Runs tapes, either at one state with numbers that may carry derivatives, or at blocks of states in
+//! vector registers, with the instruction set that is detected at run time.
 //!
-//! Every lane does what [`interpret::run`](regen_codegen::interpret::run) does, rounding for
-//! rounding, so that the result depends neither on the instruction set nor on the block that a
-//! state falls into.
+//! Every lane rounds exactly as [`interpret::run`](regen_codegen::interpret::run) does, so that the
+//! result depends neither on the instruction set nor on the block that contains a state.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -76,7 +75,7 @@ pub(super) trait Register: Copy {
     fn store(&self, series: &mut [Self::Number], first: usize);
 }
 
-/// What registers of one number have in common: that number is all that they load and store.
+/// Implements loads and stores for registers of one number.
 macro_rules! one_state {
     () => {
         type Number = Self;
@@ -164,7 +163,8 @@ pub(super) fn flag(holds: bool) -> f64 {
     f64::from(u8::from(holds))
 }
 
-/// The series of an argument: one per entry, or one number per entry that holds at all states.
+/// The entries of an argument: a series over the states for each, or one number that applies to all
+/// states.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a, T> {
     pub entries: &'a [T],
@@ -172,7 +172,7 @@ pub(super) struct Input<'a, T> {
 }
 
 impl<'a, T> Input<'a, T> {
-    /// The arguments of one state, by the order of their table; those that are not given are empty.
+    /// The arguments of one state, in the order of their table; missing ones are empty.
     pub(super) fn of_one_state(inputs: &[&'a [T]]) -> [Self; Argument::ALL.len()] {
         core::array::from_fn(|k| Self {
             entries: inputs.get(k).copied().unwrap_or_default(),
@@ -211,7 +211,7 @@ impl WithSimd for Run<'_, f64> {
 }
 
 impl<T: Number> Run<'_, T> {
-    /// Runs it in registers of one kind; `r` is memory for them, which is used again.
+    /// Runs it in registers of one kind; `r` is memory for them, which calls reuse.
     #[inline(always)]
     pub(super) fn run_in<R: Register<Number = T>>(self, token: R::Token, r: &mut Vec<R>) {
         let Run {
@@ -341,8 +341,8 @@ fn smaller<T: Number>(a: T, b: T) -> T {
     }
 }
 
-/// Solves a system in its fixed order of pivots, and anew with pivoting at the states where one of
-/// the pivots is too small.
+/// Solves a system with its fixed order of pivots; states at which a pivot is too small are solved
+/// again with pivoting.
 #[inline(always)]
 fn solve<R: Register>(token: R::Token, system: &System, r: &mut [R], pivot: &mut R) {
     let register = |r: &[R], value: &Value| match value {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::tape::{Code, Instruction, System, Tape, Value};
 
-/// The registers of a system's operands.
+/// The registers that the operands of a linear system are in.
 fn read_by(system: &System) -> impl Iterator<Item = u32> {
     let rows = system.matrix.iter().chain(&system.rhs).flatten();
     let pivots = system.pivots.iter().map(|p| &p.0);
@@ -26,8 +26,10 @@ fn read(tape: &Tape, i: &Instruction) -> Vec<u32> {
         .collect()
 }
 
-/// The instructions, each after those whose results it reads: as long as some are ready, those of
-/// the code of which most are.
+/// Orders the instructions by a topological sort that forms long stretches of one code: among the
+/// instructions whose operands are computed, it takes all with the code that most of them have.
+///
+/// - `registers`: the number of (virtual) registers of the tape.
 pub(super) fn by_code(tape: &Tape, registers: usize) -> Vec<Instruction> {
     let mut readers: Vec<Vec<usize>> = vec![Vec::new(); registers];
     let mut missing = vec![0_usize; tape.instructions.len()];
@@ -72,7 +74,8 @@ pub(super) fn by_code(tape: &Tape, registers: usize) -> Vec<Instruction> {
     out
 }
 
-/// Gives values whose uses do not overlap the same register, and finds the stretches.
+/// Maps virtual registers to few registers, so that values with disjoint lifetimes share one, and
+/// finds the stretches of instructions with the same code.
 pub(super) fn allocate(tape: &mut Tape, virtual_registers: usize) {
     let mut last_use = vec![0; virtual_registers];
     for (at, i) in tape.instructions.iter().enumerate() {
@@ -92,7 +95,8 @@ pub(super) fn allocate(tape: &mut Tape, virtual_registers: usize) {
     for at in 0..tape.instructions.len() {
         let i = &mut tape.instructions[at];
         let reads = i.code.reads();
-        // a solution is written before all operands of its system are read
+        // a solver writes the solution before it has read all operands of its system, so that these
+        // registers are freed only after the results have theirs
         let mut ending: Vec<u32> = Vec::new();
         if i.code == Code::Solve {
             let system = &mut tape.systems[i.a as usize];
@@ -128,7 +132,7 @@ pub(super) fn allocate(tape: &mut Tape, virtual_registers: usize) {
         match i.code {
             Code::Solve => {}
             Code::Store => i.d = operands[0],
-            // both results are written while the angle is no longer needed
+            // the angle is read before either result is written, so that both may reuse its register
             Code::SinCos => {
                 free.extend(ending.drain(..).map(|r| place[r as usize]));
                 let (sin, cos) = (i.d, i.b);

@@ -1,4 +1,4 @@
-//! Execution of programs with numbers that carry derivatives.
+//! Evaluates tapes with dual numbers, each a value with its derivatives in N directions.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -27,7 +27,8 @@ impl<const N: usize> Number for Tangent<N> {
         -self
     }
 
-    /// Solves for X with the values, then for its derivatives from `A dX = dB - dA X`.
+    /// Solves `A X = B` for the values of X, then `A dX = dB - dA X` for the derivatives in each
+    /// direction.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let part = |rows: &[Vec<Self>], of: &dyn Fn(&Tangent<N>) -> f64| -> Vec<Vec<f64>> {
             let rows = rows.iter();
@@ -59,7 +60,7 @@ impl<const N: usize> Number for Tangent<N> {
     }
 }
 
-/// The chain rule for a function of one number.
+/// A function of one number by the chain rule: `value` is f(x), `slope` is f'(x).
 #[inline(always)]
 fn chain<const N: usize>(mut x: Tangent<N>, value: f64, slope: f64) -> Tangent<N> {
     x.value = value;
@@ -69,7 +70,8 @@ fn chain<const N: usize>(mut x: Tangent<N>, value: f64, slope: f64) -> Tangent<N
     x
 }
 
-/// A function of two numbers: its value, and `rate` of the derivatives in each direction.
+/// A function of two numbers by the chain rule: `value` is f(a, b), and `rate` maps the derivatives
+/// of a and b in one direction to that of f.
 #[inline(always)]
 fn both<const N: usize>(
     mut a: Tangent<N>,
@@ -84,7 +86,8 @@ fn both<const N: usize>(
     a
 }
 
-/// The rules of [`Tangent`], so written that the directions fill vector registers.
+/// The same rules as the operators of [`Tangent`], in loops over the directions that the compiler
+/// can vectorise.
 impl<const N: usize> Register for Tangent<N> {
     #[inline(always)]
     fn splat((): (), value: f64) -> Self {
@@ -142,11 +145,13 @@ impl<const N: usize> Register for Tangent<N> {
 }
 
 thread_local! {
-    /// The registers of the last run, whose memory is used again: vectors of tangents.
+    /// The registers of this thread's last run, a `Vec<Tangent<N>>`. The next run with the same N
+    /// uses their memory again.
     static REGISTERS: RefCell<Option<Box<dyn Any>>> = const { RefCell::new(None) };
 }
 
-/// A run as a task for one instruction set, with memory for its registers.
+/// A run and the memory for its registers, for `pulp` to execute with the best instruction set of
+/// this processor.
 struct OneState<'a, const N: usize>(Run<'a, Tangent<N>>, &'a mut Vec<Tangent<N>>);
 
 impl<const N: usize> WithSimd for OneState<'_, N> {
@@ -173,8 +178,8 @@ impl<const N: usize> Interpret for Tangent<N> {
             out,
             pivots: &mut pivots,
         };
-        let kept = REGISTERS.take().and_then(|kept| kept.downcast().ok());
-        let mut registers: Box<Vec<Self>> = kept.unwrap_or_default();
+        let last = REGISTERS.take().and_then(|last| last.downcast().ok());
+        let mut registers: Box<Vec<Self>> = last.unwrap_or_default();
         Arch::new().dispatch(OneState(run, &mut registers));
         REGISTERS.set(Some(registers));
         let [pivot] = pivots;

@@ -112,8 +112,8 @@ pub struct Tape {
 }
 
 impl Tape {
-    /// Translates a program for registers that hold one state: instructions with the same code are
-    /// brought together, so that the processor seldom has to guess the next one.
+    /// Translates a program for registers that hold one state. Instructions with the same code are
+    /// grouped, so that the processor rarely mispredicts the next one.
     pub(super) fn by_code(program: &Program) -> Self {
         let (mut tape, registers) = Self::lowered(program);
         tape.instructions = by_code(&tape, registers);
@@ -436,7 +436,7 @@ impl Lowering {
     }
 }
 
-/// A number of a program's part; a program of more than 2^32 parts fits no memory.
+/// An index in 32 bits; a program with more than 2^32 parts would not fit into memory.
 fn index(number: usize) -> u32 {
     u32::try_from(number).unwrap_or(u32::MAX)
 }

@@ -1,5 +1,5 @@
-//! Functions at many states, from and to arrays that are stored state by state. The batch evaluator
-//! works entry by entry; the states pass through it in blocks that stay in the cache.
+//! Evaluates functions at many states, with arrays that are stored state by state. The batch
+//! evaluator needs them entry by entry, so that states are transposed in blocks that fit the cache.
 
 use regen_batch::{eval_base_many, eval_many};
 use regen_interpreted::Interpreted;
@@ -8,9 +8,9 @@ use regen_runtime::{Arguments, BaseFunction, Function, SizeError};
 
 /// The number of states in a block.
 const BLOCK: usize = 64;
-/// The number of states whose entries are written side by side: as many as are in a line of the cache.
+/// The number of states whose entries are transposed together: one cache line of doubles.
 const TILE: usize = 8;
-/// The number of states after which the caller may look at signals.
+/// The number of states after which control returns to the caller, which handles signals.
 const PART: usize = 1 << 14;
 
 /// A function, of all parameters or of base parameters.
@@ -21,7 +21,7 @@ pub(crate) enum Which {
 }
 
 impl Which {
-    /// The function of a name.
+    /// The function with a name.
     pub(crate) fn named(name: &str) -> Option<Self> {
         let whole = Function::ALL.into_iter().map(Self::Whole);
         let base = BaseFunction::ALL.into_iter().map(Self::Base);
@@ -80,7 +80,10 @@ impl<'a> Batch<'a> {
         self.count
     }
 
-    /// Gives an argument; the error says which length is wrong.
+    /// Sets an argument.
+    ///
+    /// # Errors
+    /// In words, if its length is wrong.
     pub(crate) fn give(&mut self, argument: Argument, entries: &'a [f64]) -> Result<(), String> {
         let states = if argument.is_parameter() {
             1
@@ -99,7 +102,7 @@ impl<'a> Batch<'a> {
         Ok(())
     }
 
-    /// Computes the next states from `from` on, and returns the first one that is left.
+    /// Computes up to [`PART`] states from the index `from` on; returns the index of the next one.
     pub(crate) fn go_on(&mut self, from: usize) -> Result<usize, SizeError> {
         let end = (from + PART).min(self.count);
         let mut first = from;

@@ -1,9 +1,10 @@
-//! The native part of the Python package `regen-robotics`: evaluation over arrays of states, and
-//! calls of the command's functions. The Python files beside it give both their public form.
+//! The native part of the Python package `regen-robotics`: evaluation of models over arrays of
+//! states, and calls of the commands of `regen`. The package's Python files wrap both in its public
+//! interface.
 
 #![allow(
     clippy::needless_pass_by_value,
-    reason = "what Python passes is converted to values"
+    reason = "pyo3 converts the arguments of Python to owned values"
 )]
 
 mod evaluate;
@@ -25,9 +26,10 @@ use supervise::{NativeError, raised, supervised};
 /// Runs a command of `regen` without holding the interpreter's lock.
 ///
 /// - `words`: the command and its options; `texts`: texts read in place of files, by path;
-/// - `progress`: called with what is done, how many parts are done, and how many there are.
+/// - `progress`: called with the name of the current step, the number of parts done, and the number
+///   of parts.
 ///
-/// Returns what the command prints, and its messages.
+/// Returns what the command prints to the standard output, and its messages.
 #[pyfunction]
 #[pyo3(signature = (words, texts, progress=None))]
 fn call_command(
@@ -54,7 +56,7 @@ fn options(command: &str) -> PyResult<Vec<(String, bool, bool, String)>> {
     Ok(rows.collect())
 }
 
-/// Merges the texts of factor files; the same texts give the same result in any order.
+/// Merges the texts of factor files; the result does not depend on their order.
 #[pyfunction]
 fn merge_factors(py: Python<'_>, texts: Vec<String>) -> PyResult<String> {
     py.detach(|| {
@@ -62,7 +64,7 @@ fn merge_factors(py: Python<'_>, texts: Vec<String>) -> PyResult<String> {
             .iter()
             .map(|text| FactorSet::from_text(text))
             .collect();
-        let sets = sets.map_err(|error| format!("the text of factors {error}"))?;
+        let sets = sets.map_err(|error| format!("a text of factors {error}"))?;
         FactorSet::merged(sets)
             .map(|set| set.to_text())
             .map_err(|error| error.to_string())

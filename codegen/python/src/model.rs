@@ -1,4 +1,4 @@
-//! A derived robot as an object of Python.
+//! The Python class of a derived robot.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -17,8 +17,8 @@ use serde_json::json;
 use crate::evaluate::{Batch, Which};
 use crate::supervise::{raised, supervised};
 
-/// A robot's functions. It is derived once in a process: robots of the same description share it,
-/// and it stays until the process ends.
+/// A derived robot, whose functions can be evaluated. Each description is derived once in a process:
+/// objects of the same description share the result, which is never freed.
 #[pyclass(frozen, module = "regen._native")]
 pub(crate) struct Derived {
     model: &'static Interpreted<'static>,
@@ -68,7 +68,8 @@ impl Derived {
         })
     }
 
-    /// Names, sizes and nominal values, and the functions with their arguments and shapes, as JSON.
+    /// The robot's names, sizes and nominal values, and its functions with their arguments and
+    /// shapes, as JSON.
     fn info(&self) -> String {
         let info = self.model.info();
         let sizes = self.sizes();
@@ -123,10 +124,11 @@ impl Derived {
 
     /// Computes a function at many states, without holding the interpreter's lock.
     ///
-    /// - `states`: the arguments that differ from state to state, one row per state, in the
-    ///   function's order; `parameters`: the others.
+    /// - `states`: the arguments that differ from state to state, each with one row per state, in the
+    ///   order of the function's arguments; `parameters`: the other arguments, in the same order.
     ///
-    /// Returns the values, state by state, each matrix by rows; and the pivot of each state.
+    /// Returns the values, state by state, each matrix by rows; and for each state the pivot that
+    /// tells how near it is to a singularity.
     fn evaluate<'py>(
         &self,
         py: Python<'py>,
@@ -138,7 +140,7 @@ impl Derived {
             .ok_or_else(|| PyValueError::new_err(format!("there is no function `{function}`")))?;
         let sizes = self.sizes();
         let count = states.first().map_or(1, |s| s.shape()[0]);
-        // memory of numpy: it asks for large pages
+        // memory of numpy rather than a `Vec`: numpy asks the system for large pages
         let length = sizes.output(which.signature());
         let values = PyArray1::zeros(py, length * count, false);
         let pivots = PyArray1::zeros(py, count, false);
@@ -177,9 +179,9 @@ impl Derived {
         Ok((values, pivots))
     }
 
-    /// Closes the loops along a trajectory of the independent coordinates, which begins near home.
-    /// Returns all coordinates, velocities and accelerations, one row per state, NaN where the loops
-    /// were not closed; and per state an empty text, or why it is not closed.
+    /// Closes the loops along a trajectory of the independent coordinates, which must begin near
+    /// home. Returns all coordinates, velocities and accelerations, one row per state, NaN at states
+    /// that are not closed; and for each state the reason why it is not closed, empty if it is.
     fn close<'py>(
         &self,
         py: Python<'py>,
@@ -244,7 +246,7 @@ fn shape(signature: &Signature, length: &dyn Fn(Size) -> usize) -> Vec<usize> {
     }
 }
 
-/// A matrix of this many rows and columns, stored by rows, stored by columns.
+/// Reorders a matrix from storage by rows to storage by columns.
 fn transposed(matrix: &[f64], rows: usize, columns: usize) -> Vec<f64> {
     let mut out = Vec::with_capacity(matrix.len());
     for column in 0..columns {
@@ -253,7 +255,7 @@ fn transposed(matrix: &[f64], rows: usize, columns: usize) -> Vec<f64> {
     out
 }
 
-/// Why a state is not closed; empty where it is.
+/// The reason why a state is not closed; empty if it is.
 fn reason(outcome: Outcome) -> String {
     match outcome {
         Outcome::Closed => String::new(),

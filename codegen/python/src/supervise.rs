@@ -1,5 +1,5 @@
-//! Long work beside the interpreter: it runs in a thread of its own, and the calling thread handles
-//! signals and reports progress until it ends.
+//! Runs long work without blocking the interpreter: the work has a thread of its own, and the
+//! calling thread handles signals and reports progress until it ends.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
@@ -16,9 +16,9 @@ pyo3::create_exception!(
     "kind, message, mistakes as (file, line, column, message, hint), what was printed, messages"
 );
 
-/// The time between two looks at signals and progress.
-const LOOK: Duration = Duration::from_millis(50);
-/// The stack of the working thread: that of a main thread, with room for descriptions in many levels.
+/// The time between checks of signals and progress.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+/// The stack of the working thread, large enough for deeply nested descriptions.
 const STACK_BYTES: usize = 64 << 20;
 
 /// Runs `work` in a thread of its own and returns its result with its messages. An exception of a
@@ -34,14 +34,14 @@ pub(crate) fn supervised<T: Send + 'static>(
     thread::Builder::new()
         .stack_size(STACK_BYTES)
         .spawn(move || {
-            // the receiver is gone where the caller was interrupted
+            // if the caller was interrupted, nothing receives the result
             let _ = sender.send(work(&own));
         })
         .map_err(|error| PyRuntimeError::new_err(format!("no thread could be started: {error}")))?;
     loop {
         let result;
         (receiver, result) = py.detach(move || {
-            let result = receiver.recv_timeout(LOOK);
+            let result = receiver.recv_timeout(POLL_INTERVAL);
             (receiver, result)
         });
         match result {
@@ -53,16 +53,16 @@ pub(crate) fn supervised<T: Send + 'static>(
             }
             Err(RecvTimeoutError::Timeout) => {}
         }
-        let told = py.check_signals().and_then(|()| tell(progress, &handle));
-        if let Err(error) = told {
+        let checked = py.check_signals().and_then(|()| report(progress, &handle));
+        if let Err(error) = checked {
             handle.stop();
             return Err(error);
         }
     }
 }
 
-/// Tells the caller how far the work has come.
-fn tell(progress: Option<&Bound<'_, PyAny>>, handle: &Handle) -> PyResult<()> {
+/// Calls `progress` with the state of the work.
+fn report(progress: Option<&Bound<'_, PyAny>>, handle: &Handle) -> PyResult<()> {
     if let (Some(progress), Some(now)) = (progress, handle.progress()) {
         progress.call1((now.what, now.done, now.all))?;
     }

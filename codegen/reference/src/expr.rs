@@ -88,13 +88,7 @@ impl Parser<'_> {
         let base = self.atom()?;
         if self.take('^') {
             let exponent = self.sign()?;
-            // a whole power of a negative number exists
-            let whole = exponent.fract() == 0.0 && exponent.abs() < 1e6;
-            Ok(if whole {
-                base.powi(exponent as i32)
-            } else {
-                base.powf(exponent)
-            })
+            Ok(base.powf(exponent))
         } else {
             Ok(base)
         }

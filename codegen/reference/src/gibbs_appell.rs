@@ -1,5 +1,6 @@
-//! Eq. 1 of the chapter in its original form, for bodies given by mass, centre of mass and central
-//! inertia. Angular and centre-of-mass accelerations come from second-order dual numbers.
+//! The Gibbs-Appell equations (Eq. 1) in their original form, for bodies given by mass, centre of
+//! mass and inertia about it. Angular accelerations and those of the centres of mass come from
+//! second-order dual numbers.
 
 use crate::kinematics::Motion;
 use crate::mechanism::Mechanism;
@@ -7,8 +8,8 @@ use crate::random::PhysicalBody;
 use crate::scalar::{Mat4, Vec3, add, cross, dot};
 
 impl Mechanism {
-    /// The efforts tau_k of the tree's coordinates by Eq. 1, with gravity as an upward acceleration
-    /// of the world.
+    /// The efforts tau_k (n, N m or N) of the tree's coordinates by Eq. 1. Gravity enters as an
+    /// acceleration of the world in the opposite direction.
     pub fn gibbs_appell(
         &self,
         q: &[f64],
@@ -23,7 +24,8 @@ impl Mechanism {
             .map(|k| {
                 let mut unit = rest.clone();
                 unit[k] = 1.0;
-                // Accelerations are linear in qdd: at zero velocity, this is their derivative.
+                // accelerations are linear in qdd, so at zero velocity and unit qdd_k they equal
+                // their derivatives with respect to qdd_k
                 self.motions(q, &rest, &unit)
             })
             .collect();
@@ -36,9 +38,8 @@ impl Mechanism {
                     let (_, alpha_k) = angular(partial);
                     let spin = times(&inertial.inertia, &omega);
                     let moment = add(&times(&inertial.inertia, &alpha), &cross(&omega, &spin));
-                    let constant_matrix = self.gravity.map(|g| -g);
-                    let constant_matrix = in_body(&state.pose, &constant_matrix);
-                    let acceleration = add(&centre(state, &inertial.com), &constant_matrix);
+                    let lift = in_body(&state.pose, &self.gravity.map(|g| -g));
+                    let acceleration = add(&centre(state, &inertial.com), &lift);
                     let acceleration_k = centre(partial, &inertial.com);
                     tau += dot(&alpha_k, &moment)
                         + dot(&acceleration_k, &acceleration) * inertial.mass;
@@ -49,7 +50,7 @@ impl Mechanism {
     }
 }
 
-/// Angular velocity and acceleration in the body's axes: R^T R' and its rate.
+/// Angular velocity and acceleration in the body's axes, from R^T R' and its time derivative.
 fn angular(m: &Motion) -> (Vec3<f64>, Vec3<f64>) {
     let product = |a: &Mat4<f64>, b: &Mat4<f64>, i: usize, j: usize| -> f64 {
         (0..3).map(|k| a[k][i] * b[k][j]).sum()
@@ -69,6 +70,7 @@ fn centre(m: &Motion, com: &Vec3<f64>) -> Vec3<f64> {
     in_body(&m.pose, &world)
 }
 
+/// A vector of the world in the body's axes.
 fn in_body(pose: &Mat4<f64>, v: &Vec3<f64>) -> Vec3<f64> {
     let mut out = [0.0; 3];
     for (j, entry) in out.iter_mut().enumerate() {
@@ -77,6 +79,7 @@ fn in_body(pose: &Mat4<f64>, v: &Vec3<f64>) -> Vec3<f64> {
     out
 }
 
+/// The product of an inertia (Ixx Ixy Ixz Iyy Iyz Izz) and a vector.
 fn times(inertia: &[f64; 6], v: &Vec3<f64>) -> Vec3<f64> {
     let [xx, xy, xz, yy, yz, zz] = *inertia;
     [

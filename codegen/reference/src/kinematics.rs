@@ -1,11 +1,13 @@
-//! Frames by products of matrices, for real and dual coordinates, and motion along a curve.
+//! Frames of bodies as products of homogeneous 4 x 4 matrices, for real and dual coordinates. Dual
+//! numbers along the curve q(t) give the time derivatives of the frames.
 
 use num_dual::{Dual2, Dual2_64};
 
 use crate::mechanism::{CutSide, Mechanism, SwingLimit};
 use crate::scalar::{Mat4, Scalar, constant_matrix, mul, shift, turn};
 
-/// The frame of a node with its first and second time derivatives.
+/// The frame of a node in the world, as a homogeneous matrix, with its first and second time
+/// derivatives (m, m/s and m/s^2 in the last column).
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// The frame.
@@ -17,7 +19,8 @@ pub struct Motion {
 }
 
 impl Mechanism {
-    /// The frames of all nodes in the world.
+    /// The frames of all nodes in the world, for the coordinates `q` (rad or m). A parent comes
+    /// before its children in the list of nodes.
     pub fn frames<T: Scalar>(&self, q: &[T]) -> Vec<Mat4<T>> {
         let mut out: Vec<Mat4<T>> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
@@ -38,12 +41,13 @@ impl Mechanism {
         out
     }
 
-    /// The frames of all nodes and their time derivatives for given q, qd and qdd.
+    /// The frames of all nodes and their time derivatives, for the coordinates and their first and
+    /// second time derivatives.
     pub fn motions(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<Motion> {
-        let along: Vec<Dual2_64> = (0..self.n())
+        let curve: Vec<Dual2_64> = (0..self.n())
             .map(|k| Dual2::new(q[k], qd[k], qdd[k]))
             .collect();
-        self.frames(&along)
+        self.frames(&curve)
             .iter()
             .map(|m| Motion {
                 pose: m.map(|row| row.map(|x| x.re)),
@@ -53,7 +57,8 @@ impl Mechanism {
             .collect()
     }
 
-    /// The frames of the bodies in the world: rotation row by row, then the origin.
+    /// The frames of the bodies in the world: the nine entries of the rotation matrix row by row,
+    /// then the origin (m).
     pub fn poses(&self, q: &[f64]) -> Vec<[f64; 12]> {
         let frames = self.frames(q);
         self.bodies
@@ -70,7 +75,7 @@ impl Mechanism {
             .collect()
     }
 
-    /// The cosines of the angles between the z axes that cone limits refer to.
+    /// For each cone limit, the cosine of the angle between the z axes of its two frames.
     pub fn cone_cosines(&self, q: &[f64]) -> Vec<f64> {
         let frames = self.frames(q);
         let z = |side: &CutSide| {

@@ -14,7 +14,7 @@ pub(crate) fn text(value: &Value) -> Result<String, String> {
     match value {
         Value::Text(s) => Ok(s.clone()),
         Value::Integer(n) => Ok(n.to_string()),
-        _ => Err(format!("{value:?} is no label")),
+        _ => Err(format!("{value:?} is not a label")),
     }
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn scalar(value: &Value, names: &Names) -> Result<f64, String> {
         Value::Integer(n) => Ok(*n as f64),
         Value::Float(x) => Ok(*x),
         Value::Text(s) => evaluate(s, &|name| names.get(name).copied()),
-        _ => Err(format!("{value:?} is no scalar")),
+        _ => Err(format!("{value:?} is not a scalar")),
     }
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
 pub(crate) fn list<'a>(value: &'a Value, key: &str) -> Result<&'a [Value], String> {
     match value.get(key) {
         None => Ok(&[]),
-        Some(v) => v.list().ok_or_else(|| format!("`{key}` is no list")),
+        Some(v) => v.list().ok_or_else(|| format!("`{key}` is not a list")),
     }
 }
 
@@ -86,7 +86,7 @@ pub(crate) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'
     };
     let mapping = found
         .entries()
-        .ok_or_else(|| format!("`{key}` is no mapping"))?;
+        .ok_or_else(|| format!("`{key}` is not a mapping"))?;
     mapping.iter().map(|(k, v)| Ok((text(k)?, v))).collect()
 }
 

@@ -1,4 +1,4 @@
-//! Errors of making a page.
+//! Errors of the report and of the view of a mechanism in motion.
 
 use std::error::Error;
 use std::fmt;

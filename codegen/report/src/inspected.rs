@@ -1,4 +1,4 @@
-//! The page of logs that were inspected, and of what they can identify.
+//! The page of inspected logs and of what they can identify.
 
 use std::fmt::Write as _;
 
@@ -9,13 +9,13 @@ use crate::ReportError;
 use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE};
 use crate::page::{escaped, figure, four, label, section, table, whole};
 
-/// Most columns in one figure: more lines cannot be told apart.
+/// The most columns in one figure, since more lines cannot be distinguished.
 const MAX_LINES: usize = 8;
 
-/// The page of what logs hold, as HTML that needs no network.
+/// The page of inspected logs, as HTML that needs no network.
 ///
 /// - `robot`: the name of the robot whose coordinates the columns were matched with;
-/// - `prediction`: what the logs can identify of it.
+/// - `prediction`: how well the logs can identify its parameters.
 ///
 /// # Errors
 /// When a figure cannot be drawn.
@@ -48,7 +48,7 @@ pub fn inspected(
     Ok(whole(&title, &body))
 }
 
-/// How a column is called in tables and legends.
+/// The name of a column in tables and legends.
 fn name(column: &Column) -> String {
     if column.name == column.number.to_string() {
         format!("column {}", column.number)
@@ -209,8 +209,8 @@ fn efforts(log: &LogFacts) -> String {
     };
     let rows: Vec<Vec<String>> = log.efforts.iter().map(row).collect();
     table(
-        "Whose effort it is: the part of its variance that only the friction (or, where none shows, \
-         the inertia) of each joint explains",
+        "The joint of each effort: the part of its variance that only the friction (or, if there is \
+         none, the inertia) of each joint explains",
         &head,
         &rows,
     )
@@ -318,7 +318,7 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
         out.push_str(&figure(&Figure {
             name: "predicted-deviations".to_owned(),
             caption: "predicted standard deviations of the base parameters, in percent of their \
-                      nominal values; no bar where data do not determine one"
+                      nominal values; no bar if the data do not determine a parameter"
                 .to_owned(),
             svg: charts::deviations(&bars, WELL_IDENTIFIED_PERCENT)?,
         }));
@@ -344,8 +344,8 @@ fn predicted(found: &Prediction) -> Result<String, ReportError> {
         })
         .collect();
     out.push_str(&table(
-        "Base parameters, SI: the size from which on each would be well identified, and the motion \
-         by which a poor one would be seen better",
+        "Base parameters, SI: the value above which each would be well identified, and the motion \
+         that would determine a poor one better",
         &[
             "parameter",
             "status",

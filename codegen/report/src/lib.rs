@@ -3,13 +3,17 @@
 //!
 //! | function | page |
 //! |---|---|
-//! | [`report`] | what was identified from logs: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
-//! | [`inspected`] | what logs hold before anything is fitted: columns, curves, spectra, what they can identify |
+//! | [`report`] | an identified model: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
+//! | [`inspected`] | logs before any fit: columns, curves, spectra, and what they can identify |
 //! | [`view::page`] | a mechanism in 3D, moving along a trajectory or swept coordinate by coordinate |
-//! | [`results`] | no page: tables for people, and values for programs |
-//! | [`documents`] | the schemas of these values as JSON |
+//! | [`results`] | no page: tables as text, and values for JSON |
+//! | [`documents`] | the JSON schemas of these values |
 //!
-//! Nothing here writes a file: a page and its figures are returned as text.
+//! This package writes no files: pages and figures are returned as text.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 mod charts;
 pub mod documents;

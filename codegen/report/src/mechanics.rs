@@ -1,4 +1,4 @@
-//! What a report says of springs, pulls, drives, payloads and gains.
+//! The parts of a report on springs, drives, payloads and gains.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,8 @@ use regen_runtime::{Info, Symbol};
 use crate::identified::Content;
 use crate::page::{escaped, four, section, table};
 
-/// The rows of the summary: a title and what there is of it, only for what there is.
+/// The rows of the summary that list the robot's drives, springs and payloads: titles and names.
+/// Kinds that the robot lacks have no row.
 pub(crate) fn rows(report: &Content<'_>) -> Vec<(&'static str, String)> {
     let info = report.model.info();
     let named = |wanted: &dyn Fn(Symbol<'_>) -> bool| -> Vec<String> {
@@ -39,14 +40,14 @@ pub(crate) fn rows(report: &Content<'_>) -> Vec<(&'static str, String)> {
         .collect()
 }
 
-/// The coordinates of drives, which move otherwise than a joint does.
+/// The names of the coordinates that belong to drives rather than to joints.
 fn drives(info: &Info<'_>) -> Vec<String> {
     let joints = info.coordinates.iter().zip(info.joints);
     let drives = joints.filter(|(_, joint)| joint.is_drive());
     drives.map(|(name, _)| escaped(name)).collect()
 }
 
-/// The section of gains and payloads; empty where none were identified.
+/// The section of gains and payloads; empty if none were identified.
 pub(crate) fn loads(report: &Content<'_>) -> String {
     let file = report.file;
     let mut out = String::new();
@@ -70,18 +71,17 @@ pub(crate) fn loads(report: &Content<'_>) -> String {
     if out.is_empty() {
         return out;
     }
-    let _ = writeln!(
-        out,
-        "<p>A value without σ was given, or was known before.</p>"
-    );
+    let _ = writeln!(out, "<p>A value without σ was given, not estimated.</p>");
     section("loads", "Gains and payloads", &out)
 }
 
+/// The cells of a gain.
 fn gain(row: &GainRow) -> Vec<String> {
     let numbers = [row.value, row.sigma, row.low, row.high];
     estimated(&row.effort, &row.unit, numbers)
 }
 
+/// The cells of each value of a payload.
 fn values(payload: &PayloadRow) -> Vec<Vec<String>> {
     let rows = payload.values.iter();
     rows.map(|row| {

@@ -21,7 +21,7 @@ pub(super) fn escaped(text: &str) -> String {
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A parameter's label as HTML: a long one breaks behind `(` and `_` where its column is narrow.
+/// A parameter's label as HTML; a long one may break after `(` and `_` in a narrow column.
 pub(super) fn label(text: &str) -> String {
     const LONG: usize = 12;
     let html = escaped(text);
@@ -31,7 +31,7 @@ pub(super) fn label(text: &str) -> String {
     html.replace('(', "(<wbr>").replace('_', "_<wbr>")
 }
 
-/// A number in four digits, without an exponent where it is readable so.
+/// A number with four significant digits, with an exponent only if it is very large or small.
 pub(super) fn four(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
@@ -48,7 +48,7 @@ pub(super) fn four(value: f64) -> String {
     }
 }
 
-/// The whole page.
+/// The whole page of a report.
 pub(super) fn html(report: &Content<'_>) -> String {
     let name = escaped(&report.robot.name);
     let mut body = String::new();
@@ -71,7 +71,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
     whole(&format!("Identification of {name}"), &body)
 }
 
-/// A page with this title, which needs nothing else; both are HTML.
+/// A self-contained page from an HTML title and an HTML body.
 pub(super) fn whole(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -252,7 +252,7 @@ fn parameters(report: &Content<'_>) -> String {
     section("parameters", "Parameters", &out)
 }
 
-/// The ends of a confidence interval; a dash where there is none.
+/// The ends of a confidence interval; a dash if there is none.
 pub(super) fn interval(ends: [f64; 2]) -> String {
     if ends.iter().any(|end| !end.is_finite()) {
         return "–".to_owned();
@@ -284,7 +284,7 @@ fn bar(row: &ParameterRow) -> String {
     )
 }
 
-/// A percentage as text; a dash where it is unknown.
+/// A percentage as text; a dash if it is unknown.
 fn part(percent: f64) -> String {
     if !percent.is_finite() {
         "–".to_owned()
@@ -295,7 +295,7 @@ fn part(percent: f64) -> String {
     }
 }
 
-/// All parameters of the bodies and joints, where the model has physical parameters.
+/// The parameters of all bodies and joints, if the model has physical parameters.
 fn physical(report: &Content<'_>) -> String {
     let file = report.file;
     if file.physical.is_empty() {

@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use crate::ViewError;
 
-/// The number of samples of one coordinate's sweep, and its duration in s.
+/// The number of samples and the duration, s, of one coordinate's sweep.
 const SWEEP: (usize, f64) = (40, 4.0);
-/// The largest number of samples of a trajectory's period, and their smallest distance in s.
+/// The largest number of samples of a trajectory's period, and the least time between them, s.
 const TRAJECTORY: (usize, f64) = (400, 0.02);
 /// The part of a coordinate's range that a sweep uses: its ends are singularities or limits.
 const SWEEP_RANGE_PART: f64 = 0.9;
@@ -22,7 +22,7 @@ const SWEEP_RANGE_PART: f64 = 0.9;
 pub struct Data {
     name: String,
     description: String,
-    /// Why the mechanism does not move; empty if it does.
+    /// The reason why the mechanism does not move; empty if it does.
     note: String,
     /// The direction against gravity, a unit vector in the world frame.
     up: [f64; 3],

@@ -1,18 +1,20 @@
-//! Answers of HTTP/1.1.
+//! Responses of HTTP/1.1.
 
 use std::io::{self, Write};
 
-/// What a page may load and run: its own script and style, and frames of this server.
+/// The content security policy of the page: it may load its own script and style, and frames of
+/// this server.
 const OF_PAGE: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
                        connect-src 'self'; frame-src 'self'; img-src data:; base-uri 'none'; \
                        form-action 'none'; frame-ancestors 'none'";
-/// What a page in a frame may do: run what it contains, and nothing else. Its origin is its own, so
-/// that it cannot ask this server for anything.
+/// The content security policy of a page in a frame: it may run the scripts that it contains, and
+/// nothing else. The sandbox gives it an origin of its own, so that it cannot send requests to this
+/// server.
 const OF_FRAME: &str = "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; \
                         style-src 'unsafe-inline'; img-src data:; base-uri 'none'; \
                         form-action 'none'; frame-ancestors 'self'";
 
-/// An answer to a request.
+/// The response to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Answer {
     status: u16,
@@ -36,7 +38,7 @@ impl Answer {
         Self::new("text/html; charset=utf-8", html)
     }
 
-    /// A page that stands in a frame of it.
+    /// A page that the main page shows in a frame.
     pub(crate) fn frame(html: String) -> Self {
         Self {
             policy: OF_FRAME,
@@ -70,7 +72,7 @@ impl Answer {
         self.status
     }
 
-    /// Writes the answer; the connection ends with it.
+    /// Writes the response, after which the connection closes.
     pub(crate) fn write(&self, to: &mut impl Write) -> io::Result<()> {
         let reason = match self.status {
             200 => "OK",

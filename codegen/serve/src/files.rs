@@ -1,4 +1,4 @@
-//! The files of the editor on the disk.
+//! The files on the disk that the editor reads and saves.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -20,7 +20,7 @@ pub(crate) enum Saved {
     No(String),
 }
 
-/// A file, and its text when it was last read or saved.
+/// A file, and the text that it had when this program last read or saved it.
 #[derive(Debug)]
 pub(crate) struct Edited {
     path: PathBuf,
@@ -28,7 +28,7 @@ pub(crate) struct Edited {
 }
 
 impl Edited {
-    /// Reads a file. Bytes that are not UTF-8 are shown as such, and the file as mistaken.
+    /// Reads a file. Bytes that are not UTF-8 become replacement characters (U+FFFD).
     pub(crate) fn open(path: &Path) -> Result<Self, ServeError> {
         let text = read(path).map_err(|source| ServeError::File {
             path: path.to_owned(),
@@ -57,8 +57,8 @@ impl Edited {
         known.unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Writes a text by `write`, unless another program has changed the file meanwhile; with
-    /// `is_over` also then.
+    /// Writes a text by calling `write`, unless another program has changed the file since it was
+    /// last read or saved; with `is_over`, overwrites such changes.
     pub(crate) fn save(
         &self,
         text: &str,
@@ -71,7 +71,7 @@ impl Edited {
             ));
         }
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        // a file that was removed is written anew
+        // a file that cannot be read, such as one that was removed, has no changes to lose
         if !is_over && read(&self.path).is_ok_and(|now| now != *known && now != text) {
             return Saved::Changed;
         }

@@ -1,4 +1,4 @@
-//! Which requests are served: those of a browser page of this server, opened with its token.
+//! Decides which requests are served: those of this server's own page, opened with its token.
 
 use crate::answer::Answer;
 use crate::http::Request;
@@ -6,7 +6,7 @@ use crate::http::Request;
 /// The number of random bytes of a token.
 const TOKEN_BYTES: usize = 16;
 
-/// The token, and the names under which the server may be asked.
+/// The token, and the values of the `Host` header that the server accepts.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
     token: String,
@@ -14,7 +14,7 @@ pub(crate) struct Guard {
 }
 
 impl Guard {
-    /// A guard with a new random token; `None` where the system gives no random numbers.
+    /// A guard with a new random token; `None` if the system provides no random numbers.
     pub(crate) fn new(port: u16) -> Option<Self> {
         let mut bytes = [0; TOKEN_BYTES];
         getrandom::fill(&mut bytes).ok()?;
@@ -40,16 +40,16 @@ impl Guard {
         format!("http://{}/?token={}", self.hosts[0], self.token)
     }
 
-    /// Refuses a request without the token, or that names another host or another origin: pages of
-    /// other sites may send requests to this machine too.
+    /// Refuses a request without the token or with another host or origin, since pages of other
+    /// sites can send requests to this machine too.
     pub(crate) fn check(&self, request: &Request) -> Result<(), Answer> {
         let is_known = |host: &str| self.hosts.iter().any(|known| known == host);
         if !request.host.as_deref().is_some_and(is_known) {
-            return Err(Answer::refused(403, "this server has another name"));
+            return Err(Answer::refused(403, "the host is not this server"));
         }
         let own = |origin: &str| origin.strip_prefix("http://").is_some_and(is_known);
         if !request.origin.as_deref().is_none_or(own) {
-            return Err(Answer::refused(403, "another page may not ask this server"));
+            return Err(Answer::refused(403, "the origin is not this server's page"));
         }
         let given = request.token.as_deref().or(request.asked("token"));
         if !given.is_some_and(|given| same(given, &self.token)) {
@@ -60,7 +60,7 @@ impl Guard {
     }
 }
 
-/// Whether two texts are equal, in a time that does not tell how many characters agree.
+/// Whether two texts are equal, in a time that does not depend on how many characters agree.
 fn same(a: &str, b: &str) -> bool {
     let differences = a
         .bytes()

@@ -1,4 +1,4 @@
-//! Requests of HTTP/1.1: one for each connection, of bounded size.
+//! Reads requests of HTTP/1.1: one for each connection, of bounded size.
 
 use std::io::{ErrorKind, Read};
 
@@ -8,7 +8,7 @@ use crate::answer::Answer;
 
 /// The largest head of a request: its line and headers, in bytes.
 pub(crate) const MAX_HEAD: usize = 16 << 10;
-/// The largest body of a request in bytes: two files and what JSON adds.
+/// The largest body of a request, in bytes: enough for two files as JSON strings.
 pub(crate) const MAX_BODY: usize = 8 << 20;
 /// The largest number of headers of a request.
 const MAX_HEADERS: usize = 64;
@@ -20,13 +20,13 @@ pub(crate) enum Method {
     Post,
 }
 
-/// A request, as far as this server looks at it.
+/// The parts of a request that this server uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Request {
     pub(crate) method: Method,
     /// The path without the query.
     pub(crate) path: String,
-    /// The names and values of the query, without percent-decoding: none that is used needs it.
+    /// The names and values of the query, without percent-decoding: no value in use needs it.
     pub(crate) query: Vec<(String, String)>,
     pub(crate) host: Option<String>,
     pub(crate) origin: Option<String>,
@@ -36,18 +36,18 @@ pub(crate) struct Request {
 }
 
 impl Request {
-    /// The value of a name in the query.
+    /// The value of a name in the query; `None` if the query lacks it.
     pub(crate) fn asked(&self, name: &str) -> Option<&str> {
         let found = self.query.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.as_str())
     }
 }
 
-/// Reads one request. `None` where the client said nothing or went away.
+/// Reads one request. Returns `None` if the client sent nothing or closed the connection.
 ///
 /// # Errors
 ///
-/// The answer to a request that is not understood, too large or too slow.
+/// The answer to send for a request that is malformed, too large or too slow.
 pub(crate) fn read(from: &mut impl Read) -> Result<Option<Request>, Answer> {
     let mut bytes = Vec::new();
     loop {
@@ -71,13 +71,14 @@ pub(crate) fn read(from: &mut impl Read) -> Result<Option<Request>, Answer> {
     }
 }
 
-/// Whether an error means that the time was up; which of the two kinds depends on the system.
+/// Whether an error is a timeout of the socket; which of the two kinds it has depends on the
+/// operating system.
 fn is_late(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock)
 }
 
-/// The request without its body, the body's length and the length of the head; `None` where more
-/// bytes are needed.
+/// The request without its body, the length of the body, and the length of the head with the empty
+/// line behind it; `None` if more bytes are needed.
 fn head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Answer> {
     let bad = |why| Answer::refused(400, why);
     let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
@@ -119,7 +120,10 @@ fn head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Answer> {
             .map_err(|_| bad("a header is not text"))
     };
     if one("transfer-encoding")?.is_some() {
-        return Err(Answer::refused(501, "a body needs a content-length"));
+        return Err(Answer::refused(
+            501,
+            "transfer-encoding is not supported: send a content-length",
+        ));
     }
     let content = match one("content-length")? {
         None => 0,
@@ -161,7 +165,10 @@ fn body(
             Ok(request)
         }
         Err(error) if is_late(&error) => Err(Answer::refused(408, "the request took too long")),
-        _ => Err(Answer::refused(400, "the body is shorter than it says")),
+        _ => Err(Answer::refused(
+            400,
+            "the body is shorter than its content-length",
+        )),
     }
 }
 

@@ -1,4 +1,5 @@
-//! Makes the parts of the newest texts: one worker at a time, ended by a newer text or by time.
+//! Computes the parts of the page for the newest texts, with one worker at a time, which is killed
+//! when a newer text arrives or the time limit is exceeded.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -12,12 +13,12 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::parts::{Part, tasks};
-use crate::worker::{Done, Job, Mistake, Told};
+use crate::worker::{Done, Event, Job, Mistake};
 
-/// How often a running worker is asked whether it is still wanted.
-const LOOK: Duration = Duration::from_millis(20);
-/// The most that a worker may tell, in bytes.
-const MAX_TOLD: u64 = 256 << 20;
+/// The time between checks whether a running worker's result is still wanted.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// The most bytes that a worker may write; more are not read.
+const MAX_OUTPUT: u64 = 256 << 20;
 
 /// The program that is started as a worker; it must call [`work`](crate::work).
 #[derive(Clone, Debug)]
@@ -28,16 +29,18 @@ pub struct Program {
     pub words: Vec<OsString>,
 }
 
-/// What came last of a part.
+/// The last result of a part.
 #[derive(Clone, Debug)]
 struct Made {
+    /// Increases when the result's text changes.
     version: u64,
-    /// The text that it is made of.
+    /// The number of the texts that it was made from.
     edit: u64,
     text: String,
     notes: Vec<String>,
 }
 
+/// The newest texts and what was computed from them.
 #[derive(Debug)]
 struct State {
     /// The number of the newest texts.
@@ -46,12 +49,19 @@ struct State {
     texts: Vec<String>,
     /// Whether no worker has been started for them yet.
     is_waiting: bool,
+    /// Whether their computation has not ended.
     is_busy: bool,
+    /// The part that the worker computes now.
     doing: Option<Part>,
+    /// The start of the computation.
     since: Instant,
+    /// The duration of the last computation, s.
     seconds: f64,
+    /// The last result of each part; it may be of older texts.
     made: BTreeMap<Part, Made>,
+    /// The mistakes in the newest texts.
     mistakes: Vec<Mistake>,
+    /// Other failures, each with the part that failed.
     failures: Vec<(Option<Part>, String)>,
 }
 
@@ -66,8 +76,8 @@ pub(crate) struct Jobs {
 }
 
 impl Jobs {
-    /// Starts the thread that makes the parts of files with these paths, each text for at most
-    /// `limit`.
+    /// Starts the thread that computes the parts for the files with these paths, for at most `limit`
+    /// per submission.
     pub(crate) fn start(paths: Vec<String>, program: Program, limit: Duration) -> Arc<Self> {
         let state = State {
             edit: 0,
@@ -97,13 +107,14 @@ impl Jobs {
         jobs
     }
 
-    /// Locks; every change below leaves the state whole, also where a thread panics.
+    /// Locks the state. A poisoned lock is ignored, since every change below leaves the state
+    /// consistent even if the thread panics.
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes new texts, one for each file, in place of all before; returns their number. Texts that
-    /// are being computed already go on.
+    /// Replaces the texts, one for each file, and returns the number of the new ones. If the same
+    /// texts are being computed already, their computation continues.
     pub(crate) fn submit(&self, texts: Vec<String>) -> u64 {
         let mut state = self.state();
         if state.is_busy && state.texts == texts {
@@ -117,8 +128,8 @@ impl Jobs {
         state.edit
     }
 
-    /// What is known about the newest texts.
-    pub(crate) fn told(&self) -> Value {
+    /// The state of the computation as JSON for the page.
+    pub(crate) fn status(&self) -> Value {
         let state = self.state();
         let made = state.made.iter().map(|(part, made)| {
             let value = json!({
@@ -153,12 +164,12 @@ impl Jobs {
         })
     }
 
-    /// The text of a part, of the newest texts of which it could be made.
+    /// The last result of a part, which may be of older texts.
     pub(crate) fn part(&self, part: Part) -> Option<String> {
         self.state().made.get(&part).map(|made| made.text.clone())
     }
 
-    /// Waits for texts, and makes all parts of them.
+    /// Waits for new texts, and computes all their parts.
     fn next(&self) {
         let mut state = self.state();
         while !state.is_waiting {
@@ -186,11 +197,12 @@ impl Jobs {
         state.doing = None;
     }
 
-    /// Runs a worker on the texts until it ends or is not wanted any more.
+    /// Runs a worker on the texts until it ends or newer texts arrive.
     ///
     /// # Errors
     ///
-    /// Why not all parts were tried.
+    /// The reason why some parts were not computed: the worker cannot be started, ended early, or
+    /// took too long.
     fn make(&self, edit: u64, texts: &[String]) -> Result<(), String> {
         let job = Job {
             texts: self
@@ -213,7 +225,7 @@ impl Jobs {
             .spawn()
             .map_err(|error| format!("the worker cannot be started: {error}"))?;
         let result = self.follow(edit, &mut child, &job, count);
-        // it may have ended by itself; the process is to be gone in either case
+        // killing a worker that has ended fails, which does no harm
         let _ = child.kill();
         let _ = child.wait();
         result
@@ -222,20 +234,20 @@ impl Jobs {
     fn follow(&self, edit: u64, child: &mut Child, job: &Job, count: usize) -> Result<(), String> {
         let mut line = serde_json::to_vec(job).map_err(|error| error.to_string())?;
         line.push(b'\n');
-        // it stays open until the end: a worker ends with its input
+        // kept open until this function returns, since a worker exits when its input is closed
         let mut input = child.stdin.take();
         if let Some(input) = &mut input {
             input
                 .write_all(&line)
-                .map_err(|error| format!("the worker does not listen: {error}"))?;
+                .map_err(|error| format!("the worker does not read its job: {error}"))?;
         }
-        let told = lines(child);
+        let events = lines(child);
         let since = Instant::now();
         let mut ended = 0;
         while ended < count {
-            match told.recv_timeout(LOOK) {
-                Ok(Told::Begins(part)) => self.if_newest(edit, |state| state.doing = Some(part)),
-                Ok(Told::Ends(part, done)) => {
+            match events.recv_timeout(POLL_INTERVAL) {
+                Ok(Event::Begins(part)) => self.if_newest(edit, |state| state.doing = Some(part)),
+                Ok(Event::Ends(part, done)) => {
                     ended += 1;
                     self.if_newest(edit, |state| state.take(edit, part, done));
                 }
@@ -266,7 +278,7 @@ impl Jobs {
 }
 
 impl State {
-    /// Takes what came of a part; what failed without a result leaves the one before.
+    /// Stores the result of a part; a failure without a result leaves the previous one.
     fn take(&mut self, edit: u64, part: Part, done: Done) {
         let text = if part.is_page() {
             done.written
@@ -304,17 +316,18 @@ impl State {
     }
 }
 
-/// Reads what a worker tells in a thread of its own, until the worker ends or tells nonsense.
-fn lines(child: &mut Child) -> Receiver<Told> {
+/// Reads a worker's events in a thread of its own, until the worker ends or writes a line that is
+/// no event.
+fn lines(child: &mut Child) -> Receiver<Event> {
     let (send, receive) = mpsc::channel();
     if let Some(output) = child.stdout.take() {
         std::thread::spawn(move || {
-            for line in BufReader::new(output.take(MAX_TOLD)).lines() {
+            for line in BufReader::new(output.take(MAX_OUTPUT)).lines() {
                 let Ok(line) = line else { return };
-                let Ok(told) = serde_json::from_str(&line) else {
+                let Ok(event) = serde_json::from_str(&line) else {
                     return;
                 };
-                if send.send(told).is_err() {
+                if send.send(event).is_err() {
                     return;
                 }
             }
@@ -342,11 +355,11 @@ mod tests {
 
     fn wait(jobs: &Jobs) -> Value {
         loop {
-            let told = jobs.told();
-            if told["busy"] == false {
-                return told;
+            let status = jobs.status();
+            if status["busy"] == false {
+                return status;
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
@@ -357,8 +370,8 @@ mod tests {
     fn a_worker_that_does_not_end_is_stopped() {
         let begun = Instant::now();
         let script = r#"echo '{"Begins":"base"}'; sleep 1000"#;
-        let (jobs, told) = run(script, Duration::from_millis(200));
-        let failure = &told["failures"][0];
+        let (jobs, status) = run(script, Duration::from_millis(200));
+        let failure = &status["failures"][0];
         assert_eq!(failure["part"], "base");
         assert!(
             failure["message"]
@@ -372,12 +385,13 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn a_worker_that_breaks_down_or_tells_nonsense_is_told() {
+    fn a_worker_that_fails_or_writes_nonsense_is_reported() {
         for script in ["exit 7", "kill -9 $$", "cat", "echo nonsense; sleep 1000"] {
-            let (_, told) = run(script, LONG);
-            let why = told["failures"][0]["message"].as_str().unwrap();
+            let (_, status) = run(script, LONG);
+            let why = status["failures"][0]["message"].as_str().unwrap();
             assert!(
-                why == "the computation ended before its result" || why.contains("does not listen"),
+                why == "the computation ended before its result"
+                    || why.contains("does not read its job"),
                 "{script}: {why}"
             );
         }
@@ -395,7 +409,7 @@ mod tests {
         };
         let jobs = Jobs::start(vec!["a.yaml".to_owned()], program, LONG);
         jobs.submit(vec!["slow".to_owned()]);
-        std::thread::sleep(5 * LOOK);
+        std::thread::sleep(5 * POLL_INTERVAL);
         let newer = jobs.submit(vec!["quick".to_owned()]);
         let begun = Instant::now();
         assert_eq!(wait(&jobs)["edit"], newer);
@@ -416,7 +430,7 @@ mod tests {
         jobs.state().take(0, Part::Check, good.clone());
         jobs.state().take(0, Part::Check, good);
         assert_eq!(
-            jobs.told()["parts"]["check"],
+            jobs.status()["parts"]["check"],
             json!({"version": 1, "current": true, "notes": []})
         );
         let mistake = Mistake {
@@ -433,7 +447,7 @@ mod tests {
         jobs.state().edit = 1;
         jobs.state().take(1, Part::Check, bad.clone());
         jobs.state().take(1, Part::View, bad);
-        let told = jobs.told();
+        let told = jobs.status();
         assert_eq!(told["parts"]["check"]["current"], false);
         assert_eq!(told["mistakes"].as_array().unwrap().len(), 1);
         assert_eq!(

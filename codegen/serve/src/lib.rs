@@ -1,12 +1,11 @@
-//! Serves an editor of descriptions on this machine, for a browser on this machine: while a person
-//! types, mistakes, the 3D view, the base parameters, the explanation and the report are brought up
-//! to date.
+//! Serves an editor of descriptions to a browser on the same machine. While the user types, it
+//! updates the mistakes, the 3D view, the base parameters, the explanation and the report.
 //!
-//! [`Server::bind`] listens on 127.0.0.1 and nowhere else. Every request must carry the token that
-//! is part of [`Server::url`], and name this server as its host and its origin. What is typed is
-//! computed by a worker, a process of its own, which runs [`work`]; it is killed when a newer text
-//! comes or the time is up, so that no text can block the server. Files are written only when the
-//! page asks to save them.
+//! [`Server::bind`] listens on 127.0.0.1 only. Every request must carry the token that is part of
+//! [`Server::url`], and name this server as its host and its origin. A worker, a separate process
+//! that runs [`work`], computes the results; it is killed when a newer text arrives or the time
+//! limit is exceeded, so that no text can block the server. Files are written only when the page
+//! asks to save them.
 
 mod answer;
 mod error;

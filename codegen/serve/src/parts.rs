@@ -1,4 +1,4 @@
-//! What is made of the files: the words of the command for each part of the page.
+//! The parts of the page, and the arguments of the command that makes each from the files.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,10 +12,10 @@ pub(crate) enum Part {
     Report,
 }
 
-/// All parts, quick ones first: mistakes of a description are in every one.
+/// All parts, the quickest first, since every command reports the mistakes in a description.
 const ALL: [Part; 4] = [Part::View, Part::Check, Part::Base, Part::Report];
 
-/// The name under which a page is asked for; no file of this name is written.
+/// The name of the page in the command's arguments; no file with this name is written.
 const PAGE: &str = "page.html";
 
 /// A command of a job.
@@ -23,12 +23,13 @@ const PAGE: &str = "page.html";
 pub(crate) struct Task {
     pub(crate) part: Part,
     pub(crate) words: Vec<String>,
-    /// The file that the command writes and that is the result; else it is what is printed.
+    /// The file that the command writes, which is the result; `None` if the result is what the
+    /// command prints.
     pub(crate) written: Option<String>,
 }
 
 impl Part {
-    /// The part of a name in a request.
+    /// The part with this name in requests.
     pub(crate) fn of(name: &str) -> Option<Self> {
         ALL.into_iter().find(|part| part.name() == name)
     }
@@ -48,8 +49,8 @@ impl Part {
         matches!(self, Self::View | Self::Report)
     }
 
-    /// How it is made of a description and, where there is one, an experiment file; `None` where it
-    /// needs an experiment file.
+    /// The command that makes the part from a description and, if given, an experiment file; `None`
+    /// if the part needs an experiment file and there is none.
     fn task(self, spec: &str, runs: Option<&str>) -> Option<Task> {
         let words = match (self, runs) {
             (Self::View, _) => vec!["view", spec, "--out", PAGE],
@@ -66,7 +67,8 @@ impl Part {
     }
 }
 
-/// The tasks for a description and, where there is one, an experiment file.
+/// The commands for all parts that can be made from a description and, if given, an experiment
+/// file.
 pub(crate) fn tasks(spec: &str, runs: Option<&str>) -> Vec<Task> {
     ALL.iter()
         .filter_map(|part| part.task(spec, runs))

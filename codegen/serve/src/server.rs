@@ -166,7 +166,7 @@ impl Site {
             (Method::Get, "/page.css") => Ok(Answer::style(page::STYLE)),
             (Method::Get, "/page.js") => Ok(Answer::script(page::SCRIPT)),
             (Method::Get, "/files") => Ok(self.listed()),
-            (Method::Get, "/state") => Ok(Answer::json(&self.jobs.told())),
+            (Method::Get, "/state") => Ok(Answer::json(&self.jobs.status())),
             (Method::Get, _) => self.part(path),
             (Method::Post, "/texts") => self.texts(&request.body),
             (Method::Post, "/save") => self.saved(&request.body),

@@ -1,15 +1,15 @@
-//! A connection on which all reads, and all writes, together take at most a given time.
+//! A connection with a deadline for all of its reads and writes.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
-/// The largest number of bytes thrown away before a connection is closed.
+/// The largest number of bytes that are read and discarded before a connection is closed.
 const MAX_DRAINED: usize = 1 << 18;
-/// The longest time for that.
+/// The longest time for which they are read.
 const DRAIN_TIME: Duration = Duration::from_millis(250);
 
-/// A connection with a time at which it ends, however slowly its client reads or writes.
+/// A connection that ends at a deadline, however slowly its client reads or writes.
 pub(crate) struct Timed {
     stream: TcpStream,
     until: Instant,
@@ -27,6 +27,7 @@ impl Timed {
         self.until = Instant::now() + time;
     }
 
+    /// The time until the deadline; an error once it has passed.
     fn left(&self) -> io::Result<Duration> {
         let left = self.until.saturating_duration_since(Instant::now());
         if left.is_zero() {
@@ -35,8 +36,8 @@ impl Timed {
         Ok(left)
     }
 
-    /// Ends the answer and reads what the client still sends for a moment: closing a connection
-    /// with unread bytes would make the client lose the answer.
+    /// Ends the answer, and for a moment reads and discards what the client still sends: if a
+    /// connection is closed with unread bytes, the client may lose the answer.
     pub(crate) fn close(mut self) {
         let _ = self.stream.shutdown(Shutdown::Write);
         self.extend(DRAIN_TIME);

@@ -1,4 +1,5 @@
-//! The worker: a process that makes the parts of one text, and ends with its server.
+//! The worker: a process that runs the commands for one version of a text, and ends with its
+//! server.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -9,17 +10,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::parts::{Part, Task};
 
-/// What a server asks of a worker, in one line of JSON.
+/// The commands that a server sends to a worker, as one line of JSON.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Job {
-    /// Texts that are read in place of files, by path.
+    /// Texts that commands read in place of files, by path.
     pub(crate) texts: BTreeMap<String, String>,
     pub(crate) tasks: Vec<Task>,
 }
 
-/// What a worker tells, in one line of JSON each.
+/// What a worker reports to its server, one line of JSON per event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Told {
+pub(crate) enum Event {
     Begins(Part),
     Ends(Part, Done),
 }
@@ -39,10 +40,10 @@ pub struct Mistake {
     pub hint: String,
 }
 
-/// What came of a command.
+/// The result of a command.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Done {
-    /// What it printed.
+    /// The text that it printed.
     pub printed: String,
     /// The file that it would have written, where the task names one.
     pub written: Option<String>,
@@ -54,15 +55,15 @@ pub struct Done {
     pub mistakes: Vec<Mistake>,
 }
 
-/// Does the job that stands on standard input, and tells on standard output what comes of it; ends
-/// the process when standard input ends, which it does with the server.
+/// Reads a job from standard input, runs its commands, and reports their results on standard
+/// output. The process exits when standard input is closed, which happens when the server ends.
 ///
-/// - `run`: runs a command. It is given its words, the texts that are read in place of files, and
-///   the path of the file that the command writes and that is to be returned instead.
+/// - `run`: runs a command, given its words, the texts that it reads in place of files, and the
+///   path of the file whose text it returns instead of writing it.
 ///
 /// # Errors
 ///
-/// When standard input is not a job, or standard output cannot be written.
+/// When standard input does not begin with a job, or standard output cannot be written.
 pub fn work(
     mut run: impl FnMut(&[OsString], &BTreeMap<PathBuf, String>, Option<&Path>) -> Done,
 ) -> io::Result<()> {
@@ -77,16 +78,16 @@ pub fn work(
     let texts = job.texts.into_iter();
     let texts = texts.map(|(path, text)| (path.into(), text)).collect();
     for task in job.tasks {
-        tell(&Told::Begins(task.part))?;
+        report(&Event::Begins(task.part))?;
         let words: Vec<OsString> = task.words.iter().map(Into::into).collect();
         let done = run(&words, &texts, task.written.as_ref().map(Path::new));
-        tell(&Told::Ends(task.part, done))?;
+        report(&Event::Ends(task.part, done))?;
     }
     Ok(())
 }
 
-fn tell(told: &Told) -> io::Result<()> {
-    let mut line = serde_json::to_string(told)?;
+fn report(event: &Event) -> io::Result<()> {
+    let mut line = serde_json::to_string(event)?;
     line.push('\n');
     let mut out = io::stdout().lock();
     out.write_all(line.as_bytes())?;

@@ -10,18 +10,18 @@ use crate::entry::{Entry, entry, stale};
 use crate::error::SourceError;
 use crate::module::BANNER;
 
-/// A robot's files with the names that they give to the linker.
+/// A robot's C files, and the symbols that they export to the linker.
 #[derive(Debug)]
 pub struct CFiles {
     files: Files,
     symbols: Vec<String>,
 }
 
-/// The files of a robot, each with the banner of generated files.
+/// Generates the files of a robot, each with the banner of generated files.
 ///
 /// # Errors
 ///
-/// A robot whose header would hide one of the C library's.
+/// If the robot's header would hide a header of the C library.
 pub fn c_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
     if c::hides_a_header(&robot.name) {
         return Err(SourceError::HeaderName {
@@ -40,13 +40,13 @@ pub fn c_files(robot: &Robot, spec: &Path) -> Result<CFiles, SourceError> {
     })
 }
 
-/// Compares the files of the directory with those of these robots. `whole`: no files of other robots
-/// belong there. A directory that is not there is empty.
+/// Compares the files in the directory with the generated ones of these robots. A missing directory
+/// counts as empty. With `whole`, generated files of other robots count as stale.
 ///
 /// # Errors
 ///
-/// A file that cannot be read, a file of such a name that regen did not write, or two robots with the
-/// same name in C.
+/// If a file cannot be read, a file of the same name was not written by regen, or two robots export
+/// the same symbol.
 pub fn compare_c(
     robots: BTreeMap<String, CFiles>,
     dir: &Path,

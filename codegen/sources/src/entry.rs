@@ -25,7 +25,7 @@ pub enum State {
         /// That line as it should be; `None` where the file should end before it.
         expected: Option<String>,
     },
-    /// The file belongs to a robot that is gone, or of which only a digest is stored.
+    /// The file belongs to a robot that no longer exists, or of which only a digest is stored.
     Stale,
 }
 
@@ -34,7 +34,7 @@ pub enum State {
 pub struct Entry {
     /// The file.
     pub path: PathBuf,
-    /// What it is now.
+    /// Its state.
     pub state: State,
     /// The text that the file should have; `None` if it should not exist.
     pub text: Option<String>,
@@ -52,11 +52,11 @@ impl Entry {
     }
 }
 
-/// The entry of a file that shall have this text.
+/// The entry of a file that should have this text.
 ///
 /// # Errors
 ///
-/// A file of that name that regen did not write.
+/// When regen did not write the file, or it cannot be read.
 pub(crate) fn entry(path: PathBuf, text: String) -> Result<Entry, SourceError> {
     let found = read_if_there(&path)?;
     if let Some(found) = &found
@@ -71,7 +71,7 @@ pub(crate) fn entry(path: PathBuf, text: String) -> Result<Entry, SourceError> {
     })
 }
 
-/// Generated files with these extensions in the directory whose names are not among these.
+/// The generated files in a directory that have one of these extensions and none of these names.
 pub(crate) fn stale(
     dir: &Path,
     extensions: &[&str],
@@ -100,7 +100,7 @@ pub(crate) fn stale(
     Ok(found)
 }
 
-/// The text of a file, `None` where there is none.
+/// The text of a file; `None` if it does not exist.
 pub(crate) fn read_if_there(path: &Path) -> Result<Option<String>, SourceError> {
     match fs::read(path) {
         // Text that is not UTF-8 never equals the expected text, so lossy conversion is enough.
@@ -118,7 +118,7 @@ pub(crate) fn state(found: Option<&str>, text: &str) -> State {
     if found == text {
         return State::Current;
     }
-    // Split at '\n' alone, so that a missing last newline and a '\r' count as differences.
+    // split at '\n' only, so that a missing last newline or a '\r' counts as a difference
     let mut have = found.split('\n');
     let mut want = text.split('\n');
     let mut line = 1;

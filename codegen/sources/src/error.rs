@@ -1,4 +1,4 @@
-//! What is wrong with a directory of generated sources.
+//! Errors in a directory of generated sources.
 
 use std::error::Error;
 use std::fmt;
@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 pub enum SourceError {
     /// A file or directory that cannot be read or removed.
     Io {
-        /// What was tried, as an infinitive.
+        /// The attempted operation, as an infinitive.
         doing: &'static str,
         /// The file or directory.
         path: PathBuf,
-        /// Why it failed.
+        /// The reason of the failure.
         source: io::Error,
     },
     /// A robot whose module would have the name of one of the crate's own files.
@@ -41,9 +41,9 @@ pub enum SourceError {
         /// The name that both would have.
         symbol: String,
     },
-    /// A file that somebody else wrote stands where a generated one belongs.
+    /// A file with the name of a generated one that regen did not write.
     Foreign(PathBuf),
-    /// The list of whole sources names a robot that is not there.
+    /// The list of whole sources names a robot that does not exist.
     UnknownRobot {
         /// The list.
         file: PathBuf,

@@ -1,8 +1,7 @@
-//! Which robots of a workspace are checked in with their whole source, and the digests of the
-//! others.
+//! The robots of a workspace whose whole source is checked in, and the digests of the others.
 //!
-//! `sources.txt`, next to the directory of modules, names one per line the robots whose source
-//! people read. `digests.txt`, in the same place, is written by regen and contains a digest of the
+//! `sources.txt`, next to the directory of modules, names the robots whose source is checked in, one
+//! per line. `digests.txt`, in the same place, is written by regen and contains a digest of the
 //! source of every other robot. Without `sources.txt` every robot's source is checked in.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,8 +27,8 @@ pub(crate) struct Manifest {
 }
 
 impl Manifest {
-    /// Reads the manifest of a directory of modules; `None` where there is none and every source is
-    /// written.
+    /// Reads the manifest of a directory of modules; `None` if there is none, so that every source
+    /// is written.
     pub(crate) fn of(dir: &Path) -> Result<Option<Self>, SourceError> {
         let file = sibling(dir, SOURCES);
         let text = match fs::read_to_string(&file) {
@@ -73,12 +72,12 @@ impl Manifest {
     }
 }
 
-/// The path of the file that contains a robot's source, or its digest: `sources.txt` beside the
-/// directory names the robots whose whole source is kept, `digests.txt` has the digests of the others.
+/// The path of the file that contains a robot's source, or its digest if `sources.txt` next to the
+/// directory does not name the robot.
 ///
 /// # Errors
 ///
-/// A list that cannot be read.
+/// When `sources.txt` exists and cannot be read.
 pub fn place(dir: &Path, robot: &str) -> Result<PathBuf, SourceError> {
     Ok(match Manifest::of(dir)? {
         Some(manifest) if !manifest.names.contains(robot) => manifest.digests(),

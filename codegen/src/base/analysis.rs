@@ -74,7 +74,7 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
         let completion = NullCompletion::new(&samples, home, seed);
         let base = derive_with_completion(spec, model, target, Some(&completion));
         let null = base.from_trees + base.completed;
-        // where both bounds meet, it suffices that what was kept is no rounding
+        // where both bounds meet, it suffices that what was kept is not rounding
         let met = certificate.has_sure_pivots() && certificate.columns == certificate.rank + null;
         let complete = (target == Some(null) || met) && base.refuted == 0;
         // before a gap between both bounds is reported, other states are sampled: samples that find

@@ -1,11 +1,12 @@
 //! Exchange of kept and eliminated columns, so that no coefficient is out of proportion.
 //!
-//! Any choice of kept columns that leaves independent ones is right. Where a kept parameter has a
-//! coefficient of 1000 for an eliminated one that acts as strongly, the kept one barely tells what
-//! the eliminated one tells well: its estimate is poor, and the rows are badly conditioned.
-//! Exchanging the two divides a row of the null space by the coefficient. It multiplies the volume
-//! that the kept columns span, each of length 1, by the coefficient's size beside the columns'
-//! lengths, so that exchanges end (Goreinov, Tyrtyshnikov and Zamarashkin 1997, maximal volume).
+//! Any choice of independent kept columns is correct. But if an eliminated parameter that acts as
+//! strongly as a kept one has a coefficient of 1000 in the kept one's combination, the two columns
+//! differ by little and the kept one is small: its estimate is poor, and the rows are badly
+//! conditioned. Exchanging the two divides a row of the null space by the coefficient. It multiplies
+//! the volume that the kept columns span, each scaled to length 1, by the coefficient times the
+//! ratio of the columns' lengths, so that exchanges end (Goreinov, Tyrtyshnikov and Zamarashkin
+//! 1997, maximal volume).
 
 use std::collections::BTreeMap;
 
@@ -15,30 +16,32 @@ use super::field::Field;
 use super::kept_columns::{Place, Reduced};
 use super::span::Vector;
 
-/// Coefficients up to this size stay, in units in which all columns have length 1.
-const LARGEST: f64 = 4.0;
-/// Where the condition of the kept columns is above `POOR` then, coefficients up to `LARGEST_IF_POOR`
-/// stay, if that lowers it to at most `BETTER` of what it was.
-const POOR: f64 = 1000.0;
-const LARGEST_IF_POOR: f64 = 1.1;
-const BETTER: f64 = 2.0 / 3.0;
-/// The largest number of exchanges.
+/// The largest coefficient that causes no exchange, in units in which all columns have length 1.
+const MAX_COEFFICIENT: f64 = 4.0;
+/// The condition of the kept columns above which exchanges go on with a smaller largest coefficient.
+const POOR_CONDITION: f64 = 1000.0;
+/// That largest coefficient: above 1, so that exchanges still end.
+const MAX_COEFFICIENT_IF_POOR: f64 = 1.1;
+/// The further exchanges are used if they reduce the condition to at most this part: a smaller gain
+/// does not justify other kept parameters.
+const MAX_REDUCED_CONDITION: f64 = 2.0 / 3.0;
+/// The largest number of exchanges, which bounds the time.
 const MAX_EXCHANGES: usize = 2000;
 
-/// What may be exchanged.
+/// Which columns may be exchanged, and the measures that decide.
 pub(super) struct Rules<'a> {
     pub(super) model: &'a Model,
     /// How strongly each parameter acts: the lengths of the sampled columns.
     pub(super) lengths: &'a [f64],
     /// The columns that the spec asks to eliminate.
     pub(super) requested: &'a [usize],
-    /// Whether coefficients with an expression may be divided by: only where no name occurs in them.
+    /// Whether a row may be divided by a coefficient that is an expression, not a number.
     pub(super) divides_by_expressions: bool,
     /// The condition of the sampled rows where these columns are eliminated.
     pub(super) condition: &'a dyn Fn(&Reduced) -> f64,
 }
 
-/// A coefficient that is too large.
+/// A coefficient above the limit, and its kept column.
 #[derive(Clone, Copy)]
 struct Excess {
     size: f64,
@@ -47,12 +50,12 @@ struct Excess {
 
 /// Exchanges columns until no coefficient between inertial parameters is out of proportion.
 pub(super) fn exchange(field: &mut Field, reduced: &mut Reduced, rules: &Rules<'_>) {
-    rules.exchange_above(LARGEST, field, reduced);
+    rules.exchange_above(MAX_COEFFICIENT, field, reduced);
     let condition = (rules.condition)(reduced);
-    if condition > POOR {
+    if condition > POOR_CONDITION {
         let mut other = reduced.clone();
-        rules.exchange_above(LARGEST_IF_POOR, field, &mut other);
-        if (rules.condition)(&other) <= BETTER * condition {
+        rules.exchange_above(MAX_COEFFICIENT_IF_POOR, field, &mut other);
+        if (rules.condition)(&other) <= MAX_REDUCED_CONDITION * condition {
             *reduced = other;
         }
     }
@@ -64,7 +67,7 @@ impl Rules<'_> {
         let movable: Vec<bool> = (0..self.lengths.len())
             .map(|column| self.may_move(column))
             .collect();
-        // the worst coefficient of each row; a row that changes is looked at again
+        // the largest excess of each row; an exchange removes the entries of the rows it changes
         let mut worst: BTreeMap<usize, Option<Excess>> = BTreeMap::new();
         for _ in 0..MAX_EXCHANGES {
             for (eliminated, row) in &reduced.rows {
@@ -90,8 +93,8 @@ impl Rules<'_> {
         }
     }
 
-    /// Whether a column may change from kept to eliminated and back: those of inertial parameters,
-    /// but not of bodies that are fixed to others.
+    /// Whether a column may be exchanged: it belongs to an inertial parameter, which the spec does
+    /// not ask to eliminate, of a body that is not fixed to another.
     fn may_move(&self, column: usize) -> bool {
         let Some(parameter) = self.model.parameters.get(column) else {
             return false;
@@ -104,7 +107,7 @@ impl Rules<'_> {
         }
     }
 
-    /// The largest coefficient of a row above `limit`.
+    /// The largest coefficient of a row above `limit`, if the row has one.
     fn worst(
         &self,
         eliminated: usize,

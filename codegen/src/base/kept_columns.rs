@@ -1,6 +1,6 @@
-//! Choice of the columns that are kept: row reduction of the null space with the columns in order
-//! of preference. Decisions are made on exact values at the given geometry; the expressions are
-//! carried along.
+//! Chooses the columns that are kept, by row reduction of the null space with the columns in order
+//! of preference. Decisions depend on the exact values at the given geometry alone; expressions are
+//! only carried along.
 
 use std::collections::BTreeMap;
 
@@ -9,14 +9,14 @@ use crate::model::{Model, ParameterKind};
 use super::field::{Element, Field};
 use super::span::{Vector, add_scaled, clear};
 
-/// Columns in the order in which elimination is tried: first those of `first`, then the others so
-/// that the remaining base parameters are simple.
+/// The columns in the order in which elimination is tried: first those of `first`, then the others,
+/// in an order that leaves simple base parameters.
 ///
 /// All parameters of bodies that are fixed to others come first, so that they are lumped into the
 /// body that carries them. Then masses, first moments along the joint's axis, and one diagonal moment
 /// across it are eliminated, those of bodies far from the base before those near it (the grouping of
-/// Khalil's rules, for any axis); friction and rotors are kept as long as possible, offsets as long
-/// as no friction has their effect: Fc+ and Fc- then are the efforts in either direction.
+/// Khalil's rules, for any axis). Friction and rotors are kept as long as possible, offsets as long
+/// as no friction has the same effect; Fc+ and Fc- then include the offset.
 pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     let places: Vec<Place> = (0..model.bodies.len())
         .map(|body| Place::of(model, body))
@@ -45,13 +45,12 @@ pub(super) fn preference(model: &Model, first: &[usize]) -> Vec<usize> {
     first.iter().copied().chain(rest).collect()
 }
 
-/// How a body hangs on the one that carries it.
+/// How a body is connected to the body that carries it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// No joint moves it against the body that carries it, and it is no payload, which only some
-    /// runs carry.
+    /// Rigidly, and it is not a payload, which only some runs carry.
     Fixed,
-    /// A joint moves it, about or along this axis of its frame; z where the joint has several axes.
+    /// By a joint about or along this axis of its frame; z if the joint has several axes.
     Jointed(usize),
 }
 
@@ -76,8 +75,8 @@ impl Place {
     }
 }
 
-/// The place of one of a body's ten parameters among those that are eliminated first: for z as its
-/// joint's axis the mass, mz, Iyy, Izz and so on. For another axis its name and z change places.
+/// The place of one of a body's ten parameters in the order of elimination. If the axis of its joint
+/// is z, this order is m, mz, Iyy, Izz and so on; for another axis, its name and z are exchanged.
 fn place_in_order(entry: usize, axis: usize) -> usize {
     const ORDER: [usize; 10] = [9, 8, 3, 5, 4, 2, 1, 7, 6, 0];
     const MOMENTS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
@@ -97,17 +96,17 @@ fn place_in_order(entry: usize, axis: usize) -> usize {
     ORDER.iter().position(|e| *e == renamed).unwrap_or(0)
 }
 
-/// A basis of the null space that is the unit matrix at the eliminated columns.
+/// A basis of the null space that is the identity matrix at the eliminated columns.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reduced {
-    /// By eliminated column, the row that is 1 there and 0 at all other eliminated columns: its
-    /// other entries express the eliminated parameter by kept ones.
+    /// For each eliminated column, the row that is 1 there and 0 at all other eliminated columns; its
+    /// other entries express the eliminated parameter in terms of kept ones.
     pub(super) rows: BTreeMap<usize, Vector>,
 }
 
-/// Row-reduces a null space. The first `requested` columns of `order` are eliminated wherever
-/// possible, even by dividing by an expression. Of the others, first those are eliminated whose
-/// pivot is a constant, since that keeps every coefficient short; then all that remain.
+/// Row-reduces a null space. The first `requested` columns of `order` are eliminated if possible,
+/// even by dividing by an expression. Of the others, those whose pivot is a constant are eliminated
+/// first, since this keeps the coefficients short; then all that remain.
 pub(super) fn reduce(
     field: &mut Field,
     null: &[Vector],
@@ -131,8 +130,8 @@ pub(super) fn reduce(
 }
 
 impl Reduced {
-    /// Eliminates a column, if some row of `open` has an entry there with a weight of at most
-    /// `max_weight`: the entry with the shortest expression is the pivot.
+    /// Eliminates a column if a row of `open` has an entry there with a weight of at most
+    /// `max_weight`. The entry with the shortest expression is the pivot.
     pub(super) fn eliminate(
         &mut self,
         field: &mut Field,

@@ -5,8 +5,8 @@ use crate::spec::Function;
 
 use super::Coefficient;
 
-/// A parameter: its symbol with the body or the coordinate that it belongs to, as in textbooks:
-/// `I_{xx,3}`, `m_{3} x_{3}`, `m_{3}`, `F_{v}(q_{2})`.
+/// A parameter as in textbooks, with the body or coordinate that it belongs to: `I_{xx,3}`,
+/// `m_{3} x_{3}`, `m_{3}`, `F_{v}(q_{2})`.
 pub fn parameter(parameter: &Parameter) -> String {
     let symbol = parameter.symbol();
     let owner = name(&parameter.owner);
@@ -27,7 +27,7 @@ pub fn parameter(parameter: &Parameter) -> String {
     }
 }
 
-/// A letter with its index, and the sign of the velocity as an exponent: `Ixx`, `Fc+`.
+/// A letter with its index, and with a trailing sign as an exponent: `Fc+` becomes `F_{c}^{+}`.
 fn indexed(symbol: &str) -> String {
     let stem = symbol.trim_end_matches(['+', '-']);
     let sign = match symbol.strip_prefix(stem) {
@@ -69,6 +69,7 @@ fn name(text: &str) -> String {
     }
 }
 
+/// A text in upright letters.
 fn upright(text: &str) -> String {
     format!("\\mathrm{{{}}}", escaped(text))
 }
@@ -169,11 +170,11 @@ pub fn expression(tree: &Coefficient) -> String {
     }
 }
 
-/// Characters of an expression above which lines must be able to end within it: none ends in a
-/// fraction or below a root.
+/// Longer expressions, in characters, are written such that a line can break within them: LaTeX
+/// breaks no line within a fraction or below a root.
 const WIDE: usize = 24;
 
-/// Whether an expression is so long that lines must be able to end within it.
+/// Whether an expression is so long that a line must be able to break within it.
 fn is_wide(tree: &Coefficient) -> bool {
     tree.to_string().len() > WIDE
 }

@@ -1,22 +1,23 @@
-//! Sizes of numbers that are not exact: what is rounding, and what is too small to divide by.
+//! Sizes of numbers that are not exact: which are rounding errors, and which are too small to divide
+//! by.
 
 use super::field::Element;
 use super::span::Vector;
 
-/// Entries that are not exact and below this part, 2^-200, of the largest number from which they
-/// were computed are rounding. The certificate has the same bound.
+/// An entry that is not exact counts as a rounding error if it is below this part, 2^-200, of the
+/// largest number from which it was computed. The certificate uses the same bound.
 const ROUNDING: f64 = 6.2e-61;
 
-/// Entries that are not exact and below this part of the largest entry of their vector are pivots
-/// only where there are no others: dividing by them would cost digits.
+/// An entry that is not exact and below this part of the largest entry of its vector becomes a pivot
+/// only if there is no other: dividing by it would lose digits.
 const SMALL: f64 = 1e-6;
 
-/// The size below which an entry that is not exact does not count; 0 where all numbers are exact.
+/// The size up to which an entry that is not exact is negligible; 0 if all numbers are exact.
 #[derive(Clone, Copy)]
 pub(super) struct Bound(f64);
 
 impl Bound {
-    /// The rounding of `to + factor * row`.
+    /// The bound on rounding errors of `to + factor * row`.
     pub(super) fn of_sum(to: &Vector, factor: &Element, row: &Vector) -> Self {
         if factor.value().is_exact() && is_exact(to) && is_exact(row) {
             return Self(0.0);
@@ -24,7 +25,7 @@ impl Bound {
         Self(ROUNDING * largest(to).max(size(factor) * largest(row)))
     }
 
-    /// The size of pivots that would cost digits.
+    /// The bound on pivots that would lose digits.
     pub(super) fn of_pivots(vector: &Vector) -> Self {
         if is_exact(vector) {
             return Self(0.0);
@@ -32,6 +33,7 @@ impl Bound {
         Self(SMALL * largest(vector))
     }
 
+    /// Whether the bound is at least the size of an entry that is not exact.
     pub(super) fn exceeds(self, entry: &Element) -> bool {
         self.0 > 0.0 && !entry.value().is_exact() && size(entry) <= self.0
     }

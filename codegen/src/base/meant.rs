@@ -1,9 +1,9 @@
-//! What rounded numbers mean: angles that are printed with so many digits of a multiple of pi that
-//! they mean it, and offsets such as 4e-19 m that mean 0.
+//! Restores exact values of rounded numbers: angles that agree with a multiple of pi in many digits,
+//! and offsets such as 4e-19 m that should be 0.
 //!
-//! A right angle written as 1.57079632679 leaves a cosine of 5e-12, and its powers in a chain of
-//! such joints; axes that pass by each other at 4e-19 m do not meet. Both are parameters that count
-//! in principle, and that no measurement could ever show.
+//! A right angle written as 1.57079632679 has a cosine of 5e-12, whose powers occur in a chain of
+//! such joints; axes at a distance of 4e-19 m do not intersect. Both add parameters to an exact
+//! analysis that no measurement could show.
 
 use crate::model::{Model, Placement, Step};
 use crate::spec::{Expr, Quantity};
@@ -11,16 +11,16 @@ use crate::sym::Number;
 
 use super::geometry::mentions_names;
 
-/// The largest distance from a multiple of pi/12 that is taken for rounding, rad.
+/// The largest distance from a multiple of pi/12 that counts as rounding, rad.
 const ROUNDING_RAD: f64 = 1e-10;
 /// Multiples of pi divided by this are recognised.
 const PARTS: i64 = 12;
-/// Offsets below this part of the mechanism's longest one are rounding.
+/// Offsets below this part of the mechanism's longest one count as rounding.
 const ROUNDING_OF_LENGTH: f64 = 1e-12;
 
-/// The mechanism with the multiples of pi in place of angles that mean them and 0 in place of
-/// offsets that are rounding, and what was replaced, such as `1.57079632679 = pi/2`. Loops
-/// might not close any more: with any cut nothing is replaced.
+/// The mechanism with multiples of pi in place of their rounded values and 0 in place of offsets
+/// that are rounding, and a list of the replacements, such as `1.57079632679 = pi/2`. `None` if
+/// there are none, or if the mechanism has cuts: its loops might then no longer close.
 pub(super) fn restored(model: &Model) -> Option<(Model, Vec<String>)> {
     if !model.cuts.is_empty() {
         return None;
@@ -61,13 +61,14 @@ fn restore(placement: &mut Placement, rounding: f64, replaced: &mut Vec<String>)
     }
 }
 
-/// Whether a length is written as a number that is not 0 and below a bound, in m.
+/// Whether a length is written as a number, without names, is not 0, and is at most `bound`, m.
 fn is_rounding(length: &Quantity, bound: f64) -> bool {
     let is_small = !length.value.is_zero() && length.value.to_f64().abs() <= bound;
     is_small && !mentions_names(&length.expr)
 }
 
-/// The multiple of pi that is meant by an angle that is none; `None` if there is no such multiple.
+/// The multiple of pi/12 of which an angle is a rounded value; `None` if there is no such multiple,
+/// or if the angle is exactly one.
 fn meant(angle: &Number) -> Option<Number> {
     if angle.pi_multiple().is_some() {
         return None;

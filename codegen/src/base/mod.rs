@@ -177,7 +177,7 @@ pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {
 }
 
 /// Derives the base parameters as `derive` does. If `completion` is given, layer 3 completes the
-/// null directions that the first two layers do not find, from the samples that it holds.
+/// null directions that the first two layers do not find, from its samples.
 fn derive_with_completion(
     spec: &Spec,
     model: &Model,
@@ -188,7 +188,7 @@ fn derive_with_completion(
     let linkage = linkage::Linkage::new(&mut field, spec, model);
     // layer 2, velocity constraints: directions of friction parameters, then of the bodies
     let mut start = Span::default();
-    // a direction that changes a force at the samples is left out, and layer 3 looks for the right one
+    // a direction that changes a force at the samples is rejected; layer 3 then finds the correct one
     let accepts = |row: &Vector| completion.is_none_or(|completion| completion.is_null(row));
     for direction in rates::null_directions(&mut field, &linkage, model) {
         start.insert_if(&mut field, &direction, &accepts);
@@ -217,9 +217,9 @@ fn derive_with_completion(
             completion.complete(&mut field, spec, model, &null, &order, requested.len());
         unrecognised = completed.unrecognised;
         unvaried_names = completed.unvaried_names;
-        // Completed direction k gets an additional entry 1 in the tag column `columns + k`, behind
-        // the columns of the parameters. The row operations of the reduction below carry it along:
-        // a reduced row with an entry in that column is a combination that uses direction k.
+        // Completed direction k gets an additional entry 1 in the tag column `columns + k`, after
+        // the columns of the parameters. The row operations of the reduction below also apply to
+        // it: a reduced row with an entry in that column is a combination that uses direction k.
         for (k, (mut direction, exactness)) in completed.directions.into_iter().enumerate() {
             completed_exactness.push(exactness);
             direction.insert(columns + k, Element::one());

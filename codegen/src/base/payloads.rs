@@ -1,7 +1,7 @@
-//! Payloads: bodies that are carried in some runs only. Rows with and without a payload are
-//! `[W_r 0; W_r W_p]`, whose null space is that of `W_r` beside that of `W_p`: combinations across
-//! the two groups of columns are told apart. Both are the part of the null space of `[W_r W_p]`
-//! that is 0 in the other group.
+//! Payloads: bodies that are carried in some runs only. Runs without and with a payload have the
+//! rows `[W_r 0; W_r W_p]`, whose null space is the direct sum of those of `W_r` and of `W_p`: no
+//! combination contains columns of both groups. The null space of each group is the part of that of
+//! `[W_r W_p]` whose entries in the other group are 0.
 
 use crate::model::Model;
 
@@ -11,7 +11,7 @@ use super::kept_columns;
 use super::span::Vector;
 
 /// The null directions within the robot's parameters and within those of each payload, from a basis
-/// of all null directions; entries behind the columns of the parameters are carried along.
+/// of all null directions. Entries after the columns of the parameters are transformed with them.
 pub(super) fn apart(field: &mut Field, null: Vec<Vector>, model: &Model) -> Vec<Vector> {
     if model.payloads.is_empty() {
         return null;
@@ -22,7 +22,8 @@ pub(super) fn apart(field: &mut Field, null: Vec<Vector>, model: &Model) -> Vec<
         let mut order: Vec<usize> = outside.collect();
         let requested = order.len();
         order.extend(&group);
-        // a row whose pivot is in the group has no entry in the columns that were eliminated before
+        // the columns outside are eliminated first, so that a row with its pivot in the group has no
+        // entry in them
         let reduced = kept_columns::reduce(field, &null, &order, requested);
         let rows = reduced.rows.into_iter();
         all.extend(rows.filter(|(c, _)| group.contains(c)).map(|(_, row)| row));
@@ -30,8 +31,8 @@ pub(super) fn apart(field: &mut Field, null: Vec<Vector>, model: &Model) -> Vec<
     all
 }
 
-/// The evidence for the rank of the groups together: the sum of their ranks, with the smallest
-/// number kept and the largest dropped in any of them.
+/// The certificate of all groups together: the sum of their ranks, the smallest singular value that
+/// counts in any group, and the largest that does not.
 pub(super) fn certificate(samples: &Samples, model: &Model) -> Certificate {
     let whole = samples.certificate();
     if model.payloads.is_empty() {

@@ -31,7 +31,7 @@ pub(super) fn sparse(entries: impl IntoIterator<Item = Element>) -> Vector {
 }
 
 /// Subtracts the multiple of `row`, which has 1 at the index `lead`, that makes the entry of `to`
-/// there 0. What remains of entries that cancel up to rounding becomes 0 too.
+/// there 0. Entries that cancel up to rounding become 0 too.
 pub(super) fn clear(field: &mut Field, to: &mut Vector, lead: usize, row: &Vector) {
     let Some(factor) = to.get(&lead).map(Element::neg) else {
         return;
@@ -74,7 +74,7 @@ impl Span {
         self.insert_if(field, vector, &|_| true)
     }
 
-    /// As [`insert`](Self::insert), unless `accepts` says no to what the vector adds to the span.
+    /// As [`insert`](Self::insert), unless `accepts` rejects the new basis row.
     pub(super) fn insert_if(
         &mut self,
         field: &mut Field,
@@ -140,7 +140,7 @@ mod tests {
     /// An angle of 1.57079632679 has a cosine of 5e-12. The second vector is the first one,
     /// computed in another order.
     #[test]
-    fn what_rounding_leaves_of_a_vector_is_nothing_new() -> Result<(), String> {
+    fn a_remainder_of_rounding_does_not_extend_the_span() -> Result<(), String> {
         let angle = Number::parse_decimal("1.57079632679").ok_or("no decimal")?;
         let (sin, cos) = angle.sin_cos();
         let mut field = Field::default();

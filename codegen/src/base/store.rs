@@ -1,6 +1,5 @@
-//! Base parameters stored in a file next to the spec. If deriving them would take long in an
-//! unoptimised build, in which macros run, they are written once, with a digest of the spec that
-//! they belong to.
+//! Base parameters stored in a file next to the spec. Macros run in unoptimised builds; if deriving
+//! the base parameters there would take long, they are written once, with a digest of their spec.
 //!
 //! The format is line-based; the first word of a line says what the line contains:
 //!
@@ -37,12 +36,12 @@ use super::{
 
 /// The first line. It contains the version, since another version may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
-/// How the first line begins whatever the version.
+/// The beginning of the first line in every version.
 const FORMAT: &str = "regen-base ";
 /// The last line; a file without it is incomplete.
 const END: &str = "end";
 
-/// Why stored base parameters cannot be used.
+/// The reason why stored base parameters cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StoreProblem {
@@ -74,8 +73,9 @@ fn digest(source: &Source) -> String {
     text
 }
 
-/// Rough cost of the derivation in an unoptimised build, without unit: the rank takes a time that
-/// grows with the cube of the number of columns, the trees add a factor that grows with the loops.
+/// A rough cost of the derivation in an unoptimised build, without unit: the time of the rank grows
+/// with the cube of the number of columns, and the trees add a factor that grows with the number of
+/// loops.
 fn debug_cost(model: &Model) -> usize {
     let columns = model.parameters.len();
     columns
@@ -90,7 +90,7 @@ pub fn is_slow_in_debug(model: &Model) -> bool {
     debug_cost(model) > 3_000_000
 }
 
-/// The file's words for how a combination was obtained and how well its factors are known.
+/// The file's words for the provenance of a combination and the exactness of its factors.
 const PROVENANCE_WORDS: [(&str, Provenance, Exactness); 4] = [
     ("derived", Provenance::Derived, Exactness::Symbolic),
     ("completed", Provenance::Completed, Exactness::Symbolic),

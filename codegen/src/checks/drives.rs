@@ -1,14 +1,13 @@
-//! Drives that are no independent coordinates: their joints are not determined, or several drives
-//! determine them.
+//! Drives that cannot be the independent coordinates: they leave joints undetermined, or several of
+//! them move the same joints.
 
 use crate::constraints::Mismatch;
 use crate::diag::{Diagnostic, Span};
 use crate::model::Model;
 use crate::spec::Spec;
 
-/// The errors about drives that do not fit the mobility; none if no drive has to do with it.
-///
-/// The drives and the actuated joints must be the independent coordinates.
+/// The errors about drives, if drives and actuated joints are not valid independent coordinates;
+/// none if the mismatch involves no drive.
 pub(super) fn mismatch(spec: &Spec, model: &Model, mismatch: &Mismatch) -> Vec<Diagnostic> {
     let mut found = Vec::new();
     if mismatch.tied.iter().any(|c| model.drives.contains(c)) {
@@ -20,7 +19,8 @@ pub(super) fn mismatch(spec: &Spec, model: &Model, mismatch: &Mismatch) -> Vec<D
     found
 }
 
-/// Drives, and perhaps actuated joints, that cannot move independently of each other.
+/// The error about drives, and perhaps actuated joints, that cannot move independently of each
+/// other.
 fn contradiction(spec: &Spec, model: &Model, tied: &[usize]) -> Option<Diagnostic> {
     let mut drives = tied.iter().filter(|c| model.drives.contains(c));
     let first = *drives.next()?;
@@ -47,7 +47,7 @@ fn contradiction(spec: &Spec, model: &Model, tied: &[usize]) -> Option<Diagnosti
     Some(fault)
 }
 
-/// Joints that may move while all drives stand still.
+/// The error about joints that can move while all drives are at rest.
 fn undetermined(spec: &Spec, model: &Model, free: &[usize]) -> Diagnostic {
     let moved_by = |drive: &&usize| {
         let form = model.form_of_drive(**drive);

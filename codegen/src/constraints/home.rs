@@ -19,12 +19,19 @@ const RANK_TOLERANCE: f64 = 1e-8;
 /// Distances from the span of the columns chosen before, as fractions of a column's norm, at which
 /// a column is accepted as independent; the largest that yields enough columns is used.
 const SPAN_DISTANCES: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
-/// Largest entries of A, in the mechanism's units, that are taken for rounding errors.
+/// Largest entries of A, in the mechanism's units, that count as rounding errors.
 const MAX_ROUNDING: f64 = 1e-13;
 /// Largest number of steps of Newton's method.
 const MAX_NEWTON_STEPS: usize = 100;
+/// Largest change of a coordinate in a step, rad or units of length, so that the iteration stays on
+/// the branch on which it started.
+const MAX_STEP: f64 = 0.5;
+/// How often a step is halved if the residual would grow.
+const MAX_HALVINGS: usize = 12;
+/// Largest residual of loops that were closed over all coordinates to find the mobility.
+const MOBILITY_TOLERANCE: f64 = 1e-9;
 
-/// Why a mechanism has no usable home.
+/// The reason why a mechanism has no usable home.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum HomeProblem {
@@ -32,7 +39,7 @@ pub enum HomeProblem {
     NotClosed {
         /// The largest residual at the end of the iteration, m or rad.
         residual: f64,
-        /// How far the cuts that do not close gape there, the widest first.
+        /// The gaps of the open cuts there, the widest first.
         gaps: Vec<Gap>,
         /// Closed states with home's independent coordinates, the closest to home first: one value
         /// per coordinate, rad or m. If there is none, a state with other independent coordinates,
@@ -45,7 +52,7 @@ pub enum HomeProblem {
         mobility: usize,
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
-        /// Why the given choice is none.
+        /// The reason why the given choice is not valid.
         mismatch: Mismatch,
     },
     /// The number of independent coordinates is the mobility, but the dependent coordinates do not
@@ -53,7 +60,7 @@ pub enum HomeProblem {
     NotIndependent {
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
-        /// Why the given choice is none.
+        /// The reason why the given choice is not valid.
         mismatch: Mismatch,
     },
 }
@@ -61,7 +68,7 @@ pub enum HomeProblem {
 /// How independent coordinates fail to determine the rates of the others at home.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mismatch {
-    /// The dependent coordinates that may move while the independent ones stand still.
+    /// The dependent coordinates that can move while the independent ones are at rest.
     pub free: Vec<usize>,
     /// The independent coordinates whose rates cannot be chosen independently of each other.
     pub tied: Vec<usize>,
@@ -166,14 +173,13 @@ impl<'g> NumericLoops<'g> {
             if ratio == 0.0 {
                 break;
             }
-            // bounded steps, so that the iteration stays on the branch on which it started
             let size = solved
                 .solution
                 .iter()
                 .fold(0.0_f64, |m, x| m.max(x[0].abs()));
-            let mut scale = (0.5 / size).min(1.0);
+            let mut scale = (MAX_STEP / size).min(1.0);
             let mut better = None;
-            for _ in 0..12 {
+            for _ in 0..MAX_HALVINGS {
                 let mut next = q.clone();
                 for (c, step) in free.iter().zip(&solved.solution) {
                     next[*c] += scale * step[0] * self.units.coordinates[*c];
@@ -218,10 +224,10 @@ fn largest(f: &[f64]) -> f64 {
 
 /// The home configuration with closed loops; the independent coordinates keep their values.
 ///
-/// Where Newton's method from home does not close them, closed states are searched from many starts.
-/// One is taken only if it is the branch that home points to: each dependent coordinate is within 0.5
-/// (rad, or the mechanism's units of length) of home and on home's side of 0, and no other state that
-/// was found is within 1 in all coordinates. Otherwise those found are part of the error.
+/// If Newton's method from home does not close the loops, closed states are searched from many
+/// starts. One of them is used only if home indicates it clearly: each dependent coordinate is within
+/// 0.5 (rad, or the mechanism's units of length) of home and has its sign, and no other state is
+/// within 1 in all coordinates. Otherwise the states are part of the error.
 ///
 /// # Errors
 /// If the loops do not close, or the independent coordinates do not fit the mobility.
@@ -244,7 +250,7 @@ pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, H
     let mut all = start;
     let every = (0..model.coordinates.len()).collect::<Vec<_>>();
     let (any_residual, _) = close_least(loops, &mut all, &every);
-    if any_residual <= 1e-9 * size {
+    if any_residual <= MOBILITY_TOLERANCE * size {
         check_mobility(loops, model, &all)?;
         if near.is_empty() {
             near.push(all);

@@ -1,5 +1,5 @@
-//! Search for closed states where the loops do not close from home: Levenberg-Marquardt steps over
-//! the dependent coordinates, from many starts about home. The starts are the same in every run.
+//! Search for closed states if the loops do not close from home: Levenberg-Marquardt steps over the
+//! dependent coordinates, from many starts about home. The starts are the same in every run.
 
 use crate::model::Model;
 use crate::numeric::solve_pivoted;
@@ -7,31 +7,36 @@ use crate::numeric::solve_pivoted;
 use super::home::{NumericLoops, select};
 use super::samples::Random;
 
-/// Number of starts, of mechanisms with up to [`SMALL`] dependent coordinates.
+/// Number of starts for mechanisms with up to [`SMALL`] dependent coordinates.
 const STARTS: usize = 160;
-/// Beyond this many dependent coordinates, fewer starts are tried, since each costs their cube.
+/// With more dependent coordinates than this, fewer starts are tried, since the time of each grows
+/// with the cube of their number.
 const SMALL: usize = 20;
 /// The least number of starts.
-const LEAST_STARTS: usize = 24;
-/// How far the starts are from home, in turn: rad, and units of length.
+const MIN_STARTS: usize = 24;
+/// The largest distances of the starts from home in each coordinate, used in turn: rad, and units
+/// of length.
 const SPREADS: [f64; 4] = [0.3, 1.0, 2.0, core::f64::consts::PI];
 /// Largest number of steps from a start.
 const MAX_STEPS: usize = 40;
-/// The largest residual that Newton's method may continue from, in the mechanism's units.
+/// The norm of the residual at which Levenberg-Marquardt steps end, in the mechanism's units.
 const NEAR: f64 = 1e-6;
+/// The largest norm of the residual from which Newton's method is tried, if they did not reach that.
+const NEWTON_RESIDUAL: f64 = 1e-3;
 /// The largest residual of a closed state, in the mechanism's units.
 const CLOSED: f64 = 1e-11;
 /// States closer than this in every coordinate are the same.
 const SAME: f64 = 1e-6;
-/// A state that is taken is within this of home in each coordinate, in the mechanism's units.
-const TAKEN: f64 = 0.5;
-/// No other state may then be within this of home in all coordinates.
-const OTHERS: f64 = 1.0;
-/// Coordinates of home beyond this say on which side of 0 the state is to be.
-const SIDED: f64 = 0.1;
-/// Differences from home count up to this size: one coordinate that was guessed badly says as much
-/// as another one.
-const LARGEST_DIFFERENCE: f64 = 0.5;
+/// The largest distance from home in each coordinate of a state that counts as being on home's
+/// branch, in the mechanism's units.
+const MAX_DISTANCE: f64 = 0.5;
+/// No other state may then be within this distance of home in all coordinates.
+const MIN_DISTANCE_OF_OTHERS: f64 = 1.0;
+/// A coordinate of home larger than this determines the sign of the state's coordinate.
+const MIN_SIGNED: f64 = 0.1;
+/// Differences from home count up to this size, so that one badly guessed coordinate does not
+/// outweigh the others.
+const MAX_DIFFERENCE: f64 = 0.5;
 
 /// Closed states with home's independent coordinates, those closest to home first.
 ///
@@ -49,7 +54,7 @@ pub(super) fn closed_states_near(loops: &NumericLoops<'_>, model: &Model) -> Vec
     let mut found: Vec<(f64, Vec<f64>)> = Vec::new();
     let cube = |n: usize| n.max(SMALL).pow(3);
     let starts = STARTS * cube(0) / cube(model.dependent.len());
-    for k in 0..starts.max(LEAST_STARTS) {
+    for k in 0..starts.max(MIN_STARTS) {
         let mut q = home.clone();
         for &c in &joints {
             q[c] += SPREADS[k % SPREADS.len()] * random.next() * units[c];
@@ -63,7 +68,7 @@ pub(super) fn closed_states_near(loops: &NumericLoops<'_>, model: &Model) -> Vec
                 q[c] -= turns * core::f64::consts::TAU;
             }
         }
-        // couplings may not hold for other turns
+        // a coupling may not hold after whole turns were removed
         if loops.close(&mut q, &model.dependent).0 > CLOSED || !within_limits(model, &home, &q) {
             continue;
         }
@@ -72,14 +77,14 @@ pub(super) fn closed_states_near(loops: &NumericLoops<'_>, model: &Model) -> Vec
             continue;
         }
         let differences = joints.iter().map(|&c| (q[c] - home[c]).abs() / units[c]);
-        let distance = differences.map(|d| d.min(LARGEST_DIFFERENCE)).sum();
+        let distance = differences.map(|d| d.min(MAX_DIFFERENCE)).sum();
         found.push((distance, q));
     }
     found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     found.into_iter().map(|(_, q)| q).collect()
 }
 
-/// The closed state on the branch to which home points, if one can be told: see
+/// The closed state on the branch that home indicates, if it indicates exactly one: see
 /// [`close_home`](super::close_home).
 pub(super) fn branch_of_home(
     loops: &NumericLoops<'_>,
@@ -92,19 +97,25 @@ pub(super) fn branch_of_home(
         let mut joints = model.dependent.iter();
         joints.all(|&c| model.drives.contains(&c) || (q[c] - home[c]).abs() <= bound * units[c])
     };
-    let mut close = found.iter().filter(|q| is_within(q, OTHERS));
+    let mut close = found
+        .iter()
+        .filter(|q| is_within(q, MIN_DISTANCE_OF_OTHERS));
     let only = close.next()?;
-    let same_side = |&c: &usize| home[c].abs() <= SIDED * units[c] || on_one_side(only[c], home[c]);
-    (close.next().is_none() && is_within(only, TAKEN) && model.dependent.iter().all(same_side))
-        .then(|| only.clone())
+    let has_sign_of_home =
+        |&c: &usize| home[c].abs() <= MIN_SIGNED * units[c] || same_sign(only[c], home[c]);
+    let is_taken = close.next().is_none()
+        && is_within(only, MAX_DISTANCE)
+        && model.dependent.iter().all(has_sign_of_home);
+    is_taken.then(|| only.clone())
 }
 
 /// Whether two numbers have the same sign.
-fn on_one_side(one: f64, other: f64) -> bool {
+fn same_sign(one: f64, other: f64) -> bool {
     (one < 0.0) == (other < 0.0)
 }
 
-/// Whether no coordinate leaves limits that hold home.
+/// Whether all coordinates are within their limits; a limit that home itself violates does not
+/// count.
 fn within_limits(model: &Model, home: &[f64], q: &[f64]) -> bool {
     let all = model.coordinates.iter().zip(home).zip(q);
     all.into_iter()
@@ -114,8 +125,8 @@ fn within_limits(model: &Model, home: &[f64], q: &[f64]) -> bool {
         })
 }
 
-/// Reduces the residual by Levenberg-Marquardt steps, then by Newton's method; whether the loops are
-/// closed.
+/// Reduces the residual by Levenberg-Marquardt steps, then by Newton's method; returns whether the
+/// loops are closed.
 fn descend(loops: &NumericLoops<'_>, model: &Model, q: &mut Vec<f64>) -> bool {
     let size = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
     let units = &loops.units().coordinates;
@@ -158,7 +169,7 @@ fn descend(loops: &NumericLoops<'_>, model: &Model, q: &mut Vec<f64>) -> bool {
             }
         }
     }
-    size(&f) < NEAR && loops.close(q, &model.dependent).0 <= CLOSED
+    size(&f) < NEWTON_RESIDUAL * NEWTON_RESIDUAL && loops.close(q, &model.dependent).0 <= CLOSED
 }
 
 #[cfg(test)]
@@ -184,7 +195,7 @@ mod tests {
 
     /// A 3-PRS whose legs are guessed near where they are, and whose platform is 2 rad off.
     #[test]
-    fn one_bad_guess_does_not_hide_the_state_that_the_others_say() {
+    fn one_bad_guess_does_not_hide_the_state_that_the_others_indicate() {
         let text = include_str!("../../../tests/fixtures/mechanisms/prs3.yaml");
         let closed = "home: {q1: 0.57693, s1.3: -0.57693, q2: 0.57693, q3: 0.57693}";
         let guessed = "home: {q1: 0.6, s1.1: 1.2, s1.3: 1.4, q2: 0.6, q3: 0.6}";
@@ -205,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_closes_the_gap_is_told_and_nothing_proposed() {
+    fn if_nothing_closes_the_gap_is_reported_and_nothing_proposed() {
         // cranks at a distance of 1 with links of 1 and 9
         let text = "name: fourbar\nlimbs:\n  - name: left\n    joints:\n      \
                     - {name: q1, type: revolute, body: 1, actuated: true}\n      \

@@ -13,7 +13,7 @@ use super::rows::lengths_of;
 const MAX_SIZE_IN_UNITS: f64 = 16.0;
 /// Ratio of neighbouring units: a power of two, so that scaling changes no digit.
 const UNIT_RATIO: f64 = 256.0;
-/// Largest number of steps to the unit; a size beyond them is no length.
+/// Largest number of steps to the unit; a size beyond them is not a length.
 const MAX_UNIT_STEPS: usize = 120;
 
 /// The units of coordinates and of closure rows, as multiples of the spec's units.

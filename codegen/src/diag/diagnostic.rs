@@ -1,4 +1,4 @@
-//! A single error in a text.
+//! An error in a spec or another text, with its place.
 
 use super::Span;
 
@@ -7,7 +7,8 @@ use super::Span;
 pub struct Diagnostic {
     /// What is wrong, without the path: `unknown joint type 'prismtic'; did you mean 'prismatic'?`.
     pub message: String,
-    /// The path in words, empty at the top of the file: `limb 'limb2', joint 'q7'`.
+    /// The enclosing elements in words, such as `limb 'limb2', joint 'q7'`; empty at the top level
+    /// of the file.
     pub path: String,
     /// The place in the text.
     pub span: Span,
@@ -81,7 +82,7 @@ impl Diagnostic {
     }
 }
 
-/// A character as it is written in a one-line message: control characters are escaped.
+/// A character for a message of one line: control characters, such as line breaks, are escaped.
 fn printable(c: char) -> impl Iterator<Item = char> {
     let escaped = if c.is_control() {
         c.escape_default().collect::<Vec<_>>()

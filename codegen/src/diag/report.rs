@@ -6,7 +6,7 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use super::{Diagnostic, Position, Source, Span};
 
-/// Largest number of errors that are printed: nobody reads on in a file that is wrong everywhere.
+/// Largest number of errors that are printed: nobody reads more of a file that is wrong everywhere.
 const MAX_SHOWN_ERRORS: usize = 100;
 /// Lines of context above and below a place.
 const CONTEXT_LINES: usize = 1;
@@ -20,7 +20,7 @@ pub struct Report {
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// An error with its place as line and column, for output that programs read.
+/// An error with its line and column, for machine-readable output.
 #[derive(Clone, Copy, Debug)]
 pub struct LocatedDiagnostic<'a> {
     name: &'a str,
@@ -81,7 +81,8 @@ impl Report {
 
     fn render_one(&self, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
         let mut group = Group::with_title(Level::ERROR.primary_title(diagnostic.headline()));
-        // the renderer scans the whole text that it gets: pass only the lines around each place
+        // the renderer scans all text that it is given, so that it gets only the lines around the
+        // error
         let mut spans = vec![(diagnostic.span, diagnostic.label.as_deref(), true)];
         spans.extend(
             diagnostic
@@ -117,7 +118,7 @@ impl Report {
         renderer.render(&[group])
     }
 
-    /// The part of a span on its first line: carets under whole blocks are of no use.
+    /// The part of a span on its first line, since carets under whole blocks are of no use.
     fn on_one_line(&self, span: Span) -> Span {
         let text = &self.source.text[span.start..span.end];
         let line = text.split(['\n', '\r']).next().unwrap_or(text);

@@ -5,12 +5,12 @@ use crate::kinematics::{Frames, Rates, spring_column};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph};
 
-/// The efforts in the joints of the tree for a value 1 of the parameter, as coordinates with
-/// factors; other coordinates have none. Empty for inertial parameters.
+/// The efforts in the joints of the tree for a value of 1 of the parameter, as pairs of coordinate
+/// and effort; the other coordinates have no effort. Empty for inertial parameters.
 ///
-/// What remains at rest (offsets, springs, terms without the rate) belongs to the forces at rest,
-/// with gravity; of an effort term, the rates without gravity leave the part that the velocity
-/// causes.
+/// Efforts that remain at rest (offsets, springs, effort terms without the rate) are included only
+/// if `rates.gravity` is set, as gravity is. Of an effort term that depends on the rate, the part
+/// that vanishes at rest remains if it is not set.
 pub fn effort_column(
     g: &mut Graph,
     model: &Model,

@@ -1,4 +1,4 @@
-//! The seam between programs and languages: how a language spells operations and statements.
+//! The interface between programs and languages: how a language spells operations and statements.
 //!
 //! `body` decides the order of statements and which values have names; a [`Language`] writes them.
 
@@ -21,9 +21,9 @@ pub(super) struct Limits {
 /// The texts of a linear system's operands.
 #[derive(Debug)]
 pub(super) struct Solve<'s> {
-    /// The names of the unknowns, one row for each, with `None` for those that nothing uses.
+    /// The names of the unknowns, one row for each, with `None` for unused ones.
     pub(super) results: Vec<Vec<Option<&'s str>>>,
-    /// Whether the unknowns have names that `results` gives; else [`Language::solved`] refers to
+    /// Whether the unknowns have the names in `results`; otherwise [`Language::solved`] refers to
     /// them.
     pub(super) is_named: bool,
     /// All rows of A.
@@ -32,16 +32,16 @@ pub(super) struct Solve<'s> {
     pub(super) rhs: Vec<Vec<String>>,
     /// The solution in the fixed order of pivots, one row for each unknown.
     pub(super) fixed: Vec<Vec<String>>,
-    /// The pivots of the fixed order, each with the absolute value that it usually has.
+    /// The pivots of the fixed order, each with its usual absolute value.
     pub(super) pivots: Vec<(String, f64)>,
 }
 
 /// The spelling of operations and statements in a language.
 ///
-/// Statements are written into a [`Text`], those of blocks at a depth of two levels of indentation
-/// where a language nests blocks, and at one where it does not.
+/// Statements are written into a [`Text`]. Those of blocks are indented by two levels if the
+/// language nests blocks, and by one if it does not.
 pub(super) trait Language {
-    /// Words that are no names in this language, and names that every body uses.
+    /// The language's reserved words, and names that every body uses.
     fn reserved(&self) -> &'static [&'static str];
 
     /// How many values are bound to names.
@@ -56,28 +56,28 @@ pub(super) trait Language {
     /// The unknown of a large solve, by row and right-hand side.
     fn solved(&self, row: usize, column: usize) -> String;
 
-    /// An entry of the array that keeps values between blocks where they are too many for names.
+    /// An entry of the array that passes values between blocks if they are too many for names.
     fn kept(&self, entry: usize) -> String {
         format!("kept[{entry}]")
     }
 
-    /// The statements before all blocks. `kept`: the length of the array of kept values, if there
-    /// is one.
+    /// The statements before all blocks. `kept`: the length of the array that passes values between
+    /// blocks, if there is one.
     fn begin(&self, text: &mut Text, program: &Program, kept: Option<usize>);
 
     /// Binds elements of an argument to names, in their order; those without a name are not used.
     fn bind_argument(&self, text: &mut Text, argument: &str, names: &[Option<&str>]);
 
-    /// Opens a block that hands values of these names on.
+    /// Opens a block that exports the values with these names.
     fn open_block(&self, text: &mut Text, title: &str, exports: &[String]);
 
-    /// Closes a block that hands values of these names on.
+    /// Closes a block that exports the values with these names.
     fn close_block(&self, text: &mut Text, exports: &[String]);
 
     /// Binds a value to a name.
     fn bind(&self, text: &mut Text, name: &str, value: &str);
 
-    /// Assigns to an entry of the array of kept values.
+    /// Assigns to an entry of the array that passes values between blocks.
     fn keep(&self, text: &mut Text, entry: &str, value: &str);
 
     /// Binds the sine and cosine of an angle.
@@ -86,8 +86,8 @@ pub(super) trait Language {
     /// Binds the sines and cosines of several angles.
     fn sin_cos_all(&self, text: &mut Text, names: &[[Option<&str>; 2]], angles: &[String]);
 
-    /// Solves a system in the fixed order of pivots, anew with pivoting where the smallest pivot is
-    /// too small, and keeps the worst condition.
+    /// Solves a system in the fixed order of pivots and, if the smallest pivot is too small, again
+    /// with pivoting; updates the worst condition.
     fn solve(&self, text: &mut Text, solve: &Solve<'_>);
 
     /// The statement that stores an entry of the output, by its index in the order of the outputs.

@@ -13,7 +13,7 @@ mod motion;
 mod plausible;
 mod relations;
 pub mod table;
-mod unseen;
+mod unidentifiable;
 
 use core::fmt::{self, Write as _};
 
@@ -25,7 +25,7 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use motion::{Motions, ObservedMotion};
-use unseen::Bodies;
+use unidentifiable::Bodies;
 
 /// Number of closed states that are sampled.
 const SAMPLED_STATES: usize = 12;
@@ -334,7 +334,7 @@ pub fn explain(
         gravity: [0, 1, 2].map(|k: usize| model.gravity[k].value.to_f64()),
     };
     explanation.unidentifiable = bodies.without_effect(&analysis.base);
-    explanation.grouped = bodies.merged(&analysis.base);
+    explanation.grouped = bodies.grouped(&analysis.base);
     explanation
 }
 

@@ -1,4 +1,4 @@
-//! Warnings about values that were probably not meant.
+//! Warnings about values that are probably mistakes.
 
 use crate::diag::Span;
 use crate::model::{Model, contradicting_limits};
@@ -6,11 +6,12 @@ use crate::spec::Spec;
 
 use super::Fact;
 
-/// Angles beyond two turns are more often degrees than meant, rad.
+/// Angles beyond two turns, rad, are more likely degrees by mistake than intended.
 const MANY_TURNS_RAD: f64 = 4.0 * core::f64::consts::PI;
 
-/// Values of home below this do not say on which side of 0 the coordinate is to be, rad or m.
-const SIDED: f64 = 0.1;
+/// A value of home that is smaller than this, rad or m, does not show which sign of the coordinate is
+/// intended.
+const MIN_SIGNED: f64 = 0.1;
 
 /// The place where home gives the value of a coordinate.
 pub(super) fn home_place(spec: &Spec, coordinate: &str) -> Option<Span> {
@@ -38,14 +39,14 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         let name = &coordinate.name;
         let given = model.home[c].to_f64();
         if let Some(&closed) = home.get(c)
-            && given.abs() > SIDED
-            && closed.abs() > SIDED
+            && given.abs() > MIN_SIGNED
+            && closed.abs() > MIN_SIGNED
             && (given < 0.0) != (closed < 0.0)
             && model.dependent.contains(&c)
         {
             let text = format!(
-                "home of {name} is given as {given:.4} and closes at {closed:.4}, beyond 0: that may \
-                 be another assembly branch than the one that was meant"
+                "home of {name} is given as {given:.4} and closes at {closed:.4}, with the other \
+                 sign: this may not be the intended assembly branch"
             );
             facts.push(Fact::at(home_place(spec, name), text));
         }

@@ -153,13 +153,13 @@ impl Table {
             return out;
         }
         let numbers = self.rows.len().to_string().len().max(2);
-        let layers = self.rows.iter().map(|row| row.rests_on().len());
-        let layers = layers.max().unwrap_or(0).max("rests on".len());
+        let layers = self.rows.iter().map(|row| row.provenance().len());
+        let layers = layers.max().unwrap_or(0).max("evidence".len());
         let indent = 3 * GAP.len() + numbers + layers;
         let _ = writeln!(
             out,
             "\n{GAP}{:>numbers$}{GAP}{:<layers$}{GAP}base parameter",
-            "no", "rests on"
+            "no", "evidence"
         );
         for (k, row) in self.rows.iter().enumerate() {
             if let Some(payload) = self.payload_from(k) {
@@ -170,7 +170,7 @@ impl Table {
                 out,
                 "{GAP}{:>numbers$}{GAP}{:<layers$}{GAP}{}",
                 k + 1,
-                row.rests_on(),
+                row.provenance(),
                 lines.next().unwrap_or_default()
             );
             for line in lines {
@@ -186,7 +186,7 @@ impl Table {
         for (name, text) in &self.facts {
             let _ = writeln!(out, "- {name}: {text}");
         }
-        out.push_str("\n| No | Base parameter | Rests on |\n| --: | :-- | :-- |\n");
+        out.push_str("\n| No | Base parameter | Evidence |\n| --: | :-- | :-- |\n");
         for (k, row) in self.rows.iter().enumerate() {
             if let Some(payload) = self.payload_from(k) {
                 let _ = writeln!(out, "| | payload {payload}: | |");
@@ -196,7 +196,7 @@ impl Table {
                 "| {} | `{}` | {} |",
                 k + 1,
                 row.plain(),
-                row.rests_on()
+                row.provenance()
             );
         }
         out

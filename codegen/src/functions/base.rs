@@ -1,6 +1,6 @@
-//! Functions of base parameters. Forces depend on the eliminated parameters only through the base
-//! combinations, so any parameters with the right combinations give the right forces: the kept ones
-//! at the base parameters' values, the eliminated ones at zero.
+//! Functions of base parameters. Forces depend on all parameters only through the base combinations,
+//! so that any parameters with these combinations give the same forces. Here the kept parameters
+//! have the values of the base parameters, and the eliminated ones are zero.
 
 use crate::base::{Base, Term};
 use crate::sym::{Ex, Graph, SymbolId};
@@ -23,7 +23,7 @@ fn labels(cx: &Context<'_>, columns: impl Iterator<Item = usize>) -> Vec<String>
         .collect()
 }
 
-/// Columns of the base parameters that are not dropped.
+/// The columns of the kept parameters, without those that are dropped.
 fn kept_columns(base: &Base) -> impl Iterator<Item = usize> + '_ {
     base.parameters
         .iter()

@@ -59,7 +59,7 @@ pub(super) fn regressor_columns(cx: &mut Context<'_>, wanted: &[bool]) -> Vec<Ve
     columns_of(cx, &rates, wanted)
 }
 
-/// The title of the columns behind those of the bodies.
+/// The title of the columns that follow those of the bodies.
 pub(super) fn remaining_columns(model: &Model) -> &'static str {
     let mut parameters = model.parameters.iter();
     let springs = parameters.any(Parameter::is_spring_or_term);
@@ -105,15 +105,15 @@ pub(super) fn adaptive_regressor(cx: &mut Context<'_>) -> Groups {
     regressor_groups(cx, &rates)
 }
 
-/// The part of the forces that is computed.
+/// The motion for which forces are computed, which selects a part of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Motion {
-    /// All forces, for the rates of the arguments.
+    /// The given velocities and accelerations, with gravity: all forces.
     Given,
-    /// Forces of gravity only, at rest.
+    /// At rest, with gravity: the forces of gravity, springs and offsets.
     Rest,
-    /// Forces of the velocities only: without gravity, and with zero accelerations of the
-    /// independent coordinates.
+    /// The given velocities, zero accelerations of the independent coordinates, and no gravity: the
+    /// forces that the velocities cause.
     Coasting,
 }
 

@@ -2,9 +2,9 @@
 //!
 //! A running error analysis (Wilkinson; Higham, *Accuracy and Stability of Numerical Algorithms*,
 //! section 3.3): each value carries a bound that the error of a computation in the given format
-//! cannot exceed, whatever multiply-adds the compiler fuses, as long as nothing overflows or
-//! underflows. The bound follows from the operations and the sizes of their operands at the state
-//! in question; nothing in it is fitted.
+//! cannot exceed, whichever multiply-adds the compiler fuses, as long as nothing overflows or
+//! underflows. The bound follows from the operations and the sizes of their operands at the given
+//! state; it has no fitted constants.
 
 use std::marker::PhantomData;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -91,7 +91,7 @@ impl<P: Precision> Rounded<P> {
         Self::new(value, value.abs() * P::UNIT)
     }
 
-    /// The result of an operation: adds its rounding error to the error of its operands.
+    /// The result of an operation: adds its own rounding error to the propagated `error`.
     fn after(value: f64, error: f64) -> Self {
         Self::new(value, error + (value.abs() + error) * P::UNIT)
     }
@@ -165,8 +165,8 @@ impl<P: Precision> Number for Rounded<P> {
 
     fn sqrt(self) -> Self {
         let root = libm::sqrt(self.value);
-        // the error of the root is at most that of the value over twice the smallest root; beside
-        // zero, where that is infinite, it is at most the root of the error
+        // the error of the root is at most that of the value over twice the smallest root; near
+        // zero, where this is infinite, it is at most the root of the error
         let smallest = libm::sqrt((self.value - self.error).max(0.0));
         let by_slope = self.error / (2.0 * smallest);
         let error = if by_slope.is_finite() {

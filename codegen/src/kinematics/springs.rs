@@ -9,12 +9,12 @@ use crate::sym::{Ex, Graph, V3};
 
 use super::{Frames, Rates};
 
-/// The efforts in the joints of the tree for a value 1 of the parameter of a spring or an effort
-/// term, N m or N, as coordinates with factors; other coordinates have none. Empty for other
-/// parameters.
+/// The efforts in the joints of the tree for a value of 1 of the parameter of a spring or an effort
+/// term, as pairs of coordinate and effort, N m or N; the other coordinates have no effort. Empty
+/// for other parameters.
 ///
-/// What remains at rest belongs to the forces at rest, with gravity; without gravity, an effort term
-/// leaves the part that the velocity causes.
+/// Springs count only if `rates.gravity` is set, since their forces remain at rest as gravity does.
+/// If it is not set, an effort term has the part that vanishes at rest.
 pub fn spring_column(
     g: &mut Graph,
     model: &Model,
@@ -39,7 +39,7 @@ pub fn spring_column(
     }
 }
 
-/// The factor of an effort term; without gravity, less its value at rest.
+/// The factor of an effort term; if `rates.gravity` is not set, minus its value at rest.
 fn term_factor(g: &mut Graph, model: &Model, rates: &Rates, term: &EffortTerm) -> Ex {
     let q = g.symbol(&model.coordinates[term.coordinate].name);
     let qd = rates.qd[term.coordinate];
@@ -126,8 +126,8 @@ fn call(g: &mut Graph, function: Function, a: Ex) -> Ex {
     }
 }
 
-/// The efforts that a spring between points takes, by the coordinates that change its length: the
-/// spring pulls each point towards the other.
+/// The efforts that balance a spring between two points, at the coordinates that change its length.
+/// The spring pulls each point towards the other.
 fn point_spring(
     g: &mut Graph,
     frames: &Frames,
@@ -140,14 +140,14 @@ fn point_spring(
         let point = end.point.each_ref().map(|q| frames.length(g, q));
         (point, position(g, frames, end, &point, meeting))
     });
-    // from the second point to the first, in the axes of the link that both paths meet at
+    // from the second point to the first, in the axes of the link at which both paths meet
     let span = g.sub3(&from.1, &to.1);
     let scale = |g: &mut Graph, factor: Ex| g.scale3(factor, &span);
     let distance = |g: &mut Graph| {
         let square = g.dot3(&span, &span);
         g.sqrt(square)
     };
-    // the force on the first point, less its sign: the gradient of the spring's energy there
+    // minus the force on the first point: the gradient of the spring's energy there
     let force = match (part, &spring.force) {
         (
             SpringPart::Stiffness,
@@ -181,13 +181,13 @@ fn point_spring(
     column
 }
 
-/// The links from `link` down to the one before `meeting`, tip first.
+/// The links on the path from `link` inward to the one before `meeting`.
 fn links_to(frames: &Frames, link: Option<usize>, meeting: Option<usize>) -> Vec<usize> {
     let path = std::iter::successors(link, |at| frames.links[*at].parent);
     path.take_while(|at| Some(*at) != meeting).collect()
 }
 
-/// The last link that carries both links; `None` is the world.
+/// The outermost link that carries both links; `None` is the world.
 fn common_link(frames: &Frames, a: Option<usize>, b: Option<usize>) -> Option<usize> {
     let of_a = links_to(frames, a, None);
     let of_b = links_to(frames, b, None);

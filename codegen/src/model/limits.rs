@@ -3,7 +3,7 @@
 use super::{Coupling, Model};
 
 /// The part of the narrower of two ranges that they must share at least.
-const LEAST_SHARED_PART: f64 = 1e-3;
+const MIN_SHARED_PART: f64 = 1e-3;
 
 /// The couplings whose limits leave the joint that follows next to no range: for each, the
 /// coordinate that follows, and the range (rad or m) that the coordinates it follows give it by
@@ -46,7 +46,7 @@ fn contradiction(
     }
     let shared = own[1].min(range[1]) - own[0].max(range[0]);
     let narrow = (own[1] - own[0]).min(range[1] - range[0]);
-    (narrow > 0.0 && shared < LEAST_SHARED_PART * narrow).then_some(range)
+    (narrow > 0.0 && shared < MIN_SHARED_PART * narrow).then_some(range)
 }
 
 #[cfg(test)]

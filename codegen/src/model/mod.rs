@@ -201,8 +201,9 @@ impl Model {
             .is_some_and(|m| m.kind == MotionKind::Translation)
     }
 
-    /// How far a coordinate may be expected to move where joints turn by `turn` (rad) and slide by
-    /// `slide` (m): these, and for a drive their sum over its joints with the sizes of the factors.
+    /// How far a coordinate is expected to move if joints turn by `turn` (rad) and slide by `slide`
+    /// (m): by the same amount, or for a drive by the sum over its joints, times the sizes of the
+    /// factors.
     pub fn reach(&self, coordinate: usize, turn: f64, slide: f64) -> f64 {
         let of_joint = |c: usize| if self.slides(c) { slide } else { turn };
         match self.form_of_drive(coordinate) {

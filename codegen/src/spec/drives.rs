@@ -1,5 +1,6 @@
-//! Drives: motors whose coordinates are linear in those of joints. A drive is the same as a massless
-//! joint from the world and a coupling, and becomes these two here: the mechanism knows no others.
+//! Drives: motors whose coordinates are linear in those of joints. A drive is equivalent to a
+//! massless joint on the world with a coupling, and is replaced by these two here, so that the model
+//! has no drives.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +16,7 @@ impl RawSpec {
         all.map(|(name, drive)| (name, drive))
     }
 
-    /// The joints that stand for the drives.
+    /// The joints that represent the drives.
     pub(super) fn drive_joints(&self) -> Vec<RawJoint> {
         let all = self.drives();
         all.map(|(name, drive)| drive.joint(name)).collect()
@@ -23,14 +24,14 @@ impl RawSpec {
 }
 
 impl RawDrive {
-    /// The massless joint that stands for the drive, with its friction, offset, rotor, limits and
+    /// The massless joint that represents the drive, with its friction, offset, rotor, limits and
     /// nominal values.
     pub(super) fn joint(&self, name: &Name) -> RawJoint {
         RawJoint {
             name: Some(name.clone()),
             kind: Chosen {
                 value: self.kind.value.joint(),
-                // nominal values that are written into the text follow the form
+                // nominal values are written into the text after the end of the form
                 span: self.of.span,
             },
             dh: None,
@@ -58,7 +59,7 @@ impl RawDrive {
     }
 }
 
-/// The values of coordinates at home that were computed so far; `None` for those that home does not
+/// The values of coordinates at home that have been computed; `None` for those that home does not
 /// determine.
 type Known<'a> = BTreeMap<&'a str, Option<Number>>;
 
@@ -69,8 +70,8 @@ impl Spec {
         self.form_at_home(form, None, &mut Known::new())
     }
 
-    /// A drive's coordinate at home, rad or m: as stated, or where its form has it, with 0 for joints
-    /// about which home states nothing.
+    /// A drive's coordinate at home, rad or m: the stated one, or the value of its linear form, with
+    /// 0 for joints that home does not state.
     pub fn home_of_drive(&self, drive: &str) -> Option<Number> {
         self.home_of(drive, Some(&Number::zero()), &mut Known::new())
     }

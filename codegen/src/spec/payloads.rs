@@ -1,16 +1,16 @@
-//! Payloads: bodies that are carried in some runs of an experiment only.
+//! Payloads: bodies that are carried only in some runs of an experiment.
 
 use super::types::Spec;
 
-/// What a description with payloads stands for.
+/// Which robot a spec with payloads describes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Payloads {
-    /// The robot with and without its payloads: their base parameters are apart from the robot's.
+    /// The robot with and without its payloads, whose base parameters are separate from the robot's.
     #[default]
     Apart,
     /// The robot without its payloads: they have no parameters.
     Absent,
-    /// The robot that always carries its payloads: they are bodies like all others.
+    /// The robot that always carries its payloads: they are bodies like any others.
     Carried,
 }
 
@@ -24,7 +24,7 @@ impl Spec {
             .collect()
     }
 
-    /// The spec where the payloads are always or never carried.
+    /// The spec of the robot that `payloads` selects.
     #[must_use]
     pub fn with_payloads(mut self, payloads: Payloads) -> Self {
         if payloads == Payloads::Apart {

@@ -1,11 +1,12 @@
 //! Suggestions for misspelt words ("did you mean").
 
-/// The text `; did you mean 'x'?` if a known word is near, else an empty text.
+/// The text `; did you mean 'x'?` if a known word is similar, else an empty text.
 pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest(word, known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
 }
 
-/// The known word nearest to a misspelt one, the first of equally near ones; `None` if all are far.
+/// The known word that is most similar to a misspelt one, the first of equally similar ones; `None`
+/// if none is within one typing error in a short word, or two in a longer one.
 ///
 /// ```
 /// use regen_codegen::spec::nearest;
@@ -14,7 +15,7 @@ pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a s
 /// assert_eq!(nearest("draw", ["check", "view"]), None);
 /// ```
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // bounds of the time for a comparison
+    // these limits bound the time that a hostile file can take
     const MAX_WORD_LENGTH: usize = 64;
     const MAX_CANDIDATES: usize = 1000;
     // allow one typing error in short words, two in longer ones

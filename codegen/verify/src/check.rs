@@ -1,5 +1,5 @@
-//! A check: a statement that must hold, its largest error, the bound of the error, and the state
-//! where the error is largest.
+//! The result of a check: the statement that must hold, the largest error, its bound, and the state
+//! at which the error is largest.
 
 /// The statement that a check tests, with its names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl Check {
         }
     }
 
-    /// A check that holds if `worst` is within `bound`.
+    /// A check that holds if the error `worst` is at most `bound`.
     pub fn of(what: Statement, worst: f64, bound: f64) -> Self {
         Self {
             what,
@@ -128,10 +128,15 @@ impl Report {
 /// error and the largest bound are reported.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Worst {
+    /// The largest error.
     figure: f64,
+    /// The largest bound.
     bound: f64,
+    /// The state with the largest error.
     place: Option<usize>,
+    /// Whether an error exceeded its own bound.
     missed: bool,
+    /// Whether anything was compared.
     compared: bool,
 }
 
@@ -185,6 +190,7 @@ impl Identities {
         self.worst.push((Statement::identity(statement), worst));
     }
 
+    /// One check for each identity.
     pub(crate) fn checks(self) -> Vec<Check> {
         let all = self.worst.into_iter();
         all.map(|(what, worst)| worst.check(what)).collect()
@@ -198,7 +204,7 @@ mod tests {
     const WHAT: Statement = Statement::identity("a = b");
 
     #[test]
-    fn what_is_no_number_or_has_no_bound_fails() {
+    fn errors_and_bounds_that_are_not_finite_fail() {
         assert_eq!(Check::of(WHAT, 1e-16, 1e-15).verdict, Verdict::Holds);
         for (figure, bound) in [
             (1e-14, 1e-15),

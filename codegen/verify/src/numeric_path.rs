@@ -19,9 +19,10 @@ use crate::vector::larger;
 const ROWS_PER_COLUMN: usize = 4;
 /// Number of random parameter vectors that are projected on the base parameters.
 const PROJECTED_VECTORS: usize = 8;
-/// Bound of the angle between the null spaces, rad.
+/// The largest accepted angle between the analytic and the numeric null space, rad.
 const MAX_ANGLE_RAD: f64 = 1e-6;
-/// Bound of the error of the projected forces, relative to the largest force.
+/// The largest accepted change of the forces when parameters are replaced by their base parameters,
+/// relative to the largest force.
 const MAX_PROJECTION_ERROR: f64 = 1e-9;
 
 /// The comparison of the numeric method with the analytic base parameters.
@@ -70,7 +71,7 @@ impl NumericPath {
     }
 }
 
-/// The base parameters of a robot.
+/// The analysis of a robot's base parameters; an error if the robot has none.
 pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, VerifyError> {
     robot.analysis.as_ref().ok_or_else(|| VerifyError::NoBase {
         robot: robot.name.clone(),
@@ -78,8 +79,9 @@ pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, VerifyError> {
     })
 }
 
-/// The number of states, by default as many as give enough rows.
-fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
+/// The number of states: the one that is asked for, if it gives at least as many rows as columns, or
+/// by default one that gives [`ROWS_PER_COLUMN`] in each run.
+fn state_count(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
     let (columns, dof) = (robot.parameters.len(), robot.independent.len().max(1));
     let least = columns.div_ceil(dof).max(1);
     match wanted {
@@ -98,8 +100,8 @@ fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
     }
 }
 
-/// The observation matrix over random closed states. With payloads, the states are in turn those of
-/// runs without any and of runs with one of them.
+/// The observation matrix over random closed states. With payloads, the states alternate between a
+/// run without payload and a run with each payload; columns of absent payloads are zero.
 fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<f64>, VerifyError> {
     let model = Interpreted::new(robot);
     let mut closure = LoopClosure::new(&model)?;
@@ -129,14 +131,15 @@ fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<
 }
 
 /// Checks a robot's base parameters against the numeric method, over the given number of random
-/// closed states, or by default as many as give four rows per column.
+/// closed states, or by default as many as give four rows per column without payload and with each
+/// payload.
 ///
 /// # Errors
-/// If the robot has no base parameters, the states are too few, or no closed state is found, or the
-/// singular values are not.
+/// If the robot has no base parameters, the states are too few, no closed state is found, or the
+/// singular values do not converge.
 pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath, VerifyError> {
     let analysis = analysis(robot)?;
-    let states = enough(robot, states)?;
+    let states = state_count(robot, states)?;
     let base = &analysis.base;
     let mut random = Random::new(SEED);
     let w = observe(robot, states, &mut random)?;
@@ -177,7 +180,7 @@ pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath,
     })
 }
 
-/// The checks of the comparison. A doubtful rank is no evidence against the certificate or the
+/// The checks of the comparison. A doubtful rank is not evidence against the certificate or the
 /// analytic rank, and is not compared with them.
 fn checks(
     analysis: &Analysis,
@@ -216,7 +219,7 @@ fn checks(
 /// The columns that `base` of the spec does not remove, in order.
 struct KeptColumns {
     columns: Vec<usize>,
-    /// For each column, its index among them.
+    /// For each column of the model, its index in `columns`; `None` if `base` removes it.
     place: Vec<Option<usize>>,
 }
 
@@ -235,8 +238,8 @@ impl KeptColumns {
         self.place.get(column).copied().flatten()
     }
 
-    /// The matrix over these columns; each removed column is added to those that replace it, with
-    /// their factors.
+    /// The observation matrix over these columns. Each removed column is added, times its factors,
+    /// to the columns of the parameters that express the removed one.
     fn columns_of(&self, w: &DMatrix<f64>, base: &Base) -> DMatrix<f64> {
         let mut reduced = w.select_columns(&self.columns);
         for known in &base.known {
@@ -250,6 +253,7 @@ impl KeptColumns {
         reduced
     }
 
+    /// The analytic null directions, with one entry for each of these columns.
     fn null_directions(&self, base: &Base) -> Vec<DVector<f64>> {
         let direction = |row: &NullDirection| {
             let mut direction = DVector::zeros(self.columns.len());

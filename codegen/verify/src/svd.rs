@@ -1,4 +1,4 @@
-//! Singular values; all other files use this iteration.
+//! The singular value decomposition that all other files use.
 
 use nalgebra::{DMatrix, Dyn, SVD};
 

@@ -1,23 +1,26 @@
-//! Numbers and texts in CDR, the encoding of DDS, by the rules of its first version (XCDR1).
+//! Reads numbers and strings in CDR, the encoding of DDS, in its first version (XCDR1).
 
-/// Bytes in front of the data: two of the encoding's kind, two of options.
+/// The length of the encapsulation header in front of the data, in bytes: two identify the encoding,
+/// two hold options.
 const ENCAPSULATION: usize = 4;
-/// Most bytes behind the data, which fill it up to a multiple of four.
+/// The largest number of bytes that pad the data to a multiple of four.
 const MAX_PADDING: usize = 3;
 
-/// A position in the data of a message.
+/// A reader at a position in the data of a message.
 pub(crate) struct Cdr<'a> {
     data: &'a [u8],
+    /// The position in `data`; alignment counts from its start.
     at: usize,
+    /// Whether numbers have their most significant byte first.
     big: bool,
 }
 
 impl<'a> Cdr<'a> {
-    /// The data behind the encapsulation's head.
+    /// A reader at the start of the data, after the encapsulation header.
     pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, String> {
         let (head, data) = bytes
             .split_at_checked(ENCAPSULATION)
-            .ok_or_else(|| format!("{} bytes are no message in CDR", bytes.len()))?;
+            .ok_or_else(|| format!("it has {} bytes, too few for CDR", bytes.len()))?;
         let big = match head {
             [0, 0, ..] => true,
             [0, 1, ..] => false,
@@ -26,22 +29,22 @@ impl<'a> Cdr<'a> {
                     "its encoding {a:#04x} {b:#04x} is not plain CDR of version 1"
                 ));
             }
-            _ => return Err("it has no head".to_owned()),
+            _ => return Err("it has no encapsulation header".to_owned()),
         };
         Ok(Self { data, at: 0, big })
     }
 
-    /// The number of bytes that are left.
+    /// The number of bytes that have not been read.
     pub(crate) fn left(&self) -> usize {
         self.data.len() - self.at
     }
 
-    /// Returns an error if data are left.
+    /// Returns an error if more than padding has not been read.
     pub(crate) fn finish(&self) -> Result<(), String> {
         match self.left() {
             0..=MAX_PADDING => Ok(()),
             more => Err(format!(
-                "{more} bytes are left behind its last field: its definition is another one"
+                "{more} bytes follow its last field: it does not match its definition"
             )),
         }
     }
@@ -51,7 +54,7 @@ impl<'a> Cdr<'a> {
         let found = end.and_then(|end| self.data.get(self.at..end));
         let found = found.ok_or_else(|| {
             format!(
-                "it ends at byte {} of its data, where {count} more are needed",
+                "it ends at byte {} of its data, although {count} more bytes are needed",
                 self.data.len()
             )
         })?;
@@ -59,7 +62,8 @@ impl<'a> Cdr<'a> {
         Ok(found)
     }
 
-    /// The bytes of a number, the most significant last, at the next multiple of its size.
+    /// Reads the bytes of a number, at the next multiple of its size. Returns them with the least
+    /// significant byte first.
     pub(crate) fn primitive<const N: usize>(&mut self) -> Result<[u8; N], String> {
         let padding = (N - self.at % N) % N;
         self.bytes(padding)?;
@@ -73,7 +77,8 @@ impl<'a> Cdr<'a> {
         Ok(out)
     }
 
-    /// The number of elements of a sequence, each of which has a byte at least.
+    /// Reads the number of elements of a sequence. Each element takes at least one byte, so that a
+    /// number beyond the remaining bytes is an error; otherwise it could cause a huge allocation.
     pub(crate) fn count(&mut self) -> Result<usize, String> {
         let count = u32::from_le_bytes(self.primitive()?);
         let count = usize::try_from(count).unwrap_or(usize::MAX);
@@ -87,7 +92,7 @@ impl<'a> Cdr<'a> {
         Ok(count)
     }
 
-    /// A text of bytes with a zero at its end.
+    /// Reads a `string`: UTF-8 with a zero byte at the end.
     pub(crate) fn text(&mut self) -> Result<String, String> {
         let count = self.count()?;
         let bytes = self.bytes(count)?;
@@ -98,7 +103,7 @@ impl<'a> Cdr<'a> {
             .map_err(|_| format!("the text that ends at byte {at} of its data is not UTF-8"))
     }
 
-    /// A text of two bytes a character.
+    /// Reads a `wstring`: UTF-16 without a zero at the end.
     pub(crate) fn wide_text(&mut self) -> Result<String, String> {
         let count = self.count()?;
         let units: Result<Vec<u16>, String> = (0..count)
@@ -129,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_cdr_is_refused() {
+    fn malformed_cdr_is_an_error() {
         assert!(Cdr::new(&[0, 1, 0]).is_err());
         let error = Cdr::new(&[0, 3, 0, 0]).err().unwrap();
         assert!(error.contains("0x00 0x03"), "{error}");

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::log::Topic;
 
-/// Why a recording cannot be read.
+/// The reason why a recording cannot be read.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum BagError {
@@ -22,16 +22,16 @@ pub enum BagError {
     Database {
         /// The file.
         file: PathBuf,
-        /// Where in it, in words.
+        /// The place in it, in words.
         place: String,
         /// The reason.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// A file or folder is no recording that is read here.
+    /// A file or folder is not a recording in a supported format.
     NotABag {
         /// The file.
         file: PathBuf,
-        /// What it is or lacks, and what to do.
+        /// The reason and the remedy, in words.
         why: String,
     },
     /// An MCAP file ends before its end.
@@ -40,13 +40,13 @@ pub enum BagError {
         file: PathBuf,
         /// Its length, bytes.
         length: u64,
-        /// Where the record begins that is cut, bytes from the start of the file; the length where
-        /// the file ends between two records.
+        /// The offset of the incomplete record, bytes from the start of the file; the length if the
+        /// file ends between two records.
         record: u64,
-        /// What can be read before that.
+        /// The topics, with the messages that can be read before that.
         readable: Vec<Topic>,
     },
-    /// A part of a file is not what the format says.
+    /// A part of a file violates its format.
     Broken {
         /// The file.
         file: PathBuf,
@@ -63,7 +63,7 @@ pub enum BagError {
         topic: String,
         /// Its number on the topic, from 1.
         number: u64,
-        /// Where it is, in words.
+        /// The place in the file, in words.
         place: String,
         /// The reason, in words.
         why: String,
@@ -73,7 +73,7 @@ pub enum BagError {
     Topic {
         /// The file.
         file: PathBuf,
-        /// What is wrong, and what to do.
+        /// The reason and the remedy, in words.
         why: String,
         /// All topics of the recording.
         topics: Vec<Topic>,
@@ -89,10 +89,10 @@ pub enum BagError {
     },
 }
 
-/// Most topics in a message.
+/// The most topics that an error message lists.
 const MAX_LISTED: usize = 20;
 
-/// Topics with types and counts, one a line.
+/// The topics with their types and numbers of messages, one per line.
 fn list(topics: &[Topic]) -> String {
     let shown = topics.iter().take(MAX_LISTED);
     let mut lines: Vec<String> = shown.map(|topic| format!("\n  {topic}")).collect();
@@ -118,7 +118,7 @@ impl BagError {
         }
     }
 
-    /// The reason without the file's path, and what to do.
+    /// The reason and the remedy, without the file's path.
     ///
     /// ```
     /// let error = regen_bags::topics("missing.mcap".as_ref()).unwrap_err();

@@ -125,7 +125,7 @@ pub(crate) fn parts(path: &Path) -> Result<Vec<Part>, BagError> {
     let metadata = path.join(METADATA);
     if !metadata.exists() {
         return Err(refused(
-            "this folder has no metadata.yaml and is no bag: name a file in it, or let \
+            "this folder has no metadata.yaml and is not a bag: name a file in it, or let \
              `ros2 bag reindex` write the metadata"
                 .to_owned(),
         ));

@@ -1,9 +1,9 @@
-//! The numbers of one message, by joint.
+//! Assigns the numbers of a message to joints.
 
 use crate::definition::Message;
 use crate::known::{Arrangement, Decoder};
 
-/// What the numbers of a message belong to.
+/// The joint and quantity that each number of a message belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Shape {
     /// The names of the joints.
@@ -22,7 +22,8 @@ pub(crate) struct Sample {
     pub(crate) values: Vec<f64>,
 }
 
-/// The lists of a point of a controller's state, with the prefixes of their columns.
+/// The lists of a `JointTrajectoryPoint` in a controller's state, with the prefixes of their
+/// columns.
 const LISTS: [(&str, &str); 4] = [
     ("positions", ""),
     ("velocities", "qd_"),
@@ -30,14 +31,15 @@ const LISTS: [(&str, &str); 4] = [
     ("effort", "tau_"),
 ];
 
-/// The points of a controller's state, each with the name in earlier versions and the prefix.
+/// The points of a controller's state: the field's name, its name in earlier versions of the
+/// message, and the prefix of its columns.
 const POINTS: [(&str, &str, &str); 3] = [
     ("feedback", "actual", ""),
     ("reference", "desired", "cmd_"),
     ("output", "output", "out_"),
 ];
 
-/// The prefix of an interface's columns.
+/// The prefix of the columns of a `ros2_control` interface.
 pub(crate) fn interface_prefix(name: &str) -> String {
     match name {
         "position" => String::new(),
@@ -52,7 +54,7 @@ impl Sample {
     /// Decodes a message.
     pub(crate) fn read(decoder: &Decoder, data: &[u8]) -> Result<Self, String> {
         let message = decoder.decode(data)?;
-        let lacks = |name: &str| format!("it has no field `{name}` of its type");
+        let lacks = |name: &str| format!("it has no field `{name}` of the expected type");
         let stamp = message.message("header").and_then(|h| h.message("stamp"));
         let stamp = stamp.ok_or_else(|| lacks("header"))?;
         let part = |name: &str| stamp.number(name).ok_or_else(|| lacks(name));
@@ -98,7 +100,7 @@ impl Sample {
         Ok(out)
     }
 
-    /// Adds a list with a number for each joint, or none at all.
+    /// Adds a list with one number for each joint; an empty list adds nothing.
     fn add(&mut self, prefix: &str, values: &[f64], what: &str) -> Result<(), String> {
         let joints = self.shape.joints.len();
         if values.is_empty() {
@@ -120,7 +122,7 @@ impl Sample {
     fn interfaces(&mut self, message: &Message) -> Result<(), String> {
         let all = message
             .messages("interface_values")
-            .ok_or("it has no field `interface_values` of its type")?;
+            .ok_or("it has no field `interface_values` of the expected type")?;
         if all.len() != self.shape.joints.len() {
             return Err(format!(
                 "{} lists of interfaces for {} joints",

@@ -7,9 +7,9 @@ use crate::joints::{Sample, Shape};
 use crate::storage::Messages;
 use crate::survey::TopicSurvey;
 
-/// Nanoseconds of a second.
+/// One nanosecond, s.
 const NANO: f64 = 1e-9;
-/// Most lists of joints in an error.
+/// The most lists of joints that an error contains.
 const MAX_LISTED: usize = 5;
 
 /// The content of a column.
@@ -17,13 +17,13 @@ const MAX_LISTED: usize = 5;
 enum Column {
     /// The stamp of the header.
     Stamp,
-    /// When the message was received.
+    /// The time at which the message was received.
     Received,
-    /// A quantity, as a prefix, of a joint.
+    /// A quantity, given by its prefix, of a joint.
     Of(String, String),
 }
 
-/// Columns of numbers of a topic, of joints that are sent together.
+/// The columns of a topic for joints that are sent together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     path: PathBuf,
@@ -31,7 +31,7 @@ pub struct Table {
     type_name: String,
     /// The stamp from which the times count, ns.
     pub(crate) start: i64,
-    /// When the first message was received, ns.
+    /// The time at which the first message was received, ns.
     first_received: i64,
     columns: Vec<Column>,
     titles: Vec<String>,
@@ -44,13 +44,13 @@ pub struct Table {
 pub struct Row {
     /// The number of the message on its topic, from 1.
     pub number: u64,
-    /// The numbers of the columns that were asked for; `None` where the message lacks the quantity
-    /// although it has the joint.
+    /// The values of the requested columns; `None` if the message has the joint but lacks the
+    /// quantity.
     pub values: Vec<Option<f64>>,
 }
 
-/// The tables of a topic, those with most messages first: joints are in the same one if any message
-/// has both.
+/// The tables of a topic, that with the most messages first. Joints are in the same table if any
+/// message has both.
 pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, BagError> {
     let mut groups: Vec<Vec<&(Shape, u64)>> = Vec::new();
     for shape in found.shapes.iter().filter(|own| !own.0.entries.is_empty()) {
@@ -59,7 +59,7 @@ pub(crate) fn tables(path: &Path, found: &TopicSurvey) -> Result<Vec<Table>, Bag
             let mut all = group.iter().flat_map(|other| &other.0.joints);
             all.any(|joint| shape.0.joints.contains(joint))
         };
-        // those that the new one connects, the earliest first
+        // the groups that the new message type connects, the earliest first
         let (mut joined, rest): (Vec<_>, Vec<_>) = groups.into_iter().partition(shares);
         groups = rest;
         if let Some(first) = joined.first_mut() {
@@ -143,8 +143,8 @@ impl Table {
         &self.titles
     }
 
-    /// The rows of some columns, in the order of the recording: those messages that have all joints
-    /// whose columns are wanted.
+    /// The rows of some columns, in the order of the recording: the messages that have all joints of
+    /// these columns.
     ///
     /// - `columns`: indices of titles.
     ///
@@ -192,9 +192,10 @@ pub struct Rows {
     wanted: Vec<Column>,
     /// The joints that a message must have.
     joints: Vec<String>,
-    /// What the last message had.
+    /// The shape of the last message.
     shape: Option<Shape>,
-    /// For each wanted column the place in such a message; `None` if it gives no row.
+    /// For each requested column the index of its value in such a message; `None` if the message is
+    /// not a row.
     places: Option<Vec<Option<usize>>>,
     /// The number of the last message on the topic.
     number: u64,
@@ -203,11 +204,11 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// The next row; `None` behind the last one.
+    /// The next row; `None` after the last one.
     ///
     /// # Errors
-    /// When the recording cannot be read any more, or behind its last message if none has all
-    /// joints whose columns are wanted.
+    /// When the recording can no longer be read, or after its last message if no message has all
+    /// joints of the requested columns.
     pub fn next_row(&mut self) -> Result<Option<Row>, BagError> {
         loop {
             let table = &self.table;
@@ -242,7 +243,7 @@ impl Rows {
             let Some(places) = &self.places else {
                 continue;
             };
-            // differences of whole numbers, as seconds since 1970 have no digits for nanoseconds
+            // differences of integers, since seconds since 1970 as a double do not resolve nanoseconds
             let since = |time: i64, start: i64| time.saturating_sub(start) as f64 * NANO;
             let value = |(column, place): (&Column, &Option<usize>)| match column {
                 Column::Stamp => Some(since(sample.stamp, self.table.start)),
@@ -257,7 +258,7 @@ impl Rows {
         }
     }
 
-    /// The places of the wanted columns in messages of a shape; `None` if these give no rows.
+    /// The indices of the requested columns in messages of a shape; `None` if these are not rows.
     fn places_in(&self, shape: &Shape) -> Option<Vec<Option<usize>>> {
         let own = |joint: &String| shape.joints.contains(joint);
         let mut all = self.table.joints.iter().flat_map(|(joints, _)| joints);
@@ -274,7 +275,7 @@ impl Rows {
         Some(self.wanted.iter().map(place).collect())
     }
 
-    /// The error of joints that are in no message together.
+    /// The error that no message has all requested joints.
     fn apart(&self) -> BagError {
         let lists = self.table.joints.iter().take(MAX_LISTED);
         let lists: Vec<String> = lists

@@ -2,6 +2,10 @@
 //! set detected at run time, from generated models. A controller, which has one state at a time,
 //! does not link this crate. [`Lane`] is the register as a [`Scalar`], in which any function of a
 //! generated model computes several states at once.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"

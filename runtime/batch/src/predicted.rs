@@ -1,4 +1,4 @@
-//! Loop closure of single states near each other, each from a prediction of its own.
+//! Loop closure of one state after another, each from the caller's prediction.
 
 use regen_runtime::{ClosureError, LoopClosure, Model, Outcome};
 
@@ -8,7 +8,8 @@ use crate::closure::{
 };
 use crate::inverse::{MAX_CHANGE, Reference, largest};
 
-/// Beyond this change of A since the reference, the next state is compared to a new one.
+/// If A has changed by more than this since the reference, the accepted state becomes the new
+/// reference.
 const RENEWAL: f64 = 0.5 * MAX_CHANGE;
 
 /// Closes the loops at one state after another, as [`LoopClosure::track`] does, where the caller can
@@ -16,8 +17,9 @@ const RENEWAL: f64 = 0.5 * MAX_CHANGE;
 ///
 /// A predicted state is corrected by Newton's method and accepted by the rule of [`LoopClosure`]: the
 /// steps halve and are short compared to the motion since the last state, the residual is within the
-/// tolerance, and A has changed by at most half of what could make it singular, since a closed state
-/// at which it was inverted. Any other state, and one near a singularity, is left to [`LoopClosure`].
+/// tolerance, and A has changed, since the closed state at which it was last inverted, by at most
+/// half of the change that could make it singular. [`LoopClosure`] itself closes all other states,
+/// and those near a singularity.
 #[derive(Debug)]
 pub struct PredictedClosure<'m, M: ?Sized> {
     model: &'m M,
@@ -29,7 +31,7 @@ pub struct PredictedClosure<'m, M: ?Sized> {
     /// The last closed state; home before the first.
     q: Vec<f64>,
     residual: f64,
-    /// Whether `closure` was left at an earlier state than `q`.
+    /// Whether `closure` is at an earlier state than `q`, because a prediction was accepted since.
     behind: bool,
     /// The inverse of A at a closed state; `None` before the first, and near a singularity.
     reference: Option<Reference>,
@@ -80,8 +82,8 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
         self.residual
     }
 
-    /// Closes the loops at `q_i` (dof, rad or m); where the outcome is not [`Outcome::Closed`], the
-    /// last closed state stays.
+    /// Closes the loops at `q_i` (dof, rad or m). If the outcome is not [`Outcome::Closed`], the last
+    /// closed state is unchanged.
     ///
     /// - `predicted`: the dependent coordinates nearby, in the order of `Info::dependent`, rad or m;
     ///   without a prediction, NaN or an empty slice.
@@ -117,7 +119,7 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
     /// Follows the branch from the last closed state by [`LoopClosure`].
     fn tracked(&mut self, q_i: &[f64]) -> Result<Outcome, ClosureError> {
         if self.behind {
-            // no state that is open or singular was accepted
+            // the outcome is known: only closed, regular states are accepted as `q`
             let _ = self.closure.resume(&self.q)?;
             self.behind = false;
         }
@@ -130,7 +132,8 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
         Ok(found.outcome)
     }
 
-    /// Corrects the prediction into `trial`; false where the rule does not accept it.
+    /// Corrects the prediction and leaves the result in `trial`; false if the rule does not accept
+    /// it.
     fn corrected(&mut self, q_i: &[f64], predicted: &[f64]) -> Result<bool, ClosureError> {
         self.trial.copy_from_slice(&self.q);
         for (c, value) in self.independent.iter().zip(q_i) {
@@ -156,7 +159,9 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
         self.is_closed()
     }
 
-    /// Newton's method from `trial`, by the rule of [`LoopClosure`].
+    /// Applies Newton's method to `trial`; false if the steps break the rule of [`LoopClosure`].
+    ///
+    /// - `moved`: the largest change of a coordinate since the last state, in its unit of length.
     fn converges(&mut self, moved: f64) -> Result<bool, ClosureError> {
         let (trial, units) = (&mut self.trial, &self.units);
         let sizes = self.dependent.iter().map(|c| (trial[*c] / units[*c]).abs());
@@ -184,7 +189,7 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
         Ok(false)
     }
 
-    /// Whether the residual at `trial` is within the tolerance, and A near that of the reference.
+    /// Whether the residual at `trial` is within the tolerance, and A is near that of the reference.
     fn is_closed(&mut self) -> Result<bool, ClosureError> {
         let Some(reference) = &mut self.reference else {
             return Ok(false);

@@ -5,7 +5,7 @@ use core::array::from_fn;
 use regen_runtime::{Condition, Info, Model, Motion as Kind, SINGULAR, Scalar};
 
 use crate::factored::Factored;
-use crate::outcome::{Misuse, Outcome};
+use crate::outcome::{ClosureError, Outcome};
 use crate::real::{Real, largest};
 
 /// The most that a coordinate moves in one predictor step, rad or typical lengths.
@@ -15,11 +15,12 @@ const MAX_CORRECTION: f64 = 0.25;
 /// The most that A_e may change in one step, as [`Factored::distance`]: half of what could make it
 /// singular.
 const MAX_CHANGE: f64 = 0.5;
-/// A closed state's largest |f| in units of rounding of the terms of its rows.
+/// The loops count as closed if the largest |f| is at most this many roundings of the terms of its
+/// row.
 const CLOSED_ROUNDINGS: f64 = 256.0;
-/// The shortest step in units of rounding of the independent coordinates.
+/// The shortest step, in roundings of the independent coordinates.
 const SHORTEST_ROUNDINGS: f64 = 4096.0;
-/// Newton steps that closing home may take.
+/// The most Newton steps that closing the loops at home may take.
 const HOME_STEPS: usize = 20;
 
 /// Velocities and accelerations of all coordinates.
@@ -29,7 +30,8 @@ pub struct Motion<T, const N: usize> {
     pub qd: [T; N],
     /// The accelerations (Eq. 7), rad/s^2 or m/s^2.
     pub qdd: [T; N],
-    /// The condition of A_e at the state: what is computed at a singular one has no meaning.
+    /// The condition of A_e at the state: velocities and accelerations have no meaning where it is
+    /// singular.
     pub condition: Condition<T>,
 }
 
@@ -37,9 +39,10 @@ pub struct Motion<T, const N: usize> {
 enum Correction<T> {
     /// Closed, with this condition of A_e.
     Converged(Condition<T>),
-    /// It moved too far, converged too slowly, or rows that it does not solve stay open.
+    /// It moved too far or converged too slowly, or closure rows that it does not solve are not
+    /// satisfied.
     Refused,
-    /// No step is left.
+    /// The allowed number of Newton steps is used up.
     Spent,
 }
 
@@ -54,9 +57,9 @@ enum Correction<T> {
 /// predictor, if all rows are closed, and if A_e changes by at most half of what could make it
 /// singular; so it cannot leap over a singularity. A step that is refused is halved.
 ///
-/// What `regen_runtime::LoopClosure` does and this does not: closing a home that is not closed,
-/// going on where the selected rows of a mechanism with redundant loops lose rank although all rows
-/// together do not, and finding the mechanism's size by itself.
+/// Unlike `regen_runtime::LoopClosure`, it does not search for a closed home far from the model's,
+/// does not continue where the selected rows of a mechanism with redundant loops lose rank although
+/// all rows together do not, and does not find the mechanism's size by itself.
 #[derive(Clone, Debug)]
 pub struct Closure<
     'm,
@@ -70,7 +73,7 @@ pub struct Closure<
     model: &'m M,
     independent: [usize; DOF],
     dependent: [usize; E],
-    /// The sizes of coordinates with which steps are compared: 1 rad, or the typical length in m.
+    /// The unit of each coordinate in which steps are measured: 1 rad, or the typical length in m.
     units: [T; N],
     home: State<T, N, E>,
     last: State<T, N, E>,
@@ -92,22 +95,22 @@ where
     T: Real,
     M: Model<T> + ?Sized,
 {
-    /// A closure at the model's home, for a mechanism whose links are of the size of a metre.
+    /// A closure at the model's home, for a mechanism whose links are about a metre long.
     ///
     /// # Errors
-    /// When the const arguments are not the model's sizes, or home is not closed.
-    pub fn new(model: &'m M) -> Result<Self, Misuse> {
+    /// When the const arguments are not the model's sizes, or the loops cannot be closed near home.
+    pub fn new(model: &'m M) -> Result<Self, ClosureError> {
         Self::with_length(model, T::ONE)
     }
 
-    /// As [`new`](Self::new) with the typical length of the mechanism's links, m: sliding
-    /// coordinates count in it where steps are bounded.
+    /// As [`new`](Self::new) with the typical length of the mechanism's links, m: the bounds of
+    /// steps measure prismatic coordinates in it.
     ///
     /// # Errors
     /// As [`new`](Self::new), and when the length is not positive and finite.
-    pub fn with_length(model: &'m M, length: T) -> Result<Self, Misuse> {
+    pub fn with_length(model: &'m M, length: T) -> Result<Self, ClosureError> {
         if !(length > T::ZERO && length.is_finite()) {
-            return Err(Misuse::Length);
+            return Err(ClosureError::Length);
         }
         let info = model.info();
         check(&info, [N, DOF, E, ROWS])?;
@@ -138,11 +141,11 @@ where
         let mut left = HOME_STEPS;
         let closed = closure.correct(&mut q, T::of(MAX_MOVE), &mut left);
         let Correction::Converged(condition) = closed else {
-            return Err(Misuse::Home);
+            return Err(ClosureError::Home);
         };
-        let state = closure.state(q).ok_or(Misuse::Home)?;
+        let state = closure.state(q).ok_or(ClosureError::Home)?;
         if !regular(&state, condition) {
-            return Err(Misuse::Home);
+            return Err(ClosureError::Home);
         }
         closure.home = state.clone();
         closure.last = state;
@@ -166,7 +169,8 @@ where
     }
 
     /// Goes to a state that is closed already, such as one that a start-up routine found on home's
-    /// branch. Returns false, and changes nothing, where `q` is not closed or is singular.
+    /// branch: all coordinates, rad or m. Returns false, and changes nothing, if the loops are not
+    /// closed at `q` or it is singular.
     #[must_use]
     pub fn resume(&mut self, q: &[T; N]) -> bool {
         let mut closed = *q;
@@ -187,10 +191,10 @@ where
     /// Closes the loops at `q_i` (rad or m), along the straight line from the last closed state,
     /// with at most `steps` Newton steps.
     ///
-    /// Small motions from cycle to cycle take two or three steps; with fewer than two, a call may never
-    /// get on. Each calls the model's
-    /// `newton_step` once, and its `velocities`, `dependent_jacobian`, `constraints` and `jacobian`
-    /// at most once, which bounds the time of the call.
+    /// Small motions from cycle to cycle take two or three steps; with fewer than two, a call may
+    /// make no progress. Each step calls the model's `newton_step` once, and its `velocities`,
+    /// `dependent_jacobian`, `constraints` and `jacobian` at most once, which bounds the time of
+    /// the call.
     pub fn track(&mut self, q_i: &[T; DOF], steps: usize) -> Outcome<T> {
         if !q_i.iter().all(|x| x.is_finite()) {
             return Outcome::NotFinite;
@@ -243,7 +247,7 @@ where
                 }
                 Step::Spent => {
                     if at == T::ZERO {
-                        // so that the next call gets on
+                        // no progress: the next call starts with a shorter step
                         let quarter = T::of(0.25) * least(self.stride, part * speed);
                         self.stride = most(quarter, rounding);
                     }
@@ -272,7 +276,8 @@ where
         Motion { qd, qdd, condition }
     }
 
-    /// One step to `q`, which is where the predictor ends.
+    /// One step from the last state to `q`, the result of the predictor. Newton's method moves by
+    /// at most `reach`; `left` is the number of Newton steps that are left.
     fn step(&mut self, mut q: [T; N], reach: T, left: &mut usize) -> Step<T> {
         let condition = match self.correct(&mut q, reach, left) {
             Correction::Converged(condition) => condition,
@@ -299,8 +304,8 @@ where
         Step::Taken { change }
     }
 
-    /// Newton's method on the selected rows from `q`, then the check of all rows. The steps
-    /// together are at most `reach`, rad or typical lengths.
+    /// Newton's method on the selected rows from `q`, then the check of all rows. The lengths of
+    /// all steps together are at most `reach`, rad or typical lengths.
     fn correct(&self, q: &mut [T; N], reach: T, left: &mut usize) -> Correction<T> {
         // the error that remains after a step is of the order of its square
         let floor = T::of(4.0) * Scalar::sqrt(T::EPSILON) * (T::ONE + self.size(q));
@@ -339,8 +344,8 @@ where
         }
     }
 
-    /// Whether all rows are closed at `q` to within rounding; the rows that Newton's method solves
-    /// are, so that only redundant ones need the check.
+    /// Whether all closure rows are satisfied at `q` to within rounding. Newton's method has solved
+    /// the selected rows, so that only a mechanism with redundant rows needs the check.
     fn closes(&self, q: &[T; N]) -> bool {
         if ROWS == E {
             return q.iter().all(|x| x.is_finite());
@@ -385,13 +390,13 @@ enum Step<T> {
     Taken { change: T },
     /// It was refused; a shorter one may be accepted.
     Refused,
-    /// No Newton step is left.
+    /// The allowed number of Newton steps is used up.
     Spent,
     /// A_e is singular at the new state.
     Singular,
 }
 
-/// Whether neither the model's condition nor the pivots of A_e say that it is singular.
+/// Whether A_e is regular both by the model's condition and by the pivots of its factors.
 fn regular<T: Real, const N: usize, const E: usize>(
     state: &State<T, N, E>,
     condition: Condition<T>,
@@ -401,7 +406,7 @@ fn regular<T: Real, const N: usize, const E: usize>(
 }
 
 /// Checks the const arguments against the model, and that each coordinate is listed once.
-fn check(info: &Info<'_>, got: [usize; 4]) -> Result<(), Misuse> {
+fn check(info: &Info<'_>, got: [usize; 4]) -> Result<(), ClosureError> {
     let counts = [
         ("coordinates", info.coordinates.len()),
         ("independent coordinates", info.independent.len()),
@@ -410,7 +415,7 @@ fn check(info: &Info<'_>, got: [usize; 4]) -> Result<(), Misuse> {
     ];
     for ((of, expected), got) in counts.into_iter().zip(got) {
         if expected != got {
-            return Err(Misuse::Size { of, expected, got });
+            return Err(ClosureError::Size { of, expected, got });
         }
     }
     let listed = |k: &usize| {
@@ -420,12 +425,12 @@ fn check(info: &Info<'_>, got: [usize; 4]) -> Result<(), Misuse> {
     let count = info.coordinates.len();
     let whole = info.independent.len() + info.dependent.len() == count;
     if !(whole && info.home.len() == count && (0..count).all(|k| listed(&k))) {
-        return Err(Misuse::Partition);
+        return Err(ClosureError::Partition);
     }
     Ok(())
 }
 
-/// An entry; NaN where there is none.
+/// The entry at an index; NaN beyond the end.
 fn entry<T: Real>(values: &[T], at: usize) -> T {
     values.get(at).copied().unwrap_or(T::NAN)
 }

@@ -1,4 +1,4 @@
-//! A factored square matrix of fixed size, to compare A_e between two states.
+//! An LU factorisation of a square matrix of fixed size, which compares A_e at two states.
 
 use core::array::from_fn;
 
@@ -14,6 +14,7 @@ pub(crate) struct Factored<T, const E: usize> {
     factors: [[T; E]; E],
     /// The row of A that each pivot selected.
     rows: [usize; E],
+    /// The diagonal of D.
     scale: [T; E],
 }
 
@@ -48,7 +49,7 @@ impl<T: Real, const E: usize> Factored<T, E> {
         }
     }
 
-    /// The ratio of the smallest to the largest pivot; 1 without pivots, 0 or NaN where the matrix
+    /// The ratio of the smallest to the largest pivot; 1 for an empty matrix, 0 or NaN if the matrix
     /// is singular or not finite.
     pub(crate) fn ratio(&self) -> T {
         let pivots = || (0..E).map(|k| Scalar::abs(self.factors[k][k]));

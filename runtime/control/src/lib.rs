@@ -6,6 +6,10 @@
 //! and `f32`, and takes at most as many Newton steps in a call as it is told, so that the longest
 //! time of a call is known. `no_std`; depends on `regen-runtime` alone.
 //!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+//!
 //! ```
 //! use regen_control::{Outcome, closure};
 //! use regen_generated::rps3::{self, Rps3};
@@ -19,7 +23,7 @@
 //! let phi = [1.0; rps3::PARAMETERS.len()];
 //! let (tau, _) = rps3::inverse_dynamics(legs.q(), &motion.qd, &motion.qdd, &phi);
 //! assert!(tau.iter().all(|force| force.is_finite()));
-//! # Ok::<(), regen_control::Misuse>(())
+//! # Ok::<(), regen_control::ClosureError>(())
 //! ```
 #![no_std]
 #![allow(
@@ -33,7 +37,7 @@ mod outcome;
 mod real;
 
 pub use closure::{Closure, Motion};
-pub use outcome::{Misuse, Outcome};
+pub use outcome::{ClosureError, Outcome};
 pub use real::Real;
 
 /// The type of a [`Closure`] of a generated model: `closure!(rps3::Rps3, f64)` for the struct `Rps3`

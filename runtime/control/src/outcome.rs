@@ -1,4 +1,4 @@
-//! What a call found, and what it was called wrongly with.
+//! The outcomes of a call, and the errors of the constructor.
 
 use core::fmt;
 
@@ -9,8 +9,8 @@ use core::fmt;
 pub enum Outcome<T> {
     /// The loops are closed at the requested independent coordinates.
     Closed,
-    /// The allowed number of Newton steps is used up. The state is closed at the fraction `at` of
-    /// the way, and the next call goes on from there.
+    /// The allowed number of Newton steps is used up. The loops are closed at the fraction `at` of
+    /// the way, and the next call continues from there.
     Unfinished {
         /// The fraction of the straight line that was reached, from 0 to 1.
         at: T,
@@ -38,12 +38,12 @@ impl<T> Outcome<T> {
     }
 }
 
-/// A closure whose sizes do not fit its model, or a model whose home is not closed: an error of the
-/// caller.
+/// The reason why a closure cannot be made for a model: sizes that are not the model's, a home near
+/// which the loops cannot be closed, or a length that is not positive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Misuse {
-    /// A const argument of the closure is not the model's.
+pub enum ClosureError {
+    /// A const argument of the closure differs from the model's size.
     Size {
         /// What the argument counts.
         of: &'static str,
@@ -54,13 +54,14 @@ pub enum Misuse {
     },
     /// The model's `Info` does not name each coordinate once as independent or dependent.
     Partition,
-    /// The loops are not closed at home to within rounding, or A_e is singular there.
+    /// Newton's method does not close the loops within 0.25 rad or typical lengths of home, or A_e
+    /// is singular there.
     Home,
     /// The typical length is not positive and finite.
     Length,
 }
 
-impl fmt::Display for Misuse {
+impl fmt::Display for ClosureError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size { of, expected, got } => {
@@ -72,10 +73,10 @@ impl fmt::Display for Misuse {
                     "a coordinate is not listed once as independent or dependent"
                 )
             }
-            Self::Home => write!(f, "the loops are not closed at home, or home is singular"),
+            Self::Home => write!(f, "the loops cannot be closed at home, or home is singular"),
             Self::Length => write!(f, "the typical length is not positive and finite"),
         }
     }
 }
 
-impl core::error::Error for Misuse {}
+impl core::error::Error for ClosureError {}

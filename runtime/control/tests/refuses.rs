@@ -1,6 +1,6 @@
 //! What a closure refuses, and where it stays then.
 
-use regen_control::{Closure, Misuse, Outcome, closure};
+use regen_control::{Closure, ClosureError, Outcome, closure};
 use regen_generated::fourbar::{self, Fourbar};
 use regen_generated::rps3::Rps3;
 use regen_runtime::{Info, Model};
@@ -8,7 +8,7 @@ use regen_runtime::{Info, Model};
 #[test]
 fn wrong_sizes_and_lengths_are_errors() {
     let wrong = Closure::<f64, 9, 2, 6, 6, _>::new(&Rps3);
-    let expected = Misuse::Size {
+    let expected = ClosureError::Size {
         of: "independent coordinates",
         expected: 3,
         got: 2,
@@ -16,7 +16,7 @@ fn wrong_sizes_and_lengths_are_errors() {
     assert_eq!(wrong.unwrap_err(), expected);
     for length in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let wrong = Closure::<f64, 9, 3, 6, 6, _>::with_length(&Rps3, length);
-        assert_eq!(wrong.unwrap_err(), Misuse::Length);
+        assert_eq!(wrong.unwrap_err(), ClosureError::Length);
     }
 }
 
@@ -45,7 +45,7 @@ impl Model<f64> for Open {
 #[test]
 fn an_open_home_is_an_error() {
     let open = Closure::<f64, 9, 3, 6, 6, _>::new(&Open);
-    assert_eq!(open.unwrap_err(), Misuse::Home);
+    assert_eq!(open.unwrap_err(), ClosureError::Home);
 }
 
 #[test]

@@ -31,7 +31,7 @@ use crate::feasibility::{
 /// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
 /// more in length, but cover the true value as often.
 pub const DEFAULT_DRAWS: usize = 100;
-/// The number of draws that a thread projects before the progress is told.
+/// The number of draws that a thread projects between two reports of the progress.
 const DRAWS_PER_THREAD: usize = 4;
 /// A limit is uncertain if more than this part of the draws, and less than all but this part, are
 /// at it.

@@ -11,8 +11,8 @@ use regen_runtime::{BaseModel, Parameter, SizeError};
 pub struct Interval {
     /// The standard deviation, in the value's unit.
     pub sigma: f64,
-    /// The standard deviation under the assumption of white residuals; NaN where the estimator
-    /// has none.
+    /// The standard deviation under the assumption of white residuals; NaN if the estimator does not
+    /// compute it.
     pub sigma_white: f64,
     /// The lower end of the confidence interval, of the requested level.
     pub low: f64,
@@ -68,7 +68,7 @@ pub struct Gain {
     pub effort: String,
     /// The effort over the current, N m/A or N/A.
     pub value: f64,
-    /// Its uncertainty; `None` where it was known.
+    /// Its uncertainty; `None` if the gain was known.
     pub interval: Option<Interval>,
 }
 
@@ -81,9 +81,9 @@ pub struct PayloadValue {
     pub unit: String,
     /// The value.
     pub value: f64,
-    /// Whether it was given, and not identified.
+    /// Whether it was given rather than identified.
     pub is_known: bool,
-    /// Its uncertainty; `None` where it was given.
+    /// Its uncertainty; `None` if it was given.
     pub interval: Option<Interval>,
 }
 
@@ -111,12 +111,12 @@ impl Covariance {
         format!("gain({effort})")
     }
 
-    /// The place of a label.
+    /// The index of a label.
     pub fn place(&self, label: &str) -> Option<usize> {
         self.labels.iter().position(|own| own == label)
     }
 
-    /// The covariance of two labels by their places; NaN for places that there are not.
+    /// The covariance of two labels, given by index; NaN if an index is out of range.
     pub fn entry(&self, i: usize, j: usize) -> f64 {
         let entry = self.values.get(i * self.labels.len() + j);
         entry.copied().unwrap_or(f64::NAN)
@@ -149,8 +149,8 @@ pub struct IdentifiedModel {
     pub left_out: Vec<usize>,
     /// The verdict on the physical feasibility, in words.
     pub feasibility: String,
-    /// The labels of masses whose only bound is far beyond this robot: they need bounds of their
-    /// own, or nominal values.
+    /// The labels of masses that neither the data nor a meaningful limit bounds: they need bounds or
+    /// nominal values.
     pub unbounded: Vec<String>,
     /// The relative amount by which the objective of a physically feasible model can at most be
     /// above the optimum.
@@ -161,7 +161,7 @@ pub struct IdentifiedModel {
     pub gains: Vec<Gain>,
     /// The payloads that runs carried, whose base parameters are among `beta`.
     pub payloads: Vec<IdentifiedPayload>,
-    /// The covariance of base parameters and gains, where it was asked for or came with the fit.
+    /// The covariance of base parameters and gains, if it was requested or is part of the fit.
     pub covariance: Option<Covariance>,
     /// The model and the logs that the values were identified from.
     pub provenance: Provenance,

@@ -1,11 +1,11 @@
-//! The first pass over a log: ranges, extremes, steps of encoders and order of every column.
+//! The first pass over a log: range, extremes, encoder step and monotonicity of every column.
 
 use regen_identify::data::{DataError, Differences, Encoder, RawLog};
 use serde::Serialize;
 
 use crate::clock::median;
 
-/// Rows from whose values the usual steps are computed.
+/// The number of rises from which the usual rise of a column is computed.
 const STEP_ROWS: usize = 1001;
 /// The largest number of problems that are listed.
 const LISTED_PROBLEMS: usize = 5;
@@ -15,13 +15,13 @@ const LISTED_PROBLEMS: usize = 5;
 pub struct Extreme {
     /// The value.
     pub value: f64,
-    /// The share of the rows at it.
+    /// The share of the rows with this value, from 0 to 1.
     pub share: f64,
-    /// The largest number of consecutive rows at it.
+    /// The largest number of consecutive rows with this value.
     pub longest: usize,
 }
 
-/// Rows at the largest value so far.
+/// Counts the rows at the largest value so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Highest {
     value: Option<f64>,
@@ -57,7 +57,7 @@ impl Highest {
     }
 }
 
-/// What the first pass found of a column.
+/// The results of the first pass for a column.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
     pub(crate) low: Extreme,
@@ -65,10 +65,11 @@ pub(crate) struct Survey {
     pub(crate) encoder: Encoder,
     /// The share of rows whose value is larger than that of the row before.
     pub(crate) rising: f64,
-    /// The share of those whose value is smaller.
+    /// The share of rows whose value is smaller than that of the row before.
     pub(crate) falling: f64,
-    /// The median of the rises among the first rows.
+    /// The median of the first rises.
     pub(crate) usual_rise: f64,
+    /// The standard deviation over the log.
     pub(crate) deviation: f64,
 }
 
@@ -78,22 +79,23 @@ impl Survey {
     }
 }
 
-/// What the first pass found.
+/// The results of the first pass.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surveyed {
     pub(crate) rows: usize,
-    /// Rows that cannot be used, and the first of them in words.
+    /// The number of rows that cannot be used.
     pub(crate) unusable: usize,
+    /// The problems of the first of these, in words.
     pub(crate) problems: Vec<String>,
-    /// The time that the reader knows, then the columns that have numbers.
+    /// The time as the reader finds it, then the columns that have numbers.
     pub(crate) columns: Vec<Survey>,
 }
 
-/// The sums of one column.
+/// Accumulates the survey of one column.
 #[derive(Clone, Debug, Default)]
 struct Pass {
     highest: Highest,
-    /// Of the values with the other sign.
+    /// The highest of the negated values.
     lowest: Highest,
     differences: Differences,
     first: f64,
@@ -144,7 +146,10 @@ impl Pass {
     }
 }
 
-/// Reads a log once.
+/// Makes the first pass over a log.
+///
+/// # Errors
+/// If a file cannot be read.
 pub(crate) fn survey(log: &RawLog) -> Result<Surveyed, DataError> {
     let mut out = Surveyed::default();
     let mut passes = vec![Pass::default(); log.numbers().len() + 1];
@@ -172,14 +177,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_column_at_its_bound_is_told_by_share_and_run() {
+    fn a_column_at_its_bound_has_a_large_share_and_a_long_run() {
         let mut pass = Pass::default();
         for k in 0..1000 {
             let swing = 3.0 * (0.05 * f64::from(k)).sin();
             pass.push(swing.clamp(-4.0, 2.0));
         }
         let found = pass.finish(1000);
-        // above 2 of 3 for the part of a period that the arc sine says
+        // a sine of amplitude 3 is above 2 for this part of a period
         let share = 0.5 - (2.0_f64 / 3.0).asin() / std::f64::consts::PI;
         assert!((found.high.share - share).abs() < 0.02, "{found:?}");
         assert!(found.high.longest > 20 && found.low.longest == 1);

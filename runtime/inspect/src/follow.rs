@@ -1,9 +1,9 @@
-//! Finds the joint that each effort belongs to, whether both have the same sign, and by how much the
-//! effort is logged late.
+//! Finds the joint that each effort belongs to, whether both have the same sign, and the delay of the
+//! effort.
 //!
-//! The friction of a joint acts on its own effort and on no other: of a regression on positions,
-//! velocities, directions and accelerations of all joints, what velocity and direction of one joint
-//! explain shows whose effort it is, and whether the signs agree.
+//! The friction of a joint acts on its own effort and on no other. Each effort is regressed on the
+//! positions, velocities, directions and accelerations of all joints; the joint whose velocity and
+//! direction explain most of it is its joint, and the sign of their coefficients is its sign.
 
 use regen_identify::signals::Butterworth;
 use serde::Serialize;
@@ -19,10 +19,10 @@ const POSITION_CUTOFF_RATIO: f64 = 3.0;
 /// The widths of the two shapes in which friction changes its sign with the direction of motion, as
 /// parts of the usual speed: nearly at once, and gradually.
 const DIRECTION_WIDTHS: [f64; 2] = [0.02, 0.2];
-/// The least share of an effort's variance that decides which joint the effort belongs to, divided
-/// by the share that no joint explains.
+/// The least share of an effort's variance by which a joint is assigned to it, divided by the share
+/// that no joint explains.
 const MIN_SHARE: f64 = 0.15;
-/// Smaller shares are rounding errors and decide nothing.
+/// Smaller shares are rounding errors and are ignored.
 const ROUNDING_SHARE: f64 = 1e-6;
 /// How many times more of an effort its joint must explain than any other joint.
 const MIN_SHARE_RATIO: f64 = 2.0;
@@ -32,12 +32,12 @@ const MIN_CORRELATION: f64 = 0.5;
 const MIN_EXPLAINED: f64 = 0.5;
 /// How often the effort is shifted by the estimated delay and the delay estimated again.
 const DELAY_PASSES: usize = 4;
-/// In how many blocks of time the delay is estimated, for its deviation.
+/// The number of blocks of time in which the delay is estimated, for its standard deviation.
 const BLOCKS: usize = 10;
-/// An effort that precedes its motion by this many deviations shows that the regression lacks
-/// something which looks like a delay.
-const PRECEDES: f64 = 3.0;
-/// How much of each end of a stretch is left out, in periods of the cutoff.
+/// An effort that precedes its motion by this many standard deviations shows an effect that the
+/// regression lacks and that looks like a delay, so that no delay is stated.
+const MIN_LEAD_DEVIATIONS: f64 = 3.0;
+/// The length of each end of a stretch that is left out, in periods of the cutoff.
 const MARGIN_PERIODS: f64 = 1.0;
 /// The least number of rows for each column of the regression.
 const ROWS_PER_COLUMN: usize = 4;
@@ -49,19 +49,19 @@ const COLUMNS_PER_JOINT: usize = 6;
 pub struct Following {
     /// The number of the effort's column, from 1.
     pub column: usize,
-    /// The joint that it is taken for.
+    /// The joint to which its name or its place assigns it.
     pub joint: String,
-    /// The joint whose friction and inertia it shows; `None` where no joint is clear.
+    /// The joint whose friction and inertia it contains; `None` if no joint is clear.
     pub follows: Option<String>,
     /// Whether its sign is the opposite of that joint's motion.
     pub reversed: bool,
     /// The part of its variance that the motion of all joints explains.
     pub explained: f64,
     /// For each joint, the part of its variance that only this joint's velocity and direction
-    /// explain; where friction shows in none, its acceleration too.
+    /// explain; if no joint shows friction, also its acceleration.
     pub shares: Vec<f64>,
-    /// The time by which it is behind the motion, s, with its standard deviation; `None` where the
-    /// motion explains too little of it, or an effort seems to precede its motion.
+    /// The delay with respect to the motion, s, with its standard deviation; `None` if the motion
+    /// explains too little of the effort, or an effort seems to precede its motion.
     pub delay: Option<[f64; 2]>,
 }
 
@@ -108,10 +108,10 @@ fn slope(values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The values that many samples later, interpolated by a cubic; the ends are repeated.
+/// The values `by` samples later, interpolated by a cubic; the first and the last are repeated.
 fn shifted(values: &[f64], by: f64) -> Vec<f64> {
     let n = values.len();
-    // the value so many samples before or behind another; those at the ends go on
+    // the value at a sample; beyond the ends, the first or the last one
     let at = |k: f64| {
         #[allow(clippy::cast_sign_loss, reason = "clamped")]
         let place = k.clamp(0.0, n.saturating_sub(1) as f64) as usize;
@@ -138,8 +138,8 @@ pub(crate) struct RegressionInput<'a> {
     pub(crate) cutoff: f64,
     /// Positions and names of the joints.
     pub(crate) joints: Vec<(Signal, String)>,
-    /// The efforts with the joints that they are taken for, as indices into `joints`, and the number
-    /// of the column.
+    /// The efforts, each with the joint that it is assigned to, as an index into `joints`, and the
+    /// number of its column.
     pub(crate) efforts: Vec<(Signal, usize, usize)>,
 }
 
@@ -183,7 +183,8 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
         }
     }
     let mut rows: Vec<Vec<Vec<f64>>> = basis(&all, motion);
-    // efforts and regressor pass the same filter, as friction is not smooth
+    // efforts and regressor pass the same filter, which keeps the equations valid although friction
+    // is not smooth
     for rows in &mut rows {
         for k in 1..rows.first().map_or(0, Vec::len) {
             let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
@@ -217,7 +218,7 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
             ..Following::default()
         };
         let first = |j: usize| 1 + COLUMNS_PER_JOINT * j;
-        // behind sine and cosine the acceleration, then velocity and direction
+        // the columns of a joint: sine, cosine, acceleration, velocity, and two of direction
         let of_friction = |j: usize| [first(j) + 3, first(j) + 4, first(j) + 5];
         let friction: Vec<f64> = (0..n)
             .map(|j| normal.share(&solved, &of_friction(j)))
@@ -244,8 +245,8 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
             } else {
                 (vec![first(j) + 2], first(j) + 2)
             };
-            // weights and this joint alone: where joints move in step, the rest of the regression
-            // may share out their friction with any sign
+            // weights and this joint alone: if joints move in step, a regression on all may
+            // distribute their friction with any sign
             let alone: Vec<usize> = (0..width)
                 .filter(|k| {
                     let of_weight = *k > COLUMNS_PER_JOINT * n
@@ -269,7 +270,7 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
         out.push(found);
     }
     exchanged(&mut out);
-    let precedes = |[seconds, sigma]: [f64; 2]| seconds < -PRECEDES * sigma;
+    let precedes = |[seconds, sigma]: [f64; 2]| seconds < -MIN_LEAD_DEVIATIONS * sigma;
     if out.iter().any(|found| found.delay.is_some_and(precedes)) {
         for found in &mut out {
             found.delay = None;
@@ -278,8 +279,8 @@ pub(crate) fn follow(motion: &RegressionInput<'_>) -> Vec<Following> {
     out
 }
 
-/// Withdraws what is said of an effort that follows another joint, unless the effort of that joint
-/// follows another one too: columns are exchanged, and not one of them alone.
+/// Resets the result of an effort that follows another joint, unless the effort of that joint also
+/// follows another one: columns are exchanged, so that a single one cannot be wrong.
 fn exchanged(efforts: &mut [Following]) {
     loop {
         let other = |effort: &Following| {
@@ -412,7 +413,7 @@ fn delay(
         // filtered values are not independent of their neighbours
         let memory = (0.5 / motion.cutoff / motion.step).max(1.0);
         let noise = ((yy - xy * step).max(0.0) / f64::max(count, 1.0) / xx * memory).sqrt();
-        // what the regression leaves of the motion is no noise, and differs from block to block
+        // what the regression leaves of the motion is not noise, and differs from block to block
         let scatter: f64 = blocks.iter().map(|(xy, xx)| (xy - step * xx).powi(2)).sum();
         let few = BLOCKS as f64 / (BLOCKS as f64 - 1.0);
         sigma = noise.max((few * scatter).sqrt() / xx);

@@ -1,4 +1,5 @@
-//! The second pass over a log, with its clock: spectra, rests, stretches of rows, and traces.
+//! The second pass over a log, with its clock known: spectra, rows at rest, stretches of rows, and
+//! the trace for figures.
 
 use regen_identify::data::{DataError, RawLog, rest_context, resting};
 
@@ -10,13 +11,13 @@ use crate::spectrum::{Density, Welch, block_rows};
 const STRETCH_RATE: f64 = 250.0;
 /// The largest number of values in all stretches together.
 const STRETCH_VALUES: usize = 16_384;
-/// Number of stretches of a longer log.
+/// The number of stretches, evenly spaced, of a log with more values than that.
 const STRETCHES: usize = 8;
-/// The least number of values of a stretch.
+/// The least number of values of a stretch; shorter ones between gaps are dropped.
 const MIN_STRETCH: usize = 64;
-/// Rows that are judged at a time for rests.
+/// The number of rows that are judged at a time for being at rest.
 const REST_ROWS: usize = 4096;
-/// Most points of a trace.
+/// The most points of the trace.
 const TRACE_POINTS: usize = 4096;
 
 /// Where the times of the rows come from.
@@ -28,7 +29,7 @@ pub(crate) enum Times {
     Rate(f64),
 }
 
-/// Consecutive values of all columns.
+/// Consecutive values of all columns, at equal steps.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stretch {
     pub(crate) times: Vec<f64>,
@@ -36,13 +37,16 @@ pub(crate) struct Stretch {
     pub(crate) columns: Vec<Vec<f64>>,
 }
 
-/// All columns over the whole log, averaged to some thousand points.
+/// All columns over the whole log, averaged to at most [`TRACE_POINTS`] points.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trace {
     pub(crate) times: Vec<f64>,
     pub(crate) columns: Vec<Vec<f64>>,
+    /// The number of rows in the mean of a point; it doubles when the trace is full.
     pub(crate) every: usize,
+    /// The sums of the time and the columns over the rows of the next point.
     pub(crate) sums: Vec<f64>,
+    /// The number of these rows.
     pub(crate) count: usize,
 }
 
@@ -77,7 +81,7 @@ impl Trace {
     }
 }
 
-/// Puts the means of two values in their place.
+/// Replaces each pair of values by its mean.
 fn halve(values: &mut Vec<f64>) {
     *values = values
         .chunks_exact(2)
@@ -85,13 +89,16 @@ fn halve(values: &mut Vec<f64>) {
         .collect();
 }
 
-/// Rows whose rest is not judged yet.
+/// Counts the rows at which each column is at rest, in blocks of rows.
 struct Rests {
     times: Vec<f64>,
     columns: Vec<Vec<f64>>,
-    /// Rows at the beginning that are judged and stand before others.
+    /// The number of rows at the beginning of the block that are judged already; they are the
+    /// context of the next ones.
     judged: usize,
+    /// The number of rows on either side that decide whether a row is at rest.
     context: usize,
+    /// The number of rows at rest, by column.
     counts: Vec<usize>,
 }
 
@@ -112,7 +119,7 @@ impl Rests {
         }
     }
 
-    /// Judges the rows up to this one.
+    /// Judges the rows before the index `end` that are not judged yet.
     fn judge(&mut self, end: usize, surveyed: &Surveyed) {
         for (k, column) in self.columns.iter().enumerate() {
             let Some(survey) = surveyed.columns.get(k + 1) else {
@@ -125,7 +132,7 @@ impl Rests {
         self.judged = end;
     }
 
-    /// The rows after a gap do not follow these.
+    /// Judges all rows and forgets them: at a gap, or at the end of the log.
     fn end(&mut self, surveyed: &Surveyed) {
         self.judge(self.times.len(), surveyed);
         self.times.clear();
@@ -134,7 +141,7 @@ impl Rests {
     }
 }
 
-/// What the second pass found.
+/// The results of the second pass.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
     pub(crate) clock: Clock,
@@ -148,7 +155,8 @@ pub(crate) struct Gathered {
     pub(crate) trace: Trace,
 }
 
-/// The stretches that are being filled.
+/// Collects stretches: the one that grows, and the finished ones. Each value is the mean of `every`
+/// rows, whose sums so far are `sums` over `count` rows.
 struct Stretches {
     present: Stretch,
     done: Vec<Stretch>,
@@ -188,9 +196,14 @@ impl Stretches {
     }
 }
 
-/// Reads a log again.
+/// Makes the second pass over a log.
 ///
+/// - `surveyed`: the results of the first pass;
+/// - `times`: where the times of the rows come from;
 /// - `usual`: the median step of its first rows, s.
+///
+/// # Errors
+/// If a file can no longer be read.
 pub(crate) fn gather(
     log: &RawLog,
     surveyed: &Surveyed,

@@ -1,4 +1,4 @@
-//! Which columns belong to the same joint.
+//! Groups the columns of a log by joint.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::roles::{Judged, Known, key};
 /// The columns of one joint, by their numbers from 1.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Joint {
-    /// The joint's name: that of the description, or what the log calls it, or `q` with its number.
+    /// The joint's name in the description, or else in the log, or else `q` with its number.
     pub name: String,
     /// Its position.
     pub position: Option<usize>,
@@ -18,11 +18,11 @@ pub struct Joint {
     pub acceleration: Option<usize>,
     /// Its effort, or the current of its motor.
     pub effort: Option<usize>,
-    /// The position that its controller is asked for.
+    /// The position commanded to its controller.
     pub command: Option<usize>,
 }
 
-/// One of the columns of a joint.
+/// Selects one of the columns of a joint.
 type Field = fn(&mut Joint) -> &mut Option<usize>;
 
 /// The joints of assigned columns, in the order of the robot's coordinates or of the columns.
@@ -48,7 +48,7 @@ fn assigned_joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     names.into_iter().map(joint).collect()
 }
 
-/// Puts the columns of each joint together.
+/// Groups the columns by joint: by assignments, else by names, else by their order.
 pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
     let of = |role: Role| -> Vec<usize> {
         (0..judged.len())
@@ -80,7 +80,7 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
                 .copied()
         };
         let exact: Vec<Option<usize>> = known.coordinates.iter().map(named).collect();
-        // by name, else in the order of all coordinates or of the actuated ones
+        // by name, else in the order of all coordinates or, if there are as many, the actuated ones
         let all: Vec<usize> = (0..known.coordinates.len()).collect();
         let chosen = if exact.iter().any(Option::is_some) {
             exact
@@ -155,13 +155,13 @@ pub(crate) fn joints(known: &Known<'_>, judged: &[Judged]) -> Vec<Joint> {
                 matched = true;
             }
         }
-        // names that match nothing, and as many columns as joints: in their order
+        // if no name matches and there are as many columns as joints, they have the same order
         if !matched && columns.len() == places.len() {
             for (j, k) in places.iter().zip(&columns) {
                 *field(&mut out[*j]) = number(*k);
             }
         }
-        // columns without names belong to those that they are derivatives of
+        // columns without names belong to the joint whose position or velocity they differentiate
         if !known.named && !driven {
             for joint in &mut out {
                 let of = [joint.position, joint.velocity];

@@ -1,17 +1,17 @@
-//! What a log holds, and what it can identify, before anything is fitted.
+//! Describes logs, and predicts what they can identify, before any fit.
 //!
-//! - [`inspect`] reads a run whose columns nobody has described: which are time, positions,
-//!   velocities, efforts or currents, rate and gaps, steps of encoders, rests, saturation, spectra
-//!   with the frequency where the signal meets the noise, the period, and which joint each effort
-//!   follows, with which sign and how late.
-//! - [`proposal`] writes that down as a first experiment file, which identification reads.
-//! - [`predict`] says, for a robot's model, how well each base parameter will be determined at the
-//!   noise of the efforts, on which parameters no effort depends, and how which joint would have to
-//!   move to determine more.
+//! - [`inspect`] analyses a run whose columns are not described: which are time, positions,
+//!   velocities, efforts or currents; rate and gaps, encoder steps, rows at rest, saturation, spectra
+//!   with the frequency at which the noise exceeds the signal, the period, and which joint each
+//!   effort follows, with which sign and delay.
+//! - [`proposal`] writes these facts as a first experiment file, which identification reads.
+//! - [`predict`] predicts, for a robot's model, how well each base parameter will be determined at
+//!   the noise of the efforts, which parameters affect no effort, and which motion of which joint
+//!   would determine more.
 //!
-//! Logs are read row by row in a time linear in their length, and in memory that does not grow with
-//! it. Everything is a judgement from the data and the names of columns: each has its reason, and
-//! none is a rule for one machine's logs.
+//! Logs are read row by row, in a time linear in their length and in memory that does not grow with
+//! it. All judgements are made from the data and the names of columns; each states its reason, and
+//! none is specific to one machine's logs.
 
 mod clock;
 mod columns;
@@ -48,5 +48,6 @@ pub use proposal::proposal;
 pub use relations::Derivative;
 pub use spectrum::{Spectrum, amplitude_density};
 
-/// The version of what is serialised here: a change of a name or a meaning increases it.
+/// The version of the serialised form of [`LogFacts`] and [`Prediction`]: a change of a name or a
+/// meaning increases it.
 pub const VERSION: u32 = 2;

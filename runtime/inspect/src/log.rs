@@ -17,19 +17,25 @@ use crate::roles::{Judged, Known, judge};
 use crate::spectrum::Spectrum;
 use crate::words;
 
-/// The least number of rows that anything can be said about.
+/// The least number of rows of a log that is inspected: with fewer, no column's role can be judged.
 const MIN_ROWS: usize = 64;
-/// Most points of a curve in a picture.
+/// The most points of a curve in a figure.
 const PICTURE_POINTS: usize = 512;
-/// A column of time rises in all rows but this part.
+/// A column counts as time if at most this part of its rows falls.
 const MAX_FALLING: f64 = 1e-3;
-/// The highest cutoff that is proposed, as a part of the rate: positions pass three times as much.
+/// A column counts as time if at least this part of its rows rises; the rest may repeat a value.
+const MIN_RISING: f64 = 0.9;
+/// The highest cutoff that is proposed, as a part of the sampling rate: positions pass a filter of
+/// three times the cutoff, which must be below half of the rate.
 const MAX_CUTOFF_PART: f64 = 0.125;
-/// The cutoff where no signal says one, as a part of the rate.
+/// The highest cutoff of the regressions that match efforts with joints, as a part of the sampling
+/// rate, for the same reason.
+const MAX_REGRESSION_CUTOFF_PART: f64 = 0.15;
+/// The cutoff where no signal determines one, as a part of the sampling rate.
 const PLAIN_CUTOFF_PART: f64 = 0.05;
-/// Rates are the same up to this relative difference.
+/// Two rates count as the same up to this relative difference.
 const SAME_RATE: f64 = 0.1;
-/// A rate that was found from velocities is rounded if it changes by less than this part.
+/// A rate found from velocities is rounded to two digits if that changes it by less than this part.
 const ROUND_PART: f64 = 0.01;
 /// One degree, rad.
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
@@ -63,10 +69,11 @@ pub struct Column {
     pub resting: f64,
     /// The spectrum; `None` for text, the time, constants, and logs that are too short.
     pub spectrum: Option<Spectrum>,
-    /// Means over the log for a picture: time, s, and value.
+    /// The column thinned for a figure: time, s, and value.
     #[serde(skip)]
     pub curve: Vec<(f64, f64)>,
-    /// The square root of the density for a picture: frequency, Hz, and unit/sqrt(Hz).
+    /// The square root of the power spectral density for a figure: frequency, Hz, and
+    /// unit/sqrt(Hz).
     #[serde(skip)]
     pub density: Vec<(f64, f64)>,
 }
@@ -96,7 +103,7 @@ pub struct LogFacts {
     pub cutoff: Option<f64>,
     /// The period, where the motion repeats itself.
     pub period: Option<Period>,
-    /// Sentences about what to know before these data are used.
+    /// Sentences about what a user should know before using these data.
     pub notes: Vec<String>,
 }
 
@@ -107,7 +114,8 @@ impl LogFacts {
     }
 }
 
-/// The unit and the factor to s of a time whose usual step is this, for a rate that controllers have.
+/// The unit of a time and its factor to s, from the usual step: the unit in which the step is one
+/// that logs of controllers have.
 fn unit_of_time(step: f64) -> (&'static str, f64) {
     match step {
         step if step <= 0.3 => ("s", 1.0),
@@ -117,17 +125,20 @@ fn unit_of_time(step: f64) -> (&'static str, f64) {
     }
 }
 
-/// The clock that is read: its source, the entry of the rows, the usual step, and the column.
+/// How the time of each row is found.
 struct Reading {
     source: ClockSource,
     times: Times,
+    /// The usual step from row to row, s.
     usual: f64,
+    /// The unit of the column of time.
     unit: &'static str,
     /// The index of the column among those that have numbers.
     column: Option<usize>,
 }
 
-/// Finds the time: the stated rate, the column that is named so, or one that grows evenly.
+/// Finds the time: the column that is assigned or named as time, else the stated rate, else the
+/// first column that grows.
 fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
     let rise = |entry: usize| {
         let survey = surveyed.columns.get(entry);
@@ -174,7 +185,7 @@ fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
     }
     let grows = |k: &usize| {
         let survey = surveyed.columns.get(k + 1);
-        let rises = survey.is_some_and(|s| s.falling <= MAX_FALLING && s.rising >= 0.9);
+        let rises = survey.is_some_and(|s| s.falling <= MAX_FALLING && s.rising >= MIN_RISING);
         let title = log.numbers().get(*k).and_then(|i| log.titles().get(*i));
         let title = title.map_or("", String::as_str);
         let role = meaning(title).role;
@@ -192,8 +203,10 @@ fn clock(log: &RawLog, settings: &Settings, surveyed: &Surveyed) -> Reading {
     }
 }
 
-/// The rate at which the integrals of velocities are the changes of positions, Hz, for values that
-/// are one row apart.
+/// The sampling rate at which the integrals of velocities are the changes of positions, Hz; `None`
+/// if fewer than half of the velocities agree on one, or it is at most 1 Hz.
+///
+/// - `judged`: the columns, with derivatives per row instead of per second.
 fn rate_of(judged: &[Judged]) -> Option<f64> {
     let factors: Vec<f64> = judged
         .iter()
@@ -215,7 +228,7 @@ fn rate_of(judged: &[Judged]) -> Option<f64> {
     (middle > 1.0 && 2 * same.count() > factors.len()).then_some(round)
 }
 
-/// Says what a run holds: reads it twice, or three times where the rate is found from velocities.
+/// Inspects a run: reads it twice, or three times where the rate is found from velocities.
 ///
 /// - `settings`: how its files are read: format, rate, and the column of time;
 /// - `robot`: the robot whose coordinates the columns are matched with.
@@ -355,7 +368,7 @@ pub fn inspect(
         cutoff: out
             .cutoff
             .unwrap_or(PLAIN_CUTOFF_PART * out.clock.rate)
-            .min(0.15 / gathered.step),
+            .min(MAX_REGRESSION_CUTOFF_PART / gathered.step),
     };
     out.efforts = follow(&motion);
     out.notes = words::notes(&out);
@@ -375,14 +388,14 @@ pub fn inspect(
     Ok(out)
 }
 
-/// Whether a position is in degrees by the velocity beside it.
+/// Whether a position is in degrees: its derivative is a velocity in rad/s times 180/pi.
 fn in_degrees(found: &LogFacts, number: Option<usize>) -> bool {
     let velocities = found.columns.iter().filter_map(|column| column.derivative);
     let mut own = velocities.filter(|d| Some(d.of) == number);
     own.any(|d| (d.factor * DEGREE - 1.0).abs() < SAME_RATE)
 }
 
-/// Thins a curve for a picture.
+/// Thins a curve to at most [`PICTURE_POINTS`] points.
 fn thinned(times: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
     let every = times.len().div_ceil(PICTURE_POINTS).max(1);
     let pairs = times.iter().copied().zip(values.iter().copied());
@@ -438,8 +451,8 @@ fn columns(
     log.titles().iter().enumerate().map(one).collect()
 }
 
-/// The frequency above which no joint's motion is more than noise, rounded to two digits, and low
-/// enough for a filter of positions at three times of it.
+/// The frequency above which the motion of every joint is below its noise, Hz, rounded to two
+/// digits and at most [`MAX_CUTOFF_PART`] of the rate; `None` if no joint moves.
 fn cutoff(found: &LogFacts) -> Option<f64> {
     let ends = found.joints.iter().filter_map(|joint| {
         let of = |number: Option<usize>| {

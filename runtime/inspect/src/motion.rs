@@ -4,27 +4,27 @@ use regen_identify::identify::StateSample;
 use regen_runtime::Info;
 use serde::Serialize;
 
-/// Speeds below this part of the largest are near a change of direction.
+/// Speeds below this part of the largest count as near a change of direction.
 const SLOW_PART: f64 = 0.03;
 /// The least share of the states in which a joint moves in either direction.
 const MIN_SHARE: f64 = 0.02;
-/// A speed that varies by less, over its largest value, is constant.
+/// A velocity whose range is below this part of its largest value counts as constant.
 const MAX_SPEED_VARIATION: f64 = 0.05;
 /// The least part of a joint's range that a motion should cover.
 const MIN_RANGE: f64 = 0.1;
 /// A joint that rests in a larger share of the states counts as one that does not move.
 const STILL_SHARE: f64 = 0.99;
 /// The largest number of states that [`Motions::spread`] returns.
-const KEPT_STATES: usize = 64;
+const MAX_SPREAD_STATES: usize = 64;
 
-/// How an independent joint moves.
+/// The motion of an independent joint in a log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct JointMotion {
     /// The joint's name.
     pub name: String,
     /// The smallest and largest position, rad or m.
     pub positions: [f64; 2],
-    /// The part of the joint's range that this is; `None` without limits.
+    /// The part of the joint's range between its limits that it covers; `None` without limits.
     pub covered: Option<f64>,
     /// The smallest and largest velocity, rad/s or m/s.
     pub velocities: [f64; 2],
@@ -34,8 +34,8 @@ pub struct JointMotion {
     pub acceleration: f64,
     /// The share of the states at rest.
     pub resting: f64,
-    /// What it does not do, in words: `never moves`, `never changes direction`, `never accelerates`, and
-    /// others.
+    /// The deficiencies of the motion, in words, such as `never moves`, `never changes direction` or
+    /// `never accelerates`.
     pub lacks: Vec<String>,
 }
 
@@ -57,20 +57,22 @@ struct Sums {
     count: usize,
 }
 
-/// The motion of all independent joints, gathered state by state.
+/// The motion of all independent joints, accumulated state by state.
 #[derive(Clone, Debug)]
 pub(crate) struct Motions {
     sums: Vec<Sums>,
+    /// One of this many states is stored.
     every: usize,
-    seen: usize,
+    /// The number of states so far.
+    count: usize,
     pub(crate) states: Vec<State>,
-    /// Velocities of these states: which share of them is near a change of direction is known only
-    /// when the largest is.
+    /// Velocities at stored states. They are needed to the end, since the share of slow ones depends
+    /// on the largest.
     speeds: Vec<Vec<f64>>,
 }
 
-/// The largest number of speeds that are stored, from which the shares of directions follow.
-const KEPT_SPEEDS: usize = 4096;
+/// The number of stored velocities at which every other one is dropped.
+const MAX_SPEEDS: usize = 4096;
 
 impl Motions {
     pub(crate) fn new(dof: usize) -> Self {
@@ -84,7 +86,7 @@ impl Motions {
         Self {
             sums: vec![sums; dof],
             every: 1,
-            seen: 0,
+            count: 0,
             states: Vec::new(),
             speeds: Vec::new(),
         }
@@ -110,9 +112,9 @@ impl Motions {
             sums.count += 1;
             sums.resting += usize::from(row.at_standstill.get(*c).copied().unwrap_or(false));
         }
-        if self.seen.is_multiple_of(self.every) {
+        if self.count.is_multiple_of(self.every) {
             self.speeds.push(state.qd.clone());
-            if self.speeds.len() == KEPT_SPEEDS {
+            if self.speeds.len() == MAX_SPEEDS {
                 self.every *= 2;
                 let mut k = 0;
                 self.speeds.retain(|_| {
@@ -127,12 +129,12 @@ impl Motions {
             }
             self.states.push(state);
         }
-        self.seen += 1;
+        self.count += 1;
     }
 
-    /// States that are spread over the log.
+    /// Up to [`MAX_SPREAD_STATES`] states, evenly spread over the log.
     pub(crate) fn spread(&self) -> Vec<State> {
-        let every = self.states.len().div_ceil(KEPT_STATES).max(1);
+        let every = self.states.len().div_ceil(MAX_SPREAD_STATES).max(1);
         self.states.iter().step_by(every).cloned().collect()
     }
 

@@ -1,8 +1,8 @@
-//! What the name of a column says of it: the kind of quantity, its unit and its joint.
+//! Parses the name of a column: the kind of quantity, its unit and its joint.
 
 use serde::Serialize;
 
-/// What a column may be.
+/// The kind of quantity that a column contains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -18,7 +18,7 @@ pub enum Role {
     Effort,
     /// The current of its motor.
     Current,
-    /// What a controller asks for.
+    /// The command of a controller.
     Command,
     /// The same number in all rows.
     Constant,
@@ -47,19 +47,19 @@ impl Role {
     }
 }
 
-/// The meaning of a name: quantity, unit and joint.
+/// The parts of a column's name: quantity, unit and joint.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Meaning {
     pub(crate) role: Role,
-    /// Whether it is one of a controller and not measured.
+    /// Whether the quantity is commanded by a controller, not measured.
     pub(crate) commanded: bool,
     pub(crate) unit: Option<&'static str>,
-    /// What is left of the name: that of the joint.
+    /// The joint's name: the words that remain.
     pub(crate) joint: String,
 }
 
-/// Words of names with what they mean; the first that fits counts, so that `joint_velocity` is no
-/// position.
+/// The words in names that denote each quantity. The first entry with a word of the name counts, so
+/// that `angle_velocity` is a velocity.
 const WORDS: [(Role, &[&str]); 7] = [
     (
         Role::Time,
@@ -112,29 +112,29 @@ const WORDS: [(Role, &[&str]); 7] = [
         Role::Current,
         &["i", "iq", "cur", "curr", "current", "currents", "amps"],
     ),
-    (
-        Role::Position,
-        &[
-            "q",
-            "pos",
-            "position",
-            "positions",
-            "angle",
-            "angles",
-            "theta",
-            "encoder",
-            "enc",
-            "length",
-        ],
-    ),
-    // of no further meaning
+    (Role::Position, &POSITION_WORDS),
+    // quantities that identification does not use
     (
         Role::Other,
         &["temp", "temperature", "voltage", "status", "mode"],
     ),
 ];
 
-/// Words of commands.
+/// The words in names of positions.
+const POSITION_WORDS: [&str; 10] = [
+    "q",
+    "pos",
+    "position",
+    "positions",
+    "angle",
+    "angles",
+    "theta",
+    "encoder",
+    "enc",
+    "length",
+];
+
+/// The words in names of commanded quantities.
 const COMMANDS: [&str; 12] = [
     "cmd",
     "command",
@@ -149,11 +149,11 @@ const COMMANDS: [&str; 12] = [
     "sp",
     "set",
 ];
-/// Words of what is measured, which say nothing else.
+/// Words that only say that a quantity is measured.
 const MEASURED: [&str; 8] = [
     "act", "actual", "meas", "measured", "motor", "joint", "state", "states",
 ];
-/// Units in names.
+/// The spellings of units in names, with the unit.
 const UNITS: [(&str, &str); 19] = [
     ("deg", "deg"),
     ("degrees", "deg"),
@@ -176,7 +176,7 @@ const UNITS: [(&str, &str); 19] = [
     ("ns", "ns"),
 ];
 
-/// A name without a unit in brackets, and that unit.
+/// Splits a unit in brackets from a name: `pos_2 [deg]` is `pos_2 ` in deg.
 fn unbracketed(name: &str) -> (String, Option<&'static str>) {
     for (open, close) in [('[', ']'), ('(', ')')] {
         if let Some((before, rest)) = name.split_once(open)
@@ -190,7 +190,8 @@ fn unbracketed(name: &str) -> (String, Option<&'static str>) {
     (name.to_owned(), None)
 }
 
-/// The words of a name: cut at signs, at capitals, and between letters and digits.
+/// The words of a name in lower case, split at punctuation, at capitals, and between letters and
+/// digits.
 fn words(name: &str) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     let mut last = ' ';
@@ -209,7 +210,7 @@ fn words(name: &str) -> Vec<String> {
     out
 }
 
-/// What a name says; that of a column without a name says nothing.
+/// Parses the name of a column; the result for an empty name is [`Role::Other`].
 pub(crate) fn meaning(name: &str) -> Meaning {
     let (plain, unit) = unbracketed(name);
     let mut words = words(&plain);
@@ -217,7 +218,7 @@ pub(crate) fn meaning(name: &str) -> Meaning {
         unit,
         ..Meaning::default()
     };
-    // a unit stands at the end, behind what it is of: `q1_deg`
+    // a unit without brackets is the last word and follows another: `q1_deg`
     if out.unit.is_none()
         && words.len() > 1
         && let Some(last) = words.last()
@@ -236,7 +237,7 @@ pub(crate) fn meaning(name: &str) -> Meaning {
     for (role, names) in WORDS {
         let place = words.iter().position(|word| names.contains(&word.as_str()));
         if let Some(place) = place {
-            // of `tau_q1` the rest is the joint `q1`, of `q1` the whole
+            // the joint of `tau_q1` is the rest, `q1`; that of the position `q1` is the whole name
             if role != Role::Position {
                 words.remove(place);
             }
@@ -254,8 +255,8 @@ pub(crate) fn meaning(name: &str) -> Meaning {
     };
     words.retain(|word| !MEASURED.contains(&word.as_str()));
     if out.role == Role::Position && words.len() > 1 {
-        // `pos_1` is of the joint 1, as `vel_1` is
-        words.retain(|word| !WORDS[5].1.contains(&word.as_str()) || word == "q");
+        // the joint of `pos_1` is 1, as that of `vel_1`
+        words.retain(|word| !POSITION_WORDS.contains(&word.as_str()) || word == "q");
     }
     out.joint = words.join("_");
     out
@@ -267,7 +268,7 @@ mod tests {
 
     #[test]
     fn names_of_controllers_are_understood() {
-        let said = |name: &str| {
+        let parsed = |name: &str| {
             let found = meaning(name);
             (found.role, found.commanded, found.unit, found.joint)
         };
@@ -292,7 +293,7 @@ mod tests {
             ("joint_3_temp", (Role::Other, false, None, joint("3"))),
             ("17", (Role::Other, false, None, joint("17"))),
         ] {
-            assert_eq!(said(name), expected, "{name}");
+            assert_eq!(parsed(name), expected, "{name}");
         }
     }
 }

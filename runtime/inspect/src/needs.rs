@@ -1,8 +1,8 @@
 //! Finds the motions that would determine a parameter which the log does not determine.
 //!
-//! For each joint three motions are tried: other positions at rest, both directions of velocity,
-//! and acceleration, each at states of the log and added to its equations with as much weight as all
-//! of these. What a parameter needs is the motion by which its deviation falls most.
+//! Three motions of each joint are tried: other positions at rest, velocities in both directions, and
+//! accelerations, each at states of the log. Their equations are added to those of the log with the
+//! same total weight. A parameter needs the motion that reduces its standard deviation most.
 
 use core::fmt;
 
@@ -15,16 +15,16 @@ use crate::predict::{Spread, spread};
 
 /// The least factor by which a proposed motion must reduce the standard deviation.
 const MIN_IMPROVEMENT: f64 = 3.0;
-/// Another motion is reported too if its deviation is within this factor of the best one.
+/// Another motion is reported too if its deviation is within this factor of that of the best one.
 const EQUIVALENT_RATIO: f64 = 1.5;
-/// Most motions that are reported for one parameter.
+/// The most motions that are reported for one parameter.
 const MAX_NEEDS: usize = 2;
 /// The number of states of the log at which each motion is tried.
 const STATES: usize = 12;
-/// Speed of joints without limits, rad/s or m/s.
-const PLAIN_SPEED: [f64; 2] = [1.0, 0.2];
-/// Range of joints without limits, on either side, rad or m.
-const PLAIN_RANGE: [f64; 2] = [1.0, 0.1];
+/// The speed of revolute and prismatic joints without limits, rad/s and m/s.
+const DEFAULT_SPEED: [f64; 2] = [1.0, 0.2];
+/// The range of revolute and prismatic joints without limits, to either side, rad and m.
+const DEFAULT_RANGE: [f64; 2] = [1.0, 0.1];
 /// The frequency of the oscillation by which a tried motion accelerates a joint, Hz.
 const ACCELERATION_HZ: f64 = 0.5;
 /// The part of a joint's limits that tried motions use.
@@ -73,7 +73,9 @@ pub(crate) struct Trial<'a, M: ?Sized> {
     pub(crate) motions: &'a [JointMotion],
 }
 
-/// For each parameter in question the motions by which its deviation falls most.
+/// For each parameter in question, the motions that reduce its standard deviation most.
+///
+/// - `now`: the standard deviations from the log alone.
 pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
     trial: &Trial<'_, M>,
     now: &Spread,
@@ -84,7 +86,7 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
     let Ok(mut closure) = LoopClosure::new(trial.model) else {
         return Ok(out);
     };
-    // gain of each parameter by each motion
+    // for each parameter, the factor by which each motion reduces its standard deviation
     let mut gains: Vec<Vec<(f64, Need)>> = vec![Vec::new(); in_question.len()];
     for (k, c) in info.independent.iter().enumerate() {
         for kind in [Kind::Positions, Kind::Velocity, Kind::Acceleration] {
@@ -116,8 +118,8 @@ pub(crate) fn needs<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// The equations of the log and those of a motion of the k-th independent joint; `None` if it cannot
-/// be made anywhere.
+/// The equations of the log with those of a motion of the k-th independent joint; `None` if the loops
+/// do not close or are singular at all states of this motion.
 fn with_motion<M: BaseModel<f64> + ?Sized>(
     trial: &Trial<'_, M>,
     closure: &mut LoopClosure<'_, M>,
@@ -130,14 +132,14 @@ fn with_motion<M: BaseModel<f64> + ?Sized>(
     let plain = |values: [f64; 2]| if turns { values[0] } else { values[1] };
     let most = |limit: Option<[f64; 2]>| limit.map(|[a, b]| PART_OF_LIMITS * a.abs().max(b.abs()));
     let limits = joint.map(|j| j.limits).unwrap_or_default();
-    let speed = most(limits.velocity).unwrap_or(plain(PLAIN_SPEED));
+    let speed = most(limits.velocity).unwrap_or(plain(DEFAULT_SPEED));
     let rate = core::f64::consts::TAU * ACCELERATION_HZ * speed;
     let rate = most(limits.acceleration).map_or(rate, |limit| limit.min(rate));
     let centre = trial
         .motions
         .get(k)
         .map_or(0.0, |m| 0.5 * (m.positions[0] + m.positions[1]));
-    let side = plain(PLAIN_RANGE);
+    let side = plain(DEFAULT_RANGE);
     let [low, high] = limits.position.unwrap_or([centre - side, centre + side]);
     let every = trial.states.len().div_ceil(STATES).max(1);
     let parts: &[f64] = match kind {

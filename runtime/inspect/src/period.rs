@@ -1,24 +1,25 @@
-//! Whether the motion repeats itself, and with which period.
+//! Finds the period of a motion that repeats itself.
 
 use serde::Serialize;
 
 use crate::gather::Trace;
 
-/// The mean square difference between a signal and the shifted signal, divided by twice the
-/// variance, above which the signal has moved away from its start.
+/// Lags are searched from where the mean square difference between a signal and the shifted signal,
+/// divided by twice the variance, first exceeds this.
 const DEPARTED_DIFFERENCE: f64 = 0.3;
 /// The largest mean square difference, in the same measure, between periods of a motion.
 const MAX_PERIOD_DIFFERENCE: f64 = 0.02;
-/// A shorter period is preferred if it repeats the motion as well up to this factor.
+/// A shorter period is preferred if its difference is at most this many times the smallest one,
+/// plus [`EQUIVALENT_DIFFERENCE`].
 const EQUIVALENT_RATIO: f64 = 4.0;
-/// It is also preferred if its difference is at most this, which is rounding and noise.
+/// A difference of this size is rounding and noise.
 const EQUIVALENT_DIFFERENCE: f64 = 2e-4;
 /// The least part of the log that is compared.
 const MIN_OVERLAP: f64 = 0.2;
-/// The least part of the whole variance that the compared parts must have: the same rest at the
-/// beginning and the end is no period.
+/// The least part of the whole variance that the compared parts must have, since rest at the
+/// beginning and at the end is no period.
 const MIN_VARIANCE: f64 = 0.3;
-/// Points of a trace that lags are compared on.
+/// The most points of the trace that are compared.
 const POINTS: usize = 2048;
 
 /// A periodic motion.
@@ -28,14 +29,16 @@ pub struct Period {
     pub seconds: f64,
     /// Its inverse, Hz.
     pub frequency: f64,
-    /// How many periods the log has.
+    /// The number of periods in the log.
     pub repetitions: f64,
     /// The rms difference between periods over the rms of the motion, percent.
     pub difference: f64,
 }
 
-/// The mean squared difference of some signals between two times this many points apart, over twice
-/// their variance there, averaged over the signals; `None` where too little moves.
+/// The mean squared difference of some signals between times `lag` points apart, over twice their
+/// variance there, averaged over the signals; `None` if they move too little there.
+///
+/// - `whole`: the variance of each signal over the whole log.
 fn difference(signals: &[&[f64]], whole: &[f64], lag: usize) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0.0);
     let (mut moving, mut all) = (0.0, 0.0);
@@ -61,7 +64,7 @@ fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n
 }
 
-/// Finds the period of some columns of a trace.
+/// Finds the common period of some columns of a trace; `None` if the motion does not repeat.
 pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
     let n = trace.times.len();
     let every = n.div_ceil(POINTS).max(1);
@@ -86,7 +89,7 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
     let at = |lag: usize| found.get(lag).copied().flatten();
     let valleys = (left + 1..longest.saturating_sub(1)).filter_map(|lag| {
         let (a, b, c) = (at(lag - 1)?, at(lag)?, at(lag + 1)?);
-        // the bottom of the parabola through the three, as lags are whole numbers of points
+        // the minimum of the parabola through the three, since lags are whole numbers of points
         let bend = a - 2.0 * b + c;
         let shift = if bend > 0.0 {
             0.5 * (a - c) / bend
@@ -101,7 +104,7 @@ pub(crate) fn period(trace: &Trace, positions: &[usize]) -> Option<Period> {
     let first = valleys
         .iter()
         .find(|v| v.1 <= EQUIVALENT_RATIO * least + EQUIVALENT_DIFFERENCE)?;
-    // noise makes several valleys of one: the deepest of those around it
+    // noise splits a valley into several, of which the deepest counts
     let near = valleys
         .iter()
         .filter(|v| v.0 < first.0 + first.0 / 20.0 + 3.0 && v.0 >= first.0);

@@ -18,9 +18,10 @@ use crate::motion::{JointMotion, Motions};
 use crate::needs::{Need, Trial, needs};
 use crate::spectrum::{Welch, block_rows};
 
-/// The largest number of steps whose median is the time between states.
+/// The time between states is the median of at most this many steps.
 const MAX_STEPS: usize = 1001;
-/// The least noise of an effort, as a part of its root mean square: logged numbers are rounded.
+/// The smallest noise that is assumed of an effort, as a part of its root mean square: logged numbers
+/// are rounded.
 const MIN_NOISE_PART: f64 = 1e-9;
 
 /// The noise of an effort.
@@ -101,7 +102,7 @@ pub struct Prediction {
     pub motion: Vec<JointMotion>,
 }
 
-/// A source that also shows each of its states to another function.
+/// A source that also passes each of its states to another function.
 struct Tap<'a, S: ?Sized> {
     source: &'a mut S,
     each: &'a mut dyn FnMut(&StateSample<'_>),
@@ -126,16 +127,17 @@ impl<S: Source + ?Sized> Source for Tap<'_, S> {
     }
 }
 
-/// The deviations of parameters whose equations have unit variance.
+/// The standard deviations of parameters if the errors of the equations have unit variance.
 pub(crate) struct Spread {
     /// `None` for those that are not determined.
     pub(crate) sigmas: Vec<Option<f64>>,
-    /// Those that take part in a combination that alone is determined.
+    /// Whether each parameter is part of a combination of which only the sum is determined.
     pub(crate) combined: Vec<bool>,
     pub(crate) condition: f64,
 }
 
-/// The deviations from R: the roots of the diagonal of (R^T R)^-1, with scaled columns.
+/// The standard deviations that follow from R: the square roots of the diagonal of (R^T R)^-1,
+/// computed with scaled columns.
 pub(crate) fn spread(factor: &QrFactor) -> Result<Spread, EstimateError> {
     let n = factor.columns();
     let mut kept: Vec<usize> = (0..n).collect();
@@ -199,7 +201,8 @@ fn nominal(info: &Info<'_>, parameter: &BaseParameter<'_>) -> Option<f64> {
 /// The noise is that of the efforts at high frequencies. Errors of the model and of the positions come
 /// on top, so that the deviations of a fit are larger where these matter.
 ///
-/// - `rows`: about how many states there are, and `step`: the time between them, s.
+/// - `rows`: the approximate number of states;
+/// - `step`: the time between them, s.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model.
@@ -289,7 +292,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         })
         .collect();
     let decimated = between * filtering.samples_between(between) as f64;
-    // half the rate of the equations, or what is left of the noise behind the filter if it is more
+    // half the rate of the equations, or the noise bandwidth of the filter if it is larger
     let band = match filtering.smoothing {
         Smoothing::None => 0.5 / between,
         Smoothing::Butterworth { cutoff, .. } => (0.5 / decimated).max(cutoff),
@@ -353,7 +356,7 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         states: &motions.spread(),
         motions: &motion,
     };
-    // what is combined counts as not determined
+    // parameters of which only a combination is determined count as undetermined
     let judged = Spread {
         sigmas: parameters.iter().map(|p| p.sigma).collect(),
         ..now

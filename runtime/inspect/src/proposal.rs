@@ -1,4 +1,4 @@
-//! A first experiment file for logs: what `regen_identify::experiment_file` reads.
+//! Proposes an experiment file for logs, in the format that `regen_identify::experiment_file` reads.
 
 use std::fmt::Write as _;
 
@@ -9,21 +9,22 @@ use crate::clock::ClockSource;
 use crate::joints::Joint;
 use crate::log::{Column, LogFacts};
 use crate::names::Role;
+use crate::words::late_efforts;
 
-/// The order of the proposed filter.
+/// The order of the proposed Butterworth filter.
 const ORDER: usize = 4;
-/// The relative difference up to which the factor between a position and the integral of its
-/// velocity counts as the factor of a unit.
+/// The factor between a position and the integral of its velocity counts as that of a unit if it
+/// differs by at most this part.
 const UNIT_TOLERANCE: f64 = 0.05;
 
-/// A text as YAML reads it back: in quotes unless it is plain.
+/// A text as a YAML string, in quotes where YAML needs them.
 fn quoted(text: &str) -> String {
     let plain = text
         .chars()
         .all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c));
     let starts =
         text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '/' || c == '.');
-    // words that YAML takes for something else
+    // words that YAML reads as booleans or null
     let word = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
     if plain && starts && !word.contains(&text.to_lowercase().as_str()) {
         return text.to_owned();
@@ -32,7 +33,7 @@ fn quoted(text: &str) -> String {
     format!("\"{escaped}\"")
 }
 
-/// How the file names a column: by its name where that is one of its own, else by its number.
+/// How the file names a column: by its name if no other column has it, else by its number.
 fn place(found: &LogFacts, column: &Column) -> String {
     let same = found.columns.iter().filter(|c| c.name == column.name);
     let digits = column.name.chars().all(|c| c.is_ascii_digit());
@@ -43,7 +44,8 @@ fn place(found: &LogFacts, column: &Column) -> String {
     }
 }
 
-/// The units in which positions and velocities are read.
+/// The units of a joint's position and velocity: those that the log states, or degrees if the factor
+/// between the two shows it.
 fn units(found: &LogFacts, joint: &Joint) -> [Option<&'static str>; 2] {
     let of = |number: Option<usize>| number.and_then(|n| found.column(n));
     let (position, velocity) = (of(joint.position), of(joint.velocity));
@@ -66,8 +68,8 @@ fn line(out: &mut String, key: &str, column: &str, unit: Option<&str>, more: &st
     let _ = writeln!(out, "  {}: {{column: {column}{unit}{more}}}", quoted(key));
 }
 
-/// The columns of one kind: in one line with numbers where they follow each other and no joint needs
-/// one of its own.
+/// Writes the columns of one quantity: as one line with a range of numbers if they are consecutive,
+/// have the same unit, and neither they nor the joints have names; else as one line per joint.
 fn kind(
     out: &mut String,
     found: &LogFacts,
@@ -108,11 +110,11 @@ fn kind(
 /// The text of an experiment file that reads these logs, for the columns and the clock of the first.
 ///
 /// - `runs`: the runs that were inspected;
-/// - `facts`: what was found in each;
+/// - `facts`: the facts that were found in each;
 /// - `robot`: whether the joints have the names of a robot's description. Without one, columns without
 ///   names are given by `*` for any robot's coordinates in their order.
 ///
-/// Returns `None` without any log in which positions were found.
+/// Returns `None` if no log has columns that were recognised as positions.
 pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String> {
     let found = facts.iter().find(|f| !f.joints.is_empty())?;
     let mut out = String::from("# Proposed from what the logs hold: check it before it is used.\n");
@@ -209,22 +211,20 @@ pub fn proposal(runs: &[Run], facts: &[LogFacts], robot: bool) -> Option<String>
     Some(out)
 }
 
-/// A number without digits that say nothing.
+/// A number with four significant digits.
 fn number(value: f64) -> String {
     let rounded: f64 = figure_of(4, value).parse().unwrap_or(value);
     rounded.to_string()
 }
 
+/// Writes `process`: resampling, filter and delay, as far as the log needs them.
 fn process(out: &mut String, found: &LogFacts) {
     let clock = &found.clock;
     let uneven = !clock.even && clock.source == ClockSource::Column;
     let cutoff = found
         .cutoff
         .filter(|_| clock.source != ClockSource::Unknown);
-    let late = found
-        .notes
-        .iter()
-        .any(|note| note.starts_with("efforts are behind"));
+    let late = !late_efforts(found).is_empty();
     if !uneven && cutoff.is_none() && !late {
         return;
     }
@@ -252,6 +252,7 @@ fn process(out: &mut String, found: &LogFacts) {
     }
 }
 
+/// Writes `checks`: faulty rows are dropped if there are any.
 fn checks(out: &mut String, facts: &[LogFacts]) {
     let faulty = facts
         .iter()

@@ -1,4 +1,4 @@
-//! What each column may be, from its name and from its relations to the others.
+//! Judges the role of each column from its name and from its relations to the others.
 
 use regen_identify::data::{Assignment, Quantity};
 
@@ -6,19 +6,20 @@ use crate::columns::Surveyed;
 use crate::names::{Meaning, Role, meaning};
 use crate::relations::{Derivative, Relations};
 
-/// Columns of positions have at most this part of the relative noise of columns of efforts.
+/// Columns without names are taken for positions and efforts if the typical relative noise of the
+/// positions is at most this part of that of the efforts.
 const MAX_NOISE_RATIO: f64 = 0.2;
-/// The least correlation at which a column without a name counts as a derivative.
+/// The least correlation at which a column counts as the derivative of another.
 const MIN_CORRELATION: f64 = 0.98;
 
-/// Factors between a column and the integral of its derivative where units differ by nothing or by
-/// degrees.
+/// The factors between a column and the integral of its derivative if both have the same unit of
+/// angle, or one is in degrees and the other in radians.
 const SAME_UNIT: [f64; 3] = [
     1.0,
     180.0 / core::f64::consts::PI,
     core::f64::consts::PI / 180.0,
 ];
-/// The relative difference up to which a factor counts as one of these.
+/// The relative difference up to which a factor counts as one of [`SAME_UNIT`].
 const UNIT_TOLERANCE: f64 = 0.1;
 
 /// The role that a column is judged to have.
@@ -26,18 +27,18 @@ const UNIT_TOLERANCE: f64 = 0.1;
 pub(crate) struct Judged {
     pub(crate) role: Role,
     pub(crate) unit: Option<&'static str>,
-    /// The reason for the role, in words.
+    /// The reason for the role, as a clause without its full stop.
     pub(crate) reason: String,
     pub(crate) derivative: Option<Derivative>,
-    /// The factor of its unit, as assigned; 1 where nothing is.
+    /// The factor of the column's assignment; 1 without one.
     pub(crate) factor: f64,
-    /// The joint that it was assigned to.
+    /// The joint that the user assigned the column to.
     pub(crate) assigned: Option<String>,
     pub(crate) meaning: Meaning,
 }
 
 impl Judged {
-    /// The factor to SI: the assigned one, or that of degrees where the name says so.
+    /// The factor to SI units: the assigned one, or that of degrees if the name has that unit.
     pub(crate) fn unit_factor(&self) -> f64 {
         match (&self.assigned, self.unit) {
             (None, Some("deg")) => core::f64::consts::PI / 180.0,
@@ -46,17 +47,17 @@ impl Judged {
     }
 }
 
-/// What is known of the columns before they are judged.
+/// The facts about the columns from which their roles are judged.
 pub(crate) struct Known<'a> {
     /// The titles of all columns.
     pub(crate) titles: &'a [String],
     pub(crate) named: bool,
     /// The indices of the columns that have numbers: the judged ones.
     pub(crate) numbers: &'a [usize],
-    /// Which of these is the time.
+    /// The index among these of the time.
     pub(crate) time: Option<usize>,
     pub(crate) surveyed: &'a Surveyed,
-    /// What columns were assigned to.
+    /// The user's assignments of columns to quantities.
     pub(crate) assignments: &'a [Assignment],
     /// Whether the rows have times.
     pub(crate) timed: bool,
@@ -72,13 +73,13 @@ impl Known<'_> {
         survey.is_some_and(crate::columns::Survey::is_constant)
     }
 
-    /// The noise of a column over its deviation.
+    /// The noise of a column over its standard deviation.
     fn roughness(&self, k: usize) -> f64 {
         let survey = self.surveyed.columns.get(k + 1);
         survey.map_or(f64::INFINITY, |s| s.encoder.noise / s.deviation.max(1e-300))
     }
 
-    /// What a column was assigned to: its role, joint and factor.
+    /// The role, the joint and the assignment of a column that the user assigned.
     fn assigned(&self, k: usize) -> Option<(Role, &str, &Assignment)> {
         let index = *self.numbers.get(k)?;
         let title = self.titles.get(index)?;
@@ -105,7 +106,8 @@ impl Known<'_> {
     }
 }
 
-/// The column whose derivative each column is, if there is one: the most certain.
+/// For each column, the column whose derivative it is most likely, with the factor and the
+/// correlation of [`Relations::derivative`].
 fn derivatives(known: &Known<'_>, relations: &Relations) -> Vec<Option<(usize, f64, f64)>> {
     let count = known.numbers.len();
     let of = |b: usize| {
@@ -117,7 +119,7 @@ fn derivatives(known: &Known<'_>, relations: &Relations) -> Vec<Option<(usize, f
     (0..count).map(of).collect()
 }
 
-/// The joint of a name as it is compared: `q_1` is the joint 1.
+/// The name of a joint as it is compared: `q_1` is the joint `1`.
 pub(crate) fn key(joint: &str) -> &str {
     match joint.strip_prefix("q_") {
         Some(rest) if rest.chars().all(|c| c.is_ascii_digit()) => rest,
@@ -131,7 +133,7 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
     let mut out: Vec<Judged> = (0..known.numbers.len())
         .map(|k| by_name(known, k))
         .collect();
-    // `elbow` beside `tau_elbow` is a position
+    // a column `elbow` in a log with `tau_elbow` is a position
     let of_joints: Vec<String> = out
         .iter()
         .filter(|j| matches!(j.role, Role::Velocity | Role::Effort | Role::Current))
@@ -141,7 +143,7 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
         let joint = key(&judged.meaning.joint);
         if judged.role == Role::Other && !joint.is_empty() && of_joints.iter().any(|j| j == joint) {
             judged.role = Role::Position;
-            "others are named after it".clone_into(&mut judged.reason);
+            "other columns have its name".clone_into(&mut judged.reason);
         }
     }
     by_relation(known, &found, &mut out);
@@ -165,7 +167,7 @@ pub(crate) fn judge(known: &Known<'_>, relations: &Relations) -> Vec<Judged> {
     out
 }
 
-/// What a column's name says of it; without a robot's or a plain name, what its values say.
+/// Judges a column by its assignment or its name, or as constant by its values.
 fn by_name(known: &Known<'_>, k: usize) -> Judged {
     let title = known.title(k);
     let mut out = Judged {
@@ -189,7 +191,7 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
         out.meaning = meaning(title);
         out.unit = out.meaning.unit;
         out.role = match out.meaning.role {
-            // another clock says nothing
+            // a second clock is of no use
             Role::Time | Role::Other | Role::Constant => Role::Other,
             _ if out.meaning.commanded => Role::Command,
             role => role,
@@ -217,7 +219,7 @@ fn by_name(known: &Known<'_>, k: usize) -> Judged {
     out
 }
 
-/// Columns without a name of their own that are derivatives of others, and those others.
+/// Judges columns of unknown role that are derivatives of others, and those others.
 fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
     let positive = |b: usize| {
         let derivative = found.get(b).copied().flatten();
@@ -228,7 +230,7 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
             continue;
         };
         let second = positive(a).is_some_and(|(c, ..)| c != b);
-        // the torque of a light joint is its acceleration but for a factor
+        // the torque of a joint with little friction is proportional to its acceleration
         if second
             && known.timed
             && !SAME_UNIT
@@ -263,8 +265,8 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
     }
 }
 
-/// Joints that hardly move, among columns without names: where all velocities stand as far behind
-/// their positions, those of the joints between them do too.
+/// Judges the columns of joints that hardly move, in logs without names: if every velocity follows
+/// its position at the same distance, so do those of the joints between them.
 fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
     let velocities = (0..out.len()).filter(|b| out[*b].role == Role::Velocity);
     let pairs: Vec<(usize, usize)> = velocities
@@ -279,7 +281,7 @@ fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [J
     if !same || count == 0 || last - low >= count {
         return;
     }
-    // behind the time, if all of them are within reach of that
+    // the block of positions begins right after the time if it then contains all that were found
     let earliest = known.time.map_or(0, |time| time + 1);
     let start = if last < earliest + count && earliest <= low {
         earliest
@@ -291,14 +293,14 @@ fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [J
         if k + count < out.len() && free(out[k].role) && free(out[k + count].role) {
             for (place, role) in [(k, Role::Position), (k + count, Role::Velocity)] {
                 out[place].role = role;
-                "it stands among others of its kind".clone_into(&mut out[place].reason);
+                "its neighbours have this role".clone_into(&mut out[place].reason);
             }
         }
     }
 }
 
-/// Positions and efforts where nothing else tells them: smooth columns, and behind them as many
-/// rough ones.
+/// Guesses positions and efforts if no position was found otherwise: the first half of the unknown
+/// columns if they are smooth, and the second half if those are rough.
 fn by_order(known: &Known<'_>, out: &mut [Judged]) {
     let left: Vec<usize> = (0..out.len())
         .filter(|k| out[*k].role == Role::Other)
@@ -315,13 +317,14 @@ fn by_order(known: &Known<'_>, out: &mut [Judged]) {
     for (columns, role) in [(first, Role::Position), (second, Role::Effort)] {
         for k in columns {
             out[*k].role = role;
-            "smooth columns, and behind them as many rough ones: a guess"
+            "smooth columns, followed by as many rough ones: a guess"
                 .clone_into(&mut out[*k].reason);
         }
     }
 }
 
-/// Efforts among columns without names: the first ones behind the motion, as many as joints.
+/// Guesses efforts if none was found otherwise: the first columns after the motion, as many as there
+/// are joints.
 fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
     let count = out.iter().filter(|j| j.role == Role::Position).count();
     let some = out
@@ -334,7 +337,7 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
         return;
     };
     let free = |k: &usize| matches!(out[*k].role, Role::Other | Role::Constant);
-    // anywhere behind, but together, and not all of them constant
+    // adjacent columns, not all of them constant
     let start = (last + 1..out.len()).find(|k| {
         let mut block = *k..k + count;
         let fits = block.end <= out.len() && block.clone().all(|k| free(&k));
@@ -343,6 +346,6 @@ fn efforts_by_order(known: &Known<'_>, out: &mut [Judged]) {
     let Some(start) = start else { return };
     for judged in &mut out[start..start + count] {
         judged.role = Role::Effort;
-        "as many as joints, behind the motion: a guess".clone_into(&mut judged.reason);
+        "as many as joints, after the motion: a guess".clone_into(&mut judged.reason);
     }
 }

@@ -1,9 +1,9 @@
-//! Regressions of many right-hand sides on the same columns.
+//! Linear regressions of many right-hand sides on the same columns.
 
 use nalgebra::DMatrix;
 
-/// What is added to the diagonal of the scaled normal equations, so that columns which depend on
-/// each other share what they explain.
+/// The ridge term on the diagonal of the scaled normal equations: columns that depend on each other
+/// then share what they explain, rather than make the equations singular.
 const RIDGE: f64 = 1e-8;
 
 /// The normal equations of some columns about their means, scaled to columns of unit rms; the first
@@ -24,13 +24,16 @@ pub(crate) struct Solved {
     values: Vec<f64>,
     /// The products of the scaled columns with the right-hand side.
     side: Vec<f64>,
+    /// The mean of the right-hand side.
     mean: f64,
+    /// The variance of the right-hand side.
     variance: f64,
+    /// The variance that the columns do not explain.
     left: f64,
 }
 
 impl Solved {
-    /// The part of the variance that is explained.
+    /// The part of the variance that the columns explain, from 0 to 1.
     pub(crate) fn explained(&self) -> f64 {
         if self.variance > 0.0 {
             1.0 - self.left / self.variance
@@ -46,7 +49,8 @@ impl Solved {
 }
 
 impl Normal {
-    /// `None` without rows, or where the equations cannot be solved.
+    /// The normal equations of these rows of `width` columns; `None` without rows, or if the
+    /// equations cannot be solved.
     pub(crate) fn new<'r>(
         width: usize,
         rows: impl Iterator<Item = &'r Vec<f64>> + Clone,
@@ -80,7 +84,7 @@ impl Normal {
         let scales: Vec<f64> = (0..width)
             .map(|k| {
                 let rms = (gram[(k, k)] / count).sqrt();
-                // rounding of a constant
+                // a smaller rms is rounding of a constant column
                 if rms > 1e-9 * means[k].abs() {
                     rms
                 } else {
@@ -114,6 +118,7 @@ impl Normal {
         })
     }
 
+    /// An entry of a row relative to its column's mean, in units of the column's rms.
     fn scaled(&self, row: &[f64], column: usize) -> f64 {
         if self.scales[column] > 0.0 {
             (row[column] - self.means[column]) / self.scales[column]
@@ -122,7 +127,7 @@ impl Normal {
         }
     }
 
-    /// Solves for values in the rows that the equations were made from.
+    /// Solves for a right-hand side, given with the rows that the equations were made from.
     pub(crate) fn solve<'r>(
         &self,
         rows: impl Iterator<Item = &'r Vec<f64>>,
@@ -161,7 +166,7 @@ impl Normal {
         }
     }
 
-    /// The solution with some of the columns only.
+    /// The solution with only these columns; `None` if it cannot be computed.
     pub(crate) fn restricted(&self, solved: &Solved, columns: &[usize]) -> Option<Solved> {
         let m = columns.len();
         let block = DMatrix::from_fn(m, m, |i, j| self.gram[(columns[i], columns[j])]);
@@ -181,13 +186,13 @@ impl Normal {
         })
     }
 
-    /// The value that a solution gives in a row.
+    /// The value that a solution predicts for a row.
     pub(crate) fn predict(&self, solved: &Solved, row: &[f64]) -> f64 {
         let parts = solved.values.iter().enumerate();
         solved.mean + parts.map(|(k, x)| x * self.scaled(row, k)).sum::<f64>()
     }
 
-    /// The correlation of what some columns contribute to a solution with one column.
+    /// The correlation of one column with the sum of what some columns contribute to a solution.
     pub(crate) fn correlation(&self, solved: &Solved, columns: &[usize], with: usize) -> f64 {
         let product = |i: usize, j: usize| solved.scaled(i) * self.gram[(i, j)];
         let along: f64 = columns.iter().map(|i| product(*i, with)).sum();
@@ -202,7 +207,8 @@ impl Normal {
         }
     }
 
-    /// By how much the unexplained part of the variance grows if some columns are left out.
+    /// The increase of the unexplained part of the variance if these columns are left out and the
+    /// others are fitted again.
     pub(crate) fn share(&self, solved: &Solved, columns: &[usize]) -> f64 {
         let m = columns.len();
         let block = DMatrix::from_fn(m, m, |i, j| self.inverse[(columns[i], columns[j])]);

@@ -10,28 +10,30 @@ use serde::Serialize;
 use crate::clock::median;
 use crate::fft::Fft;
 
-/// The part of half the sampling rate between which the noise floor is looked for.
+/// The band in which the noise floor is looked for, in parts of half the sampling rate.
 const FLOOR_BAND: [f64; 2] = [0.75, 0.98];
-/// A density this many times the floor is signal.
+/// A density above this many times the floor counts as signal.
 const SIGNAL_OVER_FLOOR: f64 = 3.0;
-/// The signal has ended where the density stays below that up to this many times the frequency.
+/// The signal ends at a frequency if the density stays below [`SIGNAL_OVER_FLOOR`] from there up to
+/// this many times the frequency.
 const QUIET_BAND: f64 = 1.5;
-/// The part of a signal's power up to which it counts.
+/// A signal ends at the frequency below which it has this part of its power.
 const SIGNAL_PART: f64 = 0.999;
-/// Densities at the beginning and the end of the floor's band that differ by more are no floor.
+/// If the densities at the two ends of [`FLOOR_BAND`] differ by more than this factor, there is no
+/// noise floor.
 const MAX_FLOOR_SLOPE: f64 = 10.0;
-/// Part of the frequency over which densities are averaged before they are compared.
+/// Before they are compared, densities are averaged over this part of their frequency.
 const SMOOTHING: f64 = 0.05;
-/// The length of a block, s, where the log is long enough.
+/// The length of a block, s, if the log is long enough.
 const BLOCK_SECONDS: f64 = 20.0;
-/// Bounds of the number of rows in a block.
+/// The smallest and largest number of rows in a block.
 const BLOCK_ROWS: [usize; 2] = [64, 16_384];
 /// A step of more than this many usual ones is a gap.
 const GAP_STEPS: f64 = 1.5;
-/// Most points of a spectrum for a picture.
+/// The largest number of points of a spectrum in a picture.
 const PICTURE_POINTS: usize = 240;
 
-/// The number of rows in a block for a log of so many rows with this step, s.
+/// The number of rows in a block, for a log with this number of rows and this time step (s).
 pub(crate) fn block_rows(rows: usize, step: f64) -> usize {
     let most = (BLOCK_SECONDS / step).clamp(0.0, 1e9);
     #[allow(clippy::cast_sign_loss, reason = "clamped")]
@@ -41,9 +43,10 @@ pub(crate) fn block_rows(rows: usize, step: f64) -> usize {
     1 << wanted.ilog2()
 }
 
-/// The square root of the power spectral density of samples, as a picture shows it: frequency, Hz,
-/// and the samples' unit/sqrt(Hz). A step of over one and a half usual ones is a gap, behind which
-/// a new block begins; without a whole block of at least 64 samples there are no points.
+/// The square root of the power spectral density of samples, with few enough points for a picture:
+/// pairs of frequency (Hz) and density (unit of the samples per sqrt(Hz)). A step of more than one
+/// and a half usual steps is a gap, after which a new block begins; without a whole block of at least
+/// 64 samples the result is empty.
 ///
 /// - `times`: s, ascending; `values`: one for each.
 ///
@@ -128,7 +131,7 @@ impl Welch {
             return None;
         }
         let energy: f64 = self.window.iter().map(|w| w * w).sum();
-        // a one-sided density adds those of both signs of a frequency
+        // a one-sided density is the sum of those at both signs of a frequency
         let scale = 2.0 / (rate * energy * self.blocks as f64);
         Some(Density {
             values: self.sums.iter().map(|x| x * scale).collect(),
@@ -138,7 +141,7 @@ impl Welch {
     }
 }
 
-/// Values less the straight line that fits them best.
+/// The values minus the straight line that fits them best.
 fn without_trend(values: &[f64]) -> Vec<f64> {
     let n = values.len() as f64;
     let middle = 0.5 * (n - 1.0);
@@ -184,7 +187,8 @@ pub struct Spectrum {
 }
 
 impl Density {
-    /// The median of the density between two parts of half the rate, as a mean of noise.
+    /// The mean density of the noise in a band (in parts of half the rate), from the median of the
+    /// densities.
     fn level(&self, band: [f64; 2]) -> f64 {
         let last = self.values.len().saturating_sub(1) as f64;
         #[allow(clippy::cast_sign_loss, reason = "parts are positive")]
@@ -198,7 +202,7 @@ impl Density {
         median / (1.0 - 1.0 / (9.0 * m)).powi(3)
     }
 
-    /// The mean density around a frequency's number.
+    /// The mean density around the frequency of index k.
     fn around(&self, k: usize) -> f64 {
         #[allow(clippy::cast_sign_loss, reason = "positive")]
         let side = (SMOOTHING * k as f64) as usize + 1;
@@ -212,7 +216,9 @@ impl Density {
             / count
     }
 
-    /// - `order`: of the derivative whose power counts for the end of the signal.
+    /// Finds noise and signal.
+    ///
+    /// - `order`: the order of the derivative whose power decides where the signal ends.
     pub(crate) fn judge(&self, order: i32) -> Spectrum {
         let floor = self.level(FLOOR_BAND);
         let middle = 0.5 * (FLOOR_BAND[0] + FLOOR_BAND[1]);
@@ -251,7 +257,7 @@ impl Density {
         }
     }
 
-    /// Frequencies and the square roots of the densities, averaged to what a picture shows.
+    /// Frequencies and square roots of the densities, averaged to at most [`PICTURE_POINTS`] points.
     pub(crate) fn picture(&self) -> Vec<(f64, f64)> {
         let last = self.values.len().saturating_sub(1);
         let ratio = libm::pow((last.max(2)) as f64, 1.0 / PICTURE_POINTS as f64);

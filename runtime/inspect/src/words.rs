@@ -1,4 +1,4 @@
-//! Sentences about a log: its clock, columns, derivatives and efforts.
+//! Writes sentences about a log: its clock, columns, derivatives and efforts.
 
 use regen_identify::text::figure_of;
 
@@ -10,14 +10,16 @@ use crate::names::Role;
 const SATURATED_SHARE: f64 = 1e-3;
 /// The least number of consecutive rows at an extreme that is reported as saturation.
 const SATURATED_ROWS: usize = 4;
-/// A delay is reported if it is more than this many standard deviations and this part of a step.
+/// A delay is reported only if it exceeds this many of its standard deviations.
 const CERTAIN_DEVIATIONS: f64 = 4.0;
+/// A delay is reported only if it exceeds this part of the sampling step.
 const MIN_DELAY_STEPS: f64 = 0.5;
-/// The least share of rest that is reported.
+/// The least share of rows at rest that is reported.
 const MIN_REST_SHARE: f64 = 0.05;
 /// A joint that rests in a larger share of the rows counts as one that never moves.
 const STILL_SHARE: f64 = 0.999;
-/// Units by the factor between a position and the integral of its velocity.
+/// The units of a position and its velocity, by the factor between the position and the integral of
+/// the velocity.
 const UNITS: [(f64, &str); 4] = [
     (
         180.0 / core::f64::consts::PI,
@@ -35,7 +37,7 @@ fn percent(share: f64) -> String {
     format!("{} %", figure_of(2, 100.0 * share))
 }
 
-/// The name of a column in sentences.
+/// The name of a column as sentences use it.
 pub(crate) fn title(found: &LogFacts, number: usize) -> String {
     match found.column(number) {
         Some(column) if found.named => format!("`{}`", column.name),
@@ -61,11 +63,10 @@ fn clock(found: &LogFacts, out: &mut Vec<String>) {
     }
     match clock.source {
         ClockSource::Unknown => out.push(
-            "nothing gives the time: frequencies are per row; state the rate of the rows"
-                .to_owned(),
+            "the time is unknown: frequencies are per row; state the rate of the rows".to_owned(),
         ),
         ClockSource::Velocities => out.push(format!(
-            "there is no column of time; positions change as velocities say at {} Hz",
+            "there is no column of time; positions agree with their velocities at {} Hz",
             figure_of(4, clock.rate)
         )),
         ClockSource::Column | ClockSource::Rate => {}
@@ -165,7 +166,7 @@ fn derivatives(found: &LogFacts, out: &mut Vec<String>) {
             out.push(format!("{of} seems to be in {words}: state the unit"));
         } else if (derivative.factor - 1.0).abs() > 0.2 {
             out.push(format!(
-                "{of} changes {} times as fast as {own} says: a unit or a gear differs",
+                "{of} changes {} times as fast as {own} states: a unit or a gear ratio differs",
                 figure_of(3, derivative.factor)
             ));
         }
@@ -190,24 +191,32 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             ));
         }
     }
-    let rate = found.clock.rate;
-    let certain = found.efforts.iter().filter_map(|effort| {
-        let [seconds, sigma] = effort.delay?;
-        let seen = seconds > CERTAIN_DEVIATIONS * sigma;
-        (seen && seconds * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
-    });
-    let certain: Vec<(usize, f64)> = certain.collect();
-    let late: Vec<String> = certain
+    let late: Vec<String> = late_efforts(found)
         .iter()
         .map(|(column, seconds)| {
             let title = title(found, *column);
             format!("{title} {} ms", figure_of(3, 1e3 * seconds))
         })
         .collect();
-    if !late.is_empty() && found.clock.source != ClockSource::Unknown {
+    if !late.is_empty() {
         out.push(format!(
             "efforts are behind the motion: {}",
             late.join(", ")
         ));
     }
+}
+
+/// The columns of the efforts that are certainly behind the motion, each with its delay in s; none
+/// if the time of the rows is unknown.
+pub(crate) fn late_efforts(found: &LogFacts) -> Vec<(usize, f64)> {
+    if found.clock.source == ClockSource::Unknown {
+        return Vec::new();
+    }
+    let rate = found.clock.rate;
+    let certain = found.efforts.iter().filter_map(|effort| {
+        let [seconds, sigma] = effort.delay?;
+        let is_certain = seconds > CERTAIN_DEVIATIONS * sigma;
+        (is_certain && seconds * rate > MIN_DELAY_STEPS).then_some((effort.column, seconds))
+    });
+    certain.collect()
 }

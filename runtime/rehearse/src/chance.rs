@@ -1,12 +1,12 @@
 //! The counts of successes that chance explains: quantiles of the binomial distribution.
 
-/// The probability of the counts that are left out on either side.
+/// The largest probability of the counts left out on either side.
 const TAIL: f64 = 1e-3;
 
 /// The counts of successes among `trials` independent ones that are not unlikely, from the least to
 /// the greatest: smaller and greater ones each have a probability of at most 0.1 %.
 ///
-/// - `probability`: of a success, in (0, 1).
+/// - `probability`: the probability of a success, in (0, 1).
 ///
 /// ```
 /// use regen_rehearse::counts_by_chance;
@@ -18,7 +18,7 @@ const TAIL: f64 = 1e-3;
 pub fn counts_by_chance(trials: usize, probability: f64) -> (usize, usize) {
     let n = trials as f64;
     let (of, not) = (libm::log(probability), libm::log1p(-probability));
-    // logarithms: powers of many trials underflow
+    // in logarithms, since powers with many trials underflow
     let weight = |k: usize| {
         let k = k as f64;
         let ways = libm::lgamma(n + 1.0) - libm::lgamma(k + 1.0) - libm::lgamma(n - k + 1.0);

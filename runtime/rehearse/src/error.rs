@@ -1,4 +1,4 @@
-//! Errors of rehearsals, and which of them are of one seed only.
+//! Errors of rehearsals, and which of them concern one seed only.
 
 use core::fmt;
 
@@ -13,11 +13,12 @@ use regen_identify::session::SessionError;
 use regen_response::{DidimError, ResponseError, TrackError};
 use regen_runtime::SizeError;
 
-/// Why there is no rehearsal: what is asked for is wrong, whatever the seed.
+/// The reason why there is no rehearsal: the request cannot be met with any seed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum RehearseError {
-    /// A setting of this name cannot be used; the second text says what it must be.
+    /// The setting with this name is invalid; the second text is the rule, such as `must be
+    /// positive`.
     Setting(&'static str, &'static str),
     /// The robot cannot be simulated with these settings.
     Simulation(SimulationError),
@@ -38,7 +39,7 @@ pub enum RehearseError {
     Response(ResponseError),
     /// A simulated log lacks a signal that the estimator needs, or loops do not close at commands.
     Track(TrackError),
-    /// A list does not fit the model.
+    /// The length of a list does not fit the model.
     Size(SizeError),
 }
 
@@ -75,8 +76,8 @@ impl core::error::Error for RehearseError {
 }
 
 impl RehearseError {
-    /// Whether another seed may succeed, or a robot in its place would fail in the same way: the
-    /// seed counts as failed.
+    /// Whether the error is due to the simulated noise and may not occur with another seed: then
+    /// the seed counts as failed, as the identification of a real robot would.
     pub(crate) fn is_of_one_seed(&self) -> bool {
         match self {
             Self::Session(SessionError::Data(why))

@@ -1,4 +1,4 @@
-//! The estimate of one seed, by the estimator that is rehearsed.
+//! Identifies from the logs of one seed with the rehearsed estimator.
 
 use regen_experiment::closed_loop::Controllers;
 use regen_experiment::instruments::instrumental;
@@ -18,37 +18,39 @@ use regen_runtime::{BaseModel, Info, Model};
 
 use crate::error::RehearseError;
 
-/// The estimator that is rehearsed, with the settings that are its own.
+/// The rehearsed estimator with its settings.
 #[derive(Clone, Debug)]
 pub enum Estimator {
-    /// Least squares, with Huber's weights where the options of the solution say so.
+    /// Least squares, with Huber's weights if the session's options have them.
     LeastSquares,
     /// Physically feasible parameters from least squares.
     Physical {
-        /// What is known beforehand.
+        /// The prior knowledge of parameters.
         knowledge: PriorKnowledge,
-        /// The number of draws that intervals are computed from, not 0.
+        /// The number of draws from which intervals are computed, not 0.
         draws: usize,
-        /// Whether nonlinear friction of the description is identified.
+        /// Whether the nonlinear friction of the description is identified.
         friction: bool,
     },
     /// Instrumental variables, from the smoothed measured motion or from a simulated one.
     Instrumental {
-        /// Whether the loop is simulated along the motion, with the gains of its controllers.
+        /// Whether the instruments are simulated along the reference motion, with the gains of the
+        /// controllers.
         along: bool,
     },
     /// Efforts at the motion of the simulated loop.
     Didim {
-        /// Whether the motion is known; else commands are those of the log.
+        /// Whether the reference motion is given to the estimator; otherwise it uses the log's
+        /// commands.
         along: bool,
-        /// The bandwidth of the simulated controllers, Hz; `None`: the robot's own are known.
+        /// The bandwidth of the simulated controllers, Hz; `None` for the robot's own controllers.
         bandwidth: Option<f64>,
-        /// Seconds at the start of each log that are left out where commands are those of the log.
+        /// The time at the start of each log that is left out if the commands are the log's, s.
         settle: f64,
         /// The base parameters to start from, r.
         start: Vec<f64>,
     },
-    /// Responses to commands under known controllers.
+    /// Responses to commands, with known controllers.
     Response {
         /// The length of windows, s.
         window: f64,
@@ -78,10 +80,11 @@ impl Estimator {
     }
 }
 
-/// An estimate, or why there is none, in words.
+/// An estimate, or the reason why there is none, in words.
 pub(crate) type Estimated = Result<IdentifiedModel, String>;
 
-/// What the runs of a seed were made with, of which an estimator may know a part.
+/// The motion and the settings with which the runs of a seed were simulated; an estimator may be
+/// given a part of them.
 pub(crate) struct Made<'a> {
     pub(crate) motion: &'a FourierReference,
     /// The start of the logs in the motion's time, s.
@@ -247,7 +250,7 @@ where
     let setup = Setup {
         window,
         friction_width: settings.friction_width,
-        // seeds run beside each other already
+        // the seeds already run in parallel
         threads: 1,
         ..Setup::new(laws.collect())
     };

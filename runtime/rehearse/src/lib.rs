@@ -5,6 +5,10 @@
 //! durations and rates from the runs of an experiment.
 //!
 //! The logs pass through the same files, readers and checks as those of a machine.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 mod chance;
 mod error;

@@ -1,4 +1,4 @@
-//! Rehearsals of unknown drive gains and of payloads that some runs carry.
+//! Unknown drive gains, and payloads that some runs carry, in rehearsals.
 
 use regen_identify::data::{Assignment, Quantity, Run};
 use regen_identify::gains::{KnownPayload, Plan};
@@ -14,8 +14,8 @@ use crate::estimate::Estimated;
 pub struct Loads {
     /// All payloads of the model, with what is known of them; the simulated ones have these values.
     pub payloads: Vec<KnownPayload>,
-    /// For each run, the payload that it carries, as an index into `payloads`; also that of the run
-    /// that is predicted only, behind them. No entry: none.
+    /// For each run, the payload that it carries, as an index into `payloads`; `None`, or no entry,
+    /// if it carries none. The run that is only predicted comes last.
     pub carried: Vec<Option<usize>>,
     /// The coordinates whose efforts are logged as currents of unknown gain, with their true gains,
     /// N m/A or N/A, not 0.
@@ -46,23 +46,23 @@ impl Loads {
         all.filter(move |(k, _)| used(k)).map(|(_, own)| own)
     }
 
-    /// The parameters with the known values of the payloads in place of others.
+    /// The parameters, with the known values of the payloads in place of their nominal ones.
     pub(crate) fn known(&self, info: &Info<'_>, parameters: &[f64]) -> Vec<f64> {
         let mut out = parameters.to_vec();
         for payload in &self.payloads {
             let places = places(info, &payload.body);
             let ten = places.map(|place| place.and_then(|k| out.get(k)).copied().unwrap_or(0.0));
-            let mut told = about_centre(&ten);
+            let mut values = about_centre(&ten);
             if let Some(mass) = payload.mass {
-                told[0] = mass;
+                values[0] = mass;
             }
             if let Some(com) = payload.com {
-                told[1..4].copy_from_slice(&com);
+                values[1..4].copy_from_slice(&com);
             }
             if let Some(inertia) = payload.inertia {
-                told[4..].copy_from_slice(&inertia);
+                values[4..].copy_from_slice(&inertia);
             }
-            for (place, value) in places.iter().zip(about_origin(&told)) {
+            for (place, value) in places.iter().zip(about_origin(&values)) {
                 if let Some(slot) = place.and_then(|k| out.get_mut(k)) {
                     *slot = value;
                 }
@@ -89,7 +89,8 @@ impl Loads {
         out
     }
 
-    /// The columns of the currents: the logs have efforts in N m or N.
+    /// Reads the logged efforts (N m or N) as currents in A: divides them by the true gains, so that
+    /// these gains are what identification has to find.
     pub(crate) fn columns(&self) -> impl Iterator<Item = Assignment> {
         self.gains.iter().map(|(name, gain)| Assignment {
             unit: Some("A"),
@@ -98,7 +99,8 @@ impl Loads {
         })
     }
 
-    /// Labels and true values of what is scored behind the base parameters.
+    /// The labels and true values of the gains and payloads, which are scored after the base
+    /// parameters.
     ///
     /// - `known`: the true parameters.
     pub(crate) fn truth(&self, info: &Info<'_>, known: &[f64]) -> (Vec<String>, Vec<f64>) {
@@ -117,7 +119,8 @@ impl Loads {
         (labels, values)
     }
 
-    /// The same values of an estimate, with their intervals; NaN for one that it does not tell.
+    /// The values of an estimate in the order of [`Self::truth`], with their intervals; NaN for
+    /// values that the estimate lacks.
     pub(crate) fn found(&self, model: &IdentifiedModel) -> (Vec<f64>, Vec<Option<Interval>>) {
         let gains = self.gains.iter().map(|(name, _)| {
             let own = model.gains.iter().find(|gain| gain.effort == *name);
@@ -134,7 +137,7 @@ impl Loads {
         gains.chain(payloads).unzip()
     }
 
-    /// The true model.
+    /// The model with the true base parameters and gains.
     pub(crate) fn true_model(&self, base: &[f64]) -> IdentifiedModel {
         let gains = self.gains.iter().map(|(effort, value)| Gain {
             effort: effort.clone(),
@@ -196,7 +199,7 @@ fn places(info: &Info<'_>, body: &str) -> [Option<usize>; 10] {
     })
 }
 
-/// The inertia of a mass at a point.
+/// The inertia of a point mass about the origin: Ixx Ixy Ixz Iyy Iyz Izz, kg m^2.
 fn of_point(mass: f64, [x, y, z]: [f64; 3]) -> [f64; 6] {
     [
         mass * (y * y + z * z),
@@ -208,7 +211,9 @@ fn of_point(mass: f64, [x, y, z]: [f64; 3]) -> [f64; 6] {
     ]
 }
 
-/// Mass, centre of mass and inertia about it, of ten parameters about an origin.
+/// Converts ten parameters about the origin of the body's frame, in the order of
+/// [`Symbol::INERTIAL`], into mass, centre of mass and inertia about it; a body without mass has its
+/// centre at the origin.
 fn about_centre(ten: &[f64; 10]) -> [f64; 10] {
     let mass = ten[9];
     let over = if mass == 0.0 { 0.0 } else { 1.0 / mass };
@@ -224,11 +229,11 @@ fn about_centre(ten: &[f64; 10]) -> [f64; 10] {
 }
 
 /// The inverse of [`about_centre`].
-fn about_origin(told: &[f64; 10]) -> [f64; 10] {
-    let [mass, x, y, z, ..] = *told;
+fn about_origin(values: &[f64; 10]) -> [f64; 10] {
+    let [mass, x, y, z, ..] = *values;
     let moved = of_point(mass, [x, y, z]);
     let mut out = [0.0; 10];
-    for (slot, (own, by)) in out.iter_mut().zip(told[4..].iter().zip(moved)) {
+    for (slot, (own, by)) in out.iter_mut().zip(values[4..].iter().zip(moved)) {
         *slot = own + by;
     }
     out[6..].copy_from_slice(&[mass * x, mass * y, mass * z, mass]);
@@ -242,12 +247,12 @@ mod tests {
     #[test]
     fn values_about_the_centre_are_those_of_a_rod_by_hand() {
         // a rod of 2 kg and 0.6 m along x, held at its end
-        let told = [2.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.06, 0.0, 0.06];
-        let ten = about_origin(&told);
+        let values = [2.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.06, 0.0, 0.06];
+        let ten = about_origin(&values);
         // m l^2 / 3
         assert!((ten[3] - 0.24).abs() < 1e-15 && (ten[5] - 0.24).abs() < 1e-15);
         assert_eq!((ten[6], ten[9]), (0.6, 2.0));
-        for (a, b) in about_centre(&ten).iter().zip(told) {
+        for (a, b) in about_centre(&ten).iter().zip(values) {
             assert!((a - b).abs() < 1e-15);
         }
     }

@@ -3,32 +3,32 @@
 use regen_identify::data::{Checks, DataError, Policy, Run, Settings, tracks};
 use regen_runtime::Info;
 
-/// How long a run lasts, and its time step.
+/// The duration and the time step of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Planned {
-    /// The duration, s; `None` where nothing says it.
+    /// The duration, s; `None` if it is unknown.
     pub duration: Option<f64>,
-    /// The time between rows, s; `None` where nothing says it.
+    /// The time between rows, s; `None` if it is unknown.
     pub step: Option<f64>,
 }
 
-/// The decimals to which a measured time step is rounded, s.
+/// A measured time step is rounded to a multiple of the inverse of this, s.
 const DECIMALS: f64 = 1e9;
 
-/// The duration and time step of a run: those of its log if there is one, else what its rows, its
-/// times and the rate of the settings say.
+/// The duration and time step of a run: those of its log if that exists, or else those that follow
+/// from its rows, its times and the rate of the settings.
 ///
 /// - `settings`: how the run's log is read.
 ///
 /// # Errors
-/// When the log is there and cannot be read.
+/// When the log exists and cannot be read.
 ///
 /// ```
 /// use regen_identify::data::{Run, Settings};
 /// use regen_rehearse::planned;
 /// use regen_runtime::Info;
 ///
-/// // a log that is not there yet
+/// // a log that does not exist yet
 /// let run = Run { files: vec!["absent.csv".into()], rows: Some((101, 601)), ..Run::default() };
 /// let settings = Settings { rate: Some(250.0), ..Settings::default() };
 /// let planned = planned(&run, &Info::EMPTY, &settings)?;

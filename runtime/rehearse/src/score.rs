@@ -1,45 +1,45 @@
-//! How often, and how well, the true parameters were found.
+//! Scores how often, and how well, the true parameters were found.
 
 use serde::Serialize;
 
 use crate::chance::counts_by_chance;
 use crate::trial::{Fit, Trial};
 
-/// The standard deviations within which an estimate counts as right.
+/// The number of standard deviations within which an estimate counts as correct.
 const SIGMAS: f64 = 3.0;
 
 /// The scores of a rehearsal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
-    /// The number of seeds that are finished, failed ones included.
+    /// The number of finished seeds, including failed ones.
     pub seeds: usize,
-    /// The number of seeds that were asked for.
+    /// The number of requested seeds.
     pub asked: usize,
     /// The seeds without an estimate.
     pub failed: Vec<FailedSeed>,
-    /// The score: the percentage of the finished seeds whose estimate is within three standard
-    /// deviations of the truth, of the parameter in which it is lowest. A failed seed, and a value
-    /// without interval, is not within.
+    /// The score: the percentage of finished seeds whose estimate is within three standard
+    /// deviations of the truth, for the parameter with the lowest percentage. A failed seed, or a
+    /// value without interval, counts as not within.
     pub least: f64,
-    /// The parameter in which it is lowest.
+    /// The parameter with the lowest percentage.
     pub lowest: String,
     /// The percentage of all values of the seeds with an estimate that are within three standard
     /// deviations.
     pub within: Option<f64>,
-    /// The percentage of these values whose interval holds the truth.
+    /// The percentage of these values whose interval contains the truth.
     pub inside: Option<f64>,
     /// The level of the intervals, percent.
     pub level: f64,
-    /// Between which percentages chance leaves the share of one parameter's intervals that hold the
-    /// truth, in all but 0.2 % of such rehearsals, if intervals keep their level. That of all
+    /// If the intervals have their level, the percentage of one parameter's intervals that contain
+    /// the truth is within these limits in all but 0.2 % of such rehearsals. The percentage over all
     /// parameters varies no more.
     pub by_chance: [f64; 2],
-    /// The mean eps_RA (Eq. 33) on a run that is not identified from, percent.
+    /// The mean eps_RA (Eq. 33) on a run that is not used for identification, percent.
     pub relative_absolute: Option<f64>,
-    /// The same of the true parameters: the part of noise, and of what the model does not have.
+    /// The eps_RA of the true parameters on it: the part of noise and unmodelled effects.
     pub relative_absolute_of_truth: Option<f64>,
-    /// The scores of each base parameter, then of unknown gains, then of payloads: mass, centre of mass
-    /// and inertia about it, as far as they are sought.
+    /// The scores of each base parameter, then of unknown gains, then of the identified parameters
+    /// of payloads: mass, centre of mass and inertia about it.
     pub parameters: Vec<ParameterScore>,
 }
 
@@ -52,11 +52,10 @@ pub struct FailedSeed {
     pub why: String,
 }
 
-/// How well one base parameter was found; means are over the seeds with an estimate, and `None`
-/// without any.
+/// The score of one parameter; means are over the seeds with an estimate, and `None` without any.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterScore {
-    /// The label of the base parameter.
+    /// The label of the parameter.
     pub label: String,
     /// The true value, SI.
     pub truth: f64,
@@ -64,11 +63,11 @@ pub struct ParameterScore {
     pub mean: Option<f64>,
     /// The root mean square of the error, SI.
     pub rms: Option<f64>,
-    /// The same in percent of the truth; `None` where that is 0, up to rounding.
+    /// The same in percent of the truth; `None` if the truth is 0 up to rounding.
     pub rms_percent: Option<f64>,
     /// The mean standard deviation that the estimator states, SI.
     pub sigma: Option<f64>,
-    /// The same in percent of the truth; `None` where that is 0, up to rounding.
+    /// The same in percent of the truth; `None` if the truth is 0 up to rounding.
     pub sigma_percent: Option<f64>,
     /// The mean error over the mean stated standard deviation.
     pub bias: Option<f64>,
@@ -76,9 +75,9 @@ pub struct ParameterScore {
     pub intervals: usize,
     /// The number of seeds within three standard deviations of the truth.
     pub within: usize,
-    /// The number of seeds whose interval holds the truth.
+    /// The number of seeds whose interval contains the truth.
     pub inside: usize,
-    /// Whether so few intervals hold the truth that chance is no explanation.
+    /// Whether fewer intervals contain the truth than chance explains.
     pub is_low: bool,
 }
 
@@ -124,7 +123,7 @@ impl Score {
     }
 }
 
-/// The mean of values; `None` of none, or where it is not finite.
+/// The mean of values; `None` without values, or if it is not finite.
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0_usize);
     for value in values {
@@ -135,19 +134,19 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     mean.is_finite().then_some(mean)
 }
 
-/// The largest error that is given in percent of the true value; above it, the true value is zero up
-/// to rounding.
+/// The largest error that is stated in percent of the true value; above it, the true value is zero
+/// up to rounding.
 const MAX_PERCENT: f64 = 1e9;
 
-/// An error in percent of the truth; `None` where that is 0, up to rounding.
+/// An error in percent of the truth; `None` if the truth is 0 up to rounding.
 fn percent_of(error: f64, truth: f64) -> Option<f64> {
     let percent = 100.0 * error / truth.abs();
     // false for NaN
     (percent < MAX_PERCENT).then_some(percent)
 }
 
-/// The score of the base parameter with the index `k`; fewer than `fewest` intervals that hold the
-/// truth are too few.
+/// The score of the parameter with the index `k`; it is low if fewer than `fewest` intervals contain
+/// the truth.
 fn one(label: &str, truth: f64, k: usize, fits: &[&Fit], fewest: usize) -> ParameterScore {
     let values = || fits.iter().filter_map(|fit| fit.values.get(k).copied());
     let rms = mean(values().map(|x| (x - truth) * (x - truth))).map(f64::sqrt);

@@ -1,4 +1,4 @@
-//! A rehearsal: what is simulated and identified, over many seeds and threads.
+//! A rehearsal: simulates and identifies runs, over many seeds and threads.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -17,25 +17,24 @@ use crate::loads::Loads;
 use crate::score::Score;
 use crate::trial::{Fit, Trial};
 
-/// What is simulated, and how it is identified.
+/// The settings of simulation and identification.
 pub struct Rehearsal<'a, M: ?Sized> {
-    /// The robot, as its description has it.
+    /// The model of the robot that identification uses.
     pub model: &'a M,
-    /// The simulated robot. Friction of its settings that its parameters do not have is unknown to
-    /// the identification.
+    /// The simulated robot. Its settings may have friction that the model lacks.
     pub twin: &'a Twin,
     /// The motion that its controllers follow.
     pub motion: &'a FourierReference,
-    /// The durations of the runs of each seed, s. One more run, as long as the longest, is simulated
+    /// The durations of the runs of each seed, s. A further run, as long as the longest, is simulated
     /// once and predicted with every estimate.
     pub durations: &'a [f64],
-    /// Seconds at the start of each run that are left out of its log.
+    /// The time at the start of each run that is left out of its log, s.
     pub settle: f64,
     /// How the logs are read and processed.
     pub reading: Settings,
     /// The equations of least squares.
     pub kind: EquationKind,
-    /// Whether delays of efforts are found and corrected, as in logs of machines.
+    /// Whether delays of efforts are estimated and corrected, as for logs of machines.
     pub finds_delays: bool,
     /// The options of least squares.
     pub options: Options,
@@ -44,7 +43,7 @@ pub struct Rehearsal<'a, M: ?Sized> {
     /// The estimator.
     pub estimator: Estimator,
     /// Unknown gains and payloads, which [`Estimator::LeastSquares`] and [`Estimator::Physical`]
-    /// without friction find too; `None` where nothing of the kind is unknown.
+    /// without friction can identify; `None` without any.
     pub loads: Option<Loads>,
     /// The seed of the first trial; the others follow it.
     pub first: u64,
@@ -54,19 +53,18 @@ pub struct Rehearsal<'a, M: ?Sized> {
     pub threads: usize,
     /// An existing folder for the simulated logs.
     pub folder: &'a Path,
-    /// Whether the logs stay there.
+    /// Whether the logs are kept there.
     pub keep: bool,
 }
 
 /// Simulates and identifies every seed, and scores the estimates.
 ///
-/// - `stop`: once it is true, no further seed is begun, and those that are finished are scored;
+/// - `stop`: once it is true, no further seed is begun, and the finished ones are scored;
 /// - `progress`: called with the number of finished seeds.
 ///
 /// # Errors
-/// When what is asked for is wrong whatever the seed, or a log cannot be written. Seeds whose
-/// estimate does not converge, whose simulation ends early or whose logs are refused are counted in
-/// the score.
+/// When the settings are invalid for every seed, or a log cannot be written. Seeds whose estimate does
+/// not converge, whose simulation ends early or whose logs are refused count as missed in the score.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;

@@ -1,4 +1,5 @@
-//! One seed: simulated logs, the estimate from them, and its prediction of a fresh run.
+//! The trial of one seed: simulates logs, identifies from them, and predicts a fresh run with the
+//! estimate.
 
 use std::fs;
 
@@ -25,7 +26,7 @@ pub(crate) struct Fit {
     pub(crate) error: Option<f64>,
 }
 
-/// What came of a seed: an estimate, or why there is none, in words.
+/// The result of a seed: an estimate, or the reason why there is none, in words.
 #[derive(Clone, Debug)]
 pub(crate) struct Trial {
     pub(crate) seed: u64,
@@ -38,7 +39,7 @@ where
 {
     /// Simulates and identifies one seed; failures that belong to the seed are part of the result.
     ///
-    /// - `fresh`: a run that is predicted only.
+    /// - `fresh`: a run that is not used for identification; the estimate predicts it.
     pub(crate) fn trial(&self, seed: u64, fresh: Option<&Run>) -> Result<Trial, RehearseError> {
         let mut files = Vec::new();
         let outcome = self.outcome(seed, fresh, &mut files);
@@ -118,8 +119,8 @@ where
         }
     }
 
-    /// Simulates the run that is predicted only, and predicts it with the true base parameters:
-    /// eps_RA, percent. `None` where it cannot be simulated or read to its end.
+    /// Simulates the fresh run, which the estimates predict, and returns it with the eps_RA of the
+    /// true base parameters, percent; `None` if it cannot be simulated or read to its end.
     pub(crate) fn fresh(&self, truth: &[f64]) -> Result<Option<(Run, f64)>, RehearseError> {
         let longest = self.durations.iter().fold(0.0, |a: f64, b| a.max(*b));
         let number = self.durations.len();
@@ -140,18 +141,18 @@ where
         }
     }
 
-    /// Removes logs, unless they are kept.
+    /// Removes the files of logs, unless the user asked to keep them.
     pub(crate) fn tidy(&self, runs: &[Run]) {
         if self.keep {
             return;
         }
         for file in runs.iter().flat_map(|run| &run.files) {
-            // a log that cannot be removed does no harm to the result
+            // a log that cannot be removed does not affect the result
             let _ = fs::remove_file(file);
         }
     }
 
-    /// eps_RA of a model on the run that is predicted only, percent; `None` where it is not defined.
+    /// The eps_RA of a model on the fresh run, percent; `None` if it is not defined.
     fn error_of(
         &self,
         session: &Session<'_, M>,

@@ -2,19 +2,17 @@
 //! regressor at the motion of the simulated loop, repeated with the new estimate.
 //!
 //! The positions of the log are not used: a simulated motion has no noise, so that the regressor is
-//! exact and needs no filter. The loop that is simulated must follow its commands as the robot's
-//! does; where the robot's gains are not known, gains that keep a bandwidth with the present
-//! estimate take their place.
+//! exact and needs no filter. The simulated loop must follow its commands as the robot's does; if the
+//! robot's gains are unknown, they are tuned to a bandwidth with the current estimate.
 //!
-//! An estimate is a function G of the parameters that are simulated; the result is where both are
-//! equal. Repeating finds it in a few rounds where the loop is stiff; where it is so soft that this
-//! takes many, Newton's method with the slopes of G by differences takes over, with steps that are
-//! halved until the estimate differs less from what was simulated. The same slopes belong into the
-//! deviations.
+//! An estimate is a function G of the simulated parameters, and the result is the fixed point of G.
+//! If the loop is stiff, iterating G finds it in a few rounds. If the loop is so soft that this takes
+//! many, Newton's method takes over, with derivatives of G by differences, and with steps that are
+//! halved until the estimate differs less from the simulated parameters. The standard deviations
+//! account for the same derivatives.
 //!
-//! Efforts of a loop that is not the robot's are compared with those of another motion, which biases
-//! the estimate; measured positions, which the estimate does not use, tell how far the simulated
-//! motion is from the robot's.
+//! If the simulated loop is not the robot's, its motion differs, which biases the estimate. Measured
+//! positions, which the estimate does not use, show how far the simulated motion is from the robot's.
 
 use core::fmt;
 
@@ -28,7 +26,7 @@ use regen_runtime::{BaseModel, SizeError};
 use crate::departure::Departure;
 use crate::rounds::{Rounds, is_same, moved};
 
-/// The efforts of a run, and the loop that made them.
+/// The efforts of a run, and the control loop that produced them.
 #[derive(Clone, Copy)]
 pub struct EffortRun<'a> {
     /// The times of the rows, s, evenly spaced.
@@ -36,8 +34,8 @@ pub struct EffortRun<'a> {
     /// The efforts of all actuated joints, N m or N, in the order of `Info::actuated`; one list for
     /// each.
     pub efforts: &'a [Vec<f64>],
-    /// Measured positions by coordinate, rad or m; empty for none. They tell how near the simulated
-    /// motion is, and do not change the estimate.
+    /// Measured positions by coordinate, rad or m; empty for none. They show how close the simulated
+    /// motion is, and do not affect the estimate.
     pub positions: &'a [(usize, Vec<f64>)],
     /// The loop of the run.
     pub closed_loop: ClosedLoop<'a>,
@@ -50,18 +48,18 @@ pub struct DidimOptions {
     pub least_squares: Options,
     /// How the equations are filtered and decimated.
     pub filtering: Filtering,
-    /// Seconds at the start of each run whose efforts are not used: a simulation without lead begins
-    /// at the reference, where the robot was not.
+    /// The time at the start of each run whose efforts are not used, s: a simulation without lead
+    /// begins on the reference, where the robot was not.
     pub settle: f64,
     /// The largest number of rounds.
     pub rounds: usize,
-    /// A round is the last one if eps_RA changes by less than this part, and the estimate by less than
-    /// this many standard deviations in the root mean square.
+    /// A round is the last one if eps_RA changes by less than this part, and the estimate by an rms of
+    /// less than this many standard deviations.
     pub tolerance: f64,
 }
 
 impl Default for DidimOptions {
-    /// Twenty rounds at most, until changes are below 2 %.
+    /// At most twenty rounds, until changes are below 2 %.
     fn default() -> Self {
         Self {
             least_squares: Options::default(),
@@ -76,17 +74,17 @@ impl Default for DidimOptions {
 /// The result of DIDIM.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Didim {
-    /// The least squares of the last round: estimate, statistics and deviations, which know that the
-    /// motion follows from the estimate.
+    /// The least squares of the last round: estimate, statistics and standard deviations, which
+    /// account for the dependence of the motion on the estimate.
     pub identified: Identified,
     /// eps_RA of each round over all efforts, in percent (Eq. 33).
     pub norms: Vec<f64>,
     /// The number of rounds.
     pub rounds: usize,
-    /// Whether the last round changed the estimate as little as the tolerance says. If not, the values
-    /// solve nothing, and their deviations are of no use.
+    /// Whether the rounds converged within the tolerance. If not, the values are not a solution, and
+    /// their standard deviations have no meaning.
     pub settled: bool,
-    /// How far the last simulated motion is from measured positions, where there are any.
+    /// How far the last simulated motion is from the measured positions, if there are any.
     pub departures: Vec<Departure>,
 }
 
@@ -233,8 +231,8 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         if last && !has_near || !last && for_next && moved > options.tolerance {
             match rounds.differentiate(&found, &values, moved) {
                 Ok(()) => {}
-                // where the robot cannot be simulated nearby, rounds go on without slopes; a result
-                // without them would have deviations that are not its own
+                // if the robot cannot be simulated nearby, the rounds continue without derivatives,
+                // but a result needs them for its standard deviations
                 Err(DidimError::Loop(_)) if !last => {}
                 Err(other) => return Err(other),
             }
@@ -261,29 +259,29 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
 /// The parameters from which the last step began.
 struct Best {
     values: Vec<f64>,
-    /// By how many standard deviations their estimate differs from them.
+    /// The difference between their estimate and them, in standard deviations.
     moved: f64,
     /// How often the step from them was halved.
     halvings: usize,
 }
 
-/// Below this change in standard deviations the rows that rest are those of the result.
+/// If a round changes the estimate by less than this many standard deviations, the rows at rest of
+/// its motion are used for the result.
 pub(super) const NEAR_DEVIATIONS: f64 = 1.0;
-/// Slopes hold as far as this change in standard deviations.
+/// The derivatives of a point are valid up to this distance from it, in standard deviations.
 const VALID_DEVIATIONS: f64 = 5.0;
-/// The number of rounds that take the estimate as it is; later ones take Newton's step, if rounds
-/// are slow.
+/// The number of rounds that iterate G; later ones take Newton's step if rounds converge slowly.
 const PLAIN_ROUNDS: usize = 3;
-/// The part of the last change above which a round is slow.
+/// A round converges slowly if its change is above this part of that of the round before.
 const SLOW_PART: f64 = 0.5;
 /// How often a change of the estimate is halved until the robot can be simulated with it.
 pub(super) const MAX_HALVINGS: usize = 8;
 
-/// Why DIDIM found no parameters.
+/// The reason why DIDIM found no parameters.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum DidimError {
-    /// A list does not fit the model.
+    /// The length of a list does not fit the model.
     Size(SizeError),
     /// The loop cannot be simulated with an estimate.
     Loop(LoopError),

@@ -1,4 +1,4 @@
-//! Runs for DIDIM from the tracks of logs.
+//! Makes the runs of DIDIM from the tracks of logs.
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_experiment::simulate::Reference;
@@ -8,11 +8,11 @@ use regen_runtime::Model;
 use crate::didim::EffortRun;
 use crate::logs::{Commanded, TrackError, efforts};
 
-/// A motion that a robot followed, whose time is that of the logs, and how long before the first
-/// row it is simulated, s: a period, if the robot repeated it.
+/// The motion that a robot was commanded, on the time axis of the logs, and the time for which it is
+/// simulated before the first row (s): a period, if the robot repeated the motion.
 pub type KnownReference<'a> = (&'a (dyn Reference + Sync), f64);
 
-/// The efforts of several tracks, and the motion that the robot was to follow in each.
+/// The efforts of several tracks, and the motion that was commanded in each.
 pub struct EffortTracks<'a> {
     tracks: &'a [Track],
     /// By track and actuated joint, N m or N.
@@ -30,12 +30,12 @@ enum References<'a> {
 impl<'a> EffortTracks<'a> {
     /// Reads the efforts of tracks and, without a known motion, their commands.
     ///
-    /// - `known`: the motion that the robot followed in all tracks; `None`: the commands in the
-    ///   tracks, simulated from their first row on.
+    /// - `known`: the motion that was commanded in all tracks; `None`: the commands that the tracks
+    ///   contain, simulated from their first row on.
     ///
     /// # Errors
-    /// When a track has no effort of an actuated joint, or no command of one although no motion is
-    /// known, or when the loops do not close at the commands.
+    /// When a track lacks the effort of an actuated joint, when no motion is known and a track lacks
+    /// the command of an actuated joint, or when the loops do not close at the commands.
     ///
     /// ```
     /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }

@@ -74,7 +74,7 @@ pub fn controllers(file: &Json, info: &Info<'_>) -> Result<Setup, ControllerErro
             return mistake(
                 key,
                 format!(
-                    "this is no actuated joint; there are {}, and the keys {}",
+                    "this is not an actuated joint; there are {}, and the keys {}",
                     joints.join(", "),
                     TOP.join(", ")
                 ),
@@ -114,7 +114,7 @@ pub fn controllers(file: &Json, info: &Info<'_>) -> Result<Setup, ControllerErro
             let Some(kind) = kind else {
                 return mistake(
                     &place,
-                    "this is no signal: write a coordinate's name, or qd_NAME or cmd_NAME",
+                    "this is not a signal: write a coordinate's name, or qd_NAME or cmd_NAME",
                 );
             };
             setup.signals.push((kind, signal(own, &place)?));

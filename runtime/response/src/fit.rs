@@ -1,4 +1,4 @@
-//! Base parameters, gains and signals from responses to commands.
+//! Fits base parameters, gains and signals to responses to commands.
 
 use regen_identify::estimate::{Deviations, EffortError, QrFactor};
 use regen_identify::model::{IdentifiedModel, Interval, Intervals};
@@ -15,7 +15,7 @@ use crate::start;
 use crate::window::{Experiment, Window};
 use crate::{Number, ResponseError};
 
-/// The fewest rows of a window, as a multiple of the unknowns of its own.
+/// The smallest number of rows of a window, as a multiple of its own unknowns.
 const MIN_ROWS: usize = 2;
 
 /// A value that was estimated together with the base parameters: a gain, a delay, a bias.
@@ -37,20 +37,20 @@ pub struct Responded {
     pub model: IdentifiedModel,
     /// The gains and the values of signals that were estimated.
     pub estimated: Vec<Estimated>,
-    /// What the responses leave undetermined: the values stay where they were along these.
+    /// The directions that the responses leave undetermined, along which the values are those of the
+    /// start.
     pub undetermined: Vec<Direction>,
     /// The errors of each signal, in the order of the measured positions, then velocities: those of
     /// the residuals, in rad or m, or per s.
     pub errors: Vec<EffortError>,
-    /// The standard deviations' part of the unknowns that are determined.
+    /// The standard deviations of the determined unknowns.
     pub deviations: Deviations,
-    /// The weighted triangle of the base parameters, the right side being what they explain: shares
-    /// follow from it.
+    /// The weighted QR factor of the base parameters, whose right-hand side is the part of the
+    /// signals that they explain. The contributions of the parameters follow from it.
     pub factor: QrFactor,
-    /// The numbers of windows, of steps of the search, and of candidates that could not be
-    /// simulated.
+    /// The number of windows.
     pub windows: usize,
-    /// The number of steps.
+    /// The number of steps of the search.
     pub steps: usize,
     /// The number of candidates that could not be simulated.
     pub refused: usize,
@@ -307,7 +307,7 @@ where
     Ok(out)
 }
 
-/// R x.
+/// The product R x.
 fn product(factor: &QrFactor, x: &[f64]) -> Vec<f64> {
     let n = x.len();
     let mut out = vec![0.0; n];

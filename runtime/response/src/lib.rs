@@ -9,6 +9,10 @@
 //!   parameter identification of robot dynamics, 2013).
 //!
 //! Both work for robots with and without loops, on the independent coordinates.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 #![allow(
     clippy::doc_markdown,
     reason = "q_i and qdd_i are formulas, written as in the equations"

@@ -12,15 +12,16 @@ use crate::{DIRECTIONS, Number, ResponseError};
 use direction::{Directed, Side};
 pub(crate) use posture::Posture;
 
-/// Most Newton steps of the closure from one stage of the integration to the next.
+/// The largest number of Newton steps that close the loops, from one stage of the integration to the
+/// next.
 const MAX_NEWTON_STEPS: usize = 12;
-/// A Newton step below this, relative to 1 + the size of the coordinates, ends the iteration: what
-/// remains is of the order of its square.
+/// A Newton step below this, relative to 1 + the size of the coordinates, ends the iteration: the
+/// remaining error is of the order of its square.
 const NEWTON_TOLERANCE: f64 = 1e-9;
 /// A correction of a dependent coordinate beyond this, rad or m, may leave the assembly branch.
 const MAX_CORRECTION: f64 = 0.5;
 
-/// A robot whose motion is integrated: a model with soft friction.
+/// A robot whose motion is integrated: a model whose Coulomb friction changes its sign smoothly.
 pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
     model: &'m M,
     derivatives: &'m D,
@@ -32,7 +33,9 @@ pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
     pub(crate) actuated: Vec<usize>,
     /// Whether the actuated coordinates are the independent ones in the same order.
     direct: bool,
+    /// The Coulomb friction of all joints.
     directed: Vec<Directed>,
+    /// The velocity over which the smoothed sign changes, rad/s or m/s.
     width: f64,
 }
 
@@ -40,11 +43,12 @@ pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Accelerations {
     pub(crate) values: Vec<f64>,
-    /// dof x 2 dof: by q_i, then qd_i; empty without derivatives, as the others.
+    /// dof x 2 dof: the derivatives by q_i, then by qd_i. Empty if no derivatives were computed, as
+    /// the following two.
     pub(crate) by_state: Vec<f64>,
-    /// dof x one for each actuated joint.
+    /// dof x number of actuated joints.
     pub(crate) by_effort: Vec<f64>,
-    /// dof x r.
+    /// dof x r: the derivatives by the base parameters.
     pub(crate) by_beta: Vec<f64>,
 }
 
@@ -104,8 +108,9 @@ where
         })
     }
 
-    /// The greatest slope of friction by velocity, N m s/rad or N s/m, over all joints that reverse
-    /// at this posture or in the next `step` seconds with these accelerations.
+    /// The largest derivative of friction with respect to velocity, N m s/rad or N s/m, over all
+    /// joints that reverse at this posture, or may reverse in the next `step` seconds with these
+    /// accelerations.
     pub(crate) fn steepest(
         &self,
         posture: &Posture,
@@ -113,9 +118,10 @@ where
         step: f64,
         beta: &[f64],
     ) -> f64 {
-        /// Beyond this many widths the smooth sign is the sign to a thousandth.
+        /// Beyond this many widths the smoothed sign differs from the sign by less than a
+        /// thousandth.
         const REACH_WIDTHS: f64 = 4.0;
-        /// The part by which accelerations may grow in a step.
+        /// The factor by which accelerations may grow in a step.
         const GROWTH: f64 = 1.5;
         let near = |d: &&Directed| {
             let shares = posture.row(d.coordinate).zip(accelerations);
@@ -130,8 +136,8 @@ where
         slopes.fold(0.0, f64::max)
     }
 
-    /// Closes the loops at `q_i` by Newton's method from the dependent coordinates in `q`; false
-    /// where they do not close nearby.
+    /// Closes the loops at `q_i` by Newton's method from the dependent coordinates in `q`; false if
+    /// they do not close nearby.
     fn close(&self, q: &mut [f64], q_i: &[f64]) -> Result<bool, SizeError> {
         for (place, x) in self.independent.iter().zip(q_i) {
             q[*place] = *x;
@@ -158,10 +164,10 @@ where
         Ok(false)
     }
 
-    /// All coordinates and velocities at a state; `None` where the loops do not close.
+    /// All coordinates and velocities at a state; `None` if the loops do not close.
     ///
-    /// - `near`: all coordinates at a state nearby, whose branch is kept;
-    /// - `derived`: whether derivatives are computed.
+    /// - `near`: all coordinates at a state nearby, on the assembly branch to stay on;
+    /// - `derived`: whether to compute derivatives.
     pub(crate) fn posture(
         &self,
         near: &[f64],
@@ -201,7 +207,7 @@ where
         Ok(Some(out))
     }
 
-    /// Adds the numbers with derivatives by the state.
+    /// Adds the coordinates and velocities with their derivatives by the state.
     fn differentiate(&self, posture: &mut Posture, qd_i: &[f64]) -> Result<(), SizeError> {
         let (n, dof) = (self.n, self.dof);
         posture.turning = vec![0.0; n * dof];
@@ -227,8 +233,8 @@ where
         Ok(())
     }
 
-    /// The accelerations under these efforts; `None` where the mass matrix is not positive
-    /// definite. Derivatives are computed if the posture has them.
+    /// The accelerations under these efforts; `None` if the mass matrix is not positive definite.
+    /// Their derivatives are computed if the posture has derivatives.
     pub(crate) fn accelerations(
         &self,
         posture: &Posture,
@@ -274,7 +280,7 @@ where
         Ok(Some(out))
     }
 
-    /// The efforts of the independent coordinates.
+    /// The efforts of the actuated joints, reduced to the independent coordinates.
     fn applied(&self, q: &[f64], efforts: &[f64]) -> Result<Vec<f64>, SizeError> {
         if self.direct {
             return Ok(efforts.to_vec());
@@ -284,8 +290,8 @@ where
         Ok(out)
     }
 
-    /// Derivatives of the accelerations: the equations `G u - W beta - f = 0` are differentiated
-    /// at the accelerations that solve them, and `M` is what the accelerations' own changes meet.
+    /// Derivatives of the accelerations, by implicit differentiation: the derivative of
+    /// `G u - W beta - f` at constant accelerations, multiplied by the inverse of the mass matrix.
     fn slopes(
         &self,
         posture: &Posture,
@@ -369,7 +375,7 @@ where
         Ok(())
     }
 
-    /// Adds what soft friction differs from friction with the sign itself.
+    /// Adds the difference between friction with the smoothed sign and friction with the sign.
     fn add_softening(
         &self,
         q: &[Number],
@@ -414,9 +420,9 @@ where
         Ok(())
     }
 
-    /// The mean size of the inverse mass of the independent coordinates at a posture: what an
-    /// effort's slope by velocity or position must be multiplied by to give a rate; `None` where
-    /// the mass matrix is not positive definite.
+    /// The trace of the inverse mass matrix of the independent coordinates at a posture; `None` if
+    /// the mass matrix is not positive definite. It bounds the largest eigenvalue of the inverse, and
+    /// so, times a stiffness or damping, the rates of the controlled robot.
     pub(crate) fn mobility(&self, q: &[f64], beta: &[f64]) -> Result<Option<f64>, SizeError> {
         let dof = self.dof;
         let mut mass = vec![0.0; dof * dof];

@@ -1,23 +1,25 @@
-//! What a fit's data leave undetermined: the null space of the sensitivity, direction by direction.
+//! Finds what the data of a fit leave undetermined: the null space of the sensitivity, direction by
+//! direction.
 
 use regen_identify::SingularValues;
 use regen_identify::estimate::QrFactor;
 
 /// Singular values below this part of the largest, with columns scaled to unit length, count as
-/// zero: derivatives are exact to rounding, which the integration gathers.
+/// zero. Derivatives have no error but rounding, which accumulates during the integration.
 const RANK_TOLERANCE: f64 = 1e-9;
 /// Entries below this part of the largest of a direction, in scaled columns, are rounding errors.
 const ENTRY_TOLERANCE: f64 = 1e-5;
-/// Values are in proportion to a direction if the ratios differ by less than this part.
+/// Values are proportional to a direction if their ratios to its entries differ by less than this
+/// part.
 const PROPORTION_TOLERANCE: f64 = 1e-4;
 
 /// A direction along which the unknowns can change without any change of the responses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direction {
-    /// Labels with the amounts by which they change together; the first changes by 1, in its SI
-    /// unit.
+    /// The labels of the unknowns with the amounts, in SI units, by which they change together. One
+    /// of them changes by 1: the first, unless `scale`.
     pub terms: Vec<(String, f64)>,
-    /// Whether it multiplies all its unknowns by the same factor: a common scale.
+    /// Whether the direction is a common scale: all of its unknowns grow by the same factor.
     pub scale: bool,
 }
 
@@ -48,25 +50,25 @@ impl core::fmt::Display for Direction {
     }
 }
 
-/// A factor with four digits.
+/// A factor with four significant digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)
 }
 
-/// The null space of a factor, and the columns that remain when one unknown of each direction is
-/// held at its value.
+/// The null space of a QR factor, and the columns that remain if one unknown of each direction is
+/// fixed at its value.
 pub(crate) struct Undetermined {
     pub(crate) directions: Vec<Direction>,
     /// Whether each unknown takes part in a direction.
     pub(crate) involved: Vec<bool>,
-    /// The columns whose unknowns are not held.
+    /// The columns whose unknowns are not fixed.
     pub(crate) kept: Vec<usize>,
 }
 
-/// Finds the null space.
+/// Finds the null space of a QR factor.
 ///
-/// - `values`: of the unknowns, to recognise a common scale; `scalable`: which of them can be
-///   scaled together.
+/// - `values`: the values of the unknowns, to recognise a common scale;
+/// - `scalable`: whether an unknown can be part of a common scale.
 pub(crate) fn undetermined(
     factor: &QrFactor,
     values: &[f64],

@@ -1,5 +1,5 @@
-//! The rounds of DIDIM: simulation, estimate, and the slopes by which an estimate depends on what was
-//! simulated.
+//! The rounds of DIDIM: simulation, estimate, and the derivatives of the estimate with respect to the
+//! simulated parameters.
 
 use nalgebra::{DMatrix, DVector};
 use regen_experiment::closed_loop::follow;
@@ -13,13 +13,14 @@ use crate::departure::Departure;
 use crate::didim::{DidimError, DidimOptions, EffortRun, MAX_HALVINGS, NEAR_DEVIATIONS};
 use crate::threads::spread;
 
-/// Velocities below this many widths of the simulated friction count as rest: the sign that the
-/// regressor takes is not what acted there.
+/// Velocities below this many widths of the simulated friction count as rest: the regressor has the
+/// sign of the velocity, but the simulated friction was smoothed there.
 const REST_WIDTHS: f64 = 4.0;
-/// The relative change at which values count as the same; simulated motion has a few digits more.
+/// Values that differ by a smaller part than this count as equal; simulated motion is a few digits
+/// more accurate.
 const SAME_DIGITS: f64 = 1e-5;
-/// The change of the efforts of all rows together, in standard deviations of one, over which slopes
-/// are computed.
+/// The derivatives are computed over steps that change the efforts of all rows together by this many
+/// standard deviations of one effort.
 const STEP_DEVIATIONS: f64 = 5.0;
 
 /// The rounds of one identification.
@@ -28,17 +29,17 @@ pub(super) struct Rounds<'a, 'r, M: ?Sized> {
     pub(super) runs: &'a [EffortRun<'r>],
     pub(super) options: &'a DidimOptions,
     pub(super) slopes: Option<Slopes>,
-    /// For each row, which coordinates rest, once the slopes are known: rows that come and go would
-    /// make the estimate jump.
+    /// For each row, which coordinates rest; fixed once the derivatives are known, because the
+    /// estimate would jump if rows were dropped or added from round to round.
     pub(super) resting: Option<Vec<Vec<bool>>>,
 }
 
-/// How the estimate depends on the parameters that are simulated.
+/// The derivatives of the estimate with respect to the simulated parameters.
 pub(super) struct Slopes {
     /// `1 - dG/dbeta`, r x r, where G is the estimate.
     pub(super) matrix: DMatrix<f64>,
-    /// By how many standard deviations the estimate differed from the parameters where they were
-    /// computed.
+    /// The difference of the estimate and the simulated parameters at which the derivatives were
+    /// computed, in standard deviations.
     pub(super) moved: f64,
 }
 
@@ -87,7 +88,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok(out)
     }
 
-    /// Parameters with these base parameters, p.
+    /// All p parameters, for these base parameters.
     fn parameters(&self, values: &[f64]) -> Result<Vec<f64>, SizeError> {
         let mut phi = vec![0.0; self.model.info().parameters.len()];
         let free = vec![0.0; self.model.base_info().free.len()];
@@ -95,7 +96,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok(phi)
     }
 
-    /// How far the motion simulated with these parameters is from measured positions.
+    /// The departures of the motion simulated with these parameters from the measured positions.
     pub(super) fn departures(&self, values: &[f64]) -> Result<Vec<Departure>, DidimError> {
         if self.runs.iter().all(|run| run.positions.is_empty()) {
             return Ok(Vec::new());
@@ -135,8 +136,8 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
             .collect())
     }
 
-    /// The parameters to simulate next: the estimate, or once the slopes are known, Newton's step
-    /// to the parameters that are their own estimate.
+    /// The parameters to simulate next: the estimate or, once the derivatives are known, a Newton
+    /// step towards the parameters that reproduce themselves as the estimate.
     pub(super) fn next(&self, found: &Identified, values: &[f64]) -> Vec<f64> {
         let estimate = &found.estimate.values;
         let change = estimate.iter().zip(values).map(|(a, b)| a - b);
@@ -149,8 +150,8 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
     }
 
-    /// Simulates with these parameters, or with some between them and the last ones if that cannot
-    /// be simulated.
+    /// Simulates with these parameters or, if they cannot be simulated, with parameters between them
+    /// and the last ones.
     pub(super) fn simulable(
         &self,
         values: &[f64],
@@ -171,7 +172,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok((wanted, log))
     }
 
-    /// Keeps the rows that rest in a log for all later ones.
+    /// Fixes the rows that rest, as in this log, for all later rounds.
     pub(super) fn rest(&mut self, log: &mut Recorded) -> Result<(), DidimError> {
         let mut resting = Vec::new();
         log.visit(&mut |row| {
@@ -182,9 +183,9 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok(())
     }
 
-    /// Computes the slopes by differences.
+    /// Computes the derivatives by differences.
     ///
-    /// - `changed`: by how many standard deviations the estimate differs from the values.
+    /// - `changed`: the difference of the estimate and the values, in standard deviations.
     pub(super) fn differentiate(
         &mut self,
         found: &Identified,
@@ -205,7 +206,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
             Ok(set.combined(&weights)?.solve()?)
         };
         let here = estimate(values)?;
-        // so much that the efforts of all rows together change by a few standard deviations
+        // step so far that the efforts of all rows together change by a few standard deviations
         let norms = found.factor.column_norms();
         let step = |k: usize| {
             let norm = norms.get(k).copied().unwrap_or(0.0);
@@ -221,7 +222,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
                 moved[k] += by;
                 estimate(&moved)
             };
-            // the other direction where this one cannot be simulated
+            // use the opposite direction if this one cannot be simulated
             let (h, there) = match moved(step(k)) {
                 Ok(there) => (step(k), there),
                 Err(_) => (-step(k), moved(-step(k))?),
@@ -242,8 +243,9 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok(())
     }
 
-    /// The estimate whose deviations know that the simulated motion follows from it: an error of the
-    /// efforts moves the parameters, these move the motion, and that moves the parameters again.
+    /// The estimate with standard deviations that include the feedback through the simulation: an
+    /// error of the efforts changes the parameters, these change the simulated motion, and the motion
+    /// changes the parameters again.
     pub(super) fn propagated(&self, mut found: Identified) -> Identified {
         let Some(inverse) = self
             .slopes
@@ -267,15 +269,15 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
     }
 }
 
-/// Whether two lists of values agree to the digits that simulation gives. Efforts without noise leave
-/// hardly any deviations, which changes could be compared with.
+/// Whether two lists of values agree as far as the simulation is accurate. If efforts have no noise,
+/// standard deviations are too small to compare changes with.
 pub(super) fn is_same(found: &[f64], values: &[f64]) -> bool {
     let largest = found.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let mut both = found.iter().zip(values);
     both.all(|(a, b)| (a - b).abs() <= SAME_DIGITS * a.abs().max(SAME_DIGITS * largest))
 }
 
-/// By how many standard deviations an estimate differs from values: the root mean square over all
+/// The difference of an estimate and values in standard deviations, as the root mean square over all
 /// directions.
 pub(super) fn moved(found: &Identified, values: &[f64]) -> Result<f64, DidimError> {
     let n = values.len().max(1) as f64;

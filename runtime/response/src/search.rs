@@ -1,5 +1,5 @@
-//! The search: steps of Levenberg and Marquardt from QR factors of all windows, whose own unknowns
-//! are eliminated window by window.
+//! The Levenberg-Marquardt search over QR factors of all windows. The unknowns that belong to one
+//! window are eliminated window by window.
 
 use regen_identify::estimate::{EstimateError, QrFactor};
 use regen_runtime::BaseModel;
@@ -12,19 +12,19 @@ use crate::{Number, ResponseError};
 
 /// The first damping, relative to the squared lengths of the columns.
 const FIRST_DAMPING: f64 = 1e-3;
-/// The least damping, far below the curvature of every direction that the data determine.
+/// The smallest damping, far below the curvature of every direction that the data determine.
 const MIN_DAMPING: f64 = 1e-15;
 /// The largest damping; beyond it steps are too short to change anything.
 const MAX_DAMPING: f64 = 1e9;
-/// A step that moves all unknowns by less than this part of their standard deviations, in the root
-/// mean square, is the last one.
+/// The search ends with a step that moves the unknowns by less than this part of their standard
+/// deviations, in the root mean square.
 const TOLERANCE_DEVIATIONS: f64 = 1e-3;
 /// A relative decrease of the sum of squares below this is rounding.
 const ROUNDING: f64 = 1e-10;
 /// Residuals below this part of the signal are rounding errors of the simulation.
 const MIN_RESIDUAL_PART: f64 = 1e-14;
 
-/// The triangles of all windows at one candidate.
+/// The triangular QR factors of all windows at one candidate.
 pub(crate) struct Evaluated {
     /// For each window, one triangle for each signal; columns: the window's own unknowns, then the
     /// shared ones.
@@ -44,7 +44,7 @@ impl Evaluated {
         .collect()
     }
 
-    /// The logarithm of the likelihood with unknown noise of each signal, times -2.
+    /// -2 times the logarithm of the likelihood, with the noise of each signal unknown.
     fn cost(&self, floors: &[f64]) -> f64 {
         let all = self.counts.iter().zip(self.weights(floors));
         all.map(|(count, weight)| -2.0 * *count as f64 * libm::log(weight))
@@ -61,7 +61,7 @@ pub(crate) struct Searched {
     /// The triangle of the shared unknowns, those of the windows eliminated.
     pub(crate) factor: QrFactor,
     pub(crate) steps: usize,
-    /// How many candidates could not be simulated.
+    /// The number of candidates that could not be simulated.
     pub(crate) refused: usize,
     pub(crate) settled: bool,
 }
@@ -96,7 +96,7 @@ where
     M: BaseModel<f64> + ?Sized + Sync,
     D: BaseModel<Number> + ?Sized + Sync,
 {
-    /// Minimises the residuals from these windows and shared unknowns.
+    /// Minimises the residuals, starting from these windows and shared unknowns.
     pub(crate) fn search(
         &self,
         signals: &Signals,
@@ -126,7 +126,7 @@ where
                 let step = self.step(&at, &weights, damping)?;
                 let small = step.deviations < TOLERANCE_DEVIATIONS;
                 let (next_windows, next_shared) = moved(&windows, &shared, &step);
-                // a candidate that cannot be simulated costs infinitely much
+                // the cost of a candidate that cannot be simulated is infinite
                 let next = self.evaluate(signals, &next_windows, &next_shared)?.ok();
                 refused += usize::from(next.is_none());
                 let next_cost = next
@@ -143,7 +143,7 @@ where
                     break;
                 }
                 if small && next_cost.is_finite() {
-                    // rounding decides on the sign of so small a decrease
+                    // the sign of such a small decrease is decided by rounding
                     settled = true;
                     break;
                 }
@@ -191,8 +191,8 @@ where
         })
     }
 
-    /// Simulates all windows, on several threads; the first window that cannot be simulated, if
-    /// any.
+    /// Simulates all windows, on several threads; returns the index of the first window that cannot
+    /// be simulated, if there is one.
     pub(crate) fn evaluate(
         &self,
         signals: &Signals,
@@ -281,7 +281,7 @@ where
         residuals::of_window(trace, run, &window.rows, &common)
     }
 
-    /// Whether an estimated delay of a measured signal is beyond what is looked for.
+    /// Whether an estimated delay of a measured signal is outside the range of the search.
     fn out_of_reach(&self, shared: &[f64]) -> bool {
         let runs = self.runs.iter().flat_map(residuals::measured);
         runs.map(|(kind, _)| self.unknowns.signal(kind, shared)[0])
@@ -346,7 +346,7 @@ where
             }
             let own_step = substitute(&triangle, &side);
             let together: Vec<f64> = own_step.iter().chain(&step.shared).copied().collect();
-            // what the step changes in the residuals, in standard deviations
+            // the change of the residuals by the step, in standard deviations
             length += change(whole, &together);
             step.own.push(own_step);
         }
@@ -384,7 +384,8 @@ fn combined(factors: &[QrFactor], weights: &[f64]) -> Result<QrFactor, EstimateE
     Ok(out)
 }
 
-/// The triangle of the shared unknowns: what the windows' own leave of the equations.
+/// The triangle of the shared unknowns: the equations that remain after the elimination of the
+/// windows' own unknowns.
 struct Reduced {
     factor: QrFactor,
     rss: f64,
@@ -410,7 +411,7 @@ impl Reduced {
     }
 }
 
-/// The candidate behind a step.
+/// The candidate after a step.
 fn moved(windows: &[Window], shared: &[f64], step: &Step) -> (Vec<Window>, Vec<f64>) {
     let shared = shared.iter().zip(&step.shared).map(|(x, d)| x + d);
     let windows = windows.iter().zip(&step.own).map(|(window, step)| {
@@ -428,7 +429,7 @@ fn unit(norm: f64) -> f64 {
     if norm > 0.0 { norm } else { 1.0 }
 }
 
-/// Solves R x = z; an unknown without a pivot stays where it is.
+/// Solves R x = z; an unknown whose pivot is zero becomes 0.
 pub(crate) fn substitute(r: &[f64], z: &[f64]) -> Vec<f64> {
     let n = z.len();
     let mut x = z.to_vec();

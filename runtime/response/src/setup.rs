@@ -1,4 +1,5 @@
-//! What is known of an experiment and what is to be estimated: controllers and signals.
+//! The setup of a fit: the controllers and signals of an experiment, with known and estimated
+//! values.
 
 /// A number that is known, or estimated from a first value.
 ///
@@ -41,10 +42,11 @@ impl Value {
 /// What the derivative gain of a controller multiplies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Damping {
-    /// The rate of the position error: its difference from sample to sample over their distance.
+    /// The rate of the position error: its difference from sample to sample over the time between
+    /// them.
     #[default]
     OfError,
-    /// The joint's velocity, with a negative sign, as actuators of physics engines damp.
+    /// The joint's velocity with a negative sign, as the actuators of physics engines do.
     OfVelocity,
 }
 
@@ -54,8 +56,8 @@ pub enum Action {
     /// At the samples of the log; between them the effort is constant (zero-order hold).
     #[default]
     Sampled,
-    /// All the time, as controllers that are much faster than the log do, and as actuators of
-    /// physics engines do; commands are constant between samples.
+    /// Continuously, as controllers much faster than the log and the actuators of physics engines
+    /// do; commands are constant between samples.
     Continuous,
 }
 
@@ -73,7 +75,7 @@ pub struct Law {
     pub offset: Value,
     /// What the derivative gain multiplies.
     pub damping: Damping,
-    /// The least and the greatest effort, N m or N.
+    /// The least and the greatest effort, N m or N; `None` without limits.
     pub limit: Option<[f64; 2]>,
 }
 
@@ -106,7 +108,7 @@ impl Law {
         [self.kp, self.ki, self.kd, self.offset]
     }
 
-    /// Whether there is an integral that may act.
+    /// Whether the integral gain is nonzero or estimated.
     pub(crate) fn integrates(&self) -> bool {
         self.ki.value != 0.0 || self.ki.is_estimated()
     }
@@ -115,8 +117,8 @@ impl Law {
 /// How the logged value of a signal follows from the true one: `gain x(t - delay) + bias`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalModel {
-    /// By how much the signal is logged after the motion it belongs to, s; of a command, by how
-    /// much it takes effect after its row.
+    /// The time from a motion to the row that logs it, s; for a command, from its row to the time at
+    /// which it takes effect.
     pub delay: Value,
     /// The factor.
     pub gain: Value,
@@ -167,10 +169,10 @@ pub struct Setup {
     pub signals: Vec<(SignalKind, SignalModel)>,
     /// The length of a window, s; the last window of a run may be up to half as long again.
     pub window: f64,
-    /// The velocity over which friction changes its direction, rad/s or m/s.
+    /// The width w of the smooth sign `tanh(v / w)` that Coulomb friction has, rad/s or m/s.
     pub friction_width: f64,
-    /// The greatest delay of a measured signal that is looked for, s. Rows so close to the ends of
-    /// windows are left out where a delay is estimated.
+    /// The greatest delay of a measured signal that the search tries, s. Where a delay is
+    /// estimated, rows within this time of the ends of a window are left out.
     pub greatest_delay: f64,
     /// The largest number of steps of the search.
     pub steps: usize,
@@ -194,7 +196,7 @@ impl Setup {
         }
     }
 
-    /// The model of a signal.
+    /// The model of a signal; the default model if the setup names none.
     pub fn signal(&self, kind: SignalKind) -> SignalModel {
         let own = self.signals.iter().find(|(k, _)| *k == kind);
         own.map_or_else(SignalModel::default, |(_, model)| *model)

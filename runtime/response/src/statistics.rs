@@ -11,17 +11,17 @@ use crate::search::{Searched, Signals, substitute};
 use crate::window::Experiment;
 use crate::{Number, ResponseError};
 
-/// The damping of the windows' own unknowns, relative to the squared lengths of their columns: some
-/// may be undetermined.
+/// The damping of each window's own unknowns, relative to the squared lengths of their columns; it
+/// keeps the factor regular where the window does not determine some of them.
 const OWN_DAMPING: f64 = 1e-14;
-/// The number of autocorrelations of the residuals.
+/// The number of lags at which the autocorrelation of the residuals is computed.
 const LAGS: usize = 20;
 
 /// The statistics of a fit.
 pub(crate) struct Statistics {
-    /// The kept unknowns with the covariance for white residuals.
+    /// The determined unknowns with their covariance for white residuals.
     pub(crate) white: Estimate,
-    /// The same with the covariance that accounts for the residuals' correlation.
+    /// The same with a covariance that accounts for the residuals' correlation in time.
     pub(crate) correlated: Estimate,
     pub(crate) deviations: Deviations,
     pub(crate) errors: Vec<EffortError>,
@@ -102,8 +102,8 @@ where
         })
     }
 
-    /// The weighted rows of a window for the kept unknowns, less what the window's own unknowns
-    /// explain of them, sample by sample.
+    /// The weighted rows of a window for the determined unknowns, projected onto the complement of
+    /// the columns of the window's own unknowns, sample by sample.
     fn projected(
         &self,
         rows: &[SignalRows],
@@ -129,7 +129,7 @@ where
         for j in 0..own {
             triangle.extend_from_slice(&whole.r()[j * n..j * n + own]);
         }
-        // what each shared unknown is explained by
+        // the regression of each shared unknown's column on those of the window's own unknowns
         let explained = open.kept.iter().map(|k| {
             let column = (own + k) * n;
             substitute(&triangle, &whole.r()[column..column + own])
@@ -178,11 +178,14 @@ fn means(windows: &[Vec<Sample>], signals: usize) -> Vec<f64> {
 /// The rows of one sample.
 #[derive(Clone)]
 struct Sample {
-    /// Signals x kept unknowns, column by column.
+    /// The weighted derivatives, signals x determined unknowns, column by column.
     w: Vec<f64>,
-    /// The weighted residuals.
+    /// The weighted residual of each signal.
     psi: Vec<f64>,
+    /// The measured value of each signal, in its unit.
     measured: Vec<f64>,
+    /// The fitted value of each signal, in its unit.
     fitted: Vec<f64>,
+    /// Whether each signal has a residual at the sample.
     used: Vec<bool>,
 }

@@ -8,16 +8,16 @@ use crate::plant::{Plant, Posture};
 use crate::setup::{Run, Setup, SignalKind};
 use crate::{Number, ResponseError};
 
-/// The largest product of a step and the fastest rate of the equations: Runge and Kutta's method is
-/// stable up to 2.8, and accurate well below.
+/// The largest product of a step and the fastest rate of the equations: the Runge-Kutta method of
+/// order 4 is stable up to 2.8, and accurate well below.
 const MAX_STEP_RATE: f64 = 1.0;
 /// The longest step of the integration, s.
 const MAX_STEP: f64 = 0.005;
 /// The largest number of steps between two samples.
 const MAX_STEPS: usize = 2000;
 
-/// A window of a run, with the unknowns of its own: the first state, and the integral of each
-/// controller that has one.
+/// A window of a run with its own unknowns: the first state, and the integral of each controller that
+/// has one.
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
     pub(crate) run: usize,
@@ -26,7 +26,7 @@ pub(crate) struct Window {
     pub(crate) own: Vec<f64>,
 }
 
-/// The robot, its controllers and the runs: all that a simulation of a window reads.
+/// The robot, its controllers and the runs: everything that the simulation of a window reads.
 pub(crate) struct Experiment<'a, 'm, M: ?Sized, D: ?Sized> {
     pub(crate) plant: &'a Plant<'m, M, D>,
     pub(crate) model: &'m M,
@@ -81,7 +81,7 @@ where
     M: BaseModel<f64> + ?Sized,
     D: BaseModel<Number> + ?Sized,
 {
-    /// The number of unknowns of each window alone.
+    /// The number of each window's own unknowns.
     pub(crate) fn own(&self) -> usize {
         let integrals = self.setup.laws.iter().filter(|l| l.integrates()).count();
         2 * self.plant.dof + integrals
@@ -258,7 +258,7 @@ where
         out
     }
 
-    /// How many steps of the integration a sample needs; `None` where the mass matrix is not
+    /// The number of integration steps that a sample needs; `None` if the mass matrix is not
     /// positive definite.
     fn steps(
         &self,
@@ -277,7 +277,7 @@ where
             stiffness = stiffness.max(k);
             damping = damping.max(d);
         }
-        // what the velocities change by in the step, if the accelerations stay
+        // joints that may reverse during the step if the accelerations stay constant
         let accelerations = &slope.state[self.plant.dof..];
         damping += self.plant.steepest(posture, accelerations, step, beta);
         let rate = (mobility * stiffness).sqrt() * 2.0 + mobility * damping;
@@ -294,10 +294,10 @@ where
         Ok(Some(count))
     }
 
-    /// One step of Runge and Kutta's method of order 4, for the state and its derivatives alike.
+    /// One Runge-Kutta step of order 4, for the state and its derivatives alike.
     ///
     /// - `loops`: the controllers, the base parameters and the number of the window's own unknowns;
-    /// - `known`: the derivative at the start of the step, where it is known.
+    /// - `known`: the derivative at the start of the step, if it is known.
     fn advance(
         &self,
         moving: &mut Moving,
@@ -337,8 +337,8 @@ where
         })
     }
 
-    /// The derivative by time of the state and of its derivatives; `None` where the mass matrix is
-    /// not positive definite.
+    /// The time derivative of the state and of its derivatives; `None` if the mass matrix is not
+    /// positive definite.
     fn slope(
         &self,
         moving: &Moving,

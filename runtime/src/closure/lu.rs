@@ -82,7 +82,7 @@ impl Lu {
         }
     }
 
-    /// The ratio of the smallest to the largest pivot; 1 without pivots, NaN where the matrix is
+    /// The ratio of the smallest to the largest pivot; 1 for an empty matrix, NaN if the matrix is
     /// not finite.
     pub(super) fn ratio(&self) -> f64 {
         let pivots = || (0..self.size).map(|k| self.at(k, k).abs());

@@ -7,11 +7,11 @@ use super::compare::{Figures, row_error_above, size, vector_error};
 use super::{Answer, Engine, Names, dynamics};
 use crate::reference::{Mechanism, Random, State};
 
-/// The tolerance that the spec's format requires: per row, relative to the row's largest entry.
+/// The largest accepted error of a row, relative to the row's largest entry.
 pub(super) const ROW_TOLERANCE: f64 = 1e-10;
 
-/// The tolerance of poses and closure rows, which are some dozen products of numbers about 1,
-/// without any solve.
+/// The tolerance of poses and closure equations, which a few dozen products of numbers near 1
+/// compute, without solving equations.
 const DIRECT_TOLERANCE: f64 = 1e-12;
 
 /// Runs every comparison at random closed states of the reference.
@@ -29,7 +29,7 @@ pub fn check_engine(
         .map_err(|e| format!("{}: {e}", reference.name))?;
     let mut figures = Figures::default();
     let home = reference.home()?;
-    // Both close home to rounding, amplified by the conditioning of A_e.
+    // both close home up to rounding, which the conditioning of A_e amplifies
     figures.record("home", vector_error(&engine.home(), &home, 1.0), 1e-9);
     let mut random = Random::new(seed);
     for _ in 0..states {
@@ -41,7 +41,7 @@ pub fn check_engine(
     figures.verdict(&reference.name)
 }
 
-/// The names that the spec implies.
+/// The names that an engine must have for this mechanism.
 pub(super) fn names(m: &Mechanism) -> Names {
     let pick = |indices: &[usize]| indices.iter().map(|k| m.coordinates[*k].clone()).collect();
     Names {
@@ -64,6 +64,7 @@ pub(super) fn names(m: &Mechanism) -> Names {
     }
 }
 
+/// Fails at the first name that differs.
 fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
     let lists = [
         ("coordinates", &ours.coordinates, &theirs.coordinates),
@@ -109,7 +110,7 @@ fn same_names(ours: &Names, theirs: &Names) -> Result<(), String> {
     Ok(())
 }
 
-/// Compares the quantities that are defined at any q: poses, f, A, b.
+/// Compares the quantities that are defined at any q, closed or not: poses, cone cosines, f, A, b.
 fn open(
     engine: &dyn Engine,
     reference: &Mechanism,
@@ -135,8 +136,8 @@ fn open(
     );
     figures.record("constraints", error, DIRECT_TOLERANCE);
     let theirs = reference.jacobian(&q);
-    // Rows consist of lengths in metres and of cosines; where all of them cancel, they are
-    // rounding.
+    // entries are sums of lengths in metres and of cosines; if all sums of a row cancel, only
+    // rounding remains, which is not compared
     let error = row_error_above(
         theirs.amax().max(100.0) * 1e-4,
         &engine.matrix(FunctionKind::Jacobian, &[&q])?,
@@ -144,7 +145,8 @@ fn open(
     );
     figures.record("jacobian", error, ROW_TOLERANCE);
     let b = reference.bias(&q, &qd);
-    // Products of velocities of 2 are 4: a bias of 0 is compared with that.
+    // velocities are up to 2, so entries of the bias are sums of terms up to 4; a bias that cancels
+    // to 0 is compared with 1e-2
     let error = vector_error(
         &engine.call(FunctionKind::Bias, &[&q, &qd])?,
         &b,
@@ -166,8 +168,9 @@ fn closed(
     let State { q, qd, qdd } = state;
     let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
 
-    // Newton's step solves as many rows as there are dependent coordinates. If rows are redundant,
-    // the selected rows may also be fulfilled at another state, as near as their dead centre.
+    // Newton's step solves as many rows as there are dependent coordinates. If other rows are
+    // redundant, the selected rows may have a second solution nearby, where the loop is near a dead
+    // centre, so the start must be closer.
     let redundant = reference.rows() > reference.dependent.len();
     let away = if redundant { 1e-5 } else { 1e-2 };
     let mut trial = q.clone();
@@ -183,7 +186,7 @@ fn closed(
             trial[*k] += d;
         }
     }
-    // Ten steps reach rounding, amplified by the conditioning.
+    // ten steps converge to rounding, which the conditioning amplifies
     figures.record("newton_step", vector_error(&trial, q, 1.0), 1e-10);
 
     let error = vector_error(
@@ -214,8 +217,9 @@ fn closed(
     Ok(())
 }
 
-/// Forces are 1 to 100 N for bodies of some kilograms that fall or move at a metre a second. Forces
-/// that vanish, without gravity or perpendicular to the motion, are compared with this force, N.
+/// The smallest force that errors of forces are relative to, N. Bodies of some kilograms that fall,
+/// or move at 1 m/s, need 1 to 100 N; forces that vanish, without gravity or perpendicular to the
+/// motion, are compared with this one.
 pub(super) const MIN_FORCE: f64 = 0.1;
 
 /// W phi, and the size to which its rounding errors are relative.

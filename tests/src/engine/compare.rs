@@ -10,17 +10,15 @@ use nalgebra::DMatrix;
 const MIN_ROW_PART: f64 = 1e-4;
 
 /// The largest difference within a row, relative to that row's largest entry; infinite if the
-/// shapes differ or an entry is not finite.
+/// shapes differ or an entry of either matrix is not finite.
 pub fn row_error(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
-    if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
-        return f64::INFINITY;
-    }
     row_error_above(MIN_ROW_PART * theirs.amax(), ours, theirs)
 }
 
 /// Like [`row_error`], with the size below which a row counts as rounding.
 pub(super) fn row_error_above(floor: f64, ours: &DMatrix<f64>, theirs: &DMatrix<f64>) -> f64 {
-    if ours.shape() != theirs.shape() || !ours.iter().all(|x| x.is_finite()) {
+    // the maxima below ignore NaN
+    if ours.shape() != theirs.shape() || !ours.iter().chain(theirs).all(|x| x.is_finite()) {
         return f64::INFINITY;
     }
     let rows = ours.row_iter().zip(theirs.row_iter());
@@ -29,9 +27,11 @@ pub(super) fn row_error_above(floor: f64, ours: &DMatrix<f64>, theirs: &DMatrix<
     })
 }
 
-/// The largest difference of two vectors relative to a scale.
+/// The largest difference of two vectors relative to a scale; infinite if the lengths differ or an
+/// entry of either is not finite.
 pub fn vector_error(ours: &[f64], theirs: &[f64], scale: f64) -> f64 {
-    if ours.len() != theirs.len() || !ours.iter().all(|x| x.is_finite()) {
+    // the maximum below ignores NaN
+    if ours.len() != theirs.len() || !ours.iter().chain(theirs).all(|x| x.is_finite()) {
         return f64::INFINITY;
     }
     let differences = ours.iter().zip(theirs).map(|(x, y)| (x - y).abs());

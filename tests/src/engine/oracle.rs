@@ -1,5 +1,5 @@
-//! Comparison with published vectors: regressor and Jacobian at given states, computed by another
-//! program.
+//! Comparison with published test vectors: regressors and closure Jacobians at given states, which
+//! another program computed.
 
 use nalgebra::DMatrix;
 use regen_codegen::signature::FunctionKind;
@@ -9,14 +9,14 @@ use super::compare::{Figures, row_error};
 use super::{Answer, Engine};
 use crate::files;
 
-/// The tolerance of this project at given states; the vectors are accurate to rounding.
+/// The largest relative error of a row that is accepted; the vectors are accurate to rounding.
 const VECTOR_TOLERANCE: f64 = 1e-11;
 
 /// The names of the robots that have vectors.
 pub const ORACLES: [&str; 4] = ["3rps", "fivebar", "puma560", "tree_branch"];
 
-/// Compares an engine with the vectors of one of [`ORACLES`]. The states are used as given,
-/// although their accelerations fulfil the closure equations only to 1e-8.
+/// Compares an engine with the vectors of one of [`ORACLES`]. The given accelerations satisfy the
+/// closure equations only to 1e-8; they are not corrected, since the regressor takes any.
 ///
 /// # Errors
 /// When a file is missing, a name differs or a comparison fails.
@@ -31,7 +31,9 @@ pub fn check_oracle(engine: &dyn Engine, name: &str) -> Result<Figures, String> 
         ("parameters", &names.parameters),
     ] {
         if *ours != texts(&oracle[key])? {
-            return Err(format!("{name}: other {key}"));
+            return Err(format!(
+                "{name}: the engine has other {key} than the vectors"
+            ));
         }
     }
     let mut figures = Figures::default();
@@ -67,7 +69,7 @@ fn list(value: &Value) -> Answer<&Vec<Value>> {
 }
 
 fn numbers(value: &Value) -> Answer<Vec<f64>> {
-    let number = |v: &Value| v.as_f64().ok_or_else(|| format!("{v} is no number"));
+    let number = |v: &Value| v.as_f64().ok_or_else(|| format!("{v} is not a number"));
     list(value)?.iter().map(number).collect()
 }
 

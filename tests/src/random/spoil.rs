@@ -1,5 +1,4 @@
-//! Invalid variants of a spec, and checks of their errors: each must point at the line of the
-//! mistake.
+//! Makes invalid variants of a spec, and checks that each error points at the line of the mistake.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -10,12 +9,14 @@ use super::Sample;
 use super::draw::below;
 use crate::reference::Random;
 
-/// An invalid variant: the name of the mistake, the text, the lines that the error may point at,
-/// and words that it must contain.
+/// An invalid variant of a spec.
 struct Mistake {
+    /// The name of the mistake.
     name: &'static str,
     text: String,
+    /// The lines that the error may point at.
     lines: Vec<usize>,
+    /// Words that the error must contain.
     says: &'static str,
 }
 
@@ -23,7 +24,7 @@ struct Mistake {
 /// variants.
 ///
 /// # Errors
-/// The variant that was accepted, caused a panic, or whose error points elsewhere.
+/// The first variant that is accepted, causes a panic, or has an error that points elsewhere.
 pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
     let mut random = Random::new(seed ^ 0x0bad);
     let mistakes = mistakes(&sample.text, &mut random);
@@ -56,7 +57,7 @@ pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
     Ok(mistakes.len() + changes + 1)
 }
 
-/// The errors of a text, if it has any, after checking that each has a place in it.
+/// The errors of a text, if it has any. Fails if one of them has no place in the text.
 fn refused(text: &str) -> Result<Option<Report>, String> {
     let source = Source::new("spoilt.yaml", text);
     let derived = catch_unwind(AssertUnwindSafe(|| derive_with(&source, BaseSource::Skip)));
@@ -158,23 +159,18 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
             says,
         });
     };
+    swap("an unknown key", "type:", "tipe:", "did you mean 'type'");
     swap(
-        "a key that is none",
-        "type:",
-        "tipe:",
-        "did you mean 'type'",
-    );
-    swap(
-        "a word that is none",
+        "an unknown joint type",
         "type: revolute",
         "type: revolut",
         "did you mean 'revolute'",
     );
-    swap("an axis that is none", "axis: x", "axis: w", "'w'");
-    swap("both frames", "dh: {", "origin: {}, dh: {", "origin");
+    swap("an unknown axis", "axis: x", "axis: w", "'w'");
+    swap("two frames", "dh: {", "origin: {}, dh: {", "origin");
     swap("a division by zero", "c: 0.15", "c: 0.15/0", "zero");
-    swap("a root of less than zero", "[", "[sqrt(-1), ", "");
-    swap("a name that is none", "rpy: [", "rpy: [nobody*", "nobody");
+    swap("a root of a negative number", "[", "[sqrt(-1), ", "");
+    swap("an unknown name", "rpy: [", "rpy: [nobody*", "nobody");
     swap(
         "a limb from nowhere",
         "joints:",
@@ -182,7 +178,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
         "",
     );
     swap(
-        "a cut on no body",
+        "a cut at an unknown body",
         "between: [{body: ",
         "between: [{body: no_",
         "no_",
@@ -194,7 +190,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
         "maybe",
     );
     swap(
-        "a limit upside down",
+        "limits in descending order",
         "position: [-3, 3]",
         "position: [3, -3]",
         "above",
@@ -206,7 +202,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
         "nobody",
     );
     swap(
-        "a home of nobody",
+        "an unknown coordinate in home",
         "home: {",
         "home: {nobody: 1, ",
         "nobody",
@@ -218,7 +214,8 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
         "couplings: {j0: j0, ",
         "",
     );
-    // If a limb already has a `from`, the new one is a duplicate; the error may be on either line.
+    // if the limb already has a `from`, the new one is a duplicate, and the error may be on either
+    // line
     for mistake in &mut out {
         if mistake.name == "a limb from nowhere" {
             let at = mistake.lines[0];
@@ -228,7 +225,7 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
     out
 }
 
-/// Values that are special in some place of a spec.
+/// Numbers that are special cases at some place of a spec.
 const NUMBERS: [&str; 12] = [
     "0", "1", "-1", "2", "1e-9", "1e9", "1e-300", "1e300", "1/3", "pi/2", "sqrt(2)", "-0.3",
 ];
@@ -241,7 +238,8 @@ const KINDS: [&str; 6] = [
     "fixed",
 ];
 
-/// The text with another number or joint type, or with a line less; it may still be a spec.
+/// The text with a number or joint type replaced, or without one of its lines. It may still be a
+/// valid spec.
 fn mutated(text: &str, random: &mut Random) -> String {
     let mut out = text.to_owned();
     for _ in 0..=below(random, 2) {

@@ -8,14 +8,15 @@ use super::Format;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Says in words how the mechanism is understood: coordinates and mobility, what
-each loop passes and which of its rows are redundant, how each body can move,
-relations among coordinates and orientations on the assembly branch of home,
-parameters that cannot be identified, alone or at all, and why, and where limits
-and singularities trouble the numbers.
+Explains how regen understands the mechanism: coordinates and mobility, the
+joints of each loop and its redundant rows, how each body can move, relations
+among coordinates and orientations on the assembly branch of home, parameters
+that cannot be identified, alone or at all, and why, and where limits and
+singularities degrade the numerical results.
 
-What joints and ties prove is marked as shown exactly; the rest is judged at
-closed states in many digits, and says at how many and to how many digits.
+Statements that follow from the joints and couplings are marked as exact; the
+others are found at closed states in many digits, and state how many states and
+digits were used.
 
 Examples:
   regen check robots/3rps.yaml
@@ -30,17 +31,17 @@ pub(crate) struct CheckArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Runs the checks of `regen FILE`, and the numeric path to the base parameters
-(Gautier, 1991) beside the analytic one: the regressor over random closed
-states, its columns scaled to unit length, by singular values and by a QR
-decomposition with pivoting. The numeric rank is where the numbers drop most;
-where double precision leaves a doubt, that is said and does not count.
+Runs the checks of `regen FILE`, and compares the analytic base parameters with
+numerical ones (Gautier, 1991): singular values, and a QR decomposition with
+pivoting, of the regressor over random closed states, its columns scaled to unit
+length. The numerical rank is at the largest drop of the singular values; if
+double precision does not determine it, the table says so and it does not count.
 
-With --all, the evidence: checks that share no code with what they check, each
-with a bound that is computed from roundoff, operations and condition numbers.
-FILES may then be several, or directories of *.yaml; without any, robots/*.yaml
-of the workspace. Vectors of another program are looked for beside each spec, as
-vectors/NAME.json, then in tests/fixtures/vectors of the workspace;
+With --all, runs checks that share no code with what they check, each with a
+bound computed from roundoff, operations and condition numbers. FILES may then
+be several specs, or directories of *.yaml; the default is robots/*.yaml of the
+workspace. Test vectors of another program are read from vectors/NAME.json
+beside each spec, or from tests/fixtures/vectors of the workspace;
 tests/tools/vectors/forces.py makes them with Pinocchio.
 
 Examples:
@@ -53,7 +54,7 @@ pub(crate) struct VerifyArgs {
     /// The robot's spec; with --all any number of specs and directories
     #[arg(required_unless_present = "all")]
     pub(crate) files: Vec<PathBuf>,
-    /// Every independent check, as a table with figures
+    /// Run every independent check, and print a table of errors and bounds
     #[arg(long)]
     pub(crate) all: bool,
     /// Random closed states of the observation matrix [default: enough for
@@ -71,7 +72,7 @@ pub(crate) enum VerifyFormat {
     /// Tables of at most 80 columns
     #[default]
     Human,
-    /// A Markdown table of the bounds kept, the same on every machine
+    /// A Markdown table of the bounds that hold, the same on every machine
     Markdown,
     /// JSON
     Json,

@@ -12,7 +12,7 @@ pub(crate) struct ModelArgs {
     #[arg(required = true)]
     pub(crate) file: Option<PathBuf>,
     /// Where the module is written [default: generated/src of the workspace
-    /// that holds FILE, or else the current directory]
+    /// that contains FILE, or else the current directory]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// How the summary is printed
@@ -38,10 +38,10 @@ pub(crate) struct InfoArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-IN is a JSON list. A state is given either over all coordinates, in the order
-that `regen info` prints, and is then used as it is:
+IN is a JSON list. A state has either all coordinates, in the order that `regen
+info` prints, and is used without change:
   [{\"q\": [0.1, ...], \"qd\": [...], \"qdd\": [...]}]
-or over the independent ones, and the others are solved from `home`:
+or the independent ones, and the others are solved for, starting from `home`:
   [{\"independent\": {\"q\": [0.6, 0.6, 0.6], \"qd\": [0, 0, 0], \"qdd\": [0, 0, 0]}}]
 
 The JSON result is a list of q, qd, qdd, residual, jacobian, bias, regressor
@@ -82,7 +82,7 @@ pub(crate) enum TableFormat {
 Each row is a kept parameter plus multiples of eliminated ones. `derived` rows
 are exact consequences of the spanning trees of the mechanism; `completed` rows
 were recognised in samples of many digits and verified at others. The
-certificate is the rank of such samples: where it differs from what was derived,
+certificate is the rank of such samples: if it differs from the number of rows,
 the table is headed INCOMPLETE and the exit code is 1.
 
 Coefficients of more than 60 characters, or with numbers of more than 6 digits,
@@ -98,13 +98,13 @@ pub(crate) struct BaseArgs {
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: TableFormat,
-    /// Coefficients as numbers of four digits
+    /// Print coefficients as numbers of four digits
     #[arg(long, conflicts_with = "expressions")]
     pub(crate) numbers: bool,
-    /// Coefficients as expressions, however long
+    /// Print coefficients as expressions, however long
     #[arg(long)]
     pub(crate) expressions: bool,
-    /// Keep the result beside the spec, as NAME.base: robot_model! then reads it
+    /// Store the result beside the spec, as NAME.base: robot_model! then reads it
     /// instead of deriving it in an unoptimised build
     #[arg(long)]
     pub(crate) store: bool,

@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Intermediate terms come first, in the order in which they are computed: s_12 and
-c_12 are the sine and cosine of q1 + q2, t_1, t_2, ... all others that are used
-more than once. Numbers that only one name of `geometry` can be are written with
-that name. With loops, X is solved in the order of pivots that generated code
-takes in the middle of the workspace.
+c_12 are the sine and cosine of q1 + q2, and t_1, t_2, ... all other terms that
+are used more than once. A number that equals exactly one name of `geometry` is
+written as that name. With loops, X is solved with the order of pivots that
+generated code uses in the middle of the workspace.
 
 Examples:
   regen equations robots/fivebar.yaml
@@ -22,7 +22,7 @@ pub(crate) struct EquationsArgs {
     /// The language of the result
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: StyleArg,
-    /// What is written [default: closure with loops, dynamics without]
+    /// The equations [default: closure with loops, dynamics without]
     #[arg(long, value_enum)]
     pub(crate) of: Option<OfArg>,
     /// The parameters of regressor and dynamics
@@ -42,7 +42,7 @@ pub(crate) enum StyleArg {
     Sympy,
 }
 
-/// What is written.
+/// The equations that are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum OfArg {
     /// The closure equations f(q)

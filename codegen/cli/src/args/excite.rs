@@ -11,15 +11,18 @@ use super::format::Format;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The independent coordinates follow finite Fourier series (Eq. 25) that make the
-observation matrix of the base parameters well conditioned. Limits are those of
-the spec, changed by --limit and --cone; they hold over the whole period,
-between samples too: positions, velocities and accelerations of all coordinates,
-cones of spherical joints, efforts of the actuators at the nominal parameters,
-and a margin from singularities. The loops stay closed on the branch of `home`.
+observation matrix of the base parameters well conditioned. The limits are those
+of the spec, changed by --limit and --cone: positions, velocities and
+accelerations of all coordinates, cones of spherical joints, efforts of the
+actuators at the nominal parameters, and a distance from singularities. They
+hold over the whole period, between samples too. The loops stay closed on the
+branch of `home`.
 
-If no trajectory keeps all limits, the limit that prevents it is named, and the
-exit code is 4. Ctrl-C ends the search with the best found so far. The same seed
-gives the same file, on any number of threads.
+If no trajectory is within all limits, the limit that prevents it is named, and
+the exit code is 4. Ctrl-C ends the search with the best trajectory so far. The
+same seed gives the same file, on any number of threads.
+
+Equations are those of Mata et al. (2008); see the README.
 
 Examples:
   regen excite robots/3rps.yaml --out t.json
@@ -31,12 +34,11 @@ Examples:
 pub(crate) struct ExciteArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Where the trajectory is written [default: nowhere, only the summary is
-    /// printed; its JSON holds the trajectory too]
+    /// Where the trajectory is written [default: only the summary is printed; its
+    /// JSON contains the trajectory]
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) out: Option<PathBuf>,
-    /// Whether the payloads of the description are carried; required where it has
-    /// a payload
+    /// Whether the payloads of the spec are carried; required if it has payloads
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
     /// The number of harmonics
@@ -48,18 +50,18 @@ pub(crate) struct ExciteArgs {
     /// The number of samples in a period
     #[arg(long, value_name = "N", default_value_t = 75)]
     pub(crate) samples: usize,
-    /// What the trajectory is optimised for
+    /// The measure that the trajectory minimises
     #[arg(long, value_enum, default_value_t)]
     pub(crate) criterion: CriterionArg,
     /// Start and end with velocities and accelerations of zero
     #[arg(long)]
     pub(crate) at_rest: bool,
-    /// Another limit than the spec's, COORDINATE.QUANTITY=LOWEST,HIGHEST, where
+    /// Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where
     /// QUANTITY is position, velocity, acceleration or effort (may be repeated)
     #[arg(long, value_name = "LIMIT", allow_hyphen_values = true)]
     pub(crate) limit: Vec<LimitArg>,
-    /// Another cone than the spec's, NAME=ANGLE in rad, or with `deg` behind it
-    /// (may be repeated)
+    /// Replace a cone of the spec: NAME=ANGLE, in rad, or in degrees as 45deg (may
+    /// be repeated)
     #[arg(long, value_name = "CONE")]
     pub(crate) cone: Vec<ConeArg>,
     /// The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
@@ -68,7 +70,7 @@ pub(crate) struct ExciteArgs {
     /// The seed of the random starts
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub(crate) seed: u64,
-    /// The number of random starts; the best counts
+    /// The number of random starts, of which the best result is used
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) starts: usize,
     /// The number of steps in each of the five stages of a start
@@ -82,7 +84,7 @@ pub(crate) struct ExciteArgs {
     pub(crate) format: Format,
 }
 
-/// What a trajectory is optimised for
+/// The measure that a trajectory minimises
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum CriterionArg {
     /// A small condition number, columns scaled to unit length (Eq. 27)

@@ -19,21 +19,21 @@ pub(crate) enum TargetArg {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Without FILES, every robots/*.yaml of the workspace is generated into its
-generated/src, and modules whose robot is gone are removed. The workspace is the
-nearest directory upward that holds both robots/ and generated/src/.
+generated/src, and modules of robots that no longer exist are removed. The
+workspace is the nearest parent directory with both robots/ and generated/src/.
 
 If DIR has a lib.rs or mod.rs with the two lines
   // <regen modules>
   // </regen modules>
 the list of modules between them is kept up to date.
 
-If the directory above DIR has a sources.txt, a robot's name per line, modules
-of these robots alone are written. Of the others digests.txt beside it says what
-they would be: lines, SHA-256 and the operations of each function.
+If the directory above DIR has a sources.txt with one robot's name per line,
+only the modules of these robots are written. digests.txt beside it records the
+others: lines, SHA-256 and the operations of each function.
 
-With --target c a robot's functions are two files, NAME.h and NAME.c, in C99
-with functions on double and, ending in _f, on float; they are written to the
-current directory, or to DIR.
+With --target c each robot has two files in C99, NAME.h and NAME.c, with
+functions on double and, with names that end in _f, on float; they are written
+to the current directory, or to DIR.
 
 Examples:
   regen generate

@@ -14,10 +14,11 @@ use regen_identify::data::Run;
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-Writes one triangular factor per effort: all that least squares needs of the
-logs, of the same size whatever their length. Factors of any number of runs are
-merged by `regen identify --from`, in any order, with the same result. The file
-carries a digest of the model: factors of another robot or geometry are refused.
+Writes one triangular factor per effort, which contains all that least squares
+needs of the logs, and whose size does not depend on their length. `regen
+identify --from` merges the factors of any number of runs, in any order, with
+the same result. The file has a digest of the model: factors of another robot or
+geometry are refused.
 
 Example:
   regen observe robots/3rps.yaml monday.csv --out monday.json \\
@@ -41,15 +42,15 @@ pub(crate) struct ObserveArgs {
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Columns are found by their headers: t, the names of coordinates, tau_NAME for
-efforts, qd_NAME and qdd_NAME where velocities and accelerations are measured.
-Positions of as many coordinates as the robot has degrees of freedom suffice,
-with the efforts of all actuated ones; the rest comes from the loop closure.
+efforts, qd_NAME and qdd_NAME for measured velocities and accelerations. The
+positions of as many coordinates as the robot has degrees of freedom suffice,
+with the efforts of all actuated ones; the others follow from the loop closure.
 
-An experiment file, YAML, says instead of options how logs are read: columns by
-name, number or pattern with units, factors and gains, files side by side, rows
-and times, filter and checks, and which logs validate (printed as --against).
-Options win over it, and logs beside it are read in place of its runs; `regen
-schema experiment` describes its keys.
+An experiment file, YAML, describes how logs are read: columns by name, number
+or pattern with units, factors and gains, files to join, rows and times, filter
+and checks, and which logs are for validation (used as --against). Options
+override it, and if logs are given too, they replace its runs; `regen schema
+experiment` describes its keys.
 
 Examples:
   regen identify arm.yaml runs.yaml --out p.json
@@ -68,58 +69,58 @@ Examples:
   regen identify arm.yaml run.csv --estimator response --controller gains.yaml
   regen identify arm.yaml loaded.csv --payload unknown --parameters p.json
 
-With --iv the transposed regressor of least squares is replaced by the one at
-another motion: that of the robot simulated under PID control along --reference
-with the present estimate, in up to five rounds; the log's time is the
-reference's. Without --reference it is the measured motion without frequencies
-above a printed cutoff; the noise below the cutoff then still biases the result.
-The test of Durbin, Wu and Hausman says whether least squares is biased.
+With --iv the transposed regressor of least squares is replaced by that at
+another motion: of the robot simulated under PID control along --reference with
+the current estimate, in up to five rounds; log and reference must have the same
+time. Without --reference it is the measured motion without frequencies above a
+printed cutoff; noise below the cutoff then still biases the result. The test of
+Durbin, Wu and Hausman shows whether least squares is biased.
 
-Two estimators compare what the robot would do under its controllers with what
-it did. `didim` takes efforts alone: least squares at the simulated motion,
-along --reference or the columns cmd_NAME, in rounds until nothing changes.
-`response` takes positions alone, with commands in the columns cmd_NAME: it fits
-what the robot answered, from --start or nominal values on. Numbers of the
-controllers' file may be estimated too, `kp: {estimate: 40}`, and delay, gain
-and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. Runs of experiment
-files state `commands` and `controller` themselves. What commands
-cannot determine, such as the common scale of inertias and unknown gains, is
-named; the exit code is then 4.
+Two estimators compare the simulated robot under its controllers with the logs.
+`didim` uses efforts only: least squares at the simulated motion, along
+--reference or the columns cmd_NAME, repeated until the estimate converges.
+`response` uses positions only, with commands in the columns cmd_NAME: it fits
+the responses to them, starting from --start or nominal values. It can also
+estimate gains in the controllers' file, `kp: {estimate: 40}`, and the delay,
+gain and bias of signals, `signals: {q1: {delay: {estimate: 0}}}`. Runs of an
+experiment file have their own `commands` and `controller`. Parameters that the
+commands do not determine, such as the common scale of inertias and unknown
+gains, are named; the exit code is then 4.
 
 Currents of unknown gain (`gain: unknown` in an experiment file) and runs with a
-payload (`payload: unknown`, or what is known of it) are fitted together, in
-units of measurement; only a known gain or a payload of known mass tells the
-scale, and without it the fit is refused. --payload unknown weighs a load on a
-robot that --parameters knows.
+payload (`payload: unknown`, or its known parameters) are fitted together, in
+the units of measurement. Only a known gain or a payload of known mass
+determines the scale; without one the fit is refused. --payload unknown
+identifies a load on a robot whose parameters --parameters states.
 
-With --feasible the parameters of --out are physical: the semidefinite programme
-finds all ten of each body, friction and rotors that are not negative, offsets
-of either sign. What the data leave open is taken close to the spec's nominal
-values. With --friction they have the spec's nonlinear friction too; its samples
-stay in memory (--decimate). With --against, or more models than one, a table
-has eps_RA (Eq. 33) of each model on each log, as the chapter's Table 4.")]
+With --feasible the parameters of --out are physical: a semidefinite programme
+finds all ten of each body, nonnegative friction and rotors, and offsets of
+either sign. Parameters that the data do not determine are close to the spec's
+nominal values. --friction adds the spec's nonlinear friction; its samples stay
+in memory (--decimate). With --against, or more than one model, a table has the
+eps_RA of each model on each log (Mata et al., 2008, Eq. 33 and Table 4).")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
     /// Logs: CSV or Parquet files, MCAP files, ROS 2 bags; or an experiment file, YAML
     #[arg(required_unless_present = "from", value_name = "LOG", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
-    /// Factor files instead of logs, merged
+    /// Merge factor files instead of reading logs
     #[arg(long, num_args = 1.., value_name = "FACTORS", conflicts_with_all = ["logs", "huber", "cross"])]
     pub(crate) from: Vec<PathBuf>,
     /// How the efforts are weighted against each other
     #[arg(long, value_enum, default_value_t)]
     pub(crate) weighting: WeightingArg,
-    /// Residuals beyond K standard deviations count linearly; 1.345 is usual
+    /// Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
     #[arg(long, value_name = "K")]
     pub(crate) huber: Option<f64>,
-    /// Samples in which residuals are correlated [default: found from them]
+    /// The number of samples over which residuals are correlated [default: estimated]
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) bandwidth: Option<usize>,
     /// The level of the confidence intervals
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
     pub(crate) confidence: f64,
-    /// Identify from all logs but one and predict that one, each in turn
+    /// Cross-validate: identify from all logs but one and predict that one, in turn
     #[arg(long)]
     pub(crate) cross: bool,
     /// Do not look for swapped columns, flipped signs, wrong units and the like
@@ -128,24 +129,23 @@ pub(crate) struct IdentifyArgs {
     /// The estimator [default: ls; --huber and --iv choose theirs]
     #[arg(long, value_enum)]
     pub(crate) estimator: Option<EstimatorArg>,
-    /// Instrumental variables, which errors of the measured motion do not bias
+    /// Use instrumental variables, which errors of the measured motion do not bias
     #[arg(long, conflicts_with_all = ["from", "huber", "cross", "energy", "physical", "reduce"])]
     pub(crate) iv: bool,
-    /// What the controllers followed, as `regen excite` writes it: the
-    /// instruments, or the motion of `didim`, come from simulating the robot
-    /// along it
+    /// The trajectory that the controllers followed, as `regen excite` writes it;
+    /// instruments, or the motion of `didim`, are simulated along it
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) reference: Option<PathBuf>,
     /// Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD
-    /// (may be repeated) [default: by the robot's inertia, for the bandwidth with
-    /// which the motion is nearest to the measured one]
+    /// (may be repeated) [default: from the robot's inertia, for the bandwidth at
+    /// which the simulated motion is closest to the measured one]
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
-    /// When this was done, for the file: nothing reads a clock
+    /// The date to write into the file, since regen reads no clock
     #[arg(long, value_name = "TEXT", requires = "out")]
     pub(crate) date: Option<String>,
     /// How the result is printed
@@ -164,17 +164,16 @@ pub(crate) struct IdentifyArgs {
     pub(crate) report: ReportOptions,
 }
 
-/// What is known of a robot that was identified before, and what is written for later.
+/// Parameters of a robot that was identified before, and the covariance that later fits need.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Loads on an identified robot")]
 pub(crate) struct BeforeArgs {
-    /// Identified parameters of the robot without its load: payloads are identified,
-    /// and gains that PARAMS lacks. With `covariance` in it (--covariance), the
-    /// deviations include its own
+    /// Identified parameters of the robot without its load: only payloads are
+    /// identified, and gains that PARAMS lacks. If PARAMS has a `covariance`
+    /// (--covariance), standard deviations include it
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: Option<PathBuf>,
-    /// Write the covariance of base parameters and gains into the file of
-    /// --out too
+    /// Also write the covariance of base parameters and gains to the file of --out
     #[arg(long, requires = "out")]
     pub(crate) covariance: bool,
 }
@@ -183,27 +182,26 @@ pub(crate) struct BeforeArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Simulating the controlled robot (didim, response)")]
 pub(crate) struct SimulatedArgs {
-    /// The column of a joint's commanded position, NAME=COLUMN, with :UNIT and
-    /// *FACTOR behind it where they are needed
-    /// (may be repeated) [default: cmd_NAME]
+    /// The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT
+    /// and *FACTOR if needed (may be repeated) [default: cmd_NAME]
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) command: Vec<regen_identify::data::Assignment>,
     /// The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated
     /// joint; `regen simulate --controller` writes such a file
     #[arg(long, value_name = "FILE")]
     pub(crate) controller: Option<PathBuf>,
-    /// The bandwidth of controllers without gains in `didim`, Hz [default: that with
-    /// which the motion is nearest to measured positions; 3 without any]
+    /// The bandwidth of controllers without gains in `didim`, Hz [default: that at
+    /// which the motion is closest to measured positions; 3 without those]
     #[arg(long, value_name = "HZ")]
     pub(crate) loop_bandwidth: Option<f64>,
-    /// Seconds at the start of each log that `didim` leaves out, where it
-    /// follows columns of commands
+    /// The time at the start of each log that `didim` leaves out if it follows
+    /// columns of commands, s
     #[arg(long, value_name = "S", default_value_t = crate::identify_simulated::SETTLE)]
     pub(crate) settle: f64,
     /// Length of the windows of `response`, s, whose first states are estimated
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub(crate) window: f64,
-    /// The speed within which friction changes its sign in `response`, rad/s or m/s
+    /// The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s
     #[arg(long, value_name = "V", default_value_t = 1e-3)]
     pub(crate) friction_width: f64,
     /// Parameters to start from [default: the spec's nominal ones]
@@ -228,14 +226,14 @@ pub(crate) enum EstimatorArg {
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-PARAMS is a file that `regen identify --out` wrote, or an object (JSON, or YAML
-if its name ends so) with the labels of all parameters or of all base parameters
-as keys. The table has a row for each PARAMS and a column for each log: eps_RA
-(Eq. 33) in percent.
+PARAMS is a file that `regen identify --out` wrote, or a JSON or YAML object, by
+its extension, with the labels of all parameters or of all base parameters as
+keys. The table has a row for each PARAMS and a column for each log: eps_RA (Eq.
+33) in percent.
 
---predict writes the efforts as they are compared, filtered and only those that
-are used: t, tau_NAME and predicted_NAME for each independent coordinate, and
-predicted2_NAME and so on for --beside; with several logs their number in front.
+--predict writes the filtered efforts that are compared: t, tau_NAME and
+predicted_NAME for each independent coordinate, and predicted2_NAME and so on
+for --beside; with several logs, the first column is the log's number.
 
 Examples:
   regen validate robots/3rps.yaml p.json run3.csv run4.csv --fourier 0.1333,11

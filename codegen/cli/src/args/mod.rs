@@ -1,4 +1,4 @@
-//! The command line: commands, options and the help text that clap prints of them.
+//! The command line: commands, options, and the help text that clap prints for them.
 
 mod checks;
 mod derived;
@@ -65,15 +65,15 @@ Examples:
   regen robots/3rps.yaml             derive, write the source, verify it
   regen info robots/3rps.yaml        coordinates, parameters, operations
   regen base robots/3rps.yaml        base parameters with their certificate
-  regen check robots/3rps.yaml       the mechanism in words
-  regen verify robots/3rps.yaml      every check, and the numeric path beside it
-  regen verify --all                 the evidence for every robot, as a table
+  regen check robots/3rps.yaml       an explanation of the mechanism
+  regen verify robots/3rps.yaml      checks, and numerical base parameters
+  regen verify --all                 independent checks of every robot
   regen generate                     every robot of the workspace
   regen generate --check             is generated/ what regen would write?
   regen eval robots/3rps.yaml --states states.json --format json
   regen import arm.urdf --out arm.yaml   a URDF or MJCF file as a spec
-  regen excite robots/3rps.yaml --out t.json   a trajectory to identify from
-  regen inspect log.csv              what its columns are, rate, noise, period
+  regen excite robots/3rps.yaml --out t.json   an exciting trajectory
+  regen inspect log.csv              its columns, rate, noise and period
   regen identify robots/3rps.yaml log.csv --fourier 0.1333,11 --out p.json
   regen validate robots/3rps.yaml p.json other.csv --fourier 0.1333,11
   regen simulate robots/3rps.yaml --trajectory t.json --out log.csv
@@ -84,8 +84,8 @@ Examples:
 A spec that does not parse is explained with line, column and what is allowed.
 It has at most 256 coordinates, 384 bodies, 640 equations of cuts and couplings,
 and 1 MiB of text.
-What was derived is kept in the user's cache folder, by the digests of the spec
-and of this program; REGEN_CACHE names another folder, or is `off`.
+Results are cached in the user's cache folder, by the digests of the spec and of
+this program; REGEN_CACHE names another folder, or is `off`.
 Results go to standard output, messages to standard error. Colour is used only
 on a terminal, and never when NO_COLOR is set.";
 
@@ -93,11 +93,11 @@ fn after_help() -> String {
     format!("{EXAMPLES}\n\n{EXIT_CODES}")
 }
 
-/// Parses the command line. Ends the process where it asks for help or is malformed.
+/// Parses the command line. Exits the process if it asks for help or is malformed.
 ///
 /// # Errors
 ///
-/// A first word that is neither a command nor a file, with the nearest command as a hint.
+/// When the first word is neither a command nor a file; the nearest command is the hint.
 pub(crate) fn parse() -> Result<Cli, Failure> {
     let command = with_negative_numbers(Cli::command());
     let words: Vec<OsString> = std::env::args_os().collect();
@@ -117,8 +117,8 @@ pub(crate) fn parse() -> Result<Cli, Failure> {
     Ok(cli)
 }
 
-/// The words of a command line as a shell reads them. The program is named without its folder, and
-/// so is whatever has an absolute path: a report is the same wherever its files lie.
+/// The command line, quoted for a shell. The program and absolute paths are written without their
+/// folders, so that a report is the same wherever its files are.
 fn command_line(words: &[OsString]) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./=,:@%+".contains(c);
     let quoted = words.iter().skip(1).map(|word| {
@@ -135,11 +135,11 @@ fn command_line(words: &[OsString]) -> String {
     words.join(" ")
 }
 
-/// Parses the words of a command, the first being the command's name; never ends the process.
+/// Parses the words of a command, of which the first is the command's name; never exits the process.
 ///
 /// # Errors
 ///
-/// Words that clap refuses, also those that ask for help.
+/// When clap refuses the words, or they ask for help.
 pub(crate) fn parse_words(words: &[OsString]) -> Result<Cli, Failure> {
     let name = OsString::from("regen");
     let command = with_negative_numbers(Cli::command());
@@ -169,8 +169,8 @@ fn exists(word: &str) -> bool {
     std::path::Path::new(word).exists()
 }
 
-/// Lets every option take a negative number, so that the code that knows the option's meaning, and
-/// not clap, rejects it where it is wrong.
+/// Lets every option take a negative number, so that invalid ones are rejected with a message that
+/// says why, and not by clap as an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let takes = |arg: clap::Arg| {
         let values = arg.get_action().takes_values() && !arg.is_positional();
@@ -199,7 +199,7 @@ pub(crate) struct Cli {
     pub(crate) command: Option<Command>,
     #[command(flatten)]
     pub(crate) model: ModelArgs,
-    /// Derive anew, and keep nothing of it for later runs
+    /// Neither read nor write the cache of derived robots
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
 }
@@ -212,41 +212,41 @@ pub(crate) enum Command {
     Generate(GenerateArgs),
     /// Print a robot's coordinates, parameters, cuts and operation counts
     Info(InfoArgs),
-    /// Print the base parameters and what is certain about them
+    /// Print the base parameters with their certificate
     Base(BaseArgs),
     /// Write equations with named terms, as text, LaTeX or SymPy
     Equations(EquationsArgs),
-    /// Explain a mechanism in words: mobility, loops, how its bodies move, which
-    /// parameters cannot be identified and why
+    /// Explain a mechanism: mobility, loops, how its bodies move, which parameters
+    /// cannot be identified and why
     Check(CheckArgs),
     /// Check a robot against itself and its base parameters against SVD and QR
     Verify(VerifyArgs),
     /// Evaluate closure and regressor at given states
     Eval(EvalArgs),
-    /// Turn a URDF or MJCF file into a spec
+    /// Convert a URDF or MJCF file to a spec
     Import(ImportArgs),
-    /// Write identified parameters back into a robot file of your own
+    /// Write identified parameters into a URDF or MJCF file
     Export(ExportArgs),
-    /// Seek an exciting trajectory within the robot's limits
+    /// Find an exciting trajectory within the robot's limits
     Excite(ExciteArgs),
-    /// Say what logs hold, and what they can identify, before anything is fitted
+    /// Describe logs and predict what they can identify, before any fit
     Inspect(Box<InspectArgs>),
-    /// Reduce logs to a factor file, to be merged by `identify --from`
+    /// Reduce logs to a factor file, for `identify --from`
     Observe(ObserveArgs),
     /// Identify base parameters from logs or factor files
     Identify(Box<IdentifyArgs>),
     /// Predict the forces of logs from identified parameters
     Validate(ValidateArgs),
-    /// Show what was identified on one page, with tables and figures
+    /// Write a page with tables and figures of an identified model
     Report(ReportArgs),
-    /// Run the robot under control, with friction and noise, and log what it does
+    /// Simulate the robot under control, with friction and noise, and write its log
     Simulate(SimulateArgs),
-    /// Identify simulated runs of known parameters, and score how often these are
-    /// found
+    /// Identify from simulated runs, and score how often the known true parameters
+    /// are found
     Rehearse(Box<RehearseArgs>),
-    /// Show the mechanism in 3D, on one page for a browser
+    /// Write a page that shows the mechanism in 3D
     View(ViewArgs),
-    /// Edit a spec in a browser on this machine, with mistakes, view and tables as
+    /// Edit a spec in a browser on this machine; mistakes, view and tables update as
     /// you type
     Serve(ServeArgs),
     /// Print the JSON Schema of specs, of experiment files, or of what a command
@@ -285,9 +285,9 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Whether robots that were derived before may be used: not by commands whose result is
-    /// evidence of the derivation itself, or source that others build.
-    pub(crate) fn may_use_kept(&self) -> bool {
+    /// Whether the command may use cached derivations. It may not if its result is evidence for the
+    /// derivation itself, or source that others build.
+    pub(crate) fn may_use_cache(&self) -> bool {
         !matches!(self, Self::New(_) | Self::Generate(_) | Self::Verify(_))
     }
 }

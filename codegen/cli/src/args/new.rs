@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::Format;
 
-/// What the new spec describes, to begin with
+/// The robot that the new spec describes
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Kind {
     /// An arm: joints one after the other
@@ -26,11 +26,12 @@ pub(crate) enum Kind {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The file is a complete robot that regen derives, with a comment at every place
-where specs go wrong: which Denavit-Hartenberg rows, frames of cut joints, what
-home is for. It never replaces a file. --from-dh makes an arm of a table with a
-line for each joint under the names alpha, a, theta, d, and where wanted joint,
-type, min, max; units in brackets, as in `alpha [deg]`.
+The file describes a complete robot, with a comment at every place where
+mistakes are common: the convention of Denavit-Hartenberg rows, the frames of
+cut joints, the purpose of home. An existing file is never replaced. --from-dh
+makes an arm from a table with one line per joint and the columns alpha, a,
+theta, d, and optionally joint, type, min, max; units are in brackets, as in
+`alpha [deg]`.
 
 Examples:
   regen new my_arm --kind serial
@@ -39,7 +40,7 @@ Examples:
 pub(crate) struct NewArgs {
     /// The robot's name: lower case, digits and _
     pub(crate) name: String,
-    /// What it describes, to begin with
+    /// The robot that the spec describes at first
     #[arg(long, value_enum, required_unless_present = "from_dh")]
     pub(crate) kind: Option<Kind>,
     /// A serial arm from a table of Denavit and Hartenberg parameters (CSV)
@@ -48,7 +49,7 @@ pub(crate) struct NewArgs {
     /// The table has classic rows, Rz Tz Tx Rx, instead of modified ones
     #[arg(long, requires = "from_dh")]
     pub(crate) classic: bool,
-    /// Where it is written [default: NAME.yaml here]
+    /// Where the spec is written [default: NAME.yaml in the current directory]
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
     /// How the result is printed

@@ -13,25 +13,24 @@ use super::reading::run;
 #[command(next_help_heading = "Physical parameters")]
 #[command(group(ArgGroup::new("physical").multiple(true)))]
 pub(crate) struct PhysicalArgs {
-    /// Judge whether the least-squares parameters are of any physical robot, then
-    /// find those that fit best among the physical ones: all ten of every body
+    /// Decide whether any physical robot has the least-squares parameters, then find
+    /// the physical parameters that fit best: all ten of every body
     #[arg(long, group = "physical")]
     pub(crate) feasible: bool,
-    /// Identify the nonlinear friction of the spec (atan, power, stribeck,
-    /// lugre) with all other parameters, physical ones only (Eq. 29)
+    /// Identify the nonlinear friction of the spec (atan, power, stribeck, lugre)
+    /// together with all other parameters, which are physical (Eq. 29)
     #[arg(long, group = "physical", conflicts_with_all = ["from", "huber", "energy", "cross", "bandwidth"])]
     pub(crate) friction: bool,
-    /// Leave out base parameters until all are well identified (sigma below 15 %)
-    /// and together feasible; every step is printed
+    /// Eliminate base parameters until the rest is well identified (sigma below
+    /// 15 %) and physically feasible; every step is printed
     #[arg(long, conflicts_with_all = ["physical", "huber"])]
     pub(crate) reduce: bool,
-    /// Logs to predict with every model that was found, and by which --reduce is
-    /// cross-validated
+    /// Logs to predict with every model, and to cross-validate --reduce with
     #[arg(long, value_name = "LOG", num_args = 1.., value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) against: Vec<Run>,
-    /// Believe in the spec's nominal values: `weighted` or `weighted:PERCENT` by
-    /// standard deviations in percent of them [default 30], `entropic` or
-    /// `entropic:WEIGHT` by the divergence of pseudo-inertias [default 1]
+    /// Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`,
+    /// with standard deviations in percent of them [default 30], or `entropic` or
+    /// `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
     #[arg(long, value_name = "KIND", requires = "physical")]
     pub(crate) prior: Option<PriorArg>,
     /// A parameter's value, SI: LABEL=VALUE, such as 'm(3)=6.05'
@@ -46,12 +45,12 @@ pub(crate) struct PhysicalArgs {
     /// Bodies that are the same, in frames that correspond: 1,4,6
     #[arg(long, value_name = "BODIES", requires = "physical")]
     pub(crate) identical: Vec<String>,
-    /// The number of random logs from which the intervals of values under
-    /// constraints follow, one small fit each, at least 5; 0: no intervals
+    /// The number of random draws for the intervals of constrained values, each of
+    /// which takes a small fit; at least 5, or 0 for no intervals
     #[arg(long, value_name = "N", default_value_t = DEFAULT_DRAWS, requires = "physical", value_parser = draws)]
     pub(crate) draws: usize,
-    /// Write the spec with `bodies:` and the joints' `nominal:` filled with the
-    /// physical values; all else of its text stays
+    /// Write the spec with the physical values in `bodies:` and in the joints'
+    /// `nominal:`; the rest of its text stays
     #[arg(long, value_name = "SPEC", requires = "physical")]
     pub(crate) bodies: Option<PathBuf>,
     /// Write the parameters as Rust constants for a controller
@@ -64,8 +63,8 @@ pub(crate) struct PhysicalArgs {
     /// Write the parameters as a Python module, with a check of the model
     #[arg(long, value_name = "FILE")]
     pub(crate) python: Option<PathBuf>,
-    /// The path of the robot's generated module, from where the constants will
-    /// stand: they compile with that model only [default: super::ROBOT]
+    /// The Rust path of the robot's generated module, seen from the constants, which
+    /// compile with that model only [default: super::ROBOT]
     #[arg(long, value_name = "PATH", requires = "rust")]
     pub(crate) module: Option<String>,
 }
@@ -105,14 +104,14 @@ impl FromStr for PriorArg {
 fn positive(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err(format!("`{text}` is no number above 0")),
+        _ => Err(format!("`{text}` is not a number above 0")),
     }
 }
 
 fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("`{text}` is no number")),
+        _ => Err(format!("`{text}` is not a number")),
     }
 }
 
@@ -155,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn priors_and_ranges_are_read_and_their_mistakes_told() {
+    fn priors_and_ranges_are_read_and_their_mistakes_reported() {
         assert_eq!("weighted:20".parse(), Ok(PriorArg::Weighted(0.2)));
         assert_eq!("entropic".parse(), Ok(PriorArg::Entropic(1.0)));
         assert!("entropic:-1".parse::<PriorArg>().is_err());

@@ -15,24 +15,24 @@ pub(crate) struct ReadingArgs {
     /// Where the files of an experiment file are [default: its own folder]
     #[arg(long = "logs", id = "folder", value_name = "DIR")]
     pub(crate) folder: Option<PathBuf>,
-    /// A column whose header does not say what it is: Q=COLUMN, and
-    /// behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    /// Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if
+    /// needed; COLUMN is a header or a number
     #[arg(long, value_name = "ASSIGNMENT")]
     pub(crate) column: Vec<regen_identify::data::Assignment>,
-    /// The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    /// The topic to read from MCAP files and ROS 2 bags [default: the only one with
+    /// joint states]
     #[arg(long, value_name = "NAME")]
     pub(crate) topic: Option<String>,
-    /// The episode of Parquet files of LeRobot, by its index [default: the only one]
+    /// The index of the episode to read from LeRobot files [default: the only one]
     #[arg(long, value_name = "INDEX")]
     pub(crate) episode: Option<u64>,
-    /// The rate of the rows in Hz, where no column has their time
+    /// The rate of the rows in Hz, if no column has their time
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) rate: Option<f64>,
-    /// Interpolate the rows onto an even grid of this rate in Hz, where the steps of
-    /// their clock are uneven
+    /// Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(crate) resample: Option<f64>,
-    /// Which velocities are used. Measured ones pass the filter of the positions, and
+    /// The velocities to use. Measured ones pass the filter of the positions, and
     /// accelerations are their derivative; --fourier uses positions only
     #[arg(long, value_enum)]
     pub(crate) velocities: Option<VelocitiesArg>,
@@ -48,41 +48,41 @@ pub(crate) struct ReadingArgs {
     /// Fit cubic polynomials within this time in s on either side
     #[arg(long, value_name = "S", group = "method")]
     pub(crate) local: Option<f64>,
-    /// Take only each N-th state, after filtering
+    /// Use only every N-th state, after filtering
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) decimate: Option<usize>,
-    /// Average the runs of a trajectory of this period in s
+    /// Average over the repetitions of a trajectory with this period in s
     #[arg(long, value_name = "S")]
     pub(crate) period: Option<f64>,
-    /// Whether the payloads of the description are carried in all these logs; required
-    /// where it has a payload, here or for each run of an experiment file
+    /// Whether the payloads of the spec are carried in all logs; required if it has
+    /// payloads, here or for each run of an experiment file
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
-    /// The standard deviation of a measured coordinate, where more are measured
-    /// than needed: NAME=VALUE
+    /// The standard deviation of a measured coordinate, which weights it if more are
+    /// measured than needed: NAME=VALUE
     #[arg(long, value_name = "NAME=VALUE", value_parser = named)]
     pub(crate) deviation: Vec<(String, f64)>,
-    /// What is done with rows that cannot be used [default: fail]
+    /// The treatment of faulty rows [default: fail]
     #[arg(long, value_enum)]
     pub(crate) problems: Option<ProblemsArg>,
-    /// What is done with equations of joints at rest, which static friction holds:
-    /// those whose encoders stay within a step or their noise for 0.2 s, or whose
-    /// velocity is not sure to differ from zero [default: drop]
+    /// The treatment of equations of joints at rest, where friction is static: whose
+    /// encoders stay within a step or their noise for 0.2 s, or whose velocity does
+    /// not differ significantly from zero [default: drop]
     #[arg(long, value_enum)]
     pub(crate) standstill: Option<StandstillArg>,
-    /// Velocities below this, rad/s or m/s, count as rest too
+    /// Velocities below this, rad/s or m/s, also count as rest
     #[arg(long, value_name = "V", value_parser = not_negative)]
     pub(crate) rest_speed: Option<f64>,
-    /// By how many seconds an effort is logged after the motion that it belongs to:
-    /// NAME=S. Every `identify` estimates it; `auto` corrects what least squares
-    /// of these logs finds
+    /// The delay in s of an effort, which is logged later than its motion: NAME=S.
+    /// `identify` always estimates it; `auto` also corrects the delays that least
+    /// squares of these logs finds
     #[arg(long, value_name = "NAME=S|auto")]
     pub(crate) delay: Vec<DelayArg>,
-    /// Use the balance of energy over windows of this length in s instead of
-    /// the equations of motion: no accelerations are needed
+    /// Use the energy balance over windows of this length in s instead of the
+    /// equations of motion, which needs no accelerations
     #[arg(long, value_name = "S")]
     pub(crate) energy: Option<f64>,
-    /// What the experiment file says, over which the options win.
+    /// The content of the experiment file, which the options override.
     #[arg(skip)]
     pub(crate) experiment: Option<Box<Experiment>>,
 }
@@ -92,37 +92,37 @@ pub(crate) fn run() -> ValueParser {
     ValueParser::new(OsStringValueParser::new().map(|path| Run::from(PathBuf::from(path))))
 }
 
-/// Which velocities are used
+/// The velocities to use
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum VelocitiesArg {
-    /// Those of the log's columns, where it has any: the default
+    /// The measured ones, if the log has them (default)
     Measured,
-    /// Those computed from the positions
+    /// Derivatives of the positions
     Computed,
 }
 
-/// Whether the bodies that a description marks as payloads are carried
+/// Whether the bodies that a spec marks as payloads are carried
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PayloadArg {
-    /// The robot without them: they have no parameters
+    /// Not carried: they have no parameters
     None,
-    /// They are bodies like all others
+    /// Carried, as bodies like all others
     Carried,
-    /// Carried and to be identified, by `identify` with the robot's --parameters
+    /// Carried, and identified by `identify` with the robot's --parameters
     Unknown,
 }
 
-/// What is done with rows that cannot be used
+/// The treatment of faulty rows
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProblemsArg {
     /// List them and stop
     Fail,
-    /// Go on without them; the log is cut there
+    /// Leave them out; the log is cut there
     Drop,
-    /// Go on with them where they are numbers: outliers, saturated efforts,
-    /// encoders that look stuck
+    /// Use those that are numbers: outliers, saturated efforts, encoders that look
+    /// stuck
     Keep,
-    /// As keep, and list them
+    /// Use them as `keep` does, and list them
     Tell,
 }
 
@@ -150,14 +150,14 @@ impl std::str::FromStr for DelayArg {
     }
 }
 
-/// What is done with equations of joints at rest
+/// The treatment of equations of joints at rest
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StandstillArg {
     /// Leave them out
     Drop,
-    /// Use them as all others
+    /// Use them like all others
     Keep,
-    /// Let each count by the part of the filter's memory in which its joint moved
+    /// Weight each by the part of the filter's memory in which its joint moved
     Weigh,
 }
 

@@ -15,37 +15,39 @@ use super::simulate::TwinArgs;
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-Draws true parameters once (--perturb, --seed), then for each seed simulates the
-runs as `regen simulate` does, identifies from their logs as `regen identify`
-does with the same options, and compares every base parameter with the truth.
-The seeds differ in the noise. The table has for each parameter the truth, the
-mean estimate, the rms error and the mean sigma in percent of the truth, the
-percentage of seeds whose interval holds the truth and of those within 3 sigma,
-and the mean error in mean sigmas; ! marks intervals that hold the truth less
-often than chance explains. One run more is predicted only: eps_RA.
+Draws true parameters once (--perturb, --seed). Then, for each seed, simulates
+the runs as `regen simulate` does, identifies from their logs as `regen
+identify` does with the same options, and compares every base parameter with the
+truth. The seeds differ in the noise. The table has for each parameter the
+truth, the mean estimate, the rms error and the mean sigma in percent of the
+truth, the percentages of seeds whose interval contains the truth and whose
+error is within 3 sigma, and the mean error in mean sigmas; ! marks intervals
+that contain the truth less often than chance explains. A further run, from
+which nothing is identified, is predicted: eps_RA.
 
-The score is the percentage of seeds within 3 sigma of the truth in the
-parameter where it is lowest; a seed without an estimate counts as missed. The
-exit code is 1 if the score is below --score. Ctrl-C ends it with the seeds that
-are finished.
+The score is the percentage of seeds within 3 sigma of the truth, for the
+parameter where it is lowest; a seed without an estimate counts as a miss. The
+exit code is 1 if the score is below --score. Ctrl-C ends the rehearsal with the
+seeds that are finished.
 
-RUNS is an experiment file: filter, standstill, delay and checks apply to the
-simulated logs, its runs to identify from give number, durations and rate, by
-their logs where these are there, else by rows, times and rate. The logs that
-are simulated have positions, commands and efforts under plain names, so its
-columns, units and gains have no effect, but `gain: unknown`: gains and payloads
-are sought and scored as `identify` does it, and what runs say of a payload is
-true of the simulated one; the noise stays in N m or N. Without RUNS there is
-one run of one period. A log in place of RUNS gives duration and rate too.
+RUNS is an experiment file. Its filter, standstill, delay and checks apply to
+the simulated logs. Its runs for identification determine the number, duration
+and rate of the simulated ones, from their logs if these exist, or else from
+rows, times and rate. Simulated logs have positions, commands and efforts under
+plain names, so that its columns, units and gains have no effect, except `gain:
+unknown`: gains and payloads are identified and scored as in `identify`, and the
+stated parameters of a payload are those of the simulated one; the noise is in
+N m or N. Without RUNS there is one run of one period. A log in place of RUNS
+determines duration and rate too.
 
-`didim` and `response` know the controllers, and start from the parameters
-before --perturb; with --loop-bandwidth didim tunes its own. --reference tells
-iv (with the controllers' gains) and didim the trajectory, as the option of that
-name does in `identify`.
+`didim` and `response` are given the controllers, and start from the parameters
+before --perturb; with --loop-bandwidth didim tunes its own. --reference gives
+iv (with the controllers' gains) and didim the trajectory, as in `identify`.
 
---unmodelled stribeck=PART adds to joints with `friction: coulomb` or `linear`
-an effect that the model lacks: static friction exceeds Coulomb's by that part
-of it, fading as exp(-(v/SPEED)^2) with the speed, 0.1 rad/s or m/s by default.
+--unmodelled stribeck=PART adds an effect that the model lacks to joints with
+`friction: coulomb` or `linear`: static friction exceeds Coulomb friction by
+this part of it, fading with the speed v as exp(-(v/SPEED)^2); SPEED is 0.1
+rad/s or m/s by default.
 
 Examples:
   regen rehearse arm.yaml --trajectory t.json --noise 1e-5,0.01 --perturb 0.1 \\
@@ -60,27 +62,27 @@ pub(crate) struct RehearseArgs {
     /// An experiment file, YAML, whose runs are rehearsed; or logs
     #[arg(value_name = "RUNS", value_parser = run(), value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<Run>,
-    /// The number of seeds; the first one is --seed
+    /// The number of seeds, beginning with --seed
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = at_least_one)]
     pub(crate) seeds: usize,
-    /// The least score, percent, for exit code 0
+    /// The least score for exit code 0, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 90.0)]
     pub(crate) score: f64,
-    /// Runs of each seed to identify from [default: 1]
+    /// The number of runs per seed to identify from [default: 1]
     #[arg(long, value_name = "N", value_parser = at_least_one, conflicts_with = "logs")]
     pub(crate) runs: Option<usize>,
     /// An effect that the simulated robot has and the model lacks: stribeck=PART or
     /// stribeck=PART,SPEED
     #[arg(long, value_name = "KIND")]
     pub(crate) unmodelled: Option<UnmodelledArg>,
-    /// The true gain of a drive whose gain RUNS does not know, N m/A or N/A:
+    /// The true gain of a drive whose gain is unknown in RUNS, N m/A or N/A:
     /// NAME=VALUE (may be repeated) [default: 1]
     #[arg(long, value_name = "GAIN", value_parser = value)]
     pub(crate) gain: Vec<(String, f64)>,
     /// Keep the simulated logs in this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) keep: Option<PathBuf>,
-    /// The number of threads, which does not change the result [default: all]
+    /// The number of threads, on which the result does not depend [default: all]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) threads: usize,
     /// How the result is printed
@@ -94,7 +96,7 @@ pub(crate) struct RehearseArgs {
     pub(crate) reading: ReadingArgs,
 }
 
-/// How the simulated logs are solved; the options are those of `regen identify`.
+/// How parameters are identified from the simulated logs; the options are those of `regen identify`.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Identifying, as `regen identify` does")]
 pub(crate) struct SolvingArgs {
@@ -114,10 +116,10 @@ pub(crate) struct SolvingArgs {
     /// Identify physically feasible parameters
     #[arg(long)]
     pub(crate) feasible: bool,
-    /// Identify the nonlinear friction of the spec too
+    /// Also identify the nonlinear friction of the spec
     #[arg(long)]
     pub(crate) friction: bool,
-    /// Believe in the spec's nominal values: weighted, weighted:PERCENT,
+    /// Use the spec's nominal values as a prior: weighted, weighted:PERCENT,
     /// entropic or entropic:WEIGHT
     #[arg(long, value_name = "KIND")]
     pub(crate) prior: Option<PriorArg>,
@@ -127,7 +129,7 @@ pub(crate) struct SolvingArgs {
     /// Give iv and didim the trajectory
     #[arg(long)]
     pub(crate) reference: bool,
-    /// Controllers of this bandwidth in Hz take the place of the robot's in didim
+    /// Replace the robot's controllers in didim by ones of this bandwidth in Hz
     #[arg(long, value_name = "HZ")]
     pub(crate) loop_bandwidth: Option<f64>,
     /// Length of the windows of `response`, s
@@ -135,14 +137,14 @@ pub(crate) struct SolvingArgs {
     pub(crate) window: f64,
 }
 
-/// What the simulated robot has and the model has not.
+/// An effect that the simulated robot has and the model lacks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum UnmodelledArg {
-    /// Static friction above Coulomb friction by a part of it, up to a speed in rad/s or m/s.
+    /// Static friction exceeds Coulomb friction by `part` of it, fading over `speed`, rad/s or m/s.
     Stribeck { part: f64, speed: f64 },
 }
 
-/// The speed over which the Stribeck effect fades where none is given, rad/s or m/s.
+/// The default speed over which the Stribeck effect fades, rad/s or m/s.
 const STRIBECK_SPEED: f64 = 0.1;
 
 impl FromStr for UnmodelledArg {

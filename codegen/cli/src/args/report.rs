@@ -9,10 +9,11 @@ use regen_identify::data::Run;
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "\
-The page has the model and its base parameters, the motion beside its limits,
-forces measured and predicted, the parameters with their deviations, friction,
-the singular values of the regressor with the certificate of the base, and the
-errors on every log. It needs nothing else and no network, and prints.
+The page shows the model and its base parameters, the motion and its limits,
+measured and predicted forces, the parameters with their standard deviations,
+friction, the singular values of the regressor with the certificate of the base
+parameters, and the errors on every log. It is one file that needs no network,
+and can be printed.
 
 Examples:
   regen report robots/3rps.yaml p.json run1.csv --fourier 0.1333,11 \\
@@ -20,7 +21,7 @@ Examples:
 pub(crate) struct ReportArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// What `regen identify --out` wrote
+    /// The parameters that `regen identify --out` wrote
     pub(crate) params: PathBuf,
     /// The logs that it was identified from, or an experiment file; forces are
     /// shown for the first

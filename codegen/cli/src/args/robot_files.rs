@@ -8,21 +8,22 @@ use super::Format;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Names, limits, inertias and friction are the file's; a coordinate is 0 where it
-is 0 in the file. Meshes are not read. Standard error lists what was decided or
+Names, limits, inertias and friction are those of the file, and so are the zeros
+of coordinates. Meshes are not read. Standard error lists what was decided or
 left out, with its place in the file.
 
-Angles that print a multiple of pi are taken as such (1.5708 is pi/2), since
-axes that are nearly parallel have other base parameters than parallel ones;
---exact keeps the digits.
+Angles that are a rounded multiple of pi become exact (1.5708 is pi/2), since
+nearly parallel axes have other base parameters than parallel ones; --exact
+keeps the digits.
 
-A loop that the format cannot express is added with --cut: the joint at which it
-is open, by its name, its type and a frame on each of two bodies,
+A loop that the format cannot express is added with --cut, which describes the
+joint that closes it by name, type, and a frame on each of its two bodies:
   NAME:TYPE:BODY@x,y,z[,roll,pitch,yaw]:BODY@x,y,z[,roll,pitch,yaw]
 TYPE is spherical, universal, revolute, prismatic, cylindrical or fixed, along
 or about the frames' z axes. Bodies are the file's links, or world; frames are
-in the links' frames, angles in radians (pi/2 is allowed). Without its frame the
-second body has the first one's where the file's zero configuration has it.
+relative to the links' frames, with angles in radians (pi/2 is allowed). Without
+a frame on the second body, the two frames coincide at the file's zero
+configuration.
 
 Examples:
   regen import arm.urdf > robots/arm.yaml
@@ -32,11 +33,11 @@ Examples:
 pub(crate) struct ImportArgs {
     /// The file, URDF or MJCF
     pub(crate) file: PathBuf,
-    /// Where the spec is written [default: standard output]; a file that exists
-    /// is left as it is
+    /// Where the spec is written [default: standard output]; an existing file is
+    /// not replaced
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// Replace the file of --out where it exists
+    /// Replace the file of --out if it exists
     #[arg(long, requires = "out")]
     pub(crate) force: bool,
     /// The spec's name [default: the robot's in the file]
@@ -46,19 +47,19 @@ pub(crate) struct ImportArgs {
     #[arg(long = "cut", value_name = "CUT", allow_hyphen_values = true)]
     pub(crate) cuts: Vec<String>,
     /// Joints with motors [default: those of the file's transmissions or
-    /// actuators, or else all that follow no other]
+    /// actuators, or else all that do not mimic others]
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     pub(crate) actuated: Vec<String>,
-    /// Where loops start to be closed, as NAME=VALUE [default: 0]
+    /// The configuration from which loops are closed, as NAME=VALUE [default: 0]
     #[arg(long, value_name = "VALUES", value_delimiter = ',')]
     pub(crate) home: Vec<String>,
-    /// What the root stands on [default: what the file says; the world in URDF]
+    /// How the root link is attached [default: as in the file; fixed in URDF]
     #[arg(long, value_enum, value_name = "BASE")]
     pub(crate) base: Option<Base>,
-    /// Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
+    /// Joints to lock: NAME, at 0, or NAME=VALUE in rad or m
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     pub(crate) lock: Vec<String>,
-    /// Keep angles as printed, also where they print a multiple of pi
+    /// Keep angles as written, also rounded multiples of pi
     #[arg(long)]
     pub(crate) exact: bool,
     /// How the result is printed
@@ -66,28 +67,28 @@ pub(crate) struct ImportArgs {
     pub(crate) format: Format,
 }
 
-/// What an imported robot's root stands on
+/// How an imported robot's root link is attached
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Base {
-    /// The world; a free joint there is left out
+    /// Fixed to the world; a free joint there is left out
     Fixed,
-    /// Nothing: three slides and a ball, without motors
+    /// Floating, by three prismatic joints and a ball joint without motors
     Floating,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-PARAMS is what `regen identify --feasible --out` wrote, or JSON or YAML (by its
-name) with values as in `bodies:` of the spec, about the centre of mass in the
-body's frame, and friction by joint; each part and each entry may be missing.
+PARAMS is a file of `regen identify --feasible --out`, or JSON or YAML (by its
+extension) with values as in `bodies:` of the spec, about the centre of mass in
+the body's frame, and friction by joint; every part and entry is optional.
   {\"bodies\": {\"forearm\": {\"mass\": 2.3, \"com\": [0, 0, 0.2],
                            \"inertia\": [0.03, 0, 0, 0.03, 0, 0.004]}},
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
-Masses, centres of mass and inertias are moved into the frames of the file and
-replace the numbers there; damping and friction likewise, of Fc+ and Fc- the
-larger; in MJCF also J as armature and K as stiffness. Nothing else of the file
-changes. Parameters that the file has no place for are listed. Values that no
-body can have are refused.
+Masses, centres of mass and inertias are transformed to the frames of the file
+and replace the numbers there, as do damping and friction (the larger of Fc+ and
+Fc-); in MJCF also J as armature and K as stiffness. The rest of the file is
+unchanged. Parameters that the format cannot express are listed. Values that no
+physical body has are refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\

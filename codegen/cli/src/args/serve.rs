@@ -7,12 +7,12 @@ use clap::Args;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Open the printed address in a browser on this machine. While you type, the page
-shows mistakes at their lines, the mechanism in 3D, the base parameters and what
-`regen check` says; with an experiment file also the report of `regen identify`.
-Files are written only by the button Save.
+shows mistakes at their lines, the mechanism in 3D, the base parameters and the
+result of `regen check`; with an experiment file also the report of `regen
+identify`. Files are written only by the button Save.
 
-The server listens on 127.0.0.1 alone, and answers only requests with the token
-in the address. The page loads nothing from elsewhere. Ctrl-C ends the server.
+The server listens on 127.0.0.1 only, and serves only requests with the token in
+the address. The page loads nothing from other hosts. Ctrl-C ends the server.
 
 Examples:
   regen serve robots/3rps.yaml
@@ -22,13 +22,13 @@ pub(crate) struct ServeArgs {
     pub(crate) file: PathBuf,
     /// An experiment file, from which the robot is identified
     pub(crate) runs: Option<PathBuf>,
-    /// The port [default: one that is free]
+    /// The port [default: a free one]
     #[arg(long, default_value_t = 0, hide_default_value = true)]
     pub(crate) port: u16,
-    /// The longest computation of one text, in seconds
+    /// The time limit of the computations for one text, s
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     pub(crate) limit: u32,
-    /// Computes for a server, which gives the texts on standard input
+    /// Run as a server's worker, which reads the texts from standard input
     #[arg(long, hide = true)]
     pub(crate) worker: bool,
 }

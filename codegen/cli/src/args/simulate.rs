@@ -10,24 +10,25 @@ use super::format::Format;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Every actuated joint has a PID controller that samples at 100 Hz, on top of the
-constant effort that holds the start against gravity. Without --pid, its gains
-follow from the robot's inertia at the start and the bandwidth. Friction is that
-of the spec, with its nominal coefficients; efforts are limited as the spec
-says.
+Every actuated joint has a PID controller with a sampling rate of 100 Hz (see
+--step), plus the constant effort that balances gravity at the start. Without
+--pid, the gains follow from the robot's inertia at the start and the bandwidth.
+Friction is that of the spec, with its nominal coefficients; efforts are limited
+as in the spec.
 
-Without --trajectory each independent coordinate swings about home, at 0.1 Hz
-and its multiples, by at most 40 % of the way that limits and loops leave it.
+Without --trajectory each independent coordinate oscillates about home, at 0.1
+Hz and multiples of it, by at most 40 % of the range that limits and loops
+allow.
 
 The log has t, the measured positions of the actuated joints and their efforts
 as tau_NAME, which is what `regen identify` reads. Positions and efforts of a
 row belong to the same instant: where a command changes, the effort is the mean
-of what the drive applies just before and just after. With --exact the log has
-positions, velocities and accelerations of all coordinates as they are, without
-noise and steps; these accelerations are those of the effort in their row.
+of those that the drive applies just before and just after. With --exact the log
+has the true positions, velocities and accelerations of all coordinates, without
+noise and encoder steps; the accelerations are those of the effort in their row.
 
-PARAMS is a JSON object of labels with values, laid over the nominal ones, or a
-file of `regen identify --out`.
+PARAMS is a JSON object of labels with values, which override the nominal ones,
+or a file of `regen identify --out`.
 
 Examples:
   regen simulate robots/3rps.yaml --out log.csv
@@ -37,24 +38,23 @@ Examples:
 pub(crate) struct SimulateArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// Whether the payloads of the description are carried; required where it has
-    /// a payload
+    /// Whether the payloads of the spec are carried; required if it has payloads
     #[arg(long, value_enum)]
     pub(crate) payload: Option<PayloadArg>,
-    /// Where the log is written; with --runs, a number is put before .csv
+    /// Where the log is written; with --runs, a number is inserted before .csv
     #[arg(long, value_name = "LOG")]
     pub(crate) out: PathBuf,
-    /// Runs that differ in their noise
+    /// The number of runs, which differ in their noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) runs: usize,
-    /// Log the commanded positions too, as cmd_NAME
+    /// Also log the commanded positions, as cmd_NAME
     #[arg(long, conflicts_with = "exact")]
     pub(crate) commands: bool,
     /// Write the controllers' gains here, for `identify --controller`: YAML if
     /// FILE ends in .yaml, else JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) controller: Option<PathBuf>,
-    /// Log all coordinates as they are, with velocities and accelerations
+    /// Log the true positions, velocities and accelerations of all coordinates
     #[arg(long)]
     pub(crate) exact: bool,
     /// How the summary is printed
@@ -74,7 +74,8 @@ pub(crate) struct TwinArgs {
     /// The robot's true parameters [default: the spec's nominal ones]
     #[arg(long, value_name = "PARAMS")]
     pub(crate) parameters: Option<PathBuf>,
-    /// Change each body's and each other parameter by up to this part, at random
+    /// Change the parameters of each body, and all others, at random by up to this
+    /// part
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     pub(crate) perturb: f64,
     /// The duration of a run in s [default: one period]
@@ -95,10 +96,10 @@ pub(crate) struct TwinArgs {
     /// Time constant of the drives, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub(crate) lag: f64,
-    /// Leave friction out
+    /// Simulate without friction
     #[arg(long)]
     pub(crate) no_friction: bool,
-    /// The speed within which friction changes its sign, rad/s or m/s
+    /// The width of the smoothed sign of Coulomb friction, rad/s or m/s
     #[arg(long, value_name = "V", default_value_t = 1e-3)]
     pub(crate) friction_width: f64,
     /// Standard deviations of measured positions (rad or m) and efforts

@@ -6,10 +6,10 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The page needs nothing else and no network. It shows the bodies, joint axes,
-frames and cut joints at home and moving along the trajectory, or else with each
-independent coordinate swept in turn as far as limits and loops let it.
-Drag to turn, wheel or pinch to come nearer, right button to shift.
+The page is one file that needs no network. It shows the bodies, joint axes,
+frames and cut joints, moving along the trajectory or, without one, with each
+independent coordinate swept in turn as far as limits and loops allow.
+Drag to rotate, wheel or pinch to zoom, right button to pan.
 
 A mechanism whose loops do not close is shown at the stated home, with the gaps
 in red; the exit code is then that of the error.
@@ -20,7 +20,7 @@ Examples:
 pub(crate) struct ViewArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
-    /// How it moves, as `regen excite` writes it [default: a sweep]
+    /// The trajectory, as `regen excite` writes it [default: a sweep]
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) trajectory: Option<PathBuf>,
     /// Where the page is written

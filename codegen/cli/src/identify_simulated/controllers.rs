@@ -1,4 +1,4 @@
-//! The controllers of the simulated loops: those of the options, else those of an experiment file.
+//! The controllers of the simulated loops, from the options or an experiment file.
 
 use regen_experiment::simulate::Gains;
 use regen_identify::data::Run as LogRun;
@@ -11,12 +11,12 @@ use crate::exit::Failure;
 use crate::experiment::Controlled;
 use crate::parameters;
 
-/// What the experiment file says of the loop of a run.
+/// The control loop of a run, as the experiment file describes it.
 pub(super) fn controlled<'a>(args: &'a IdentifyArgs, run: &LogRun) -> Option<&'a Controlled> {
     args.reading.experiment.as_ref()?.controlled(run)
 }
 
-/// The controllers of each log: those of the options, else those of the experiment file.
+/// The controllers of each log, from the options or, without those, from the experiment file.
 pub(super) fn setups(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
@@ -31,16 +31,16 @@ pub(super) fn setups(
     Ok(args.logs.iter().map(of_run).collect())
 }
 
-/// The controllers that all logs have in common.
+/// The controllers, if all logs have the same.
 pub(super) fn common(args: &IdentifyArgs, setups: Vec<Option<Setup>>) -> Result<Setup, Failure> {
     let mut found: Option<(usize, Setup)> = None;
     for (k, setup) in setups.into_iter().enumerate() {
         let Some(setup) = setup else {
             let run = args.logs.get(k).map(ToString::to_string);
             return Err(Failure::Usage(format!(
-                "--estimator response needs the gains of the controllers of {}: --controller FILE \
-                 with `q1: {{kp: 40, kd: 2}}` for each actuated joint, `kp: {{estimate: 40}}` where \
-                 they are not known, or the same as `controller` of the run in an experiment file",
+                "--estimator response needs the controller gains of {}: --controller FILE with \
+                 `q1: {{kp: 40, kd: 2}}` for each actuated joint, `kp: {{estimate: 40}}` for an \
+                 unknown gain, or the same as `controller` of the run in an experiment file",
                 run.unwrap_or_default()
             )));
         };
@@ -48,8 +48,7 @@ pub(super) fn common(args: &IdentifyArgs, setups: Vec<Option<Setup>>) -> Result<
             Some((first, own)) if *own != setup => {
                 let run = |k: usize| args.logs.get(k).map(ToString::to_string);
                 return Err(Failure::Input(format!(
-                    "{} and {} have different controllers, and responses are fitted with one: \
-                     fit them apart",
+                    "{} and {} have different controllers: fit them separately",
                     run(*first).unwrap_or_default(),
                     run(k).unwrap_or_default()
                 )));
@@ -63,8 +62,8 @@ pub(super) fn common(args: &IdentifyArgs, setups: Vec<Option<Setup>>) -> Result<
         .ok_or_else(|| Failure::Input("there is no log".to_owned()))
 }
 
-/// The gains that the experiment file says of the controllers, where all runs have the same and all
-/// are known: for instruments.
+/// The controller gains of the experiment file, for instrumental variables, if all runs have the
+/// same and all are known.
 pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<Gains>> {
     let mut found: Option<&Setup> = None;
     for run in &args.logs {
@@ -85,7 +84,7 @@ pub(crate) fn stated_gains(args: &IdentifyArgs, info: &Info<'_>) -> Option<Vec<G
     is_known.then(|| named.collect())
 }
 
-/// The controllers of the options' file.
+/// The controllers in the file that `--controller` names.
 fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, Failure> {
     let Some(path) = &args.simulated.controller else {
         return Ok(None);
@@ -101,18 +100,18 @@ fn setup(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Option<Setup>, 
 pub(super) fn require_known(setup: &Setup) -> Result<(), Failure> {
     let is_any = |is: fn(&Law) -> bool| setup.laws.iter().any(is);
     let wrong = if is_any(|law| law.gains().iter().any(|g| g.is_estimated())) {
-        "gains as they are: leave `estimate` out, or say no controllers, then the loop keeps the \
+        "known gains only: leave `estimate` out, or state no controllers, so that the loop has the \
          bandwidth of --loop-bandwidth"
     } else if is_any(|law| law.damping != Damping::OfError) {
-        "controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, or \
-         choose --estimator response"
+        "only controllers whose kd multiplies the rate of the error: leave out `damping: velocity`, \
+         or choose --estimator response"
     } else if setup.action != Action::Sampled {
-        "controllers that act at the rows of the log: leave out `action: continuous`, or choose \
+        "only controllers that act at the rows of the log: leave out `action: continuous`, or choose \
          --estimator response"
     } else if !setup.signals.is_empty() {
-        "signals as they are logged: leave `signals` out, or choose --estimator response"
+        "only signals as they are logged: leave `signals` out, or choose --estimator response"
     } else {
         return Ok(());
     };
-    Err(Failure::Input(format!("didim takes {wrong}")))
+    Err(Failure::Input(format!("didim accepts {wrong}")))
 }

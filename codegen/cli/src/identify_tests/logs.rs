@@ -134,7 +134,7 @@ fn columns_have_the_names_and_units_that_the_user_gives_them() {
 
         for (columns, says) in [
             (&given[..4], "there is no column `tau_q3`"),
-            (&["t=stamp:ms", "q9=left"], "`q9` is no coordinate"),
+            (&["t=stamp:ms", "q9=left"], "`q9` is not a coordinate"),
             (&["t=when", "q1=left"], "there is no column `when`"),
             (&["t=stamp", "q1=left"], "missing: q3"),
         ] as [(&[&str], &str); 4]

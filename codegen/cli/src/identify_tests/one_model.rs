@@ -126,7 +126,10 @@ impl RobotWithLog {
         let rows = printed["parameters"].as_array().unwrap();
         assert_eq!(rows.len(), identified.beta.len());
         let human = identification_text(&json, DELAY_REMEDY);
-        let adopted = human.split("what least squares found").next().unwrap();
+        let adopted = human
+            .split("the least-squares estimates, for")
+            .next()
+            .unwrap();
         assert!(
             !human.contains("NaN") && !human.contains("inf "),
             "{what}\n{human}"

@@ -18,9 +18,9 @@ pub(crate) struct Described<'a> {
     pub(crate) payload: Option<PayloadArg>,
 }
 
-/// The standard parameters of the simulated robot, and the friction fits of the parameter file. A
-/// file of labels and values replaces nominal values; a file of identified parameters gives some
-/// parameters with the same base parameters.
+/// The parameters of the simulated robot, and the friction fits of the parameter file. A file of
+/// labels and values replaces nominal values; for a file of identified parameters, the result is one
+/// of the parameter sets with its base parameters.
 pub(super) fn read(
     args: &TwinArgs,
     source: Described<'_>,
@@ -38,7 +38,7 @@ pub(super) fn read(
                 for (label, value) in given {
                     let Some(slot) = place(&label).and_then(|k| values.get_mut(k)) else {
                         return Err(Failure::Input(format!(
-                            "{}: `{label}` is no parameter of {}; `regen info` lists them",
+                            "{}: `{label}` is not a parameter of {}; `regen info` lists them",
                             path.display(),
                             info.name
                         )));
@@ -63,7 +63,7 @@ pub(super) fn read(
 
 /// The labels of parameters without a value; a body without any value is one entry.
 fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
-    /// The inertial parameters of a body; those of all bodies come before all other parameters.
+    /// The number of inertial parameters of a body; those of all bodies precede all others.
     const INERTIAL: usize = 10;
     let mut found = Vec::new();
     let (bodies, others) = values.split_at(values.len().min(INERTIAL * info.bodies.len()));

@@ -28,7 +28,7 @@ fn look(schema: &Value, value: &Value, at: &str, found: &mut Vec<String>) {
         "maxItems",
     ];
     let Some(rules) = schema.as_object() else {
-        found.push(format!("{at}: a schema that is no object"));
+        found.push(format!("{at}: a schema that is not an object"));
         return;
     };
     for rule in rules.keys().filter(|rule| !KNOWN.contains(&rule.as_str())) {

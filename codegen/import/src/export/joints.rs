@@ -1,4 +1,4 @@
-//! Parameters of joints in robot files.
+//! Writes identified friction, rotor inertias and spring stiffnesses into the joints of robot files.
 
 use regen_codegen::spec::Spec;
 
@@ -8,11 +8,12 @@ use crate::log::Place;
 use crate::tree::Joint;
 use crate::xml::Element;
 
-/// The largest difference of two positions at which a spring counts as relaxed at the same one.
-const SAME_REST: f64 = 1e-9;
+/// Two rest positions of a spring that differ by no more than this count as equal, rad or m.
+const REST_TOLERANCE: f64 = 1e-9;
 
 impl Export<'_> {
-    /// Writes the parameters of one joint of the spec.
+    /// Writes the parameters of one joint of the spec into the element of the file that it came
+    /// from.
     pub(super) fn joint(
         &mut self,
         (name, values): (&str, &JointParameters),
@@ -41,8 +42,8 @@ impl Export<'_> {
         ];
         for (key, value) in fields {
             if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
-                let message = format!("a negative {key}");
-                let hint = "damping, friction, armature and stiffness are >= 0";
+                let message = format!("the {key} is negative or not finite");
+                let hint = "damping, friction, armature and stiffness must be finite and >= 0";
                 self.parameter_error(name, message, hint);
             }
         }
@@ -64,7 +65,8 @@ impl Export<'_> {
         }
     }
 
-    /// Reports a joint that the file does not have.
+    /// Reports a name for which the file has no joint: a note if the spec has the name, an error
+    /// otherwise.
     fn without_element(&mut self, name: &str, spec: &Spec, file: &RobotFile) {
         let format = file.format.name();
         if spec.coordinates().iter().any(|own| own == name) {
@@ -79,7 +81,7 @@ impl Export<'_> {
             return;
         }
         if spec.springs.iter().any(|spring| spring.name.value == name) {
-            let text = format!("the spring '{name}' is left out: it is no joint");
+            let text = format!("the spring '{name}' is left out: it is not a joint");
             self.log.note(file.root.place, text);
             return;
         }
@@ -87,7 +89,8 @@ impl Export<'_> {
         self.parameter_error(name, message, "joints are named as in the spec");
     }
 
-    /// Notes parameters that the file has no place for, and refuses those that the spec lacks.
+    /// Notes parameters that the format of the file cannot express, and refuses those that the joint
+    /// of the spec does not have.
     fn left_out(
         &mut self,
         name: &str,
@@ -126,7 +129,8 @@ impl Export<'_> {
         }
     }
 
-    /// Notes values of the file that stay because others of the same joint are given.
+    /// Notes values of the file that stay although other parameters of the same joint are replaced:
+    /// the joint then mixes old and new values.
     fn note_unchanged(
         &mut self,
         name: &str,
@@ -147,7 +151,7 @@ impl Export<'_> {
         }
     }
 
-    /// Notes where the file's spring is relaxed, if the spec says something else.
+    /// Notes that the file's spring keeps its rest position, if the spec has another one.
     fn note_rest(&mut self, name: &str, spec: &Spec, from: &Joint, place: Place) {
         let mut joints = spec.limbs.iter().flat_map(|limb| &limb.joints);
         let own = joints.find(|joint| joint.name.as_ref().is_some_and(|n| n.value == name));
@@ -155,7 +159,7 @@ impl Export<'_> {
             return;
         };
         let rest = spring.rest.value.to_f64();
-        if (rest - from.spring_rest).abs() > SAME_REST {
+        if (rest - from.spring_rest).abs() > REST_TOLERANCE {
             let text = format!(
                 "the spring of joint '{name}' is relaxed at {} by the file's springref, which \
                  stays; the spec says {rest}",

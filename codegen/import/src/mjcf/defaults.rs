@@ -16,6 +16,7 @@ pub(crate) struct Defaults(BTreeMap<String, Class>);
 type Class = BTreeMap<String, BTreeMap<String, Attribute>>;
 
 impl Defaults {
+    /// Reads all sections `<default>`.
     pub(crate) fn new(root: &Element, log: &mut Log) -> Self {
         let mut defaults = Self::default();
         defaults.0.insert(MAIN.to_owned(), Class::new());
@@ -35,10 +36,11 @@ impl Defaults {
         defaults
     }
 
+    /// Reads the classes within a section of the class `around`, whose attributes they start from.
     fn nested(&mut self, section: &Element, around: &str, log: &mut Log) {
         for inner in section.all("default") {
             let Some(name) = inner.text("class") else {
-                let message = "a class of defaults without a name";
+                let message = "this class of defaults has no name";
                 log.error(inner.place, message, "write class=\"...\"");
                 continue;
             };
@@ -73,13 +75,15 @@ impl Defaults {
                 && !self.0.contains_key(&class.value)
             {
                 let message = format!("no class of defaults is called '{}'", class.value);
-                let hint = "classes stand in <default>, perhaps in a file that is not included";
+                let hint =
+                    "classes are defined in <default>, perhaps in a file that is not included";
                 log.error(class.place, message, hint);
             }
         }
     }
 }
 
+/// Adds the attributes of a section to a class, in place of those that it has.
 fn fill(section: &Element, class: &mut Class) {
     for element in section.children.iter().filter(|c| c.tag != "default") {
         let attributes = class.entry(element.tag.clone()).or_default();

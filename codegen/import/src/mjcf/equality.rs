@@ -1,4 +1,5 @@
-//! Equality constraints as cuts and couplings, and the actuated joints.
+//! Reads MJCF's equality constraints, as loop cuts and couplings of coordinates, and its actuators,
+//! which tell the actuated joints.
 
 use super::Reading;
 use super::orientation::Classed;
@@ -6,10 +7,11 @@ use crate::pose::{Pose, from_quaternion};
 use crate::tree::{Coupling, Kind, LoopCut, Side};
 use crate::xml::{Attribute, Element};
 
-/// An error occurred, and was recorded.
+/// An error that is already in the log.
 struct Reported;
 
 impl Reading<'_, '_, '_> {
+    /// Reads `<equality>`.
     pub(super) fn equalities(&mut self) {
         let elements: Vec<&Element> = self
             .root
@@ -51,7 +53,7 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// Converts `connect` into a spherical cut, `weld` into a fixed one.
+    /// Converts `connect` into a spherical cut, and `weld` into a fixed one; `None` after an error.
     fn closure(&mut self, element: &Element) -> Option<LoopCut> {
         let welded = element.tag == "weld";
         let sides = if element.attribute("site1").is_some() {
@@ -79,17 +81,19 @@ impl Reading<'_, '_, '_> {
         })
     }
 
+    /// The side of a cut at the site that the attribute `which` names.
     fn site(&mut self, element: &Element, which: &str) -> Option<Side> {
         let name = required(element, which, self)?;
         let found = self.sites.iter().find(|s| s.0 == name.value).map(|s| s.1);
         if found.is_none() {
             let message = format!("no site is called '{}'", name.value);
-            let hint = "sites of an equality stand in bodies or in the world";
+            let hint = "an equality names sites of bodies or of the world";
             self.fields.log.error(name.place, message, hint);
         }
         found
     }
 
+    /// The index of the link that an attribute names; `None` for the world.
     fn body_of(&mut self, name: &Attribute) -> Result<Option<usize>, Reported> {
         if name.value == "world" {
             return Ok(None);
@@ -103,6 +107,8 @@ impl Reading<'_, '_, '_> {
         found.map(Some).ok_or(Reported)
     }
 
+    /// The sides of a cut between two bodies. MJCF gives their relative pose, or the anchor in the
+    /// first body (m); the rest follows from the poses of the bodies as the file draws them.
     fn sides_of_bodies(&mut self, element: &Element, welded: bool) -> Option<[Side; 2]> {
         let first = required(element, "body1", self)?;
         let first = self.body_of(first).ok()?;
@@ -116,17 +122,17 @@ impl Reading<'_, '_, '_> {
         };
         let (a, b) = (self.tree.at_zero(first), self.tree.at_zero(second));
         let mut poses = if welded {
-            // the pose of the second body in the first, at zero
+            // the pose of the second body in the first, as drawn
             [a.inverse().then(&b), Pose::default()]
         } else {
-            // the position of the anchor in the second body, at zero
+            // the position of the anchor in the second body, as drawn
             let shift = Pose::shift(anchor);
             let point = b.inverse().then(&a).point(anchor);
             [shift, Pose::shift(point)]
         };
         if welded && let Some(relative) = element.attribute("relpose") {
             let [x, y, z, w, i, j, k] = self.fields.array::<7>(relative)?;
-            // all zeros mean the relative pose at zero
+            // MJCF ignores a relpose whose quaternion is zero
             if let Some(r) = from_quaternion([w, i, j, k]) {
                 poses[0] = Pose::new([x, y, z], r);
             }
@@ -165,7 +171,8 @@ impl Reading<'_, '_, '_> {
         })
     }
 
-    /// The first two coefficients of an equality; an error if others are not 0.
+    /// The constant and linear coefficients of `polycoef`, which defaults to `0 1`; an error if a
+    /// coefficient of higher order is not 0.
     pub(super) fn linear_factors(&mut self, element: &Element) -> Option<[f64; 2]> {
         let mut factors = [0.0, 1.0];
         if let Some(polynomial) = element.attribute("polycoef") {
@@ -183,7 +190,8 @@ impl Reading<'_, '_, '_> {
         Some(factors)
     }
 
-    /// The value of a joint's coordinate at zero.
+    /// The attribute `ref` of a hinge or slide: its coordinate (rad or m) in the pose that the file
+    /// draws.
     fn reference(&mut self, name: &Attribute) -> Option<f64> {
         let joints = self.tree.links.iter().flat_map(|l| &l.joints);
         let mut single = joints.filter(|j| matches!(j.kind, Kind::Revolute | Kind::Prismatic));
@@ -196,7 +204,7 @@ impl Reading<'_, '_, '_> {
         found
     }
 
-    /// Reads the actuated joints and the force limits of their motors.
+    /// Reads `<actuator>`: the actuated joints, and the force limits of their motors (N or N m).
     pub(super) fn actuators(&mut self) {
         let elements: Vec<&Element> = self
             .root
@@ -217,13 +225,14 @@ impl Reading<'_, '_, '_> {
             } else if let Some(tendon) = element.attribute("tendon") {
                 self.pull(of, tendon);
             } else {
-                let text = "this actuator acts on no joint: left out";
+                let text = "this actuator is left out: it acts on no joint";
                 self.fields.log.note(element.place, text);
             }
         }
     }
 }
 
+/// The attribute of this name; logs an error and returns `None` if the element lacks it.
 fn required<'e>(
     element: &'e Element,
     name: &str,

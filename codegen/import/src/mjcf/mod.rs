@@ -187,7 +187,7 @@ fn sequence(attribute: &Attribute, settings: &mut Compiler, fields: &mut Fields<
         Ok(axes) if axes.iter().all(|a| "xyzXYZ".contains(*a)) => settings.sequence = axes,
         _ => fields.log.error(
             attribute.place,
-            format!("'{}' is no sequence of three axes", attribute.value),
+            format!("'{}' is not a sequence of three axes", attribute.value),
             "write three of x, y, z, or of X, Y, Z for axes that stay",
         ),
     }

@@ -1,4 +1,4 @@
-//! The five notations of rotations in MJCF.
+//! Reads rotations in the five notations of MJCF.
 
 use std::f64::consts::PI;
 
@@ -34,6 +34,7 @@ impl Reading<'_, '_, '_> {
         }
     }
 
+    /// The rotation of an element; `None` without one, or after an error.
     fn orientation(&mut self, of: Classed<'_>) -> Option<M3> {
         // attributes of the element take precedence over those of its class
         let own = ["quat", "axisangle", "euler", "xyaxes", "zaxis"]
@@ -114,7 +115,7 @@ impl Reading<'_, '_, '_> {
     }
 }
 
-/// The exact rotation that a quaternion with few digits means: about a coordinate axis by a
+/// The exact rotation that a quaternion with few digits stands for: about a coordinate axis by a
 /// multiple of pi/12, or one that maps coordinate axes to coordinate axes.
 fn printed_rotation(r: &M3, q: [f64; 4], text: &str) -> Option<(M3, String)> {
     let decimals = text

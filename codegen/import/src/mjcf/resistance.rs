@@ -1,5 +1,5 @@
-//! What resists the motion of joints: damping, friction, armature, springs. What a spec cannot say
-//! of them is noted.
+//! Reads what resists the motion of joints: damping, friction, armature and springs. What a spec
+//! cannot express of them is noted.
 
 use super::Reading;
 use super::orientation::Classed;
@@ -17,13 +17,13 @@ impl Reading<'_, '_, '_> {
         let damper = self.attribute(of, "springdamper");
         let damper = damper.and_then(|a| self.fields.array::<2>(&a));
         if damper.is_some_and(|[time, ratio]| time > 0.0 && ratio > 0.0) {
-            // it replaces stiffness and damping by values that follow from the mass matrix
+            // MuJoCo replaces stiffness and damping by values that it computes from the mass matrix
             (joint.stiffness, joint.damping) = (0.0, 0.0);
             self.left_out.springdampers.push(joint.name.clone());
         }
     }
 
-    /// A coefficient that is not negative; a negative one is noted, and 0.
+    /// A coefficient; a negative one is noted and replaced by 0.
     fn coefficient(&mut self, of: Classed<'_>, key: &str, joint: &str) -> f64 {
         let Some(attribute) = self.attribute(of, key) else {
             return 0.0;
@@ -37,7 +37,7 @@ impl Reading<'_, '_, '_> {
         value.max(0.0)
     }
 
-    /// Notes that a force on a body that holds against gravity is left out.
+    /// Counts a body with gravity compensation, which is left out.
     pub(super) fn compensated(&mut self, of: Classed<'_>) {
         let share = self.attribute(of, "gravcomp");
         let share = share.and_then(|a| self.fields.number(&a));
@@ -46,11 +46,12 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// Gives the armature of balls its place. It resists the angular velocity in all directions, as
-    /// an inertia of the body does if the ball stands on the world. In a spec, friction and rotors
-    /// of a ball would resist the rates of its three angles, which is another thing.
+    /// Converts the armature of ball joints. It resists the angular velocity in all directions; if
+    /// the ball joint connects the body to the world, an inertia of the body does the same. Damping
+    /// and friction have no counterpart: in a spec, friction and rotors of a ball joint resist the
+    /// rates of its three angles, not its angular velocity.
     ///
-    /// - `as_inertia`: whether the body stands on the world, and states its inertia.
+    /// - `as_inertia`: whether the body's parent is the world, and the file states its inertia.
     pub(super) fn balls(
         &mut self,
         body: &str,
@@ -99,14 +100,14 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// Notes forces that are no part of a spec, each kind once.
+    /// Notes the forces that a spec cannot express, each kind once.
     pub(super) fn note_forces_left_out(&mut self) {
         let place = self.root.place;
         let count = self.left_out.compensated;
         if count > 0 {
             let text = format!(
-                "gravcomp of {count} bodies is left out: it is a force that holds them, which the \
-                 measured efforts of such a robot lack"
+                "gravcomp of {count} bodies is left out: a force that carries their weight, which \
+                 measured efforts of such a robot do not contain"
             );
             self.fields.log.note(place, text);
         }

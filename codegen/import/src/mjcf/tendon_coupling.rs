@@ -6,8 +6,8 @@ use crate::tree::{Coupling, Joint, Kind};
 use crate::xml::{Attribute, Element};
 
 impl Reading<'_, '_, '_> {
-    /// Converts `length1 - ref1 = c0 + c1 (length2 - ref2)`, where the references are the lengths at
-    /// zero, into the coordinate of one of the joints.
+    /// Converts `length1 - ref1 = c0 + c1 (length2 - ref2)`, where the references are the lengths as
+    /// drawn, into a coupling that gives the coordinate of one of the joints.
     pub(super) fn tendon_coupling(&mut self, element: &Element) -> Option<Coupling> {
         let Some(first) = element.attribute("tendon1") else {
             let message = "<tendon> has no tendon1";
@@ -38,7 +38,7 @@ impl Reading<'_, '_, '_> {
             };
             constant += coefficient * reference;
         }
-        // of the joints that follow no other yet, the last that has no motor
+        // among the joints that do not follow others yet, prefer the last one without a motor
         let follows = |name: &String| self.tree.couplings.iter().any(|c| c.joint == *name);
         let free = form.iter().rev().filter(|(name, _)| !follows(name));
         let passive = |name: &String| !self.tree.actuated.contains(name);
@@ -48,8 +48,8 @@ impl Reading<'_, '_, '_> {
             .or_else(|| free.clone().next())
             .cloned();
         let Some((joint, own)) = key else {
-            let message = "all joints of this tendon follow others already";
-            let hint = "take one of the equalities out";
+            let message = "all joints of this tendon already follow others";
+            let hint = "remove one of the equalities";
             self.fields.log.error(element.place, message, hint);
             return None;
         };
@@ -76,6 +76,7 @@ impl Reading<'_, '_, '_> {
         Some(self.tendon_terms(found))
     }
 
+    /// The hinge or slide of a name.
     fn single(&self, name: &str) -> Option<&Joint> {
         let joints = self.tree.links.iter().flat_map(|l| &l.joints);
         let mut single = joints.filter(|j| matches!(j.kind, Kind::Revolute | Kind::Prismatic));

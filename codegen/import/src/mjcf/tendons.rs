@@ -1,4 +1,4 @@
-//! Fixed tendons with actuators as drives.
+//! Reads fixed tendons with actuators, as drives.
 
 use super::Reading;
 use super::orientation::Classed;
@@ -6,18 +6,19 @@ use crate::log::Place;
 use crate::tree::{Drive, Kind};
 use crate::xml::{Attribute, Element};
 
-/// Below this, the coefficients of a tendon over hinges are moment arms in m, and its coordinate a
-/// length; above it they are ratios, and its coordinate an angle. The format does not say which.
-const LARGEST_MOMENT_ARM: f64 = 0.1;
+/// MJCF does not say whether the coefficients of a tendon over hinges are moment arms or ratios.
+/// Coefficients below this count as moment arms in m, so that the tendon's coordinate is a length;
+/// others count as ratios, so that it is an angle.
+const MAX_MOMENT_ARM: f64 = 0.1;
 
 impl Reading<'_, '_, '_> {
-    /// Takes the actuator of a fixed tendon as a drive; over one joint with coefficient 1, as the
-    /// joint's motor.
+    /// Converts the actuator of a fixed tendon into a drive, or into the motor of a joint if the
+    /// tendon runs over this joint alone with coefficient 1.
     pub(super) fn pull(&mut self, of: Classed<'_>, tendon: &Attribute) {
         let root = self.root;
         let mut fixed = root.all("tendon").flat_map(|section| section.all("fixed"));
         let Some(found) = fixed.find(|f| f.text("name") == Some(tendon.value.as_str())) else {
-            let text = "this actuator pulls no fixed tendon: left out";
+            let text = "this actuator is left out: its tendon is not a fixed one";
             self.fields.log.note(of.element.place, text);
             return;
         };
@@ -51,6 +52,7 @@ impl Reading<'_, '_, '_> {
         terms
     }
 
+    /// The drive of a fixed tendon; `None` if it moves nothing, or after an error.
     fn drive(
         &mut self,
         name: &str,
@@ -71,10 +73,10 @@ impl Reading<'_, '_, '_> {
                 self.fields.log.error(tendon.place, message, hint);
                 return None;
             };
-            slides &= kind == Kind::Prismatic || factor.abs() < LARGEST_MOMENT_ARM;
+            slides &= kind == Kind::Prismatic || factor.abs() < MAX_MOMENT_ARM;
         }
         if terms.iter().all(|(_, factor)| *factor == 0.0) {
-            let text = format!("the tendon '{name}' moves no joint: left out");
+            let text = format!("the tendon '{name}' is left out: it moves no joint");
             self.fields.log.note(tendon.place, text);
             return None;
         }
@@ -106,11 +108,12 @@ impl Reading<'_, '_, '_> {
         })
     }
 
-    /// The force range of an actuator, times its gear.
+    /// The range of the force or torque that an actuator applies to its joint or tendon, N or N m:
+    /// its force range times its gear.
     pub(super) fn force_range(&mut self, of: Classed<'_>) -> Option<[f64; 2]> {
         let mut range = self.limit(of, "forcerange", "forcelimited");
         if of.element.tag == "motor" && range.is_none() {
-            // the control of a motor is its force
+            // the control signal of a <motor> is its force
             range = self.limit(of, "ctrlrange", "ctrllimited");
         }
         let [low, high] = range?;
@@ -122,7 +125,7 @@ impl Reading<'_, '_, '_> {
         (range[0] < range[1]).then_some(range)
     }
 
-    /// Takes an effort limit as that of a joint, unless the joint has one.
+    /// Sets the effort limit of a joint, unless it already has one.
     pub(super) fn limit_effort(&mut self, joint: &str, range: Option<[f64; 2]>) {
         let mut joints = self.tree.links.iter_mut().flat_map(|l| &mut l.joints);
         if let Some(joint) = joints.find(|j| j.name == joint && j.effort.is_none()) {
@@ -130,6 +133,7 @@ impl Reading<'_, '_, '_> {
         }
     }
 
+    /// Records that a joint is actuated; an error if there is no such joint.
     pub(super) fn actuated(&mut self, joint: &str, place: Place) {
         let known = self.tree.links.iter().flat_map(|l| &l.joints);
         if !known.into_iter().any(|j| j.name == joint) {

@@ -14,12 +14,12 @@ from typing import Any
 from . import _native
 from .errors import OptionError, translated
 
-#: Receives what is done, how many parts are done, and how many there are, or None.
+#: Receives the name of the current step, the number of parts done, and the number of parts or None.
 Progress = Callable[[str, int, "int | None"], object]
 
 
 class RegenWarning(UserWarning):
-    """What deserves attention in a result: rows left out, suspicious columns, short logs."""
+    """A warning about a result: rows that were left out, suspicious columns, short logs."""
 
 
 @cache
@@ -33,7 +33,7 @@ def options(command: str) -> dict[str, tuple[bool, bool, str]]:
 
 def _value(value: Any) -> str:
     if isinstance(value, bool):
-        raise OptionError(f"{value} is no value of this option")
+        raise OptionError(f"{value} is not a value of this option")
     if isinstance(value, float):
         return repr(float(value))
     if isinstance(value, tuple):
@@ -84,7 +84,7 @@ def call(
     texts: Mapping[str, str] | None = None,
     progress: Progress | bool | None = None,
 ) -> str:
-    """Runs a command, warns of what it warns, and returns what it prints."""
+    """Runs a command, issues its warnings, and returns what it prints."""
     all_words = [command, *words(command, given)]
     if "format" in options(command):
         all_words.append("--format=json")
@@ -99,7 +99,7 @@ def call(
 def run(
     all_words: list[str], texts: dict[str, str], progress: Progress | bool | None
 ) -> tuple[str, list[str]]:
-    """Runs the words of a command; returns what it prints and its messages."""
+    """Runs a command from its words; returns what it prints, and its messages."""
     with translated(), _shown(progress) as shown:
         return _native.call_command(all_words, texts, shown)
 
@@ -110,7 +110,7 @@ def parsed(printed: str) -> Any:
 
 
 class _shown:
-    """The function that is told of progress: the given one, or one that writes a line."""
+    """The function that receives the progress: the given one, or one that writes a line."""
 
     def __init__(self, progress: Progress | bool | None) -> None:
         self.own = progress is True

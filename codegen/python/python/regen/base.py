@@ -22,7 +22,7 @@ class Term(NamedTuple):
 
     #: The label of the parameter.
     parameter: str
-    #: The coefficient in the names of the description's geometry, such as ``-2*l^2``.
+    #: The coefficient as an expression in the names of the description's geometry, such as ``-2*l^2``.
     coefficient: str
     #: Its value, SI.
     value: float
@@ -33,7 +33,7 @@ class Row(NamedTuple):
 
     #: Its label: that of the parameter that is kept.
     label: str
-    #: The combination of parameters that it is.
+    #: The combination of parameters that it stands for.
     terms: list[Term]
     #: How it was found: ``derived`` from spanning trees, or ``completed`` from samples.
     layer: str
@@ -54,7 +54,7 @@ class Base:
 
     def __init__(self, path: str, text: str, progress: Progress | bool | None) -> None:
         self._path, self._text, self._progress = path, text, progress
-        #: All that ``regen base --format json`` prints.
+        #: The JSON that ``regen base --format json`` prints.
         self.data: dict[str, Any] = _call.parsed(self._printed("json"))
         self._rows = [
             Row(
@@ -70,7 +70,7 @@ class Base:
         try:
             return _call.run(words, {self._path: self._text}, self._progress)[0]
         except CheckError as error:
-            # a table that is not known to be complete says so itself, as `complete` does
+            # an incomplete table is no error here: the table and `complete` show it
             return error.printed
 
     @property
@@ -100,7 +100,7 @@ class Base:
 
     @property
     def matrix(self) -> NDArray[np.float64]:
-        """The combinations as numbers: base parameters are it times parameters; (rank, p), SI."""
+        """The combinations as a matrix, which maps parameters to base parameters; (rank, p), SI."""
         columns = {label: k for k, label in enumerate(self.data["parameters"])}
         out = np.zeros((len(self), len(columns)))
         for k, row in enumerate(self._rows):
@@ -141,7 +141,7 @@ class Base:
         )
 
     def to_latex(self, *, numbers: bool = False, expressions: bool = False) -> str:
-        """A table in LaTeX, for the package booktabs; coefficients as numbers, or however long."""
+        """A table in LaTeX, for the package booktabs; coefficients as numbers or expressions."""
         more = [f"--{word}" for word, on in (("numbers", numbers), ("expressions", expressions)) if on]
         return self._printed("latex", *more)
 
@@ -174,7 +174,7 @@ def _expression(text: str) -> Any:
 
     def of(node: ast.expr) -> Any:
         if isinstance(node, ast.Constant):
-            # the digits as they are written, exactly
+            # the exact decimal as it is written
             return sympy.Rational(ast.get_source_segment(source, node))
         if isinstance(node, ast.Name):
             return sympy.pi if node.id == "pi" else sympy.Symbol(node.id, real=True)
@@ -194,7 +194,7 @@ def _expression(text: str) -> Any:
                 return left / right
             if isinstance(node.op, ast.Pow):
                 return left**right
-        raise ValueError(f"'{text}' is no expression")
+        raise ValueError(f"'{text}' is not an expression")
 
     source = text.replace("^", "**")
     return of(ast.parse(source, mode="eval").body)

@@ -1,4 +1,4 @@
-"""What goes wrong, as exceptions: every one is a :class:`RegenError`."""
+"""The exceptions of the package; each is a :class:`RegenError`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from . import _native
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake in a file, at its place."""
+    """A mistake in a file, with its place."""
 
     #: The file's name.
     file: str
@@ -19,7 +19,7 @@ class Mistake:
     line: int
     #: The column in characters, from 1.
     column: int
-    #: What is wrong, with the path in words.
+    #: The mistake in words, with the enclosing elements of the file.
     message: str
     #: What to write instead; may be empty.
     hint: str
@@ -49,7 +49,7 @@ class DescriptionError(RegenError, ValueError):
 
 
 class OptionError(RegenError, TypeError):
-    """Options that do not exist, or do not go together."""
+    """Options that do not exist, or cannot be combined."""
 
 
 class InputError(RegenError, ValueError):
@@ -83,7 +83,7 @@ _KINDS: dict[str, type[RegenError]] = {
 
 @contextlib.contextmanager
 def translated() -> Iterator[None]:
-    """Raises the errors of the native part as those of this module."""
+    """Converts errors of the native part to those of this module."""
     try:
         yield
     except _native.NativeError as error:

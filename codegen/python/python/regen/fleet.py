@@ -1,4 +1,4 @@
-"""Factors of logs: what a fleet of machines sends to be merged."""
+"""Factors of logs, which the machines of a fleet send to be merged."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from .errors import InputError
 
 
 class Factors:
-    """What least squares needs of logs, of a size that does not depend on their length.
+    """Factors that replace logs in least squares; their size does not depend on the logs' length.
 
-    ``a + b`` merges, in any grouping and order with the same result to the last bit: the parts are
-    kept apart until :meth:`text` merges them in the order of their content. Factors are pickled as
-    text, and two are equal if they have the same parts.
+    ``a + b`` merges factors. Any grouping and order gives the same result to the last bit, because
+    the parts are stored separately until :meth:`text` merges them in the order of their content.
+    Factors are pickled as text, and two are equal if they have the same parts.
 
-    The reduce of a fleet: ``Factors.merged(parts)``, then ``robot.identify(factors)``.
+    To reduce the factors of a fleet, call ``Factors.merged(parts)``, then
+    ``robot.identify(factors)``.
     """
 
     __slots__ = ("_parts",)
@@ -28,7 +29,7 @@ class Factors:
         self._parts = tuple(sorted(parts))
         for part in self._parts:
             if not part.lstrip().startswith("{"):
-                raise InputError("parts of factors are the texts of factor files")
+                raise InputError("the parts of factors must be texts of factor files")
 
     @classmethod
     def read(cls, *paths: str | os.PathLike[str]) -> Factors:
@@ -37,7 +38,7 @@ class Factors:
 
     @classmethod
     def merged(cls, factors: Iterable[Factors]) -> Factors:
-        """All of these."""
+        """The parts of all of these factors."""
         return cls(part for one in factors for part in one._parts)
 
     def __add__(self, other: Factors) -> Factors:
@@ -61,7 +62,7 @@ class Factors:
 
     @property
     def nbytes(self) -> int:
-        """The bytes of all parts as text, which is what moves between machines."""
+        """The size of all parts as text, in bytes: the data that machines have to send."""
         return sum(len(part.encode()) for part in self._parts)
 
     @property
@@ -79,7 +80,7 @@ class Factors:
             raise InputError(str(error)) from None
 
     def compact(self) -> Factors:
-        """All parts merged to one. What is merged later is then no longer free of grouping."""
+        """All parts merged into one. Later merges then depend on the grouping, up to rounding."""
         return Factors([self.text()])
 
     def digest(self) -> str:

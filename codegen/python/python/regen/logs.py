@@ -1,4 +1,4 @@
-"""Logs: files, columns in memory, and what a simulation recorded."""
+"""Logs: files, columns in memory, and recordings of a simulation."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from .errors import InputError
 #: Paths, an experiment as a dict, columns by name, a DataFrame, a :class:`Log`, or a list of these.
 Logs = Union[str, "os.PathLike[str]", Mapping[str, Any], Sequence[Any], Any]
 
-#: The keys by which a dict is known as an experiment file and not as columns.
+#: The keys that show that a dict is an experiment file rather than columns.
 _EXPERIMENT = {"runs", "process", "columns"}
 
 
 def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Real numbers in double precision; complex numbers, dates and texts are none."""
+    """Real numbers in double precision; an error for complex numbers, dates and texts."""
     try:
         array = np.asarray(values)
         if array.dtype.kind in "fiubO":
             return np.asarray(array, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"`{name}` is no array of numbers: {error}") from None
+        raise InputError(f"`{name}` is not an array of numbers: {error}") from None
     raise InputError(f"`{name}` has entries of type {array.dtype}, real numbers are needed")
 
 
@@ -48,7 +48,7 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
         if len(lengths) != 1 or any(v.ndim != 1 for v in self._columns.values()):
             shapes = {name: v.shape for name, v in self._columns.items()}
             raise InputError(f"the columns of a log are equally long vectors, not {shapes}")
-        #: The summary of the run, where the log comes from a simulation.
+        #: The summary of the run, if the log comes from a simulation.
         self.data = dict(data or {})
 
     @classmethod
@@ -79,7 +79,7 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
         return pd.DataFrame(self._columns)
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes a CSV file; numbers read back to the same doubles."""
+        """Writes a CSV file; its numbers read back as the same doubles."""
         rows = np.column_stack(list(self._columns.values()))
         with open(path, "w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerow(self._columns)
@@ -89,7 +89,7 @@ class Log(Mapping[str, "NDArray[np.float64]"]):
 
 
 class as_files:
-    """Gives logs the paths that the library reads; columns in memory become temporary files."""
+    """Provides paths of logs, which the library reads; writes columns in memory to temporary files."""
 
     def __init__(self, logs: Logs, texts: dict[str, str] | None = None) -> None:
         self._logs = logs
@@ -138,7 +138,7 @@ def _columns(table: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON does not know: numbers of numpy and paths."""
+    """Converts numbers of numpy and paths, which JSON does not know."""
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     return value.tolist()

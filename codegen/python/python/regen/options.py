@@ -17,23 +17,23 @@ Values = Union[Value, Sequence[Value]]
 class ImportOptions(TypedDict, total=False):
     """Of ``import``."""
 
-    #: Joints with motors [default: those of the file's transmissions or actuators, or else all that follow no other]
+    #: Joints with motors [default: those of the file's transmissions or actuators, or else all that do not mimic others]
     actuated: Values | None
-    #: What the root stands on [default: what the file says; the world in URDF]
+    #: How the root link is attached [default: as in the file; fixed in URDF]
     base: Value | None
     #: Close a loop: NAME:TYPE:BODY@FRAME:BODY@FRAME (may be repeated)
     cut: Values | None
-    #: Keep angles as printed, also where they print a multiple of pi
+    #: Keep angles as written, also rounded multiples of pi
     exact: bool
-    #: Replace the file of --out where it exists
+    #: Replace the file of --out if it exists
     force: bool
-    #: Where loops start to be closed, as NAME=VALUE [default: 0]
+    #: The configuration from which loops are closed, as NAME=VALUE [default: 0]
     home: Values | None
-    #: Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
+    #: Joints to lock: NAME, at 0, or NAME=VALUE in rad or m
     lock: Values | None
     #: The spec's name [default: the robot's in the file]
     name: Value | None
-    #: Where the spec is written [default: standard output]; a file that exists is left as it is
+    #: Where the spec is written [default: standard output]; an existing file is not replaced
     out: Value | None
 
 
@@ -42,25 +42,25 @@ class ExciteOptions(TypedDict, total=False):
 
     #: Start and end with velocities and accelerations of zero
     at_rest: bool
-    #: Another cone than the spec's, NAME=ANGLE in rad, or with `deg` behind it (may be repeated)
+    #: Replace a cone of the spec: NAME=ANGLE, in rad, or in degrees as 45deg (may be repeated)
     cone: Values | None
-    #: What the trajectory is optimised for
+    #: The measure that the trajectory minimises
     criterion: Value | None
     #: The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
     frequency: Value | None
     #: The number of harmonics
     harmonics: Value | None
-    #: Another limit than the spec's, COORDINATE.QUANTITY=LOWEST,HIGHEST, where QUANTITY is position, velocity, acceleration or effort (may be repeated)
+    #: Replace a limit of the spec: COORDINATE.QUANTITY=LOWEST,HIGHEST, where QUANTITY is position, velocity, acceleration or effort (may be repeated)
     limit: Values | None
     #: The least pivot of A_e: 1 in the middle of a workspace, 0 at singularities
     margin: Value | None
-    #: Whether the payloads of the description are carried; required where it has a payload
+    #: Whether the payloads of the spec are carried; required if it has payloads
     payload: Value | None
     #: The number of samples in a period
     samples: Value | None
     #: The seed of the random starts
     seed: Value | None
-    #: The number of random starts; the best counts
+    #: The number of random starts, of which the best result is used
     starts: Value | None
     #: The number of steps in each of the five stages of a start
     steps: Value | None
@@ -73,31 +73,31 @@ class SimulateOptions(TypedDict, total=False):
 
     #: The bandwidth of controllers without --pid, Hz
     bandwidth: Value | None
-    #: Log the commanded positions too, as cmd_NAME
+    #: Also log the commanded positions, as cmd_NAME
     commands: bool
     #: Write the controllers' gains here, for `identify --controller`: YAML if FILE ends in .yaml, else JSON
     controller: Value | None
     #: The duration of a run in s [default: one period]
     duration: Value | None
-    #: Log all coordinates as they are, with velocities and accelerations
+    #: Log the true positions, velocities and accelerations of all coordinates
     exact: bool
-    #: The speed within which friction changes its sign, rad/s or m/s
+    #: The width of the smoothed sign of Coulomb friction, rad/s or m/s
     friction_width: Value | None
     #: Time constant of the drives, s
     lag: Value | None
-    #: Leave friction out
+    #: Simulate without friction
     no_friction: bool
     #: Standard deviations of measured positions (rad or m) and efforts
     noise: Value | None
-    #: Whether the payloads of the description are carried; required where it has a payload
+    #: Whether the payloads of the spec are carried; required if it has payloads
     payload: Value | None
-    #: Change each body's and each other parameter by up to this part, at random
+    #: Change the parameters of each body, and all others, at random by up to this part
     perturb: Value | None
     #: Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     pid: Values | None
     #: The resolution of measured positions and, if given, of efforts
     quantum: Value | None
-    #: Runs that differ in their noise
+    #: The number of runs, which differ in their noise
     runs: Value | None
     #: The seed of noise and perturbation: the same seed gives the same logs
     seed: Value | None
@@ -112,17 +112,17 @@ class InspectOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
     column: Values | None
-    #: Take only each N-th state, after filtering
+    #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: By how many seconds an effort is logged after the motion that it belongs to: NAME=S. Every `identify` estimates it; `auto` corrects what least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
     delay: Values | None
-    #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
     energy: Value | None
-    #: The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: Differentiate the finite Fourier series of this frequency in Hz and number of harmonics
     fourier: Value | None
@@ -130,27 +130,27 @@ class InspectOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Write a first experiment file; one that exists is left as it is
+    #: Write a first experiment file; an existing file is not replaced
     out: Value | None
-    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
-    #: Average the runs of a trajectory of this period in s
+    #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: What is done with rows that cannot be used [default: fail]
+    #: The treatment of faulty rows [default: fail]
     problems: Value | None
-    #: The rate of the rows in Hz, where no column has their time
+    #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
     #: Write a page with tables and figures
     report: Value | None
-    #: Interpolate the rows onto an even grid of this rate in Hz, where the steps of their clock are uneven
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
-    #: Velocities below this, rad/s or m/s, count as rest too
+    #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
-    #: What is done with equations of joints at rest, which static friction holds: those whose encoders stay within a step or their noise for 0.2 s, or whose velocity is not sure to differ from zero [default: drop]
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Value | None
-    #: The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: Which velocities are used. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
@@ -159,17 +159,17 @@ class ObserveOptions(TypedDict, total=False):
 
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
     column: Values | None
-    #: Take only each N-th state, after filtering
+    #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: By how many seconds an effort is logged after the motion that it belongs to: NAME=S. Every `identify` estimates it; `auto` corrects what least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
     delay: Values | None
-    #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
     energy: Value | None
-    #: The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: Differentiate the finite Fourier series of this frequency in Hz and number of harmonics
     fourier: Value | None
@@ -177,34 +177,34 @@ class ObserveOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
-    #: Average the runs of a trajectory of this period in s
+    #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: What is done with rows that cannot be used [default: fail]
+    #: The treatment of faulty rows [default: fail]
     problems: Value | None
-    #: The rate of the rows in Hz, where no column has their time
+    #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Interpolate the rows onto an even grid of this rate in Hz, where the steps of their clock are uneven
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
-    #: Velocities below this, rad/s or m/s, count as rest too
+    #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
-    #: What is done with equations of joints at rest, which static friction holds: those whose encoders stay within a step or their noise for 0.2 s, or whose velocity is not sure to differ from zero [default: drop]
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Value | None
-    #: The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: Which velocities are used. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
 class IdentifyOptions(TypedDict, total=False):
     """Of ``identify``."""
 
-    #: Logs to predict with every model that was found, and by which --reduce is cross-validated
+    #: Logs to predict with every model, and to cross-validate --reduce with
     against: Values | None
-    #: Samples in which residuals are correlated [default: found from them]
+    #: The number of samples over which residuals are correlated [default: estimated]
     bandwidth: Value | None
-    #: Write the spec with `bodies:` and the joints' `nominal:` filled with the physical values; all else of its text stays
+    #: Write the spec with the physical values in `bodies:` and in the joints' `nominal:`; the rest of its text stays
     bodies: Value | None
     #: A parameter's limits, SI: LABEL=LOW..HIGH, either may be missing
     bound: Values | None
@@ -212,49 +212,49 @@ class IdentifyOptions(TypedDict, total=False):
     butterworth: Value | None
     #: Write the parameters as a C header of initialisers; it includes the robot's header, and compiles with that of this model only
     c: Value | None
-    #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
     column: Values | None
-    #: The column of a joint's commanded position, NAME=COLUMN, with :UNIT and *FACTOR behind it where they are needed (may be repeated) [default: cmd_NAME]
+    #: The column of a joint's commanded position: NAME=COLUMN, followed by :UNIT and *FACTOR if needed (may be repeated) [default: cmd_NAME]
     command: Values | None
     #: The level of the confidence intervals
     confidence: Value | None
     #: The controllers, JSON or YAML: `q1: {kp: 40, kd: 2}` for each actuated joint; `regen simulate --controller` writes such a file
     controller: Value | None
-    #: Write the covariance of base parameters and gains into the file of --out too
+    #: Also write the covariance of base parameters and gains to the file of --out
     covariance: bool
-    #: Identify from all logs but one and predict that one, each in turn
+    #: Cross-validate: identify from all logs but one and predict that one, in turn
     cross: bool
-    #: When this was done, for the file: nothing reads a clock
+    #: The date to write into the file, since regen reads no clock
     date: Value | None
-    #: Take only each N-th state, after filtering
+    #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: By how many seconds an effort is logged after the motion that it belongs to: NAME=S. Every `identify` estimates it; `auto` corrects what least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
     delay: Values | None
-    #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: The number of random logs from which the intervals of values under constraints follow, one small fit each, at least 5; 0: no intervals
+    #: The number of random draws for the intervals of constrained values, each of which takes a small fit; at least 5, or 0 for no intervals
     draws: Value | None
-    #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
     energy: Value | None
-    #: The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: The estimator [default: ls; --huber and --iv choose theirs]
     estimator: Value | None
-    #: Judge whether the least-squares parameters are of any physical robot, then find those that fit best among the physical ones: all ten of every body
+    #: Decide whether any physical robot has the least-squares parameters, then find the physical parameters that fit best: all ten of every body
     feasible: bool
     #: Write each figure of the page as an SVG file into this folder
     figures: Value | None
     #: Differentiate the finite Fourier series of this frequency in Hz and number of harmonics
     fourier: Value | None
-    #: Identify the nonlinear friction of the spec (atan, power, stribeck, lugre) with all other parameters, physical ones only (Eq. 29)
+    #: Identify the nonlinear friction of the spec (atan, power, stribeck, lugre) together with all other parameters, which are physical (Eq. 29)
     friction: bool
-    #: The speed within which friction changes its sign in `response`, rad/s or m/s
+    #: The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s
     friction_width: Value | None
-    #: Residuals beyond K standard deviations count linearly; 1.345 is usual
+    #: Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
     huber: Value | None
     #: Bodies that are the same, in frames that correspond: 1,4,6
     identical: Values | None
-    #: Instrumental variables, which errors of the measured motion do not bias
+    #: Use instrumental variables, which errors of the measured motion do not bias
     iv: bool
     #: A parameter's value, SI: LABEL=VALUE, such as 'm(3)=6.05'
     known: Values | None
@@ -262,53 +262,53 @@ class IdentifyOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: The bandwidth of controllers without gains in `didim`, Hz [default: that with which the motion is nearest to measured positions; 3 without any]
+    #: The bandwidth of controllers without gains in `didim`, Hz [default: that at which the motion is closest to measured positions; 3 without those]
     loop_bandwidth: Value | None
-    #: The path of the robot's generated module, from where the constants will stand: they compile with that model only [default: super::ROBOT]
+    #: The Rust path of the robot's generated module, seen from the constants, which compile with that model only [default: super::ROBOT]
     module: Value | None
     #: Do not look for swapped columns, flipped signs, wrong units and the like
     no_suspicion: bool
     #: Write the parameters for `validate` and `export`: YAML if PARAMS ends in .yaml, else JSON
     out: Value | None
-    #: Identified parameters of the robot without its load: payloads are identified, and gains that PARAMS lacks. With `covariance` in it (--covariance), the deviations include its own
+    #: Identified parameters of the robot without its load: only payloads are identified, and gains that PARAMS lacks. If PARAMS has a `covariance` (--covariance), standard deviations include it
     parameters: Value | None
-    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
-    #: Average the runs of a trajectory of this period in s
+    #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD (may be repeated) [default: by the robot's inertia, for the bandwidth with which the motion is nearest to the measured one]
+    #: Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD (may be repeated) [default: from the robot's inertia, for the bandwidth at which the simulated motion is closest to the measured one]
     pid: Values | None
-    #: Believe in the spec's nominal values: `weighted` or `weighted:PERCENT` by standard deviations in percent of them [default 30], `entropic` or `entropic:WEIGHT` by the divergence of pseudo-inertias [default 1]
+    #: Use the spec's nominal values as a prior: `weighted` or `weighted:PERCENT`, with standard deviations in percent of them [default 30], or `entropic` or `entropic:WEIGHT`, with the divergence of pseudo-inertias [default 1]
     prior: Value | None
-    #: What is done with rows that cannot be used [default: fail]
+    #: The treatment of faulty rows [default: fail]
     problems: Value | None
     #: Write the parameters as a Python module, with a check of the model
     python: Value | None
-    #: The rate of the rows in Hz, where no column has their time
+    #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Leave out base parameters until all are well identified (sigma below 15 %) and together feasible; every step is printed
+    #: Eliminate base parameters until the rest is well identified (sigma below 15 %) and physically feasible; every step is printed
     reduce: bool
-    #: What the controllers followed, as `regen excite` writes it: the instruments, or the motion of `didim`, come from simulating the robot along it
+    #: The trajectory that the controllers followed, as `regen excite` writes it; instruments, or the motion of `didim`, are simulated along it
     reference: Value | None
     #: Write a page with tables and figures of the result, and of the logs of --against; see `regen report`
     report: Value | None
-    #: Interpolate the rows onto an even grid of this rate in Hz, where the steps of their clock are uneven
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
-    #: Velocities below this, rad/s or m/s, count as rest too
+    #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
     #: Write the parameters as Rust constants for a controller
     rust: Value | None
-    #: Seconds at the start of each log that `didim` leaves out, where it follows columns of commands
+    #: The time at the start of each log that `didim` leaves out if it follows columns of commands, s
     settle: Value | None
-    #: What is done with equations of joints at rest, which static friction holds: those whose encoders stay within a step or their noise for 0.2 s, or whose velocity is not sure to differ from zero [default: drop]
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Value | None
     #: Parameters to start from [default: the spec's nominal ones]
     start: Value | None
-    #: The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
     #: A known sum: 'm(1),m(2),m(3)=12.5'
     total: Values | None
-    #: Which velocities are used. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
     #: How the efforts are weighted against each other
     weighting: Value | None
@@ -323,17 +323,17 @@ class ValidateOptions(TypedDict, total=False):
     beside: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
     column: Values | None
-    #: Take only each N-th state, after filtering
+    #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: By how many seconds an effort is logged after the motion that it belongs to: NAME=S. Every `identify` estimates it; `auto` corrects what least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
     delay: Values | None
-    #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
     energy: Value | None
-    #: The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: Differentiate the finite Fourier series of this frequency in Hz and number of harmonics
     fourier: Value | None
@@ -341,25 +341,25 @@ class ValidateOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
-    #: Average the runs of a trajectory of this period in s
+    #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
     #: Write measured and predicted efforts of all logs here, CSV
     predict: Value | None
-    #: What is done with rows that cannot be used [default: fail]
+    #: The treatment of faulty rows [default: fail]
     problems: Value | None
-    #: The rate of the rows in Hz, where no column has their time
+    #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Interpolate the rows onto an even grid of this rate in Hz, where the steps of their clock are uneven
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
-    #: Velocities below this, rad/s or m/s, count as rest too
+    #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
-    #: What is done with equations of joints at rest, which static friction holds: those whose encoders stay within a step or their noise for 0.2 s, or whose velocity is not sure to differ from zero [default: drop]
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Value | None
-    #: The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: Which velocities are used. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None
 
 
@@ -370,17 +370,17 @@ class ReportOptions(TypedDict, total=False):
     against: Values | None
     #: Filter efforts and regressor by a zero-phase Butterworth low-pass of this order and cutoff in Hz; positions by one three times as wide, then take central differences
     butterworth: Value | None
-    #: A column whose header does not say what it is: Q=COLUMN, and behind it :UNIT and *FACTOR where they are needed; COLUMN may be its number
+    #: Assign a column to a quantity: Q=COLUMN, followed by :UNIT and *FACTOR if needed; COLUMN is a header or a number
     column: Values | None
-    #: Take only each N-th state, after filtering
+    #: Use only every N-th state, after filtering
     decimate: Value | None
-    #: By how many seconds an effort is logged after the motion that it belongs to: NAME=S. Every `identify` estimates it; `auto` corrects what least squares of these logs finds
+    #: The delay in s of an effort, which is logged later than its motion: NAME=S. `identify` always estimates it; `auto` also corrects the delays that least squares of these logs finds
     delay: Values | None
-    #: The standard deviation of a measured coordinate, where more are measured than needed: NAME=VALUE
+    #: The standard deviation of a measured coordinate, which weights it if more are measured than needed: NAME=VALUE
     deviation: Values | None
-    #: Use the balance of energy over windows of this length in s instead of the equations of motion: no accelerations are needed
+    #: Use the energy balance over windows of this length in s instead of the equations of motion, which needs no accelerations
     energy: Value | None
-    #: The episode of Parquet files of LeRobot, by its index [default: the only one]
+    #: The index of the episode to read from LeRobot files [default: the only one]
     episode: Value | None
     #: Write each figure as an SVG file into this folder
     figures: Value | None
@@ -390,21 +390,21 @@ class ReportOptions(TypedDict, total=False):
     local: Value | None
     #: Where the files of an experiment file are [default: its own folder]
     logs: Value | None
-    #: Whether the payloads of the description are carried in all these logs; required where it has a payload, here or for each run of an experiment file
+    #: Whether the payloads of the spec are carried in all logs; required if it has payloads, here or for each run of an experiment file
     payload: Value | None
-    #: Average the runs of a trajectory of this period in s
+    #: Average over the repetitions of a trajectory with this period in s
     period: Value | None
-    #: What is done with rows that cannot be used [default: fail]
+    #: The treatment of faulty rows [default: fail]
     problems: Value | None
-    #: The rate of the rows in Hz, where no column has their time
+    #: The rate of the rows in Hz, if no column has their time
     rate: Value | None
-    #: Interpolate the rows onto an even grid of this rate in Hz, where the steps of their clock are uneven
+    #: Interpolate rows with an uneven clock onto an even grid of this rate in Hz
     resample: Value | None
-    #: Velocities below this, rad/s or m/s, count as rest too
+    #: Velocities below this, rad/s or m/s, also count as rest
     rest_speed: Value | None
-    #: What is done with equations of joints at rest, which static friction holds: those whose encoders stay within a step or their noise for 0.2 s, or whose velocity is not sure to differ from zero [default: drop]
+    #: The treatment of equations of joints at rest, where friction is static: whose encoders stay within a step or their noise for 0.2 s, or whose velocity does not differ significantly from zero [default: drop]
     standstill: Value | None
-    #: The topic of MCAP files and ROS 2 bags [default: the only one with joint states]
+    #: The topic to read from MCAP files and ROS 2 bags [default: the only one with joint states]
     topic: Value | None
-    #: Which velocities are used. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
+    #: The velocities to use. Measured ones pass the filter of the positions, and accelerations are their derivative; --fourier uses positions only
     velocities: Value | None

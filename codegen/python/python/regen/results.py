@@ -1,4 +1,4 @@
-"""What the functions of a robot find."""
+"""The results of a robot's functions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Result:
-    """A result; ``data`` has all of it, as the JSON that the command prints."""
+    """A result; ``data`` is all of it, as in the JSON that the command prints."""
 
     def __init__(self, data: dict[str, Any]) -> None:
         #: All of the result.
@@ -32,7 +32,7 @@ class Result:
 
 
 def _table(rows: list[dict[str, Any]], index: str) -> Any:
-    """A DataFrame where pandas is installed, else the rows."""
+    """A DataFrame if pandas is installed, else the rows."""
     try:
         import pandas as pd
     except ImportError:
@@ -94,13 +94,13 @@ class Identified(Result):
 
     @property
     def phi(self) -> NDArray[np.float64] | None:
-        """All parameters of a physical model (``feasible=True``), SI; None where there is none."""
+        """All parameters of a physical model (``feasible=True``), SI; None without such a model."""
         rows = self.data.get("physical") or []
         return np.array([row["value"] for row in rows]) if rows else None
 
     @property
     def table(self) -> Any:
-        """The base parameters as a table: a DataFrame where pandas is installed."""
+        """The base parameters as a table: a DataFrame if pandas is installed."""
         return _table(self.data["parameters"], "label")
 
     @property
@@ -118,7 +118,7 @@ class Identified(Result):
 
 
 class Validation(Result):
-    """How well efforts are predicted."""
+    """The errors of predicted efforts."""
 
     @property
     def relative_absolute(self) -> NDArray[np.float64]:
@@ -151,7 +151,7 @@ class Validation(Result):
 
 
 class Excitation(Result):
-    """An exciting trajectory; ``trajectory`` is what `simulate` and `identify(reference=)` take."""
+    """An exciting trajectory; pass ``trajectory`` to `simulate` and `identify(reference=)`."""
 
     def __init__(self, found: dict[str, Any]) -> None:
         super().__init__(found["trajectory"])
@@ -168,11 +168,11 @@ class Excitation(Result):
 
 
 class Inspection(Result):
-    """What logs hold, and what they can identify."""
+    """The contents of logs, and the parameters that the logs can identify."""
 
     @property
     def proposal(self) -> str | None:
-        """A first experiment file, YAML."""
+        """A proposed experiment file, as YAML."""
         text: str | None = self.data["proposal"]
         return text
 

@@ -1,4 +1,4 @@
-"""Robots: their description, their functions over arrays of states, and what is done with logs."""
+"""Robots: their description, their functions over arrays of states, and identification from logs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Path = Union[str, "os.PathLike[str]"]
 class Closed(NamedTuple):
     """States of a mechanism whose loops are closed."""
 
-    #: All coordinates, rad or m; shape (..., n); NaN where the loops were not closed.
+    #: All coordinates, rad or m; shape (..., n); NaN at states whose loops were not closed.
     q: Array
     #: All velocities, rad/s or m/s; shape (..., n).
     qd: Array
@@ -54,7 +54,7 @@ class Closed(NamedTuple):
     qdd: Array
     #: Whether the loops are closed; shape (...).
     ok: NDArray[np.bool_]
-    #: Per state an empty text, or why the loops are not closed.
+    #: For each state, the reason why its loops are not closed; empty if they are.
     reasons: list[str]
 
 
@@ -111,7 +111,7 @@ class Robot:
             self.notes = [f"{n['file']}:{n['line']}: {n['text']}" for n in found["notes"]]
         elif any(value is not None for value in options.values()):
             raise InputError("a description in YAML takes no options of the import")
-        # mistakes in the description are told now, not at the first use
+        # raise errors about the description now rather than at the first use
         carried = {None: None, "none": False, "carried": True}[payload]
         with translated(), _call._shown(progress) as shown:
             self._native = _native.Derived(self._text, self._path, carried, shown)
@@ -138,7 +138,7 @@ class Robot:
 
     @property
     def description(self) -> str:
-        """The text of the description; for URDF and MJCF what the import made of it."""
+        """The text of the description; for URDF and MJCF, the description that the import wrote."""
         return self._text
 
     @property
@@ -173,7 +173,7 @@ class Robot:
 
     @property
     def nominal(self) -> Array:
-        """The nominal values of the parameters, NaN where the description has none; shape (p,)."""
+        """The nominal values of the parameters, NaN if the description has none; shape (p,)."""
         values = self._info["nominal"]
         return np.array([np.nan if v is None else v for v in values], dtype=float)
 
@@ -189,7 +189,7 @@ class Robot:
 
     @property
     def digest(self) -> str:
-        """The number that tells this model from others, as in files of factors and parameters."""
+        """The digest that identifies this model in files of factors and parameters."""
         return str(self._info["digest"])
 
     @property
@@ -221,7 +221,7 @@ class Robot:
         return Closed(all_q, all_qd, all_qdd, ok, reasons)
 
     def regressor(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-        """The regressor: efforts of the independent coordinates are it times the parameters.
+        """The regressor, which maps the parameters to the efforts of the independent coordinates.
 
         ``q``, ``qd``, ``qdd``: shape (..., n). Returns shape (..., dof, p), SI.
         """
@@ -274,7 +274,7 @@ class Robot:
         return self._with_parameters("mass_matrix", phi, beta, q=q)
 
     def to_base(self, phi: ArrayLike | None = None) -> Array:
-        """The base parameters of parameters ``phi`` (p,), nominal values by default; shape (rank,)."""
+        """The base parameters of parameters ``phi`` (p,), by default nominal ones; shape (rank,)."""
         return self.evaluate("to_base", phi=self.nominal if phi is None else phi)
 
     def evaluate(self, function: str, **arguments: ArrayLike) -> Array:
@@ -286,7 +286,7 @@ class Robot:
         return self.evaluate_with_pivots(function, **arguments)[0]
 
     def evaluate_with_pivots(self, function: str, **arguments: ArrayLike) -> tuple[Array, Array]:
-        """As :meth:`evaluate`, with the pivot of each state: about 1, at a singularity 0."""
+        """As :meth:`evaluate`, with the pivot of each state: about 1, and 0 at a singularity."""
         if function not in self._functions:
             raise InputError(f"there is no function '{function}'; there are {self.functions}")
         signature = self._functions[function]
@@ -336,7 +336,7 @@ class Robot:
         return self.evaluate(name, phi=phi, **states)
 
     def _complete(self, arguments: dict[str, ArrayLike]) -> None:
-        """Closes the loops where only the independent coordinates are given."""
+        """Closes the loops if only the independent coordinates are given."""
         n, dof = len(self.coordinates), self.dof
         if n == dof or "q" not in arguments:
             return
@@ -359,7 +359,7 @@ class Robot:
             if name in arguments:
                 arguments[name] = values.reshape(*shape, n)
 
-    # -- what the command does
+    # -- the commands
 
     def check(self) -> Explanation:
         """Explains the mechanism in words: mobility, loops, what cannot be identified and why."""
@@ -368,7 +368,7 @@ class Robot:
     def excite(
         self, *, progress: Progress | bool | None = None, **options: Unpack[ExciteOptions]
     ) -> Excitation:
-        """Seeks a trajectory from which the base parameters are identified well."""
+        """Searches for a trajectory from which the base parameters can be identified accurately."""
         return Excitation(self._run("excite", [], options, {}, progress))
 
     def simulate(
@@ -407,7 +407,7 @@ class Robot:
     def inspect(
         self, logs: Logs, /, *, progress: Progress | bool | None = None, **options: Unpack[InspectOptions]
     ) -> Inspection:
-        """Says what the columns of logs are, and what the logs can identify."""
+        """Recognises the columns of logs, and predicts which parameters the logs can identify."""
         return inspect(logs, robot=self, progress=progress, **options)
 
     def identify(
@@ -445,7 +445,7 @@ class Robot:
         progress: Progress | bool | None = None,
         **options: Unpack[ValidateOptions],
     ) -> Validation:
-        """Predicts the efforts of logs from identified parameters, and says how well."""
+        """Predicts the efforts of logs from identified parameters, and returns the errors."""
         texts: dict[str, str] = {}
         given: dict[str, Any] = dict(options)
         path = _file("parameters.json", parameters, texts)
@@ -463,7 +463,7 @@ class Robot:
         progress: Progress | bool | None = None,
         **options: Unpack[ReportOptions],
     ) -> Report:
-        """Shows what was identified on one HTML page, with tables and figures."""
+        """Writes the result of an identification as one HTML page, with tables and figures."""
         texts: dict[str, str] = {}
         given: dict[str, Any] = dict(options)
         path = _file("parameters.json", parameters, texts)
@@ -483,7 +483,7 @@ class Robot:
         progress: Progress | bool | None = None,
         **options: Unpack[ObserveOptions],
     ) -> Factors:
-        """Reduces logs to factors, all that least squares needs of them; see :class:`Factors`."""
+        """Reduces logs to factors, which suffice for least squares; see :class:`Factors`."""
         texts: dict[str, str] = {}
         given: dict[str, Any] = dict(options)
         with as_files(logs, texts) as files:
@@ -526,7 +526,7 @@ def inspect(
     progress: Progress | bool | None = None,
     **options: Unpack[InspectOptions],
 ) -> Inspection:
-    """Says what the columns of logs are; with a robot, also what the logs can identify."""
+    """Recognises the columns of logs; with a robot, also predicts what the logs can identify."""
     texts: dict[str, str] = {}
     given: dict[str, Any] = dict(options)
     if robot is not None:
@@ -539,13 +539,13 @@ def inspect(
 
 
 def observe(robot: Robot | Path, logs: Logs, /, **options: Unpack[ObserveOptions]) -> Factors:
-    """The map of a fleet: reduces one log, or several, to factors that merge; see :class:`Factors`."""
+    """Reduces one log, or several, to factors that can be merged; see :class:`Factors`."""
     own = robot if isinstance(robot, Robot) else Robot(robot)
     return own.observe(logs, **options)
 
 
 def _again(text: str, path: str, payload: str | None, notes: list[str]) -> Robot:
-    """A robot that was pickled."""
+    """Restores a pickled robot."""
     robot = Robot.__new__(Robot)
     text = text if "\n" in text else text + "\n"
     Robot.__init__(robot, text, payload=payload)

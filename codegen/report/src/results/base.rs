@@ -17,24 +17,24 @@ pub struct BaseJson<'a> {
     base: Vec<Row<'a>>,
     null_directions: NullDirections,
     certificate: Option<CertificateJson>,
-    /// The largest coefficient beside a kept parameter; null without combinations.
+    /// The largest coefficient of an eliminated parameter; null without combinations.
     largest_coefficient: Option<f64>,
-    /// The condition of the rows sampled, their kept columns scaled to length 1; null where it is
-    /// not known or above 1e7.
+    /// The condition of the sampled rows, with the kept columns scaled to length 1; null if it is
+    /// unknown or above 1e7.
     condition: Option<f64>,
-    /// The payloads, whose base parameters are apart from the robot's.
+    /// The payloads, whose base parameters are separate from the robot's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     payloads: Vec<PayloadJson<'a>>,
     complete: bool,
-    /// Why the base parameters are incomplete.
+    /// The reason why the base parameters are incomplete.
     reason: Option<String>,
     trees_opened: usize,
     equal_by_value: &'a [String],
     /// Names of geometric values that were not varied: completed factors hold at these values only.
     held: &'a [String],
-    /// Factors that are known as numbers only, not as expressions.
+    /// Factors that are numbers, for which no expression was found.
     unrecognised: &'a [String],
-    /// Why completed parameters act only together, one entry per eliminated parameter.
+    /// The reasons why completed parameters act only in combination, one per eliminated parameter.
     reasons: Vec<Reason<'a>>,
     known: Vec<KnownJson<'a>>,
     dropped: Vec<Row<'a>>,
@@ -58,7 +58,7 @@ struct PayloadJson<'a> {
 #[derive(Serialize)]
 struct Row<'a> {
     label: &'a str,
-    /// The payload that it belongs to; left out for the robot's own.
+    /// The payload that it belongs to; absent for the robot's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     payload: Option<&'a str>,
     terms: Vec<TermJson<'a>>,
@@ -100,7 +100,7 @@ struct CertificateJson {
 
 /// The base parameters of a robot, to be serialised.
 ///
-/// - `reasons`: why the parameters of completed directions act only together.
+/// - `reasons`: the reasons why the parameters of completed directions act only in combination.
 pub fn base<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> BaseJson<'a> {
     let own = &analysis.base;
     let rows = |dropped: bool| -> Vec<Row<'a>> {

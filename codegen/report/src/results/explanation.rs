@@ -6,7 +6,7 @@ use regen_codegen::explain::lines::{item, paragraph};
 use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Grouped, predicate};
 use serde::Serialize;
 
-/// Appends a title and the statements under it, each as a paragraph; nothing where there are none.
+/// Appends a title and the statements under it, each as a paragraph; nothing if there are none.
 fn section(out: &mut String, title: &str, lines: &[String]) {
     if lines.is_empty() {
         return;
@@ -51,22 +51,22 @@ pub fn explanation_text(explanation: &Explanation) -> String {
         "Relations on this branch",
         &facts(&explanation.relations),
     );
-    let unseen = explanation.unidentifiable.iter();
-    let unseen: Vec<String> = unseen
-        .map(|unseen| {
-            let parameters = unseen.parameters.join(" ");
-            let provenance = provenance(unseen.derived);
-            match &unseen.reason {
+    let without_effect = explanation.unidentifiable.iter();
+    let without_effect: Vec<String> = without_effect
+        .map(|own| {
+            let parameters = own.parameters.join(" ");
+            let provenance = provenance(own.derived);
+            match &own.reason {
                 Some(reason) => format!("{parameters}: {reason} ({provenance})"),
                 None => format!("{parameters}: no motion shows it ({provenance})"),
             }
         })
         .collect();
-    section(&mut out, "Parameters without any effect", &unseen);
+    section(&mut out, "Parameters without any effect", &without_effect);
     section(
         &mut out,
         "Parameters that act only together with others",
-        &merged(&explanation.grouped),
+        &grouped(&explanation.grouped),
     );
     section(
         &mut out,
@@ -85,8 +85,9 @@ fn provenance(derived: bool) -> &'static str {
     if derived { "derived" } else { "completed" }
 }
 
-/// Lines on merged parameters: those with the same reason and the same origin share a line.
-fn merged(all: &[Grouped]) -> Vec<String> {
+/// Lines about parameters that are grouped with others: those with the same reason and provenance
+/// share a line.
+fn grouped(all: &[Grouped]) -> Vec<String> {
     let mut groups: Vec<(&Option<String>, bool, Vec<&str>)> = Vec::new();
     for one in all {
         let same = |group: &&mut (&Option<String>, bool, Vec<&str>)| {

@@ -1,4 +1,4 @@
-//! What logs hold, and what they can identify, as tables.
+//! The facts found about logs, and the prediction of what they can identify, as tables.
 
 use std::fmt::Write as _;
 
@@ -6,16 +6,16 @@ use regen_codegen::explain::lines::{columns, field, item, paragraph};
 use regen_identify::text::figure_of;
 use regen_inspect::{Clock, ClockSource, Column, LogFacts, Prediction, Role};
 
-/// What was found in logs, to be printed.
+/// The result of an inspection of logs.
 #[derive(Clone, Copy, Debug)]
 pub struct Inspection<'a> {
     /// The robot's name, where one was given.
     pub robot: Option<&'a str>,
-    /// What each log holds.
+    /// The facts found about each log.
     pub logs: &'a [LogFacts],
-    /// What the logs can identify of the robot.
+    /// How well the logs can identify the robot's parameters.
     pub prediction: Option<&'a Prediction>,
-    /// What contradicts the robot, in words.
+    /// The contradictions between the logs and the robot, one sentence each.
     pub doubts: &'a [String],
     /// Why there is no prediction although a robot was given.
     pub unpredicted: Option<&'a str>,
@@ -30,7 +30,7 @@ fn percent(share: f64) -> String {
     }
 }
 
-/// A name that fits into a table.
+/// A name cut to 18 characters, to fit into a table.
 fn short(name: &str) -> String {
     name.chars().take(18).collect()
 }
@@ -39,7 +39,7 @@ fn three(value: f64) -> String {
     figure_of(3, value)
 }
 
-/// What was found in logs as tables of at most 80 columns.
+/// The result of an inspection as tables of at most 80 columns.
 pub fn inspection_text(found: &Inspection<'_>) -> String {
     let mut out = String::new();
     for (k, log) in found.logs.iter().enumerate() {
@@ -69,8 +69,8 @@ fn clock(clock: &Clock) -> String {
         (ClockSource::Column, Some(column)) => format!("column {column}, in {}", clock.unit),
         (ClockSource::Column, None) => "a column".to_owned(),
         (ClockSource::Rate, _) => "the stated rate".to_owned(),
-        (ClockSource::Velocities, _) => "velocities beside positions".to_owned(),
-        (ClockSource::Unknown, _) => "unknown: all is per row".to_owned(),
+        (ClockSource::Velocities, _) => "positions and their velocities".to_owned(),
+        (ClockSource::Unknown, _) => "an unknown clock: times are counted in rows".to_owned(),
     };
     format!(
         "{} s at {} Hz from {source}; jitter {} ms, {} gaps",

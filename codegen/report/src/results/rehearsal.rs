@@ -1,4 +1,4 @@
-//! The scores of a rehearsal for people.
+//! The scores of a rehearsal as text.
 
 use std::fmt::Write as _;
 
@@ -24,13 +24,13 @@ pub struct Rehearsed<'a> {
     pub step: f64,
     /// The first seed.
     pub seed: u64,
-    /// The part by which the true parameters differ from the nominal ones at most.
+    /// The largest relative difference between the true parameters and the nominal ones.
     pub perturb: f64,
-    /// What the simulated robot has and the model has not, in words.
+    /// The effects that the simulated robot has and the model lacks, in words.
     pub unmodelled: Option<String>,
     /// Whether seeds are missing because the run was interrupted.
     pub interrupted: bool,
-    /// The least score that was asked for, percent.
+    /// The least score to pass, percent.
     pub needed: f64,
     /// Whether the score reaches it.
     pub passed: bool,
@@ -83,7 +83,7 @@ pub fn rehearsed_text(json: &Rehearsed<'_>) -> String {
     out
 }
 
-/// The table of the parameters and what it says in all, of so many seeds with an estimate.
+/// The table of the parameters and their summary, from this many seeds with an estimate.
 fn of_estimates(json: &Rehearsed<'_>, estimates: usize) -> String {
     let score = json.score;
     let mut out = "\n".to_owned();

@@ -1,22 +1,25 @@
-//! How well the sampled rows are conditioned in the kept columns.
+//! The condition number of the sampled rows in the kept columns.
 
 use std::collections::BTreeMap;
 
 use super::rank::Samples;
 use crate::model::Model;
 
-/// Conditions above this cannot be told from products of doubles.
-const LARGEST: f64 = 1e7;
-/// The largest number of steps of a power iteration, and the relative change at which it ends.
-const STEPS: usize = 1000;
-const CHANGE: f64 = 1e-7;
+/// Larger conditions cannot be computed from scalar products in double precision, whose condition
+/// is the square.
+const MAX_CONDITION: f64 = 1e7;
+/// The largest number of steps of a power iteration.
+const MAX_STEPS: usize = 1000;
+/// The relative change of the eigenvalue at which a power iteration ends.
+const MIN_CHANGE: f64 = 1e-7;
 
 impl Samples {
-    /// As [`condition`](Self::condition), of those columns of a mechanism that are kept; of several
-    /// groups of columns (payloads) the largest.
+    /// As [`condition`](Self::condition), for the kept columns of a mechanism; if its columns form
+    /// several groups (payloads), the largest condition of a group.
     ///
-    /// - `replaced`: the parameters that others replace, each as its column, the column of one that
-    ///   replaces it, and the factor in SI units: its column is added to that one.
+    /// - `replaced`: the parameters that combinations of others replace; for each of these others,
+    ///   the column of the replaced parameter, the other's column, and the factor in SI units by
+    ///   which the first column is added to the second.
     pub(in crate::base) fn condition_of_groups(
         &self,
         model: &Model,
@@ -30,8 +33,8 @@ impl Samples {
             .fold(1.0, f64::max)
     }
 
-    /// The condition of the sampled rows of some columns, each column scaled to length 1: the
-    /// largest singular value divided by the smallest. Infinite where it is above 1e7.
+    /// The condition of the sampled rows in some columns, each column scaled to length 1: the
+    /// largest singular value divided by the smallest. Infinite if it is above 1e7.
     pub fn condition(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> f64 {
         let Some(factor) = cholesky(self.products(columns, replaced)) else {
             return f64::INFINITY;
@@ -40,7 +43,7 @@ impl Samples {
         let largest = power(n, |x| times(&factor, &times_transposed(&factor, x)));
         let least = power(n, |x| backward(&factor, &forward(&factor, x)));
         let condition = libm::sqrt(largest * least);
-        if condition < LARGEST {
+        if condition < MAX_CONDITION {
             condition.max(1.0)
         } else {
             f64::INFINITY
@@ -140,17 +143,17 @@ fn backward(l: &[Vec<f64>], b: &[f64]) -> Vec<f64> {
     x
 }
 
-/// The largest eigenvalue of a symmetric positive definite operator, by power iteration from a
-/// start with parts in all directions.
+/// The largest eigenvalue of a symmetric positive definite operator, by power iteration from a start
+/// that no symmetry of the columns makes orthogonal to the eigenvector.
 fn power(n: usize, apply: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
     let mut x: Vec<f64> = (0..n).map(|i| 1.0 + (i % 7) as f64 / 7.0).collect();
     let mut value = 1.0;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_STEPS {
         let size = length(&x);
         x = apply(&x.iter().map(|x| x / size).collect::<Vec<_>>());
         let before = value;
         value = length(&x);
-        if (value - before).abs() <= CHANGE * value {
+        if (value - before).abs() <= MIN_CHANGE * value {
             break;
         }
     }
@@ -173,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn the_condition_is_that_of_the_columns_directions() {
+    fn the_condition_does_not_depend_on_the_columns_lengths() {
         // orthogonal columns of any length
         assert!((samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1], &[]) - 1.0).abs() < 1e-9);
         // columns at an angle of 2 atan(1/3): the condition is the cotangent of its half
@@ -186,9 +189,9 @@ mod tests {
         );
     }
 
-    /// The first column is that of a parameter which the second one follows.
+    /// The second parameter is replaced by the first one, so that its column is added to the first.
     #[test]
-    fn what_another_parameter_replaces_counts_with_that_one() {
+    fn the_column_of_a_replaced_parameter_is_added_to_that_of_the_other() {
         let samples = samples(&[[3.0, 0.0, 3.0], [1.0, -2.0, 1.0]]);
         assert!(samples.condition(&[0, 2], &[]).is_infinite());
         let found = samples.condition(&[0, 2], &[(1, 0, 1.0)]);

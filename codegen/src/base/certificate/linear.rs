@@ -8,8 +8,8 @@ use super::float320::Float320;
 use super::sparse::Row;
 
 /// Exponent of the threshold for rounding: entries below 2^-200, or 1e-60, of the largest pivot
-/// count as zero. That is far from both the rounding of 96 digits and any entry that a mechanism of
-/// sane proportions has.
+/// count as zero. This is far above the rounding errors of 96 digits, and far below any entry of a
+/// mechanism with realistic proportions.
 const ROUNDING_BITS: i32 = 200;
 
 /// A matrix after elimination.
@@ -76,9 +76,10 @@ struct OpenRows {
     rows: Vec<OpenRow>,
     /// The numbers of the open rows.
     open: Vec<usize>,
-    /// For each column, the numbers of all open rows that have an entry there, and of some others.
+    /// For each column, the numbers of all open rows that have an entry there. Numbers of rows whose
+    /// entry has vanished may remain.
     with_entry: Vec<Vec<usize>>,
-    /// The exponents of the largest entries of columns, where they were needed and hold still.
+    /// The cached exponents of the largest entries of columns; `None` if not computed, or outdated.
     exponents: Vec<Option<i32>>,
     /// The columns that are eliminated.
     width: usize,
@@ -147,11 +148,11 @@ impl OpenRows {
         None
     }
 
-    /// Takes out the row at a place in `open`, and reduces the others such that their entries in
-    /// the given column become 0.
+    /// Removes the row at a place in `open`, and subtracts multiples of it from the others, such that
+    /// their entries in the given column become 0.
     fn eliminate(&mut self, place: usize, column: usize, inverse: Float320) -> Row {
         let pivot_row = core::mem::take(&mut self.rows[self.open.swap_remove(place)].row);
-        // of the columns of this row alone, entries change
+        // entries change only in the columns of this row
         for (c, _) in pivot_row.entries() {
             if let Some(exponent) = self.exponents.get_mut(c) {
                 *exponent = None;
@@ -176,7 +177,7 @@ impl OpenRows {
         pivot_row
     }
 
-    /// Closes the rows that have only rounding left, and returns the largest entry of these.
+    /// Closes the rows in which only rounding errors remain, and returns their largest entry.
     fn drop_rounding(&mut self, floor: &Float320) -> Float320 {
         let mut dropped = Float320::ZERO;
         let rows = &mut self.rows;
@@ -396,7 +397,7 @@ pub(super) fn solve_rows(
         let (row, column) = (&done.rows[k], done.columns[k]);
         let inverse = row.get(column).reciprocal()?;
         let mut values = vec![Float320::ZERO; sides];
-        // the unknowns that are known already, in the order in which their columns were eliminated
+        // the unknowns that are already solved, in the order in which their columns were eliminated
         let mut known: Vec<(usize, usize, Float320)> = Vec::new();
         for (c, x) in row.entries() {
             match c.checked_sub(unknowns) {

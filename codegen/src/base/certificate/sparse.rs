@@ -1,5 +1,5 @@
-//! Rows of which only the nonzero entries are stored: the energies of a body in a branching chain
-//! depend on few of the parameters.
+//! Rows that store only their nonzero entries: the energies of a body in a branching chain depend on
+//! few of the parameters.
 
 use super::float320::Float320;
 
@@ -38,13 +38,13 @@ impl Row {
         self.entry(column).copied().unwrap_or(Float320::ZERO)
     }
 
-    /// The magnitude of the largest entry; 0 of a row without any.
+    /// The magnitude of the largest entry; 0 for an empty row.
     pub(super) fn largest(&self) -> Float320 {
         let entries = self.0.iter();
         entries.fold(Float320::ZERO, |m, (_, x)| m.max(x.abs()))
     }
 
-    /// The row with these columns alone, which are numbered anew in the given order.
+    /// The row restricted to these columns, renumbered in the given order.
     pub(super) fn of_columns(&self, columns: &[usize]) -> Row {
         let entries = (0_u32..).zip(columns);
         Row(entries
@@ -59,7 +59,7 @@ impl Row {
         self
     }
 
-    /// Adds the entries of another row behind `width` columns.
+    /// Appends the entries of another row, whose column 0 becomes column `width`.
     pub(super) fn append(&mut self, width: usize, other: &Row) {
         let shifted = other.0.iter().map(|(c, x)| (*c + width as u32, *x));
         self.0.extend(shifted);

@@ -64,7 +64,7 @@ fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
     assert!(difference.is_zero());
     assert_eq!(printed(&f, &difference), "0");
     assert_eq!(f.coincidences().collect::<Vec<_>>(), ["l1 = l2"]);
-    // a difference whose expression is zero too is no coincidence
+    // a difference whose expression is zero too is not a coincidence
     let nothing = f.sub(&left, &left);
     assert!(nothing.is_zero() && f.coincidences().count() == 1);
 }

@@ -41,7 +41,7 @@ impl SampledFactor {
     /// that is nearly symmetric may agree in as many digits as a double has. Factors that differ as
     /// functions of the names differ at some sample, since these are unrelated numbers.
     pub(super) fn leading_digits(&self) -> Vec<u64> {
-        // no sample has the bits of a value that is no number
+        // no sample has the bits of a value that is not a number
         let bits = |value: Option<&Float320>| value.map_or(f64::NAN, Float320::to_f64).to_bits();
         let one_scaled = self.one_scaled.iter().map(|value| bits(value.as_ref()));
         let all_scaled = self

@@ -18,8 +18,8 @@ pub(super) fn support(direction: &[Float320]) -> Vec<usize> {
     support
 }
 
-/// The supports of several forms of a direction, each with as many zeros as possible at the first
-/// columns of some order, by adding multiples of the derived null directions.
+/// The supports of several forms of a direction. Each form results from adding multiples of the
+/// derived null directions, such that as many as possible of the first columns of some order are 0.
 pub(super) fn equivalent_supports(
     model: &Model,
     null: &[Vector],
@@ -44,7 +44,7 @@ pub(super) fn equivalent_supports(
         _ => true,
     };
     let columns = || 0..direction.len();
-    // once with outer bodies eliminated before inner ones, once the other way round
+    // each once with outer bodies before inner ones, and once in the opposite order
     let sorted = ELIMINATED_LAST.iter().flat_map(|last| {
         [columns().rev().collect(), columns().collect()].map(|mut order: Vec<usize>| {
             order.sort_by_key(|c| is_last(*c, last));

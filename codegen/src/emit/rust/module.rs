@@ -17,7 +17,7 @@ use super::{base, stated, trait_impl};
 
 /// The most zeros of a matrix that are stored one by one: more are code that is read once and slower
 /// than a fill of the memory.
-const MOST_STORED_ZEROS: usize = 1000;
+const MAX_STORED_ZEROS: usize = 1000;
 
 /// Options for the text of a module.
 #[derive(Clone, Debug)]
@@ -370,7 +370,7 @@ fn write_zeros(program: &Program, proto: &str, out: &mut String) {
         return;
     }
     let _ = writeln!(out, "    let zero = {proto}[0].splat(0.0);");
-    if zeros > MOST_STORED_ZEROS {
+    if zeros > MAX_STORED_ZEROS {
         let _ = writeln!(out, "    {name}.fill([zero; {inner}]);");
         return;
     }

@@ -159,9 +159,8 @@ fn emit_call(function: &Function, runtime: &str, out: &mut String) {
     }
 }
 
-/// Emits the arm of a function that the robot does not have: without dependent coordinates nothing
-/// is solved, a tree has no rows, and few robots have swing limits. The arm checks the lengths of
-/// the arguments and writes nothing.
+/// Emits the arm of a function that the robot does not have, such as those of loop closure for a
+/// tree, or swing limits. The arm checks the lengths of the arguments and writes nothing.
 fn emit_missing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
     let arguments = kind.signature().arguments.iter();
     let names: Vec<&str> = arguments

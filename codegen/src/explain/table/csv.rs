@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use super::Table;
 
 impl Table {
-    /// The table as comma-separated values with a header: number, kept parameter, combination, what
-    /// it rests on, and the payload that it belongs to.
+    /// The table as comma-separated values with a header: number, kept parameter, combination,
+    /// its evidence, and the payload that it belongs to.
     pub fn csv(&self) -> String {
         let mut out = String::from("no,parameter,combination,rests_on,payload\n");
         for (k, row) in self.rows.iter().enumerate() {
@@ -14,7 +14,7 @@ impl Table {
             let cells = [
                 kept,
                 &row.plain(),
-                &row.rests_on(),
+                &row.provenance(),
                 row.payload.as_deref().unwrap_or(""),
             ];
             let cells = cells.map(quoted);

@@ -7,7 +7,7 @@ use crate::base::latex;
 use super::factor::Factor;
 use super::{Part, Row, Table};
 
-/// Columns for the number, for the combination, which wraps, and for what it rests on.
+/// The columns: the number, the combination, which wraps, and its evidence.
 const COLUMNS: &str = "r >{\\raggedright\\arraybackslash}p{\\dimexpr\\linewidth-6\\tabcolsep-8.3em\\relax} \
                        >{\\raggedright\\arraybackslash}p{6.3em}";
 
@@ -28,7 +28,7 @@ impl Table {
             self.robot
                 .replace(|c: char| !c.is_ascii_alphanumeric(), "-"),
         );
-        let head = "No & Base parameter & Rests on \\\\\n\\midrule\n";
+        let head = "No & Base parameter & Evidence \\\\\n\\midrule\n";
         let _ = write!(
             out,
             "{head}\\endfirsthead\n\\toprule\n{head}\\endhead\n\
@@ -44,7 +44,7 @@ impl Table {
                 "{} & ${}$ & {} \\\\",
                 k + 1,
                 row.latex(),
-                row.rests_on()
+                row.provenance()
             );
         }
         out.push_str("\\end{longtable}\n\n{\\footnotesize\\raggedright\\noindent\n");

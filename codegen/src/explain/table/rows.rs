@@ -13,7 +13,7 @@ pub(super) struct Part {
     pub(super) latex: String,
 }
 
-/// A combination, and how it is known.
+/// A combination, with the layer of the derivation that proved it and the exactness of its factors.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
     /// The payload that the combination belongs to; `None` for the robot's own.
@@ -47,8 +47,8 @@ impl Part {
 }
 
 impl Row {
-    /// The layer, with a mark where factors are not known as functions of the geometry names.
-    pub(super) fn rests_on(&self) -> String {
+    /// The layer, with a mark if the factors are not known as functions of the geometry names.
+    pub(super) fn provenance(&self) -> String {
         format!("{}{}", layer(self.layer), mark(self.exactness))
     }
 
@@ -57,7 +57,8 @@ impl Row {
         parts.map(|(k, part)| part.plain(k)).collect()
     }
 
-    /// The combination in lines of at most this width, broken between terms, or else within a term.
+    /// The combination in lines of at most this width, broken between terms or, where a term is
+    /// longer than a line, within it.
     pub(super) fn lines(&self, width: usize) -> Vec<String> {
         let mut lines = vec![String::new()];
         let mut append = |piece: &str, joint: &str| {
@@ -99,7 +100,7 @@ impl Row {
     }
 }
 
-/// Splits a word into pieces of at most this width, after operators where there are some.
+/// Splits a word into pieces of at most this width, after an operator where possible.
 fn pieces(word: &str, width: usize) -> Vec<&str> {
     let mut pieces = Vec::new();
     let mut rest = word;

@@ -37,8 +37,8 @@ impl Checker<'_> {
         }
     }
 
-    /// Refuses the name of a drive that is also that of a joint, a body or a constant: the drive
-    /// would have the coordinate or the parameters of the other one.
+    /// Refuses a drive with the name of a joint, a body or a constant: their coordinates or
+    /// parameters would have the same names.
     fn drive_name(&mut self, name: &Word) {
         let raw = self.raw;
         let joints = || raw.limbs.iter().flat_map(|limb| &limb.joints);
@@ -63,11 +63,11 @@ impl Checker<'_> {
         }
     }
 
-    /// The error about a drive where only coordinates of joints may stand: as the key of a coupling,
-    /// or in the form of a coupling or of a drive.
+    /// The error about a drive in a place where only coordinates of joints are allowed: the key or
+    /// the form of a coupling, or the form of a drive.
     pub(super) fn drive_in_coupling(&self, word: &Word) -> Option<Diagnostic> {
         let place = *self.drives.get(word.text.as_str())?;
-        let message = format!("'{}' is a drive, and no coordinate of a joint", word.text);
+        let message = format!("'{}' is a drive, not the coordinate of a joint", word.text);
         Some(
             word.error(message)
                 .secondary(place, "the drive")

@@ -241,7 +241,7 @@ fn misplaced(symbol: &Word, joint: &RawJoint, allowed: &[&str], noun: &str) -> D
     }
     let near = did_you_mean(&symbol.text, allowed.iter().copied());
     let fault = symbol.error(format!(
-        "'{}' is no parameter of friction '{friction}'{near}",
+        "'{}' is not a parameter of friction '{friction}'{near}",
         symbol.text
     ));
     if allowed.is_empty() {

@@ -48,7 +48,7 @@ impl Checker<'_> {
                 self.sink.push(
                     symbol
                         .error(format!(
-                            "'{}' is no parameter of this spring{near}",
+                            "'{}' is not a parameter of this spring{near}",
                             symbol.text
                         ))
                         .hint(format!("it has {all}")),

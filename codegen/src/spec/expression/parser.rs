@@ -251,8 +251,8 @@ impl Parser<'_> {
         if self.vocabulary == Vocabulary::Coordinates {
             return Ok(Ast::new(AstKind::Variable(text.to_owned()), span));
         }
-        Err(Fault::new(span, format!("'{text}' cannot stand here"))
-            .hint("names consist of letters, digits and '_'; only couplings speak of coordinates such as 's1.1'"))
+        Err(Fault::new(span, format!("'{text}' is not allowed here"))
+            .hint("names consist of letters, digits and '_'; only couplings contain coordinates such as 's1.1'"))
     }
 
     /// The error about a token where an operator is expected.

@@ -6,11 +6,11 @@ use super::super::types::{Joint, Limb, LinearForm, Placement, Quantity, Spanned,
 use super::{Resolver, spanned, zero_quantity};
 use crate::diag::{Diagnostic, Span};
 
-/// Largest difference between a drive's value at home and that of its form, relative to the larger
-/// of them and 1: values of home may be printed with seven digits.
+/// Largest difference between a drive's value at home and that of its linear form, relative to the
+/// largest of both and 1: values of home may be printed with seven digits.
 const HOME_TOLERANCE: f64 = 1e-6;
 
-/// A drive as the joint and the form that stand for it.
+/// A drive, represented by a massless joint and the linear form that couples it to other joints.
 pub(super) struct ResolvedDrive {
     name: Spanned<String>,
     joint: Joint,
@@ -39,7 +39,7 @@ impl Resolver<'_> {
         })
     }
 
-    /// Refuses a drive's value at home that is not that of its joints, where home states both.
+    /// Reports a drive whose value at home contradicts those of its joints, if home states both.
     pub(super) fn check_home_of_drives(&mut self, spec: &Spec) {
         for (key, given) in &spec.home {
             let is_drive = spec.drives.iter().any(|drive| drive.value == key.value);
@@ -71,7 +71,7 @@ impl Resolver<'_> {
     }
 }
 
-/// Adds the limbs and couplings that stand for the drives.
+/// Adds the limbs and couplings that represent the drives.
 pub(super) fn add(drives: Vec<ResolvedDrive>, spec: &mut Spec) {
     for ResolvedDrive { name, joint, form } in drives {
         spec.limbs.push(Limb {

@@ -8,9 +8,9 @@ use crate::spec::yaml::{Kind, Node, shorten};
 
 /// A type with a word for each of its values.
 pub(in crate::spec) trait Choice: Copy + PartialEq + 'static {
-    /// The noun for a value in messages: `joint type`.
+    /// The noun for a value in messages, such as `joint type`.
     const NOUN: &'static str;
-    /// Word, value and meaning of each value.
+    /// The word, the value itself and its description, for each value.
     const ALL: &'static [(&'static str, Self, &'static str)];
 
     /// The word for a value.

@@ -138,7 +138,7 @@ fn check_coordinate(text: &str) -> Result<(), Refusal> {
         return Ok(());
     }
     Err((
-        "is no coordinate".into(),
+        "is not a coordinate".into(),
         "coordinates are joint names, with an axis at compound joints: 'q2', 's1.1'".into(),
     ))
 }
@@ -148,7 +148,7 @@ fn check_parameter(text: &str) -> Result<(), Refusal> {
         return Ok(());
     }
     Err((
-        "is no parameter".into(),
+        "is not a parameter".into(),
         "parameters are written 'Ixx(1)', 'Fv(q2)', 'J(q2)'".into(),
     ))
 }
@@ -224,8 +224,11 @@ fn check_term_name(text: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Accepts any text: it is checked later, when more is known.
-#[allow(clippy::unnecessary_wraps)] // has the signature of the checks that do refuse
+/// Accepts any text. A later stage checks it, when the rest of the spec is known.
+#[allow(
+    clippy::unnecessary_wraps,
+    reason = "it has the signature of the checks that can refuse a text"
+)]
 fn accept_any(_: &str) -> Result<(), Refusal> {
     Ok(())
 }

@@ -210,7 +210,7 @@ macro_rules! record {
         pub(in crate::spec) struct $name {
             $( $(#[doc = $field_doc])+ pub(in crate::spec) $field: record!(@type $mode $type), )+
             /// The place of the record in the file.
-            #[allow(dead_code)] // not every record is pointed at as a whole
+            #[allow(dead_code, reason = "errors point at some records only by their fields")]
             pub(in crate::spec) span: $crate::diag::Span,
         }
 

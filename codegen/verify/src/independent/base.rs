@@ -63,7 +63,7 @@ impl Subject<'_> {
         let whole = sums.iter().map(|s| s.1).fold(0.0, larger);
         let mut total = 0.0;
         for (error, sum) in sums {
-            // columns of mere rounding errors are not scaled up
+            // columns that contain only rounding errors are not scaled up
             let size = if sum > 1e-24 * whole { sum } else { whole };
             if size > 0.0 {
                 total += error / size;
@@ -91,8 +91,8 @@ impl Subject<'_> {
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate() {
             let theirs = Compared::at(self.reference, state)?;
-            // any parameters; if `base` relates some of them or drops columns, parameters that
-            // satisfy this
+            // random parameters; if the spec's `base` relates some of them or drops columns, they
+            // must satisfy these relations
             let any = analysis.base.known.is_empty()
                 && analysis.base.parameters.iter().all(|p| !p.dropped);
             let phi = if any {

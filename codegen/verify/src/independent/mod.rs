@@ -31,7 +31,7 @@ pub use vectors::Vectors;
 /// Number of closed states.
 const STATES: usize = 8;
 /// Least ratio of the conditioning of A_e at a state to that at home. The bounds grow near a
-/// singularity, where large errors are no evidence against the model.
+/// singularity, where large errors are not evidence against the model.
 const MIN_CONDITIONING_RATIO: f64 = 0.1;
 /// Largest number of random states drawn until one is well enough conditioned.
 const MAX_TRIES: usize = 20;

@@ -240,7 +240,7 @@ impl McapMessages {
 fn chunk(data: &[u8]) -> Result<Vec<u8>, String> {
     let found = parse_record(op::CHUNK, data).map_err(|error| error.to_string())?;
     let Record::Chunk { header, data } = found else {
-        return Err("it is no chunk".to_owned());
+        return Err("it is not a chunk".to_owned());
     };
     let records = compression::records(&header.compression, &data, header.uncompressed_size)?;
     let sum = crc32fast::hash(&records);

@@ -1,4 +1,4 @@
-//! The messages of a recording, one after another as they were recorded.
+//! Reads the messages of a recording in the order in which they were recorded.
 
 mod mcap_file;
 mod sqlite;
@@ -12,18 +12,18 @@ use crate::known::Decoder;
 use mcap_file::McapMessages;
 use sqlite::SqliteMessages;
 
-/// A topic as one publisher writes it.
+/// A topic with the type and encoding of its messages.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     pub(crate) topic: String,
     pub(crate) type_name: String,
-    /// How its messages are decoded: `None` where their type is not a known one, or why they
-    /// cannot be.
+    /// The decoder of its messages, or the reason why they cannot be decoded; `None` if their type
+    /// is not one that is read.
     pub(crate) decoder: Option<Result<Decoder, String>>,
 }
 
 impl Channel {
-    /// - `definition`: its encoding and text, if the recording has one.
+    /// - `definition`: the encoding and the text of the type's definition, if the recording has one.
     fn new(topic: &str, type_name: &str, encoding: &str, definition: Option<(&str, &str)>) -> Self {
         let stored = definition.filter(|(kind, text)| *kind == "ros2msg" && !text.is_empty());
         let mut decoder = Decoder::new(type_name, stored.map(|(_, text)| text));
@@ -39,18 +39,18 @@ impl Channel {
         }
     }
 
-    /// Whether it is the topic of a name, with or without the slash before it.
+    /// Whether the topic has this name; a leading slash makes no difference.
     pub(crate) fn is(&self, topic: &str) -> bool {
         self.topic.trim_start_matches('/') == topic.trim_start_matches('/')
     }
 
-    /// Whether two channels are one topic.
+    /// Whether the channel has this topic and type.
     pub(crate) fn same(&self, topic: &str, type_name: &str) -> bool {
         self.topic == topic && short_name(&self.type_name) == short_name(type_name)
     }
 }
 
-/// Where a message is, for errors.
+/// The place of a message in its file, for errors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
     /// The byte of an MCAP file at which its record begins.
@@ -58,7 +58,7 @@ pub(crate) enum Place {
     /// The number of a chunk from 1, the byte of the file at which it begins, and the byte of its
     /// decompressed records.
     Chunk(u64, u64, u64),
-    /// The identifier in the table of messages.
+    /// The identifier of a row in the table of messages.
     Row(i64),
 }
 
@@ -77,7 +77,7 @@ impl core::fmt::Display for Place {
 
 /// A message as it was recorded.
 pub(crate) struct Recorded<'a> {
-    /// The file that it is in.
+    /// The file that contains it.
     pub(crate) file: &'a Path,
     pub(crate) channel: &'a Channel,
     /// When it was received, ns.
@@ -94,17 +94,17 @@ enum Storage {
 /// The messages of all files of a recording.
 pub(crate) struct Messages {
     parts: std::vec::IntoIter<Part>,
-    /// The topic that is read; of databases all known ones where there is none.
+    /// The topic that is read; `None` reads all topics with known types.
     topic: Option<String>,
     current: Option<Storage>,
-    /// The present file.
+    /// The current file.
     pub(crate) file: PathBuf,
 }
 
 impl Messages {
-    /// Opens a recording before its first message.
+    /// Opens a recording, before its first message.
     ///
-    /// - `topic`: the topic whose messages are wanted; others may come too.
+    /// - `topic`: the topic whose messages are wanted; [`Self::next`] may return others too.
     pub(crate) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
         Ok(Self {
             parts: folder::parts(path)?.into_iter(),
@@ -114,10 +114,10 @@ impl Messages {
         })
     }
 
-    /// The next message; `None` behind the last one.
+    /// The next message; `None` after the last one.
     ///
-    /// - `begun`: called with the topics of each database when it is opened, with their numbers of
-    ///   messages; those of MCAP files are counted as their messages come.
+    /// - `begun`: called for each topic of a database when the database is opened, with its number
+    ///   of messages. It is not called for MCAP files, whose messages the caller counts.
     pub(crate) fn next(
         &mut self,
         begun: &mut dyn FnMut(&Channel, u64),

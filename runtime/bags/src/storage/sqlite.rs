@@ -1,4 +1,4 @@
-//! Messages of a database of rosbag2, some hundred at a time.
+//! Reads the messages of a rosbag2 database, [`BATCH`] at a time.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,9 +11,9 @@ use super::{Channel, Place, Recorded};
 use crate::compression;
 use crate::error::BagError;
 
-/// Messages read at a time.
+/// The number of messages that are read at a time.
 const BATCH: usize = 256;
-/// Longest message with joint states, bytes.
+/// The longest message that is read, bytes: joint states are far shorter.
 const MAX_MESSAGE: i64 = 1 << 22;
 
 /// The messages of a file.
@@ -26,14 +26,14 @@ pub(super) struct SqliteMessages {
     query: String,
     /// The identifier of the last message read.
     last: i64,
-    /// Messages in reverse order: identifier, topic, time of receipt in ns, data.
+    /// The next messages in reverse order: identifier, topic, time of receipt in ns, data.
     batch: Vec<(i64, i64, i64, Vec<u8>)>,
     present: Option<(i64, i64, i64, Vec<u8>)>,
     ended: bool,
 }
 
-/// The path as a URI that says that nobody writes the file, so that reading leaves nothing beside
-/// it.
+/// The path as a URI that declares the file immutable, so that SQLite creates no lock or log files
+/// next to it.
 fn immutable(path: &Path) -> Option<String> {
     use core::fmt::Write;
     let full = std::path::absolute(path).ok()?;
@@ -51,7 +51,7 @@ fn immutable(path: &Path) -> Option<String> {
 
 fn connect(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    // the messages of an unfinished recording are beside the file
+    // an unfinished recording has its last messages in a write-ahead log, which SQLite must read too
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     match immutable(path).filter(|_| !Path::new(&log).exists()) {
@@ -60,7 +60,7 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     }
 }
 
-/// The number of bytes that a database says to have, if it says so, and those that it has.
+/// The size of a database by its header, if that is valid, and the size of the file, bytes.
 fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
     let mut head = Vec::new();
     let file = File::open(path)?;
@@ -77,7 +77,8 @@ fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
             size => Some(u64::from(size)),
         }
     };
-    // the number of pages counts where it was written by the last change
+    // the number of pages is valid only if the last writer updated it (SQLite file format,
+    // "In-header database size")
     let pages = number(28).filter(|_| number(24) == number(92));
     Ok((
         pages.and_then(|pages| Some(u64::from(pages) * page()?)),
@@ -88,7 +89,7 @@ fn lengths(path: &Path) -> std::io::Result<(Option<u64>, u64)> {
 impl SqliteMessages {
     /// Opens a database.
     ///
-    /// - `topic`: the topic that is read; all of known types where there is none.
+    /// - `topic`: the topic that is read; `None` for all topics of known types.
     pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
         let (stated, length) = lengths(path).map_err(|source| BagError::Io {
             file: path.to_path_buf(),
@@ -153,7 +154,7 @@ impl SqliteMessages {
             .map(|(channel, count)| (channel, *count))
     }
 
-    /// Goes on to the next message; false behind the last one.
+    /// Moves to the next message; returns false after the last one.
     pub(super) fn advance(&mut self) -> Result<bool, BagError> {
         if self.batch.is_empty() && !self.ended {
             let last = self.last;
@@ -191,7 +192,7 @@ impl SqliteMessages {
         while let Some(row) = rows.next()? {
             let data: Option<Vec<u8>> = row.get(4)?;
             let length: Option<i64> = row.get(3)?;
-            // the message is refused by its length when its turn comes
+            // zeros of that length stand in for the message, which `advance` then refuses
             let too_long = length.is_some_and(|length| length > MAX_MESSAGE);
             let data = match data {
                 None if too_long => vec![0; MAX_MESSAGE as usize + 1],
@@ -208,7 +209,7 @@ impl SqliteMessages {
         Ok(())
     }
 
-    /// The present message.
+    /// The current message.
     pub(super) fn present(&self) -> Option<Recorded<'_>> {
         let (id, topic, received, data) = self.present.as_ref()?;
         let (channel, _) = self.channels.get(topic)?;
@@ -242,7 +243,7 @@ fn counts(database: &Connection) -> rusqlite::Result<BTreeMap<i64, u64>> {
     rows.collect()
 }
 
-/// The definitions of types with their encodings; none in databases of earlier versions.
+/// The encoding and the definition of each message type; empty for databases of early versions.
 fn definitions(database: &Connection) -> BTreeMap<String, (String, String)> {
     let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
     let read = || -> rusqlite::Result<_> {

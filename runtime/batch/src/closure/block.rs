@@ -1,4 +1,4 @@
-//! Newton's method at a block of states: prediction, steps, and whether the loops are closed then.
+//! Newton's method for a block of states: prediction, steps, and the check that the loops are closed.
 
 use regen_runtime::{Arguments, ClosureError, Function, Model};
 
@@ -11,7 +11,7 @@ use crate::eval_many;
 use crate::inverse::{Reference, largest};
 
 impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
-    /// The inverse of A at a closed state; `None` where it is near a singularity.
+    /// The inverse of A at a closed state; `None` near a singularity.
     pub(super) fn reference(&self, q: &[f64]) -> Result<Option<Reference>, ClosureError> {
         let info = self.model.info();
         let mut a = vec![0.0; info.rows * q.len()];
@@ -35,7 +35,8 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         Ok(())
     }
 
-    /// The states along the tangents from `q`, and how far any coordinate moves there, in units.
+    /// The states predicted along the tangents from `q`, and for each the largest change of a
+    /// coordinate, in units.
     pub(super) fn predicted(
         &self,
         q: &[f64],
@@ -72,8 +73,8 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         Ok((tangent, moves))
     }
 
-    /// Newton's method for the dependent coordinates of each state. With `moves` the steps must
-    /// halve and stay short compared to these predictors; states that break that, or do not
+    /// Applies Newton's method to the dependent coordinates of each state. With `moves`, the steps
+    /// must halve and stay short compared to these changes; states that break this rule, or do not
     /// converge, are no longer `ok`.
     pub(super) fn newton(
         &self,
@@ -143,9 +144,9 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         Ok(())
     }
 
-    /// Checks that the residuals are within the tolerance, and A near that of the reference. After
-    /// the last Newton step the residuals are rounding errors: a state where they are larger is left
-    /// to [`LoopClosure`].
+    /// Checks that the residuals are within the tolerance, and that A is near that of the reference.
+    /// After the last Newton step, residuals should be rounding errors; states with larger ones are
+    /// left to [`LoopClosure`].
     pub(super) fn check_closed(
         &self,
         reference: &Reference,
@@ -194,8 +195,8 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         Ok(out)
     }
 
-    /// The largest residual of each state that counts as closed: the size of the terms of the
-    /// largest row, `|A| max(1, |q|)`, times a constant.
+    /// For each state, the largest residual up to which it counts as closed: a constant times the
+    /// size of the terms of the largest row, `|A| max(1, |q|)`.
     fn tolerances(&self, a: &[f64], q: &[f64], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
         for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {

@@ -2,7 +2,7 @@
 //! a motion by computed torque. `.ci/run` compiles it for a Cortex-M4 where that target is installed.
 #![no_std]
 
-use regen_control::{Misuse, Outcome, closure};
+use regen_control::{ClosureError, Outcome, closure};
 use regen_generated::rps3::{self, Rps3};
 
 /// Number of legs, and of base parameters.
@@ -36,7 +36,7 @@ impl Controller {
     ///
     /// # Errors
     /// When the home of the robot is not closed.
-    pub fn new(beta: [f32; BASE], gains: [f32; 2]) -> Result<Self, Misuse> {
+    pub fn new(beta: [f32; BASE], gains: [f32; 2]) -> Result<Self, ClosureError> {
         let closure = <closure!(rps3::Rps3, f32)>::new(&Rps3)?;
         Ok(Self {
             closure,

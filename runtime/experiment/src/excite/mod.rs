@@ -1,4 +1,5 @@
-//! Exciting trajectories: motions for which the base parameters can be identified well (section 3).
+//! Exciting trajectories: motions from which the base parameters can be identified accurately
+//! (section 3).
 //!
 //! The independent coordinates follow finite Fourier series (Eq. 25; Swevers et al., 1996). Their
 //! coefficients minimise one of four [criteria](Criterion) of the observation matrix of the base
@@ -54,9 +55,9 @@ pub struct Settings {
     /// The limits of each coordinate, in the order of `q`. Independent coordinates must have
     /// position limits.
     pub limits: Vec<Limits>,
-    /// The greatest angle of each swing limit, in the order of `Info::cones`, rad.
+    /// The largest angle of each swing limit, in the order of `Info::cones`, rad.
     pub cones: Vec<f64>,
-    /// The least [`Condition::pivot`](regen_runtime::Condition) along the trajectory.
+    /// The smallest accepted [`Condition::pivot`](regen_runtime::Condition) along the trajectory.
     pub singular_margin: f64,
     /// The parameters with which efforts are computed, in the order of `Info::parameters`; `None`:
     /// efforts are not limited.
@@ -140,7 +141,10 @@ impl fmt::Display for ExciteError {
             Self::Signal(error) => error.fmt(f),
             Self::Range { what, range } => {
                 let [lowest, highest] = range;
-                write!(f, "{what}: {lowest} to {highest} is no range")
+                write!(
+                    f,
+                    "{what}: {lowest} to {highest} is not a finite range in ascending order"
+                )
             }
             Self::Unbounded { coordinate } => write!(
                 f,

@@ -7,12 +7,12 @@ use regen_runtime::{Info, Model, Parameter, SizeError, Symbol};
 pub struct Energy {
     /// The kinetic energy qd_i^T M qd_i / 2, J.
     pub kinetic: f64,
-    /// The potential energy, J: minus the sum of m g.p over the bodies' centres of mass, and the sum
-    /// of Fo q over the joints with an offset, a constant effort that acts against the actuators.
+    /// The potential energy, J: minus the sum of m g.p over the bodies' centres of mass, plus the sum
+    /// of Fo q over the joints with an offset, which is a constant effort against the actuators.
     pub potential: f64,
     /// The work of the actuators since the start, J.
     pub work: f64,
-    /// The energy lost to friction, and given to springs and effort terms, since the start, J.
+    /// The energy that friction, springs and effort terms have absorbed since the start, J.
     pub loss: f64,
 }
 
@@ -49,7 +49,7 @@ pub(super) fn offsets(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
     info.coordinates.iter().map(of).collect()
 }
 
-/// The parameters of springs and effort terms, all others 0; empty if the model has none.
+/// All parameters, 0 except for those of springs and effort terms; empty if there are none of these.
 pub(super) fn springs(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
     if !info.parameters.iter().any(Parameter::is_spring_or_term) {
         return Vec::new();
@@ -59,9 +59,9 @@ pub(super) fn springs(info: &Info<'_>, phi: &[f64]) -> Vec<f64> {
     springs.collect()
 }
 
-/// The power that springs and effort terms take, W.
+/// The power that springs and effort terms absorb, W.
 ///
-/// - `springs`: their parameters, the others 0;
+/// - `springs`: all parameters, 0 except for theirs;
 /// - `force`: a buffer of one entry per independent coordinate.
 pub(super) fn spring_power<M: Model<f64> + ?Sized>(
     model: &M,

@@ -1,5 +1,5 @@
-//! What a log tells besides the integrated states: accelerations and energies, computed for blocks of
-//! samples after the run.
+//! Completes a log after the run: computes accelerations and energies from the integrated states, in
+//! blocks of samples.
 
 use regen_batch::eval_many;
 use regen_runtime::{Arguments, Function, Model, SizeError};
@@ -9,9 +9,9 @@ use super::log::Log;
 /// The number of samples that are computed at a time.
 const BLOCK: usize = 256;
 
-/// What the energies depend on besides the model and the states.
+/// The parameters that the energies depend on.
 pub(super) struct Weights<'a> {
-    /// The parameters (p), those of friction set to zero.
+    /// The parameters (p), with those of friction set to zero.
     pub(super) phi: &'a [f64],
     /// Mass and first moments of each body, kg and kg m.
     pub(super) moments: &'a [[f64; 4]],
@@ -69,7 +69,7 @@ pub(super) fn complete<M: Model<f64> + ?Sized>(
     Ok(())
 }
 
-/// The rows from `first` on, `width` entries each, as one series per entry.
+/// `count` rows from `first` on, of `width` entries each, as one series per entry.
 fn series(rows: &[f64], first: usize, count: usize, width: usize) -> Vec<f64> {
     let rows = rows
         .get(first * width..(first + count) * width)
@@ -121,7 +121,7 @@ fn kinetic<M: Model<f64> + ?Sized>(
     Ok(out)
 }
 
-/// The potential energies at closed states, J, of the weights and of the offsets.
+/// The potential energies of gravity and of the constant efforts at closed states, J.
 fn potential<M: Model<f64> + ?Sized>(
     model: &M,
     weights: &Weights<'_>,

@@ -2,8 +2,8 @@
 
 use regen_runtime::{Condition, Model, SizeError};
 
-/// A Cholesky pivot below this times n, relative to its diagonal entry of M, counts as rounding
-/// error; the factor 8 allows for the rounding errors of the entries of M.
+/// A Cholesky pivot below this, times n and the diagonal entry of M, counts as rounding error; the
+/// factor 8 allows for rounding errors in the entries of M.
 const PIVOT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Forward dynamics: the accelerations caused by given efforts, from the mass matrix and the
@@ -98,8 +98,8 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
         Ok(ForwardOutcome::Solved(condition))
     }
 
-    /// Computes what does not depend on the efforts at a closed state; `None` where the mass matrix
-    /// is not positive definite.
+    /// Computes, at a closed state, everything that does not depend on the efforts; `None` if the
+    /// mass matrix is not positive definite.
     pub(super) fn prepare(
         &mut self,
         q: &[f64],
@@ -142,10 +142,10 @@ fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
 ///
 /// - `m`: n x n, symmetric, row-major; afterwards L with `m = L L^T` in the lower half.
 ///
-/// A pivot below eight units of rounding times n of its diagonal entry may be nothing but rounding
-/// errors of M (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds
-/// for M scaled to a unit diagonal): then no digit of x is certain. The test does not depend on
-/// units.
+/// If a pivot is below 8 n eps times its diagonal entry, it may consist of rounding errors of M alone
+/// (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, for M scaled to a unit
+/// diagonal), and no digit of x is certain. The test does not depend on the units of the
+/// coordinates.
 ///
 /// ```
 /// use regen_experiment::simulate::{factor_mass, solve_mass};

@@ -1,4 +1,4 @@
-//! The friction laws of a model's joints, from nominal values, parameters and fits.
+//! The friction laws of a model's joints, with coefficients from nominal values, parameters or fits.
 
 use regen_identify::friction::JointFit;
 use regen_runtime::friction::VALUES;
@@ -143,8 +143,8 @@ pub fn fitted_friction(
     })
 }
 
-/// Multiplies the efforts of each nonlinear friction law by a random factor between 1 - `part` and
-/// 1 + `part`. Coefficients of linear laws are parameters, which
+/// Multiplies each nonlinear friction law by a random factor between 1 - `part` and 1 + `part`.
+/// Coefficients of linear laws are parameters, which
 /// [`perturb_parameters`](super::perturb_parameters) changes.
 pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Noise) {
     for law in laws.iter_mut().filter(|law| !law.law.is_linear()) {
@@ -154,8 +154,8 @@ pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Nois
 
 /// Adds the Stribeck effect to laws that do not have it: static friction exceeds Coulomb friction by
 /// `part` of it, and the excess decays as `exp(-(v/speed)^2)`. Laws `coulomb` and `linear` become
-/// `lugre` with the same Coulomb and viscous friction, all others stay. Returns how many have
-/// changed.
+/// `lugre` with the same Coulomb and viscous friction; all others stay as they are. Returns the
+/// number of laws that have changed.
 ///
 /// - `speed`: rad/s or m/s, above 0.
 ///

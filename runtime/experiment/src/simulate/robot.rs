@@ -19,20 +19,22 @@ pub(super) struct Robot<'m, M: ?Sized> {
     moments: Vec<[f64; 4]>,
     /// The constant effort of each coordinate, N m or N.
     offsets: Vec<f64>,
-    /// The parameters of springs and effort terms, all others 0; empty without any.
+    /// All parameters, 0 except for those of springs and effort terms; empty if there are none of
+    /// these.
     springs: Vec<f64>,
     pub(super) dof: usize,
     dependent: Vec<usize>,
     pub(super) actuated: Vec<usize>,
-    /// The velocity over which the smoothed friction of each coordinate changes its direction.
+    /// The velocity over which the smoothed friction of each coordinate changes its direction, rad/s
+    /// or m/s.
     friction_widths: Vec<f64>,
     pub(super) command: Vec<f64>,
-    /// The independent positions and velocities (2 dof) of the state to which the next entries
-    /// belong; `None` before the first, and where it could not be computed.
+    /// The independent positions and velocities (2 dof) of the state that the following fields
+    /// belong to; `None` before the first state, and if the state could not be computed.
     at: Option<Vec<f64>>,
     q: Vec<f64>,
     qd: Vec<f64>,
-    /// What friction takes of the reduced efforts there (dof).
+    /// The reduced efforts of friction there (dof), N m or N.
     friction: Vec<f64>,
     /// The power of friction, springs and effort terms there, W.
     loss: f64,
@@ -125,8 +127,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         scales
     }
 
-    /// The place of the dependent coordinates in the state vector y: q_i, qd_i, the efforts of drives
-    /// with lag, the dependent coordinates, work, loss.
+    /// The range of the dependent coordinates in the state vector y, which consists of q_i, qd_i, the
+    /// efforts of drives with lag, the dependent coordinates, work and loss.
     fn dependents(&self) -> std::ops::Range<usize> {
         let start = 2 * self.dof + self.actuated.len();
         start..start + self.dependent.len()
@@ -142,8 +144,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
     }
 
-    /// Whether positions and velocities of a state vector are those for which `rates` was called
-    /// last.
+    /// Whether a state vector has the positions and velocities for which `rates` was last called.
     fn is_at(&self, y: &[f64]) -> bool {
         self.at.as_deref() == y.get(..2 * self.dof)
     }
@@ -152,7 +153,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         self.settings.drives.get(k).copied().unwrap_or_default()
     }
 
-    /// Why a run ends where the closure has no result: a robot without loops ran away.
+    /// Why a run ends if the closure fails; for a robot without loops, the motion has diverged.
     fn stopped(&self, outcome: Outcome) -> Termination {
         if self.q.len() == self.dof {
             Termination::Diverged
@@ -161,7 +162,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
     }
 
-    /// Computes what depends on positions and velocities alone.
+    /// Computes everything that depends on positions and velocities alone.
     fn move_to(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
         let dof = self.dof;
         let mut at = self.at.take().unwrap_or_default();
@@ -217,7 +218,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         if known.any(|v| !v.is_finite()) {
             return Ok(Err(Termination::Diverged));
         }
-        // only the efforts differ where a command changes
+        // at a change of the command only the efforts differ
         if !self.is_at(y)
             && let Err(stop) = self.move_to(y)?
         {
@@ -315,7 +316,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         Ok(Ok(()))
     }
 
-    /// Adds to the log what was not computed while the robot ran.
+    /// Completes the log with the columns that are not computed while the robot runs.
     pub(super) fn complete(&self, log: &mut Log) -> Result<(), SizeError> {
         let weights = Weights {
             phi: self.forward.phi(),
@@ -326,7 +327,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     }
 }
 
-/// Velocities at one state: at the unit velocity of each independent coordinate, and at given ones.
+/// Velocities of all coordinates at one state, for the unit velocity of each independent coordinate
+/// and for given velocities, computed in one call.
 struct Lanes {
     q: Vec<f64>,
     /// One series of dof + 1 values per independent coordinate.
@@ -383,7 +385,8 @@ impl Lanes {
     }
 }
 
-/// The width of the smoothed friction: of a drive, the velocity at which its joints have theirs.
+/// The width of the smoothed friction; that of a drive is the velocity at which its joints reach
+/// their width.
 fn friction_width(joint: Option<&Joint>, of_joints: f64) -> f64 {
     let drive = joint.filter(|joint| joint.is_drive());
     drive.map_or(of_joints, |drive| drive.reach(of_joints, of_joints))

@@ -3,7 +3,7 @@
 //! The state vector y has n + dof + a + 2 entries for a actuated joints: the independent positions
 //! (rad or m) and velocities (rad/s or m/s), the efforts that drives with lag have built up (N or N
 //! m), the dependent coordinates, the work of the efforts and the energy lost to friction (J). The
-//! dependent coordinates are only predictions, from which the loops are closed anew at every state.
+//! dependent coordinates are only predictions, from which the loops are closed again at every state.
 
 use super::control::{Controller, ControllerInput, PidControllers};
 use super::integrate::{Integrator, Stop};
@@ -17,7 +17,7 @@ use regen_runtime::Model;
 /// Simulates the robot with parameters `phi` (p) along a reference, from the start of the
 /// reference.
 ///
-/// Once a period the controllers get the measured positions and those of the reference. Their
+/// Once a period the controllers receive the measured positions and those of the reference. Their
 /// commands are constant until the next sample (zero-order hold), and drives lag behind them.
 /// Motion and efforts of the log belong to the same instants: see [`Log`]. The effort of friction
 /// is computed from the settings' laws alone; the friction parameters in `phi` are ignored.
@@ -243,7 +243,7 @@ fn period_count(settings: &Settings) -> Result<usize, SimulationError> {
     Ok(count as usize)
 }
 
-/// Why the derivative of the state vector could not be computed.
+/// The reason why the derivative of the state vector could not be computed.
 enum RatesFailure {
     /// A numerical failure, which ends the run.
     Stop(Termination),

@@ -50,7 +50,7 @@ impl std::fmt::Display for TuningError {
             ),
             Self::NotActuated { name, actuated } => write!(
                 f,
-                "`{name}` is no actuated joint; these are {}",
+                "`{name}` is not an actuated joint; these are {}",
                 actuated.join(", ")
             ),
             Self::Model(why) => write!(f, "{why}"),

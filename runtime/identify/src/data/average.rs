@@ -1,15 +1,16 @@
-//! The mean over several runs of a periodic trajectory.
+//! The mean over several periods of a periodic trajectory.
 
 use super::layout::ColumnLayout;
 
-/// Degrees of freedom that the variance of an effort is estimated with: one sample over few runs
-/// would give absurd weights, so the samples on both sides are pooled with it.
+/// The variance of an effort at a sample is estimated with at least this many degrees of freedom: a
+/// few periods alone would give erratic weights, so the samples on both sides are pooled with it.
 const DEGREES_OF_FREEDOM: f64 = 40.0;
 /// The smallest variance of an effort relative to its mean variance over the period; bounds the
 /// weights.
 const MIN_RELATIVE_VARIANCE: f64 = 1e-4;
 
-/// Means and variances over the runs (Welford's method) at each sample of the period.
+/// Means and variances over the periods, here called runs, at each sample of the period (Welford's
+/// method).
 pub(super) struct Average {
     step: f64,
     period: f64,
@@ -21,8 +22,10 @@ pub(super) struct Average {
 /// A row of means over the runs, and the weights of its efforts.
 pub(super) type Averaged = (Vec<f64>, Vec<f64>);
 
+/// The statistics of one sample of the period.
 #[derive(Clone)]
 struct Phase {
+    /// The number of runs that reached the sample.
     runs: f64,
     means: Vec<f64>,
     /// Sums of squared deviations from the means.
@@ -35,7 +38,7 @@ impl Average {
         if !(2.0..1e8).contains(&samples) {
             return Err(format!("a period of {period} s has no samples of {step} s"));
         }
-        // a larger rest would add up to half a step after some runs
+        // a larger remainder would add up to half a step after ten runs
         if (samples - period / step).abs() > 0.05 {
             return Err(format!(
                 "the period of {period} s is not a whole number of steps of {step} s: runs cannot \
@@ -74,8 +77,8 @@ impl Average {
         }
     }
 
-    /// The mean run, each row with the weights of its efforts: the usual standard deviation of
-    /// the mean over that of this row.
+    /// The mean run. Each row has the weights of its efforts: the usual standard deviation of a
+    /// mean over the period, divided by that of this row.
     pub(super) fn finish(self) -> Result<Vec<Averaged>, String> {
         if self.samples.iter().any(|phase| phase.runs < 2.0) {
             return Err(format!(

@@ -106,9 +106,11 @@ impl Parser<'_> {
             }
             "pi" => PI,
             _ if text.starts_with(|c: char| c.is_ascii_alphabetic()) => {
-                return Err(format!("`{text}` is no number"));
+                return Err(format!("`{text}` is not a number"));
             }
-            _ => text.parse().map_err(|_| format!("`{text}` is no number"))?,
+            _ => text
+                .parse()
+                .map_err(|_| format!("`{text}` is not a number"))?,
         };
         self.rest = tail.trim_start();
         Ok(value)
@@ -137,11 +139,11 @@ mod tests {
             ("", "expected before its end"),
             ("1/", "expected before its end"),
             ("1/0", "divides by 0"),
-            ("gear", "`gear` is no number"),
+            ("gear", "`gear` is not a number"),
             ("1 2", "`2` is left over"),
             ("(1", "not closed"),
             ("1e400", "not finite"),
-            ("inf", "`inf` is no number"),
+            ("inf", "`inf` is not a number"),
             ("1-1", "it is 0"),
             (&"-".repeat(300), "more than 200"),
         ] {

@@ -9,11 +9,11 @@ use super::problem::{DataError, Problem, median};
 use super::reader::{LogFile, LogRow};
 use super::resample::between;
 
-/// Rows of a file from whose times its usual step is computed.
+/// The number of rows at the start of a file from which its usual time step is computed.
 const STEP_ROWS: usize = 1001;
-/// A step longer than this many usual ones is a gap, over which nothing is interpolated.
+/// A step longer than this many usual ones is a gap, across which nothing is interpolated.
 const GAP_STEPS: f64 = 3.0;
-/// How far two times may differ that are the same, in usual steps: rounding.
+/// Two times count as equal if they differ by no more than this, in usual steps: rounding.
 const SAME_TIME: f64 = 1e-6;
 
 /// The rows of a run, from the first one on.
@@ -31,13 +31,13 @@ struct Source<'a> {
     /// The index of the file in the run.
     place: usize,
     rows: FileRows<'a>,
-    /// For each column that is read its entry in a row of the run.
+    /// For each column that is read, its entry in a row of the run.
     entries: Vec<usize>,
-    /// The rows around the present time, for a file that is joined by time and is not the first.
+    /// The rows around the current time, for a file that is joined by time and is not the first.
     track: Option<Track>,
 }
 
-/// The rows of a file around the present time.
+/// The rows of a file around the current time.
 struct Track {
     time: Channel,
     /// Times and the other numbers.
@@ -83,7 +83,7 @@ impl<'a> JoinedRows<'a> {
                     usual_step: usual_step(&mut clock, time)?,
                 });
             }
-            // a file of which nothing is wanted is not read
+            // a file without columns of interest is not read
             if !entries.is_empty() {
                 sources.push(Source {
                     place,
@@ -112,12 +112,12 @@ impl<'a> JoinedRows<'a> {
             file,
             sources,
             count: 0,
-            // nothing is known of faulty rows before the first good one
+            // a faulty row before the first good one counts only if all times are read
             inside: file.run.times.is_none(),
         })
     }
 
-    /// The next row, or why it cannot be used; `None` behind the last one.
+    /// The next row, or why it cannot be used; `None` after the last one.
     pub(super) fn next_row(&mut self) -> Result<Option<Result<LogRow, Problem>>, DataError> {
         loop {
             if self
@@ -141,7 +141,7 @@ impl<'a> JoinedRows<'a> {
                 continue;
             }
             let row = match row {
-                // the other files have nothing at this time
+                // another file has no values at this time
                 Ok(None) => continue,
                 Ok(Some(row)) => Ok(row),
                 Err(problem) => Err(problem),
@@ -159,7 +159,8 @@ impl<'a> JoinedRows<'a> {
         }
     }
 
-    /// The next row of all files, `Ok(None)` in it where a file that is joined by time has nothing.
+    /// The next row of all files; `Some(Ok(None))` if a file that is joined by time has no values at
+    /// the time of the row.
     fn row(&mut self) -> Result<Option<Result<Option<LogRow>, Problem>>, DataError> {
         let channels = &self.file.layout.channels;
         let mut values = vec![0.0; channels.len()];
@@ -220,7 +221,7 @@ impl<'a> JoinedRows<'a> {
         }))
     }
 
-    /// The error of files side by side of which some end before the others.
+    /// The error that some of the files, which are joined row by row, end before the others.
     fn unequal(&self, ended: &[usize]) -> DataError {
         let name = |place: &usize| {
             let table = self.file.tables.get(*place);
@@ -264,10 +265,10 @@ fn usual_step(rows: &mut FileRows<'_>, time: Channel) -> Result<f64, DataError> 
 }
 
 impl Track {
-    /// The numbers of the file at a time, s, which does not go back; `None` where it has none or
-    /// has a gap.
+    /// The numbers of the file at a time, s; `None` outside the file's times and within a gap. Times
+    /// must not decrease from call to call.
     fn at(&mut self, rows: &mut FileRows<'_>, time: f64) -> Result<Option<Vec<f64>>, DataError> {
-        // two rows behind the present time are needed, and the last two that are not
+        // keep the last two rows before the current time, and read two after it
         let mut passed;
         loop {
             passed = self.recent.iter().take_while(|row| row.0 <= time).count();
@@ -301,7 +302,7 @@ impl Track {
         Ok(Some(between(&self.recent, left, time)))
     }
 
-    /// Reads the next row that can be used; rows out of the order of time cannot.
+    /// Reads the next usable row; rows whose times are out of order are not usable.
     fn read(&mut self, rows: &mut FileRows<'_>) -> Result<(), DataError> {
         loop {
             let Some(row) = rows.next_row()? else {

@@ -1,4 +1,4 @@
-//! Finds the columns of a run's files that hold times, positions, velocities, accelerations and
+//! Finds the columns of a run's files that contain times, positions, velocities, accelerations and
 //! efforts.
 
 use super::columns::{Assignment, Quantity};
@@ -10,17 +10,17 @@ use regen_runtime::Info;
 /// The index of a column among those of all files of a run, and its conversion to SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Channel {
-    /// `None` for a time that is counted and not read.
+    /// `None` for a time that is computed from the rate.
     pub(super) index: Option<usize>,
     pub(super) factor: f64,
     pub(super) offset: f64,
 }
 
-/// What the columns are found by.
+/// The settings by which columns are found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search<'a> {
     pub(super) assignments: &'a [Assignment],
-    /// Whether the time is counted and not read.
+    /// Whether the time is computed from the rate and not read.
     pub(super) by_rate: bool,
     /// Whether columns of velocities and accelerations are used.
     pub(super) rates: bool,
@@ -37,23 +37,23 @@ pub(super) struct ColumnLayout {
     /// The columns in the order of [`LogRow::values`](super::reader::LogRow::values): time,
     /// positions, the velocities that are measured, the accelerations that are measured, efforts.
     pub(super) channels: Vec<Channel>,
-    /// For each measured coordinate the entry of its velocity in a row, where it is measured.
+    /// For each measured coordinate the entry of its velocity in a row, if it is measured.
     pub(super) velocities: Vec<Option<usize>>,
-    /// The same of its acceleration.
+    /// The same for its acceleration.
     pub(super) accelerations: Vec<Option<usize>>,
     /// Whether all velocities and accelerations are measured.
     pub(super) derivatives: bool,
     /// The number of efforts.
     pub(super) efforts: usize,
-    /// Whether files side by side are joined by time, with the column of time of each file.
+    /// The column of time of each file, if several files are joined by time.
     pub(super) times: Option<Vec<Channel>>,
 }
 
-/// Most titles in a message.
+/// The most titles of a file that a message lists.
 const MAX_LISTED: usize = 40;
 
-/// Lists the titles of columns for a message, at most [`MAX_LISTED`] of each file; of a file that
-/// does not name its columns their numbers.
+/// Lists the titles of columns for a message, at most [`MAX_LISTED`] of each file, or the numbers of
+/// columns if a file does not name them.
 fn listed(tables: &[Table]) -> String {
     let mut before = 0;
     let mut parts = Vec::new();
@@ -81,8 +81,8 @@ fn listed(tables: &[Table]) -> String {
     parts.join(", ")
 }
 
-/// Why a header is not that of a log of this robot: a sentence that ends with the assignment which
-/// would help, where there is one.
+/// The reason why a header is not that of a log of this robot, and the assignment that would help, if
+/// there is one; `why` is then a sentence that ends before it.
 #[derive(Debug)]
 pub(super) struct Unfit {
     pub(super) why: String,
@@ -113,8 +113,8 @@ impl Unfit {
     }
 }
 
-/// Refuses files without columns that can be told apart, currents without torque constants and
-/// names that are no coordinates.
+/// Refuses files whose columns cannot be distinguished, currents without torque constants, and names
+/// that are not coordinates.
 fn check<'a>(
     tables: &[Table],
     assignments: impl IntoIterator<Item = &'a Assignment>,
@@ -128,8 +128,8 @@ fn check<'a>(
             let unit = assignment.unit.unwrap_or("A");
             return Err(Unfit {
                 why: format!(
-                    "{quantity} is a current in {unit}, and a current is no effort: give the \
-                     torque constant of the joint, in N m/A or N/A with the gear, such as"
+                    "{quantity} is a current in {unit}, which is not an effort: give the torque \
+                     constant of the joint, in N m/A or N/A with the gear, such as"
                 ),
                 assignment: Some(format!("{quantity}={column}:{unit}*0.12")),
             });
@@ -138,7 +138,7 @@ fn check<'a>(
             && info.index_of(name).is_none()
         {
             let all = info.coordinates.join(" ");
-            return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
+            return Err(format!("`{name}` is not a coordinate of {}: {all}", info.name).into());
         }
     }
     if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
@@ -155,17 +155,17 @@ fn check<'a>(
     Ok(())
 }
 
-/// The index of a column's number among `count` columns.
+/// The index of the column with a number from 1, if it is among `count` columns.
 fn place_of(number: usize, count: usize) -> Option<usize> {
     number.checked_sub(1).filter(|index| *index < count)
 }
 
-/// The index of a column whose name is no title but a number.
+/// The index of a column whose name is not a title but a number.
 fn by_number(given: &Assignment, count: usize) -> Option<usize> {
     place_of(given.column.parse().ok()?, count)
 }
 
-/// The columns of all files of a run, and what they are found by.
+/// Finds columns among those of all files of a run.
 pub(super) struct Finder<'a> {
     tables: &'a [Table],
     pub(super) header: Vec<String>,
@@ -173,9 +173,12 @@ pub(super) struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
-    /// Refuses files and assignments that nothing can be found by.
+    /// A finder for these files.
     ///
     /// - `more`: assignments besides those of the search.
+    ///
+    /// # Errors
+    /// If files or assignments are refused by [`check`].
     pub(super) fn new(
         tables: &'a [Table],
         info: &Info<'_>,
@@ -190,7 +193,7 @@ impl<'a> Finder<'a> {
         })
     }
 
-    /// The place of a title; two columns of the same title are ambiguous.
+    /// The index of a title; an error if two columns have it.
     fn place(&self, name: &str) -> Result<Option<usize>, String> {
         let Some(index) = self.header.iter().position(|h| h == name) else {
             return Ok(None);
@@ -211,8 +214,8 @@ impl<'a> Finder<'a> {
         self.find_as(self.given(quantity), &quantity.to_string())
     }
 
-    /// The column of an assignment, or the one of a title where there is no assignment or its
-    /// optional column is missing; `None` if there is neither.
+    /// The column of an assignment or, if there is no assignment or its optional column is missing,
+    /// the column with a title; `None` if there is neither.
     pub(super) fn find_as(
         &self,
         given: Option<&Assignment>,
@@ -267,7 +270,7 @@ impl<'a> Finder<'a> {
         let missing = || self.missing(&Quantity::Time, "time in s");
         let each: Option<Vec<Channel>> = self.tables.iter().map(|t| self.time_in(t)).collect();
         let several = self.tables.len() > 1;
-        // a number may be that of any column in the other files
+        // in other files, the column with the same number may contain something else
         let named = self
             .given(&Quantity::Time)
             .is_none_or(|given| given.number.is_none());
@@ -279,7 +282,7 @@ impl<'a> Finder<'a> {
         if by_time {
             if self.search.by_rate {
                 let why =
-                    "its files are to be joined by time, and with a stated rate there is none";
+                    "its files are to be joined by time, but with a stated rate no time is read";
                 return Err(why.to_owned().into());
             }
             let each = each.ok_or_else(missing)?;
@@ -315,7 +318,7 @@ impl<'a> Finder<'a> {
         let all = listed(self.tables);
         let column = self.given(quantity).map_or_else(
             || quantity.to_string(),
-            // a pattern named it
+            // an assignment by a pattern
             |given| given.column.clone(),
         );
         Unfit {

@@ -2,10 +2,10 @@
 //! [`Source`] of states.
 
 use super::average::Average;
-use super::kept_rows::{KeptRows, MAX_NUMBERS};
 use super::policy::{Policies, Policy};
 use super::problem::{DataError, Problems};
 use super::reader::{LogFile, LogRow, Survey};
+use super::row_cache::{MAX_NUMBERS, RowCache};
 use super::run::Run;
 use super::settings::Settings;
 use super::shift;
@@ -115,9 +115,9 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
-            file.kept = KeptRows::with_room(room);
+            file.cache = RowCache::with_room(room);
             let survey = file.survey(&names)?;
-            room -= file.kept.numbers().min(room);
+            room -= file.cache.numbers().min(room);
             let mut problems = Problems::default();
             let mut rows = 0;
             let mut fit = match settings.method {

@@ -30,7 +30,7 @@ pub enum Fault {
         /// The number of entries of the header.
         expected: usize,
     },
-    /// An entry is no number, NaN, infinite, empty or null.
+    /// An entry is not a number, NaN, infinite, empty or null.
     NotANumber {
         /// The header of the column.
         column: String,
@@ -110,7 +110,7 @@ impl fmt::Display for Problem {
                 write!(f, "nothing stands in column `{column}`")
             }
             Fault::NotANumber { column, text } => {
-                write!(f, "`{text}` in column `{column}` is no finite number")
+                write!(f, "`{text}` in column `{column}` is not a finite number")
             }
             Fault::Duplicate { time } => write!(f, "time {time} s is that of the row before"),
             Fault::Unsorted { time } => write!(f, "time {time} s is before the row before"),

@@ -2,22 +2,24 @@
 
 use super::layout::Unfit;
 
-/// Rows of a stretch over which a velocity is integrated: noise of single rows averages out.
+/// The number of rows over which a velocity is integrated, so that noise of single rows averages out.
 const STRETCH_ROWS: usize = 64;
-/// Number of stretches below which nothing is reported.
+/// With fewer stretches than this, nothing is reported.
 const MIN_STRETCHES: f64 = 8.0;
-/// Correlation of a position's change with its velocity's integral: below it, the column holds
+/// If a position's change and its velocity's integral have a lower correlation, the column contains
 /// another signal.
 const MIN_CORRELATION: f64 = 0.7;
-/// Ratio of a velocity's integral to the position's change: outside `1/MAX_RATIO ..
+/// If the ratio of a velocity's integral to the position's change is outside `1/MAX_RATIO ..
 /// MAX_RATIO`, the column is in another unit.
 const MAX_RATIO: f64 = 2.0;
 
-/// The least change over a stretch of a position that moves, in changes between rows: those of
-/// noise are about as large, those of a steady motion as many times larger as a stretch has rows.
+/// A position moves if its rms change over a stretch is at least this many times its rms change
+/// between rows. The ratio is about 1 for noise, and [`STRETCH_ROWS`] for a steady motion.
 const MIN_MOTION: f64 = 8.0;
+/// A ratio is one of a unit's if it differs by less than this part, because of noise and filters.
+const RATIO_TOLERANCE: f64 = 0.1;
 
-/// Sums of products of the positions' changes and the velocities' integrals over stretches.
+/// Accumulates products of the positions' changes and the velocities' integrals over stretches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rates {
     start: Vec<f64>,
@@ -75,11 +77,11 @@ impl Rates {
         self.rows = 0;
     }
 
-    /// What is wrong with the first velocity column that does not fit its position; `None` if all
-    /// fit. Positions that hardly move are not judged.
+    /// The mistake of the first velocity column that does not fit its position; `None` if all fit.
+    /// Positions that hardly move are not judged.
     ///
     /// - `pairs`: the name of each coordinate with the titles of its position and its velocity;
-    /// - `clock`: the title of the column of time; empty where there is none.
+    /// - `clock`: the title of the column of time; empty without one.
     pub(super) fn judge(&self, pairs: &[[String; 3]], clock: &str) -> Option<Unfit> {
         let m = self.change_squares.len();
         if self.stretches < MIN_STRETCHES {
@@ -104,8 +106,8 @@ impl Rates {
         if let (Some((_, unit)), false) = (of_time, clock.is_empty()) {
             return Some(Unfit {
                 why: format!(
-                    "column `{clock}` looks like {unit}: what the positions move is not the \
-                     integral of the velocities. Read it with"
+                    "column `{clock}` looks like {unit}: the changes of the positions are not the \
+                     integrals of the velocities. Read it with"
                 ),
                 assignment: Some(format!("t={clock}:{unit}")),
             });
@@ -122,7 +124,8 @@ impl Rates {
             }
             let head = format!(
                 "column `{velocity}` is not the velocity of column `{position}`: over \
-                 {STRETCH_ROWS} rows its integral has the correlation {own:.2} with what that moved"
+                 {STRETCH_ROWS} rows its integral has the correlation {own:.2} with the position's \
+                 change"
             );
             if own < -MIN_CORRELATION {
                 return Some(Unfit {
@@ -153,7 +156,7 @@ impl Rates {
     }
 }
 
-/// Ratios of a velocity to that of its position that a wrong unit of time causes.
+/// Ratios of a velocity to the rate of its position that a wrong unit of time causes.
 const CLOCKS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
 /// Ratios that a wrong unit of the velocity causes, with the unit in words and for an assignment.
 const OF_VELOCITIES: [(f64, &str, &str); 3] = [
@@ -161,18 +164,18 @@ const OF_VELOCITIES: [(f64, &str, &str); 3] = [
     (9.549_296_585_513_72, "revolutions per minute", "rpm"),
     (1e3, "millimetres per second", "mm/s"),
 ];
-/// The same of the position.
+/// Ratios that a wrong unit of the position causes.
 const OF_POSITIONS: [(f64, &str, &str); 2] = [
     (0.017_453_292_519_943_295, "degrees", "deg"),
     (1e-3, "millimetres", "mm"),
 ];
 
-/// Whether a ratio is this one, as far as noise and filters leave it.
+/// Whether a ratio is `size` up to [`RATIO_TOLERANCE`].
 fn is_near(slope: f64, size: f64) -> bool {
-    (slope / size - 1.0).abs() < 0.1
+    (slope / size - 1.0).abs() < RATIO_TOLERANCE
 }
 
-/// What is wrong with a velocity that is `slope` times that of its position.
+/// The mistake of a velocity that is `slope` times the rate of its position.
 fn scaled(slope: f64, name: &str, position: &str, velocity: &str) -> Unfit {
     let head =
         format!("column `{velocity}` is {slope:.3} times the velocity of column `{position}`");
@@ -225,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn velocities_of_others_are_told() {
+    fn velocities_of_other_joints_are_reported() {
         assert_eq!(verdict(|row| row), None);
         let flipped = verdict(|[a, b, c, d]| [a, b, c, -d]).unwrap_or_default();
         assert!(

@@ -1,5 +1,4 @@
-//! All columns of a run as the numbers that stand there, for those who look at a log before they know
-//! what it holds.
+//! Reads all columns of a run as unconverted numbers, to inspect a log whose content is unknown.
 
 use super::columns::{Assignment, Quantity};
 use super::file_rows::{Table, Wanted};
@@ -11,14 +10,14 @@ use super::run::Run;
 use super::settings::Settings;
 use regen_runtime::Info;
 
-/// Rows of a file from which it is judged whether a column has numbers.
+/// The number of rows of a file that decide whether a column has numbers.
 const PROBED_ROWS: usize = 200;
 
 /// A row: its line (see [`Problem::row`]) and its values, which are the time in s and then the columns
-/// that have numbers; or why it cannot be used.
+/// that have numbers; or the problem for which it cannot be used.
 pub type RawRow<'a> = Result<(u64, &'a [f64]), &'a Problem>;
 
-/// A run whose columns are read without knowing what they are.
+/// A run whose columns are read without knowing their quantities.
 ///
 /// ```
 /// use regen_identify::data::{RawLog, Run, Settings};
@@ -35,7 +34,7 @@ pub type RawRow<'a> = Result<(u64, &'a [f64]), &'a Problem>;
 /// })?;
 /// // the time in s, then the columns of numbers
 /// assert_eq!(rows[1], (3, vec![0.01, 0.01, 0.11]));
-/// assert_eq!(problems, ["row 4: `x` in column `angle` is no finite number"]);
+/// assert_eq!(problems, ["row 4: `x` in column `angle` is not a finite number"]);
 /// # std::fs::remove_file(path)?;
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
@@ -47,11 +46,11 @@ pub struct RawLog {
 }
 
 impl RawLog {
-    /// Opens a run, and finds out from its first rows which columns have numbers.
+    /// Opens a run, and determines from its first rows which columns have numbers.
     ///
-    /// - `settings`: the format of the files, their rate, and the column of time among the assigned
-    ///   columns; nothing else counts. Without a rate, and where no column is assigned to the time or
-    ///   called `t` or `time`, rows are counted as if they were one second apart.
+    /// - `settings`: the format of the files, their rate, and the assignment of the time are used;
+    ///   other settings are ignored. Without a rate, and if no column is assigned to the time or
+    ///   named `t` or `time`, rows count as one second apart.
     ///
     /// # Errors
     /// When a file cannot be read, is empty, or lacks the column assigned to the time.
@@ -134,8 +133,8 @@ impl RawLog {
         &self.file.name
     }
 
-    /// The titles of all columns, those of the first file first; their numbers from 1 where the files
-    /// do not name them.
+    /// The titles of all columns, those of the first file first; their numbers from 1 if the files do
+    /// not name them.
     pub fn titles(&self) -> &[String] {
         &self.file.layout.header
     }
@@ -181,7 +180,7 @@ fn numeric(tables: &[Table]) -> Result<Vec<usize>, DataError> {
                 column,
                 title: title.clone(),
             };
-            // a column that a format cannot give as numbers is none of them
+            // a column that the format cannot read as numbers has none
             let Ok(mut rows) = table.rows(vec![wanted]) else {
                 continue;
             };

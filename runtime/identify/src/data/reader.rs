@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use super::columns::Assignment;
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
-use super::kept_rows::{KeptRows, RecordSink};
 use super::layout::{ColumnLayout, Search, Unfit};
 use super::policy::Keeps;
 use super::problem::{DataError, Problem, median};
 use super::rates::Rates;
 use super::resample::Resampler;
+use super::row_cache::{RecordSink, RowCache};
 use super::row_checker::RowChecker;
 use super::run::Run;
 use super::settings::Settings;
@@ -105,8 +105,8 @@ pub(super) struct LogFile {
     resample: Option<f64>,
     /// Which doubtful rows are used.
     keeps: Keeps,
-    /// The rows, once they were read.
-    pub(super) kept: KeptRows,
+    /// The rows, after the first pass, if they fit.
+    pub(super) cache: RowCache,
 }
 
 impl LogFile {
@@ -173,7 +173,7 @@ impl LogFile {
             rate: settings.rate,
             resample: settings.resample,
             keeps: settings.keeps(),
-            kept: KeptRows::with_room(0),
+            cache: RowCache::with_room(0),
         })
     }
 
@@ -288,7 +288,7 @@ impl LogFile {
 
     /// Passes each row, or why it cannot be used, to `each`.
     fn records(&self, each: &mut RecordSink<'_>) -> Result<(), DataError> {
-        self.kept.visit(each, |each| {
+        self.cache.visit(each, |each| {
             let mut rows = JoinedRows::open(self)?;
             while let Some(row) = rows.next_row()? {
                 each(row)?;

@@ -37,7 +37,7 @@ struct PendingRow {
 pub(super) struct RowChecker<'a> {
     layout: &'a ColumnLayout,
     survey: &'a Survey,
-    /// The longest time step that is no gap, s.
+    /// The longest time step that is not a gap, s.
     longest_step: f64,
     /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
@@ -64,7 +64,7 @@ pub(super) struct RowChecker<'a> {
 impl<'a> RowChecker<'a> {
     /// A checker of a file's rows, the first of which follows no other.
     ///
-    /// - `longest_step`: the longest time step that is no gap, s.
+    /// - `longest_step`: the longest time step that is not a gap, s.
     pub(super) fn new(
         layout: &'a ColumnLayout,
         survey: &'a Survey,
@@ -239,7 +239,8 @@ impl<'a> RowChecker<'a> {
                 *value = pending.row.values[entry];
             }
             let middle = values[OUTLIER_NEIGHBOURS];
-            // relative to the median change between these rows, so that fast motion is no outlier
+            // relative to the median change between these rows, so that fast motion does not count
+            // as an outlier
             let mut changes = [0.0; OUTLIER_ROWS - 1];
             for (change, pair) in changes.iter_mut().zip(values.windows(2)) {
                 *change = (pair[1] - pair[0]).abs();

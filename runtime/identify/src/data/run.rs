@@ -3,19 +3,20 @@
 use core::fmt;
 use std::path::{Path, PathBuf};
 
-/// How the rows of files side by side belong together.
+/// How the rows of files that are read together correspond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Join {
     /// By time if every file names a column of time, else row by row.
     #[default]
     Auto,
-    /// Row by row; the files must have as many rows as each other.
+    /// Row by row; the files must have the same number of rows.
     Rows,
     /// By time: the other files are interpolated at the times of the first one.
     Time,
 }
 
-/// One run of a robot: a log, or several files side by side, and the part of it that is read.
+/// One run of a robot: its log, in one file or in several that are joined, and the part that is
+/// read.
 ///
 /// ```
 /// use std::path::PathBuf;
@@ -34,18 +35,17 @@ pub enum Join {
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
-    /// The files, one at least. The columns of several files count as those of one, those of the
-    /// first file first.
+    /// The files, at least one. The columns of several files are concatenated in this order.
     pub files: Vec<PathBuf>,
-    /// How the rows of several files belong together.
+    /// How the rows of several files correspond.
     pub join: Join,
-    /// The topic of recordings (MCAP files and bags) that is read; without one the only topic with
-    /// joint states.
+    /// The topic to read from recordings (MCAP files and bags); `None` for the only topic with joint
+    /// states.
     pub topic: Option<String>,
-    /// The episode of a file of LeRobot that is read, by its index; without one the only episode.
+    /// The index of the episode to read from a LeRobot file; `None` for the only episode.
     pub episode: Option<u64>,
-    /// The first and the last row that is read, counted from 1, header and comments not counted;
-    /// `None` for all. Of files that are joined by time, the rows of the first one.
+    /// The first and the last row to read, counted from 1 without header and comments; `None` for
+    /// all. If the files are joined by time, these are rows of the first one.
     pub rows: Option<(u64, u64)>,
     /// The first and the last time that is read, s, in the log's own time; `None` for all.
     pub times: Option<(f64, f64)>,
@@ -69,8 +69,7 @@ impl From<&Path> for Run {
 }
 
 impl fmt::Display for Run {
-    /// The name of the run: that of its first file with its folder, the names of the others, and
-    /// the part.
+    /// The path of the first file, the names of the others, and the part that is read.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (k, file) in self.files.iter().enumerate() {
             match file.file_name() {

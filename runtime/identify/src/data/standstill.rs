@@ -1,28 +1,31 @@
-//! Finds the rows in which a coordinate rests, from the resolution and noise of its encoder.
+//! Finds the rows at which a joint is at rest, from the resolution and the noise of its encoder.
 
 use std::collections::VecDeque;
 
-/// How long a position must stay within its encoder's step or noise to count as resting, s.
+/// The time for which a position must stay within its encoder's step or noise to count as resting,
+/// s.
 const MIN_REST_SECONDS: f64 = 0.2;
-/// The least number of rows of a rest.
+/// The least number of rows for which it must stay there.
 const MIN_REST_ROWS: usize = 8;
-/// Range of a resting position over that many rows, in standard deviations of the noise.
+/// The range of a resting position over that time, in standard deviations of the noise.
 const REST_BAND_DEVIATIONS: f64 = 6.0;
-/// A position that moves slower than this part of its root mean square speed rests too: such creep is
-/// elastic or simulated, and the friction of sliding does not act in it. At this speed viscous friction
-/// and inertia are a two hundredth of what they usually are, so little is lost with these equations.
+/// A position that moves slower than this part of its rms speed also counts as resting: such creep
+/// is elastic or an artefact of simulation, and sliding friction does not act. At this speed viscous
+/// friction is a two hundredth of its usual value, so that leaving these equations out loses little.
 const CREEP_PART: f64 = 5e-3;
-/// Most differences that are stored of each position, spread over the whole log.
+/// The most differences that are stored for each position, spread over the whole log.
 const MAX_DIFFERENCES: usize = 8192;
-/// Values whose distance is below this part of their range are the same.
+/// Values closer than this part of the whole range count as equal.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
 /// Only distances of neighbouring values up to this many times the smallest one are checked for
 /// being whole numbers of steps.
 const MAX_GAP_STEPS: f64 = 100.0;
 /// The part of those distances that must be whole numbers of steps.
 const MIN_WHOLE_PART: f64 = 0.9;
-/// How far a distance may be from a whole number of steps, in steps: rounding of decimals.
+/// How far a distance may be from a whole number of steps, in steps, because decimals are rounded.
 const WHOLE_STEP_TOLERANCE: f64 = 0.1;
+/// The least number of distances that show a step: a few are always near multiples of something.
+const MIN_DISTANCES: f64 = 8.0;
 /// Standard deviation of the fourth difference of white noise over that of the noise: sqrt(70).
 const FOURTH_DIFFERENCE_GAIN: f64 = 8.366_600_265_340_756;
 /// The same for the difference of order 8: sqrt(12870).
@@ -37,7 +40,7 @@ const STENCILS: [(f64, f64); 3] = [
     (1.0 / 90.0, 3.131_559_967_662_478),
     (1.0 / 560.0, 3.457_675_614_816_774),
 ];
-/// Number of samples in a difference of order 8.
+/// The number of samples that a difference of order 8 spans.
 const DIFFERENCE_SAMPLES: usize = 9;
 
 /// Resolution and noise of an encoder, estimated from a log.
@@ -45,19 +48,19 @@ const DIFFERENCE_SAMPLES: usize = 9;
 pub struct Encoder {
     /// Its resolution, rad or m; 0 where the positions show no steps.
     pub step: f64,
-    /// The standard deviation of its noise, that of quantisation included, rad or m.
+    /// The standard deviation of its noise, including that of quantisation, rad or m.
     pub noise: f64,
     /// Whether the position never changes.
     pub constant: bool,
     /// The root mean square of its change from row to row, rad or m.
     pub travel: f64,
     /// How many neighbours on either side give the best second derivative, 1 to 3: more neighbours
-    /// follow the motion better but pass more noise. 0 where the log is too short to find out.
+    /// follow the motion better but pass more noise. 0 if the log is too short to tell.
     pub neighbours: usize,
 }
 
 impl Encoder {
-    /// The encoder for rests in which a position does not move at all, beyond its step and noise.
+    /// The same encoder, for which creep does not count as rest.
     #[must_use]
     pub fn without_creep(self) -> Self {
         Self {
@@ -66,7 +69,7 @@ impl Encoder {
         }
     }
 
-    /// The range within which a position stays that rests for this many rows, rad or m.
+    /// The largest range of a position that is at rest over this many rows, rad or m.
     fn band(self, rows: f64) -> f64 {
         // rounding of decimals makes the steps slightly unequal
         ((1.0 + WHOLE_STEP_TOLERANCE) * self.step)
@@ -223,20 +226,19 @@ fn step(values: &mut [f64]) -> f64 {
         all += 1.0;
         whole += f64::from((steps - steps.round()).abs() <= WHOLE_STEP_TOLERANCE);
     }
-    // two or three distances are always near multiples of something
-    if all >= 8.0 && whole >= MIN_WHOLE_PART * all {
+    if all >= MIN_DISTANCES && whole >= MIN_WHOLE_PART * all {
         smallest
     } else {
         0.0
     }
 }
 
-/// Whether the position rests, for each row: the row lies in a stretch of at least
-/// 0.2 s and eight rows in which the raw values stay within the encoder's
-/// step or noise, or creep: they change by less than 0.2 s at a two hundredth of the root mean square
-/// speed would change them.
+/// For each row, whether the position is at rest: whether the row is in a stretch of at least 0.2 s
+/// and eight rows in which the raw values stay within the encoder's step or noise, or creep: they
+/// change by less than 0.2 s at a two hundredth of the rms speed would change them.
 ///
-/// - `times`: s; `raw`: as many positions, rad or m.
+/// - `times`: the times of the rows, s;
+/// - `raw`: the unfiltered position at each, rad or m.
 pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
     let whole = times.last().zip(times.first()).map_or(0.0, |(b, a)| b - a);
     let step = whole / (times.len().max(2) - 1) as f64;
@@ -270,7 +272,7 @@ pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
                 lowest.pop_front();
             }
         }
-        // half a row less, as times are rounded
+        // half a row less, because times are rounded
         let long = k + 1 - start >= MIN_REST_ROWS
             && times[k] - times[start]
                 >= MIN_REST_SECONDS * (1.0 - 1e-9) - 0.5 * (times[k] - times[k - 1]);
@@ -282,7 +284,7 @@ pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
     out
 }
 
-/// Most rows of context on either side, however small the time step is.
+/// The most rows of context on either side, however small the time step is.
 const MAX_CONTEXT_ROWS: usize = 100_000;
 
 /// Number of rows on either side that decide whether a row is at rest; `step`: the time between

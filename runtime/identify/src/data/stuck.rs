@@ -1,12 +1,12 @@
 //! Finds the resolution of encoders, and the rows in which an encoder was stuck.
 //!
-//! A position that repeats exactly is no fault in itself: robots rest, and stiction stops a slow
-//! motion within a row. It is a fault if the position then jumps to where the motion has gone
-//! meanwhile, or if a fast motion ends within a row and the position never changes again.
+//! A position that repeats exactly is not a fault in itself: robots rest, and stiction stops a slow
+//! motion within a row. It is a fault if the position then jumps by the motion of the meantime, or
+//! if a fast motion ends within a row and the position never changes again.
 
 /// Least number of consecutive rows with exactly the same position.
 const MIN_REPEATED_ROWS: usize = 8;
-/// The same for rows that repeat the position before them, up to the end of a log or to a gap.
+/// The same if the position repeats up to the end of the log or to a gap.
 const MIN_REPEATED_ROWS_AT_END: usize = 32;
 /// Number of changes before the repeated rows from which the speed there is computed.
 const SPEED_CHANGES: usize = 4;
@@ -17,25 +17,25 @@ const MIN_UNBRAKED_RATIO: f64 = 0.5;
 /// A joint at this speed or above is not stopped by friction within a row. The speed is the change
 /// per row, as a multiple of the median change.
 const MIN_SPEED_CHANGES: f64 = 0.5;
-/// The same as a multiple of the encoder's step.
+/// The same speed as a multiple of the encoder's step.
 const MIN_SPEED_STEPS: f64 = 4.0;
 /// An encoder that was stuck jumps by more than this multiple of the median change, and of the
-/// encoder's step, when it works again. A coarse encoder that is turned slowly also repeats rows,
-/// but jumps by one step only.
+/// encoder's step, when it works again. A coarse encoder in slow motion also repeats values, but
+/// jumps by one step only.
 const MIN_JUMP: f64 = 8.0;
 /// Such a jump also exceeds this multiple of the change in the next row: it is the motion of
 /// several rows. A joint that starts from rest moves further in the next row than in the first.
 const MIN_JUMP_RATIO: f64 = 4.0;
-/// Most changes that are stored for the statistics.
+/// The most changes that are stored for the statistics.
 const MAX_CHANGES: usize = 4001;
-/// Most stretches of repeated rows that are stored until the median change is known, which is at
-/// the end of the file.
+/// The most stretches of repeated rows that are stored until the median change is known, at the end
+/// of the file.
 const MAX_STRETCHES: usize = 4096;
 /// A change up to this fraction of the position is rounding of the printed number, not motion.
 const RELATIVE_ROUNDING: f64 = 1e-10;
 /// Changes that differ by at most this fraction count as equal.
 const RELATIVE_TOLERANCE: f64 = 1e-3;
-/// Number of equal changes that are needed to take their size for the encoder's step.
+/// Number of equal changes whose size counts as the encoder's step.
 const MIN_EQUAL_CHANGES: usize = 5;
 /// How far a change may be from a whole number of steps, in steps, since files contain rounded
 /// decimals.
@@ -50,9 +50,9 @@ pub(super) struct PositionChanges {
     /// The encoder's step (resolution): the smallest frequent change, if nearly all changes are
     /// multiples of it; else 0.
     pub(super) encoder: f64,
-    /// The size that nine of ten changes do not exceed.
+    /// The 0.9-quantile of the changes.
     pub(super) regular: f64,
-    /// The median of the changes; changes of 0 and rounding are not among them.
+    /// The median of the changes, without those that are 0 or rounding.
     usual: f64,
 }
 
@@ -65,7 +65,7 @@ impl PositionChanges {
             sorted[k + MIN_EQUAL_CHANGES - 1] <= sorted[*k] * (1.0 + RELATIVE_TOLERANCE)
         };
         let encoder = (0..(sorted.len() + 1).saturating_sub(MIN_EQUAL_CHANGES)).find(repeats);
-        // a periodic motion repeats its changes too, but they are no multiples of one step
+        // a periodic motion repeats its changes too, but they are not multiples of one step
         let encoder = encoder.filter(|k| counted(&sorted, sorted[*k]));
         #[allow(clippy::cast_sign_loss, reason = "a part of a length")]
         let regular = (REGULAR_QUANTILE * sorted.len() as f64) as usize;
@@ -112,14 +112,14 @@ pub(super) struct PositionHistory {
     repeats: usize,
     /// The lines of the first and the last of these rows.
     span: (u64, u64),
-    /// As [`RepeatedRows::speed`], for these rows.
+    /// The value of [`RepeatedRows::speed`] for these rows.
     speed: f64,
     /// The absolute values of the changes, for the statistics.
     changes: Vec<f64>,
     stretches: Vec<RepeatedRows>,
     /// Whether the last row ended a stretch by a jump, so that the next change is stored in
     /// [`RepeatedRows::next`].
-    waking: bool,
+    follows_jump: bool,
 }
 
 /// A stretch of rows that repeat one position.
@@ -132,10 +132,9 @@ struct RepeatedRows {
     /// The mean change per row just before the stretch, rad or m, if the motion had one direction
     /// and was not braked; 0 otherwise.
     speed: f64,
-    /// The absolute change at the end of the stretch; `None` where no row follows, or only after a
-    /// gap.
+    /// The absolute change at the end of the stretch; `None` if no row follows, or only after a gap.
     jump: Option<f64>,
-    /// The absolute change in the row after the jump; 0 where there is none.
+    /// The absolute change in the row after the jump; 0 without one.
     next: f64,
 }
 
@@ -147,7 +146,7 @@ impl PositionHistory {
         };
         let change = value - before;
         let moved = change.abs() > RELATIVE_ROUNDING * value.abs();
-        if core::mem::take(&mut self.waking)
+        if core::mem::take(&mut self.follows_jump)
             && let Some(last) = self.stretches.last_mut()
         {
             last.next = change.abs();
@@ -179,7 +178,7 @@ impl PositionHistory {
     pub(super) fn pause(&mut self) {
         self.close(None);
         self.value = None;
-        self.waking = false;
+        self.follows_jump = false;
         self.recent = [0.0; SPEED_CHANGES];
     }
 
@@ -187,7 +186,7 @@ impl PositionHistory {
     fn close(&mut self, jump: Option<f64>) {
         let rows = core::mem::take(&mut self.repeats);
         if rows + 1 >= MIN_REPEATED_ROWS && self.stretches.len() < MAX_STRETCHES {
-            self.waking = jump.is_some();
+            self.follows_jump = jump.is_some();
             self.stretches.push(RepeatedRows {
                 rows,
                 span: self.span,
@@ -198,8 +197,8 @@ impl PositionHistory {
         }
     }
 
-    /// The stretches in which the encoder was stuck, and the statistics of its changes. `entry` is
-    /// that of [`Stuck::entry`].
+    /// The stretches in which the encoder was stuck, with `entry` as their [`Stuck::entry`], and the
+    /// statistics of its changes.
     pub(super) fn finish(mut self, entry: usize) -> (Vec<Stuck>, PositionChanges) {
         self.pause();
         let changes = PositionChanges::of(&self.changes);
@@ -269,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_never_wakes_is_found() {
+    fn a_value_frozen_to_the_end_is_found() {
         assert_eq!(found((0..500).map(|k| swing(k.min(100)))), [(101, 499)]);
     }
 
@@ -323,7 +322,7 @@ mod tests {
             values.for_each(|value| watch.push(0, value));
             watch.finish(1).1
         };
-        // rounding of the numbers is no step
+        // rounding of the numbers is not a step
         let coarse =
             steps(&mut (0..1000).map(|k| (swing(k) * 50.0).round() * 0.003 + 1e-16 * k as f64));
         assert!((coarse.encoder - 0.003).abs() < 1e-9, "{coarse:?}");

@@ -14,9 +14,10 @@ use crate::signals::{Method, SignalError, Smoothing};
 use regen_batch::eval_many;
 use regen_runtime::{Arguments, Condition, Function, Model, Outcome, Status};
 
-/// Rows that are differentiated at a time, without those that filters need on both sides.
+/// The number of rows that are differentiated at a time, not counting those that filters need on both
+/// sides.
 const WINDOW_ROWS: usize = 8192;
-/// Rows whose states are computed at a time.
+/// The number of rows whose states are computed at a time.
 const STATES: usize = 512;
 /// Rise time of a low-pass filter after a step, in periods of its cutoff frequency.
 const RISE_TIME_PERIODS: f64 = 0.3;
@@ -99,8 +100,8 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
     }
 
-    /// Computes the states of all rows that have enough neighbours; `end` tells the end of a
-    /// segment from that of a window.
+    /// Computes the states of all rows that have enough neighbours, or, at the `end` of a segment, of
+    /// all rows that remain.
     fn process(&mut self, end: bool) -> Result<(), DataError> {
         let n = self.rows.len();
         let layout = &self.log.file.layout;
@@ -150,7 +151,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let entries = layout.positions().zip(&self.log.encoders);
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
             let positions = column(entry);
-            // what creeps has a velocity, though its friction is not that of sliding
+            // a joint that creeps has a velocity, but not the friction of sliding
             let unmoved = resting(&times, &positions, encoder.without_creep());
             for (k, unmoved) in unmoved.into_iter().enumerate() {
                 if unmoved {
@@ -170,7 +171,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             still.push(rests);
         }
-        // where the equations are filtered, they are decimated after the filter instead
+        // if the equations are filtered, they are decimated after the filter instead
         let every = match self.settings.method.smoothing() {
             Smoothing::None => self.settings.decimation.max(1),
             _ => 1,
@@ -211,7 +212,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let states = self.completion.complete_many(motion, samples)?;
         let info = self.model.info();
         let (n, dof, count) = (info.coordinates.len(), info.dof(), samples.len());
-        // entry by entry, as functions at many states have it
+        // ordered entry by entry, as functions at many states require
         let q: Vec<f64> = (0..n)
             .flat_map(|c| states.q.iter().skip(c).step_by(n.max(1)).copied())
             .collect();
@@ -274,7 +275,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 let own = given.zip(*place).and_then(|(w, p)| w.get(p).copied());
                 *weight = own.unwrap_or(1.0);
             }
-            // a coordinate that is not measured rests where all measured ones do
+            // a coordinate that is not measured rests when all measured ones do
             rests.fill(still.iter().all(|rests| rests[k]));
             for (c, own) in self.log.file.layout.measured.iter().zip(still) {
                 rests[*c] = own[k];

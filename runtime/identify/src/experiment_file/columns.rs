@@ -1,4 +1,4 @@
-//! The columns of an experiment file: keys and patterns to assignments.
+//! Converts the columns of an experiment file, keys and patterns, to assignments.
 
 use regen_runtime::Info;
 
@@ -7,7 +7,7 @@ use super::shape::{Column, Sink, below, column, did_you_mean, value};
 use super::tree::{Key, Node};
 use crate::data::{Assignment, Quantity, UNITS};
 
-/// What `columns` and `time` say.
+/// The content of `columns` and `time`.
 #[derive(Debug, Default)]
 pub(super) struct Columns {
     pub(super) assignments: Vec<Assignment>,
@@ -63,7 +63,7 @@ pub(super) fn coordinates(root: &Node) -> Vec<String> {
     out
 }
 
-/// Most coordinates that a pattern stands for where no robot says how many there are.
+/// The most coordinates that a pattern matches if there is no robot to count them.
 const MAX_COLUMNS: usize = 256;
 
 /// Reads `columns`, `time` and `rate` of a file.
@@ -92,7 +92,7 @@ pub(super) fn commands(
     path: &str,
     sink: &mut Sink,
 ) -> Vec<Assignment> {
-    // only what is actuated is commanded
+    // only actuated joints are commanded
     let all = info.actuated.iter();
     let names: Vec<&str> = all
         .filter_map(|k| info.coordinates.get(*k).copied())
@@ -115,7 +115,7 @@ fn assigned(
     sink: &mut Sink,
 ) -> Columns {
     let mut out = Columns::default();
-    // each with whether its key was a pattern, and the key
+    // for each assignment, whether its key is a pattern, and the key
     let mut origins: Vec<(bool, String)> = Vec::new();
     for (key, node) in columns.map(Node::entries).unwrap_or_default() {
         let path = below(place, &key.text);
@@ -139,7 +139,7 @@ fn assigned(
                 .iter()
                 .position(|own| own.quantity == *quantity);
             match other {
-                // a key for one coordinate goes before a pattern for several
+                // a key for one coordinate takes precedence over a pattern
                 Some(other) if origins[other].0 && !pattern => {
                     out.assignments.swap(other, k);
                     origins[other] = (pattern, key.text.clone());
@@ -193,7 +193,7 @@ fn unit(text: &str) -> Option<(&'static str, f64)> {
 
 /// Adds the assignments of one key.
 ///
-/// - `place`, `path`: of the mapping and of the key.
+/// - `place`, `path`: the paths of the mapping and of the key, for messages.
 fn one(
     key: &Key,
     node: &Node,
@@ -287,7 +287,7 @@ fn needs_gain(kind: QuantityKind, node: &Node, place: &Node, path: &str, sink: &
     let is_current = kind == QuantityKind::Effort && matches!(unit, Some("A" | "mA"));
     match (node.get("gain"), is_current) {
         (None, true) => {
-            let message = "a current is no effort".to_owned();
+            let message = "a current is not an effort".to_owned();
             let remedy = "give `gain`, the joint's torque constant with its gear in N m/A or N/A \
                           such as 0.12, or `gain: unknown`";
             sink.push(place.at, path, message, remedy);
@@ -377,7 +377,7 @@ pub(super) fn not_actuated(key: &Key, info: &Info<'_>, place: &str, sink: &mut S
         .filter_map(|k| info.coordinates.get(*k).copied())
         .collect();
     let near = did_you_mean(&key.text, names.iter().copied());
-    let message = format!("'{}' is no actuated coordinate{near}", key.text);
+    let message = format!("'{}' is not an actuated coordinate{near}", key.text);
     let remedy = format!("actuated are {}", names.join(" "));
     sink.push(key.at, place, message, &remedy);
 }

@@ -102,7 +102,7 @@ pub(super) static PAYLOAD: Record = record(
         optional(
             "com",
             Shape::Either(&[Shape::List(&Shape::Number(Range::Any), Some(3)), UNKNOWN]),
-            "Its centre of mass in the frame of the body that carries it, m; unknown if missing",
+            "Its centre of mass in the frame of the payload's body, m; unknown if missing",
         ),
         optional(
             "inertia",

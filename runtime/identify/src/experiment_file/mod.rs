@@ -1,10 +1,10 @@
-//! The experiment file: one YAML that says how the logs of a robot are read, and what they are for.
+//! The experiment file: one YAML that describes how the logs of a robot are read, and their purpose.
 //!
 //! ```yaml
 //! columns:
 //!   q*: {column: "pos_*", unit: deg, factor: 1/45, offset: -0.3}  # (raw * unit) * factor + offset
 //!   tau_*: {column: "i*", unit: A, gain: 10.0956}                 # a current needs a gain
-//! rate: 200                                # Hz, where no column has the time
+//! rate: 200                                # Hz, if no column has the time
 //! process:
 //!   resample: 100                          # Hz, onto an even grid
 //!   filter: {butterworth: {order: 4, cutoff: 20}}
@@ -46,15 +46,15 @@ use tree::Node;
 /// Largest size of a file, bytes.
 pub const MAX_BYTES: usize = 1 << 20;
 
-/// What an experiment file says.
+/// The content of an experiment file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExperimentFile {
-    /// How logs are read and processed. A current whose gain is unknown has the assignment of a
-    /// current without a gain, which no log is read with.
+    /// How logs are read and processed. A current of unknown gain has an assignment without a gain,
+    /// with which no log can be read until the gain is set.
     pub settings: Settings,
     /// The equations that are set up.
     pub kind: EquationKind,
-    /// Whether delays of the efforts are to be found, besides those of the settings.
+    /// Whether delays of the efforts are estimated, besides those that the settings state.
     pub delay: Delay,
     /// The runs, in the order of the file.
     pub runs: Vec<PlannedRun>,
@@ -76,57 +76,57 @@ pub enum Delay {
     Auto,
 }
 
-/// A run and what it is for.
+/// A run and its purpose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedRun {
     /// The files, as the experiment file names them, and the part that is read.
     pub run: Run,
-    /// Whether the run is identified from or validated on.
+    /// Whether the run is for identification or for validation.
     pub purpose: Purpose,
     /// The payload that the robot carries in the run.
     pub payload: Payload,
     /// The columns of the commanded positions, as positions of the joints.
     pub commands: Vec<Assignment>,
-    /// The controllers in the form of a file of their own, with a key for each joint; `None` where
-    /// nothing is said of them.
+    /// The controllers in the form of a controller file, with a key for each joint; `None` if the
+    /// run states none.
     pub controller: Option<Value>,
 }
 
-/// What a run is for.
+/// The purpose of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Purpose {
     /// Parameters are identified from the run.
     #[default]
     Identify,
-    /// Its efforts are predicted by parameters that other runs gave.
+    /// Its efforts are predicted with parameters that were identified from other runs.
     Validate,
 }
 
-/// What the robot carries in a run.
+/// The payload of the robot in a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Payload {
     /// The robot carries nothing.
     #[default]
     None,
-    /// A body; what is not known of it is `None`.
+    /// A body; its unknown parameters are `None`.
     Carried {
-        /// The label of its body in the spec; `None` where the spec has one payload only.
+        /// The label of its body in the spec; `None` if the spec has only one payload.
         body: Option<String>,
         /// Its mass, kg.
         mass: Option<f64>,
-        /// Its centre of mass in the frame of the body that carries it, m.
+        /// Its centre of mass in the frame of the payload's body, m.
         com: Option<[f64; 3]>,
         /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about its centre of mass, kg m^2.
         inertia: Option<[f64; 6]>,
     },
 }
 
-/// What the runs of a file carry, by the payloads of the robot.
+/// The payloads of the robot, and the one that each run of a file carries.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loads {
     /// For each run of the file, the index of the payload that is carried.
     pub carried: Vec<Option<usize>>,
-    /// The payloads of the robot with what the runs say of them.
+    /// The payloads of the robot with the parameters that the runs state.
     pub payloads: Vec<KnownPayload>,
 }
 
@@ -142,7 +142,7 @@ impl PlannedRun {
 }
 
 impl Payload {
-    /// A payload of which nothing is known.
+    /// A payload without known parameters.
     pub const UNKNOWN: Self = Self::Carried {
         body: None,
         mass: None,
@@ -251,8 +251,8 @@ impl ExperimentFile {
         let mut unused = Sink::default();
         for (name, at) in self.unknown_gains.iter().zip(&self.gain_places) {
             let path = format!("`columns`, the effort of {name}");
-            let message = "unknown gains are found by least squares from all runs together, not \
-                           by this"
+            let message = "this command or estimator does not identify unknown gains: least \
+                           squares does, from all runs together"
                 .to_owned();
             let remedy = "give the torque constant with the gear, in N m/A or N/A";
             unused.push(*at, &path, message, remedy);
@@ -260,8 +260,8 @@ impl ExperimentFile {
         for (k, (run, at)) in self.runs.iter().zip(&self.places).enumerate() {
             if run.payload != Payload::None {
                 let path = format!("`runs`, entry {}, `payload`", k + 1);
-                let message = "runs with a payload are for least squares from all runs together, \
-                               not for this"
+                let message = "this command or estimator does not support runs with a payload: \
+                               least squares does, from all runs together"
                     .to_owned();
                 let remedy = "leave the run out";
                 unused.push(at.payload, &path, message, remedy);
@@ -275,14 +275,14 @@ impl ExperimentFile {
         !self.unknown_gains.is_empty() || self.runs.iter().any(|run| run.payload != Payload::None)
     }
 
-    /// Which of the robot's payloads each run carries, and what is known of them. Runs that carry
+    /// The payload that each run carries, and the known parameters of all payloads. Runs that carry
     /// the same body carry the same load.
     ///
     /// - `bodies`: the labels of the robot's payloads.
     ///
     /// # Errors
-    /// All runs whose payload is none of the robot's, or is not said of several, or of which
-    /// another run says otherwise.
+    /// One mistake for each run that names no payload of the robot, does not name one of several, or
+    /// states other parameters than another run with the same payload.
     ///
     /// ```
     /// use regen_identify::experiment_file::ExperimentFile;
@@ -341,12 +341,12 @@ impl ExperimentFile {
                             .to_owned(),
                     ),
                     Some(body) => (
-                        format!("'{body}' is no payload of the spec"),
+                        format!("'{body}' is not a payload of the spec"),
                         format!("its payloads are {listed}"),
                     ),
                     None => (
                         format!("the spec has several payloads: {listed}"),
-                        "say which it is, `payload: {body: NAME}`".to_owned(),
+                        "name one, `payload: {body: NAME}`".to_owned(),
                     ),
                 };
                 sink.push(at.payload, &path, message, &remedy);
@@ -356,7 +356,7 @@ impl ExperimentFile {
                 & agree(&mut own.com, *com)
                 & agree(&mut own.inertia, *inertia);
             if !is_same {
-                let message = format!("another run says otherwise of '{}'", own.body);
+                let message = format!("another run states other parameters of '{}'", own.body);
                 let remedy = "runs with the same body carry the same load; another load is another \
                               body of the spec";
                 sink.push(at.payload, &path, message, remedy);
@@ -369,7 +369,7 @@ impl ExperimentFile {
     ///
     /// - `run`: the index of the run;
     /// - `keys`: the keys below `controller` that lead to the mistake, such as `q1.kp`; may be empty;
-    /// - `message`: what is wrong, and what would be right.
+    /// - `message`: the mistake, and what would be correct.
     ///
     /// ```
     /// use regen_identify::experiment_file::ExperimentFile;
@@ -380,9 +380,9 @@ impl ExperimentFile {
     /// let file = ExperimentFile::read(text, &info)?;
     /// assert_eq!(file.runs[0].commands[1].column, "goal_2");
     /// assert_eq!(file.runs[0].controller.as_ref().map(|c| c["q2"]["kp"].as_f64()), Some(Some(40.0)));
-    /// let told = file.controller_mistake(0, "q1", "something is wrong".to_owned());
-    /// assert_eq!(told.0[0].path, "`runs`, entry 1, `controller`, `q1`");
-    /// assert!(text[told.0[0].at..].starts_with("{q*: {kp"));
+    /// let found = file.controller_mistake(0, "q1", "something is wrong".to_owned());
+    /// assert_eq!(found.0[0].path, "`runs`, entry 1, `controller`, `q1`");
+    /// assert!(text[found.0[0].at..].starts_with("{q*: {kp"));
     /// # Ok::<(), regen_identify::files::Mistakes>(())
     /// ```
     pub fn controller_mistake(&self, run: usize, keys: &str, message: String) -> Mistakes {
@@ -396,12 +396,12 @@ impl ExperimentFile {
         Mistakes(sink.mistakes)
     }
 
-    /// The coordinates that the columns of a file name, for reading it without a robot: a pattern
-    /// stands for `q1`, `q2`, and so on, as many as it has numbers of columns. Those that a pattern
-    /// finds by the names of columns are not known.
+    /// The coordinates that the columns of a file name, for reading it without a robot. A pattern
+    /// with numbers of columns names `q1`, `q2`, and so on, one for each number; one with names of
+    /// columns names no coordinates, since only a log has these names.
     ///
     /// # Errors
-    /// When the text is no YAML.
+    /// When the text is not YAML.
     ///
     /// ```
     /// use regen_identify::experiment_file::ExperimentFile;
@@ -424,15 +424,15 @@ impl ExperimentFile {
     }
 }
 
-/// Keeps what is said first; returns whether what is said next is the same.
-fn agree<T: PartialEq>(known: &mut Option<T>, said: Option<T>) -> bool {
-    match (&known, said) {
+/// Stores the first stated value in `known`; returns false if `stated` contradicts it.
+fn agree<T: PartialEq>(known: &mut Option<T>, stated: Option<T>) -> bool {
+    match (&known, stated) {
         (_, None) => true,
-        (None, said) => {
-            *known = said;
+        (None, stated) => {
+            *known = stated;
             true
         }
-        (Some(known), Some(said)) => *known == said,
+        (Some(known), Some(stated)) => *known == stated,
     }
 }
 

@@ -1,10 +1,10 @@
-//! The quantities that a coordinate has, and the keys and patterns that mean them.
+//! The quantities of a coordinate, and the keys and patterns that select them.
 
 use regen_runtime::Info;
 
 use crate::data::Quantity;
 
-/// One of the kinds of quantities that a coordinate has.
+/// A kind of quantity of a coordinate.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum QuantityKind {
     Position,
@@ -31,7 +31,8 @@ impl QuantityKind {
         }
     }
 
-    /// The keys that mean this quantity of a coordinate: `qd1` where that is `q1`, and `qd_q1`.
+    /// The keys that select this quantity of a coordinate: the short one, such as `qd1` for `q1`, if
+    /// there is one, and the full one, such as `qd_q1`.
     pub(super) fn spellings(self, coordinate: &str) -> [Option<String>; 2] {
         let prefix = match self {
             Self::Position => return [None, Some(coordinate.to_owned())],
@@ -57,8 +58,8 @@ impl QuantityKind {
     }
 }
 
-/// The part of a text that the `*` of a pattern stands for; the empty text if a text without `*` is
-/// equal; `None` if they do not match.
+/// The part of a text that the `*` of a pattern matches, empty for a pattern without `*`; `None` if
+/// the text does not match.
 pub(super) fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
     match pattern.split_once('*') {
         None => (pattern == text).then_some(""),
@@ -66,13 +67,15 @@ pub(super) fn matched<'t>(pattern: &str, text: &'t str) -> Option<&'t str> {
     }
 }
 
-/// The coordinates that a key means a quantity of, each with the part that a `*` stands for.
+/// The quantity that a key selects, and its coordinates, each with the part that a `*` matches;
+/// `None` if it selects none.
 pub(super) fn meant(
     key: &str,
     info: &Info<'_>,
     kinds: &[QuantityKind],
 ) -> Option<(QuantityKind, Vec<(String, String)>)> {
-    // a pattern that matches short names means none of the others: `qd*` is that of q1, q2, ..
+    // a pattern that matches short keys selects by these alone, so that `qd*` matches `qd1` of q1
+    // but not `qd_q1`
     let mut ways = kinds.iter().flat_map(|kind| [(*kind, 0), (*kind, 1)]);
     ways.find_map(|(kind, way)| {
         let names = info.coordinates.iter().enumerate();
@@ -89,8 +92,8 @@ pub(super) fn meant(
     })
 }
 
-/// Sorts coordinates by their numbers where their names differ in these only, such as q1, q2, q10;
-/// else they stay in the robot's order.
+/// Sorts coordinates by number if their names differ in a number only, such as q1, q2, q10; others
+/// stay in the robot's order.
 fn ordered(mut found: Vec<(String, String)>) -> Vec<(String, String)> {
     let parts = |name: &str| {
         let text = name

@@ -8,14 +8,15 @@ use super::tree::Node;
 use super::{Payload, PlannedRun, Purpose, columns};
 use crate::data::{Join, Run};
 
-/// The places of the parts of a run.
+/// Where the parts of a run stand in the file, for messages that later checks give; a part that is
+/// missing has the place of the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Places {
     pub(super) payload: usize,
     pub(super) controller: usize,
 }
 
-/// Reads `runs`; each with its places.
+/// Reads the runs under `runs`, each with the places of its parts.
 pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Vec<(PlannedRun, Places)> {
     let runs = root.get("runs").map(Node::items).unwrap_or_default();
     let one = |(k, node): (usize, &Node)| {
@@ -47,6 +48,7 @@ pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Vec<(Planne
     runs.iter().enumerate().map(one).collect()
 }
 
+/// Reads the log of a run: its files, and which rows, times, topic or episode of them.
 fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
     let files = node.get("files");
     let texts = files.map(|files| match files.text() {
@@ -60,7 +62,7 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
         };
         let (first, last) = (first.number()?, last.number()?);
         if last < first {
-            let message = "the last one is before the first".to_owned();
+            let message = "the end is before the start".to_owned();
             sink.push(node.at, &format!("{path}, `{key}`"), message, "");
         }
         Some((first, last))
@@ -72,16 +74,19 @@ fn run(node: &Node, path: &str, sink: &mut Sink) -> Run {
     if let (Some(node), Some(index)) = (episode, index)
         && index.fract() != 0.0
     {
-        let message = format!("{index} is no index of an episode");
+        let message = format!("{index} is not an index of an episode");
         let remedy = "episodes are counted by whole numbers from 0";
         sink.push(node.at, &format!("{path}, `episode`"), message, remedy);
     }
     #[allow(
         clippy::cast_sign_loss,
-        reason = "the shape says that they are not negative"
+        reason = "the shape of the file admits no negative number here"
     )]
     let episode = index.map(|index| index as u64);
-    #[allow(clippy::cast_sign_loss, reason = "the shape says that they are whole")]
+    #[allow(
+        clippy::cast_sign_loss,
+        reason = "the shape of the file admits only whole numbers from 0 here"
+    )]
     let rows = rows.map(|(first, last)| (first as u64, last as u64));
     Run {
         files: texts
@@ -118,7 +123,8 @@ fn payload(node: &Node) -> Payload {
     }
 }
 
-/// The words of `controller`, with a key for each joint that patterns mean.
+/// The contents of `controller` as JSON; each pattern of joints is replaced with one key for each
+/// joint that it matches.
 fn controller(node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink) -> Value {
     let is_joint = |key: &str| !["action", "signals"].contains(&key);
     let mut out = Map::new();
@@ -132,7 +138,7 @@ fn controller(node: &Node, info: &Info<'_>, path: &str, sink: &mut Sink) -> Valu
             columns::not_actuated(key, info, path, sink);
         }
         for name in names {
-            // a key for one joint goes before a pattern for several
+            // a key that names one joint takes precedence over a pattern
             if key.text == name || node.get(&name).is_none() {
                 out.insert(name, own.to_json());
             }

@@ -1,5 +1,5 @@
-//! The shapes of an experiment file's parts: checks of a tree against them, and their JSON Schema,
-//! both from the one table in `keys.rs`.
+//! The shapes of an experiment file's parts. A parsed tree is checked against them, and the JSON
+//! Schema is written from them; both use the table in `keys.rs`.
 
 use serde_json::{Map, Value, json};
 
@@ -13,7 +13,7 @@ pub(super) enum Shape {
     Number(Range),
     /// A whole number, 1 or more.
     Count,
-    /// A number, or an expression of decimals, fractions and pi; other than 0 if it is a factor.
+    /// A number, or an expression of decimals, fractions and pi; not 0 if it is a factor.
     Expression {
         factor: bool,
     },
@@ -26,9 +26,9 @@ pub(super) enum Shape {
     Record(&'static Record),
     /// A list, of this length if one is stated.
     List(&'static Shape, Option<usize>),
-    /// A mapping with any keys, which the text describes.
+    /// A mapping with any keys; the text describes them in messages.
     Map(&'static Shape, &'static str),
-    /// A mapping with the keys of a record and any others, which the text describes.
+    /// A mapping with the keys of a record and any others, which the text describes in messages.
     Open(&'static Record, &'static Shape, &'static str),
     /// One of several shapes.
     Either(&'static [Shape]),
@@ -102,11 +102,14 @@ pub(super) fn below(path: &str, key: &str) -> String {
 
 /// The known word nearest to a misspelt one, as `; did you mean 'x'?`; empty if all are far.
 pub(super) fn did_you_mean<'w>(word: &str, known: impl IntoIterator<Item = &'w str>) -> String {
+    /// Longer words are not compared: this and the next bound limit the time.
+    const MAX_WORD: usize = 64;
+    /// The most known words that are compared.
+    const MAX_CANDIDATES: usize = 1000;
     // one typing error in short words, two in longer ones
     let length = word.chars().count();
     let allowed = if length < 4 { 1 } else { 2 };
-    // bounds of the time for a comparison
-    if length > 64 {
+    if length > MAX_WORD {
         return String::new();
     }
     let near = |candidate: &&str| {
@@ -118,7 +121,7 @@ pub(super) fn did_you_mean<'w>(word: &str, known: impl IntoIterator<Item = &'w s
         let trivial = distance >= candidate.chars().count() || differ_in_digits(word, candidate);
         (distance <= allowed && !trivial).then_some(distance)
     };
-    let found = known.into_iter().take(1000);
+    let found = known.into_iter().take(MAX_CANDIDATES);
     let found = found.filter_map(|candidate| Some((near(&candidate)?, candidate)));
     found
         .min_by_key(|(distance, _)| *distance)
@@ -142,7 +145,7 @@ pub(super) fn one_of<'w>(words: impl IntoIterator<Item = &'w str>) -> String {
 }
 
 impl Shape {
-    /// What messages say that is expected.
+    /// The expected value, as messages describe it.
     fn expected(&self) -> String {
         match self {
             Self::Number(Range::Any) => "a number".to_owned(),
@@ -170,12 +173,13 @@ impl Shape {
         }
     }
 
-    /// Whether a node is of the kind that this shape is of, whatever stands in it.
+    /// Whether a node has the kind of this shape (number, text, mapping, list), whatever its content.
     fn is_of_kind(&self, node: &Node) -> bool {
         match self {
             Self::Number(_) | Self::Count => node.number().is_some(),
             Self::Expression { .. } => {
-                // words are no expressions, so that those of an alternative are told
+                // a word does not count as an expression, so that the mistakes of another
+                // alternative are reported for it
                 node.number().is_some()
                     || node.text().is_some_and(|text| {
                         text.starts_with(|c: char| !c.is_alphabetic()) || text.starts_with("pi")
@@ -282,7 +286,7 @@ impl Shape {
                 if shapes.iter().any(|shape| fits(&shape)) {
                     return;
                 }
-                // the mistakes of the alternative that is meant
+                // report the mistakes of the alternative of the same kind
                 match shapes.iter().find(|shape| shape.is_of_kind(node)) {
                     Some(shape) => shape.check(node, path, sink),
                     None => mismatch(""),
@@ -399,7 +403,7 @@ impl Record {
 /// The value of a number or an expression.
 ///
 /// # Errors
-/// The reason, where there is more to say than that it is none.
+/// The reason why the text is not an expression; `None` if the node is neither number nor text.
 pub(super) fn value(node: &Node, factor: bool) -> Result<f64, Option<String>> {
     let read = if factor {
         expression::factor
@@ -425,7 +429,7 @@ pub(super) enum Column {
     Range(usize, usize),
 }
 
-/// The column that a node says; `None` if it says none.
+/// The column that a node names; `None` if it does not name one.
 pub(super) fn column(node: &Node) -> Option<Column> {
     if let Some(number) = node.whole() {
         let number = usize::try_from(number).ok().filter(|number| *number > 0);

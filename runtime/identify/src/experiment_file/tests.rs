@@ -241,10 +241,10 @@ fn a_run_says_its_commands_and_controllers() {
 "
         ),
         [
-            "passive | `runs`, entry 1, `commands` | 'passive' is no actuated coordinate",
+            "passive | `runs`, entry 1, `commands` | 'passive' is not an actuated coordinate",
             "b | `runs`, entry 1, `commands`, `q*` | 1 column for 2 coordinates: q1 q2",
-            "tau_q1 | `runs`, entry 1, `commands` | 'tau_q1' is no actuated coordinate",
-            "q3 | `runs`, entry 1, `controller` | 'q3' is no actuated coordinate",
+            "tau_q1 | `runs`, entry 1, `commands` | 'tau_q1' is not an actuated coordinate",
+            "q3 | `runs`, entry 1, `controller` | 'q3' is not an actuated coordinate",
             "kq | `runs`, entry 1, `controller`, `q1` | unknown key 'kq'; did you mean 'kp'?",
             "{estimat | `runs`, entry 1, `controller`, `q2`, `kp` | a number to estimate lacks the \
              key 'estimate'",
@@ -291,7 +291,7 @@ runs:
             "1/0 | `columns`, `q*`, `factor` | expected a number or an expression such as 1/45, \
              found '1/0': it divides by 0",
             "rad | `columns`, `qd1`, `unit` | qd_q1 is not measured in rad",
-            "'i*' | `columns`, `tau_*` | a current is no effort",
+            "'i*' | `columns`, `tau_*` | a current is not an effort",
             "tau_passive | `columns` | passive is not actuated: it has no effort",
             "0 | `rate` | expected a number above 0, found '0'",
             "0 | `rate` | a rate and a column of time exclude each other",
@@ -302,10 +302,10 @@ runs:
             "sometimes | `process`, `delay` | unknown word 'sometimes'",
             "tel | `checks`, `outliers` | unknown word 'tel'; did you mean 'tell'?",
             "{rows | `runs`, entry 1 | a run lacks the key 'files'",
-            "[9 | `runs`, entry 1, `rows` | the last one is before the first",
+            "[9 | `runs`, entry 1, `rows` | the end is before the start",
             "[ | `runs`, entry 2, `files` | expected at least 1 entries, found 0",
             "test | `runs`, entry 2, `use` | unknown word 'test'",
-            "1.5 | `runs`, entry 3, `episode` | 1.5 is no index of an episode",
+            "1.5 | `runs`, entry 3, `episode` | 1.5 is not an index of an episode",
         ]
     );
 }
@@ -463,9 +463,12 @@ fn what_runs_carry_is_found_by_the_spec_s_payloads_and_contradictions_are_told()
     assert_eq!(found.payloads[0].com, Some([0.0, 0.0, 0.1]));
     assert_eq!(found.payloads[1].mass, None);
     for (text, why) in [
-        ("{body: lid}", "'lid' is no payload of the spec"),
+        ("{body: lid}", "'lid' is not a payload of the spec"),
         ("unknown", "the spec has several payloads: box ball"),
-        ("{body: box, m: 3}", "another run says otherwise of 'box'"),
+        (
+            "{body: box, m: 3}",
+            "another run states other parameters of 'box'",
+        ),
     ] {
         let text = format!(
             "runs: [{{files: a, payload: {{body: box, m: 2}}}}, {{files: b, payload: {text}}}]"

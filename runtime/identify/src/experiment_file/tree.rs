@@ -58,7 +58,7 @@ impl Node {
         })
     }
 
-    /// The value of a key; `None` if this is no mapping with that key.
+    /// The value of a key; `None` if this is not a mapping with that key.
     pub(super) fn get(&self, key: &str) -> Option<&Self> {
         self.entries()
             .iter()

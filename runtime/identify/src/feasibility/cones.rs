@@ -62,8 +62,8 @@ pub(super) struct Objective {
     pub(super) linear: Vec<f64>,
     /// The sum of the squares that no variable changes.
     pub(super) constant: f64,
-    /// A sum of squares below this is replaced by it where the gap is divided by the objective:
-    /// smaller ones are rounding errors of b.
+    /// When the gap is divided by the objective, a sum of squares below this is replaced with it:
+    /// smaller sums consist of rounding errors of b.
     pub(super) floor: f64,
 }
 
@@ -114,7 +114,7 @@ impl Gap {
 /// first replaced by 0. The objective is convex, so at any point y it is at least its value at `x`
 /// plus `g . (y - x)` with the gradient g at `x`. g is split into the gradient of the sum of the
 /// `<S_i, X_i>` and a remainder. The first part can fall by at most the sum of the `<S_i, X_i(x)>`,
-/// since `<S_i, X_i(y)>` is not negative where y fulfils the constraints. The second can fall by at
+/// since `<S_i, X_i(y)>` is not negative if y satisfies the constraints. The second can fall by at
 /// most the absolute remainder of each variable times its largest distance from `x`.
 ///
 /// The gradient is summed in twice the working precision, from rounded residuals u of

@@ -19,12 +19,12 @@ use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 pub(super) const TARGET_GAP: f64 = 1e-10;
-/// From a point near the optimum of similar observations, the method stops at this many times the
-/// gap that was reached there, at most [`MAX_NEAR_GOAL`].
+/// If the method starts from a point near the optimum of similar observations, it stops at this many
+/// times the gap of that optimum, at most at [`MAX_NEAR_GOAL`].
 const NEAR_GOAL_RATIO: f64 = 2.0;
 const MAX_NEAR_GOAL: f64 = 1e-8;
-/// With a gap of more than this many times that one, or of more than [`MAX_OPTIMAL_GAP`], it begins
-/// again well inside the cones.
+/// If such a start ends with a gap of more than this many times that of the similar observations, or
+/// of more than [`MAX_OPTIMAL_GAP`], the method starts again from a point well inside the cones.
 const MAX_NEAR_RATIO: f64 = 10.0;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
@@ -129,8 +129,8 @@ impl PhysicalFit {
 /// of it. [`PhysicalFit::gap`] bounds how far the result is from the optimum.
 ///
 /// - `factor`: R (r x r) and z (r) of the observations, over the r base parameters;
-/// - `combinations`: B (r x p), the combinations of the p parameters of `layout` that the base
-///   parameters are.
+/// - `combinations`: B (r x p), which expresses the base parameters as combinations of the p
+///   parameters of `layout`.
 ///
 /// # Errors
 /// - [`FeasibilityError::Size`], [`Unknown`](FeasibilityError::Unknown),
@@ -169,7 +169,7 @@ pub fn identify(
     identify_like(factor, combinations, layout, options, &Known::default())
 }
 
-/// As [`identify`], knowing what fits of similar observations found.
+/// As [`identify`], with the results of fits to similar observations.
 pub(crate) fn identify_like(
     factor: &QrFactor,
     combinations: &BaseMap,
@@ -341,7 +341,7 @@ fn closest_to_reference(
 ) -> (Vec<f64>, f64) {
     let first = (minimum.best.x.clone(), minimum.gap.part());
     let plain = &problem.objective;
-    // the squared distance from the reference: the rows behind those of the objective
+    // the squared distance from the reference: the rows after those of the objective
     let squared_distance = |x: &[f64]| {
         let pulled = problem.pulled(&options.reference, 1.0);
         let squares: f64 = pulled.residuals(x)[plain.rows.len()..]

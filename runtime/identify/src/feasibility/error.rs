@@ -67,18 +67,19 @@ impl fmt::Display for FeasibilityError {
                 got,
             } => write!(f, "{what}: {got} entries where {expected} are needed"),
             Self::NotFinite { what, index } => {
-                write!(f, "{what}: entry {index} is not a number that can be used")
+                write!(f, "{what}: entry {index} is not finite, or is not positive")
             }
             Self::Unknown { what, label } => write!(f, "there is no {what} `{label}`"),
             Self::Incomplete { body, missing } => write!(
                 f,
-                "body `{body}` has no parameter `{missing}`: feasibility is about all ten"
+                "body `{body}` lacks the parameter `{missing}`: feasibility needs all ten inertial \
+                 parameters of a body"
             ),
-            Self::Duplicate { label } => write!(f, "`{label}` is there twice"),
+            Self::Duplicate { label } => write!(f, "`{label}` occurs twice"),
             Self::Reference { body } => write!(
                 f,
-                "the reference values of body `{body}` are of no physical body: an entropic \
-                 prior needs a positive definite pseudo-inertia"
+                "no physical body has the reference values of body `{body}`: an entropic prior \
+                 needs a positive definite pseudo-inertia"
             ),
             Self::Contradiction(what) => {
                 write!(
@@ -88,7 +89,7 @@ impl fmt::Display for FeasibilityError {
             }
             Self::Idle(why) => write!(f, "{why}"),
             Self::Estimate(error) => error.fmt(f),
-            Self::Solver(message) => write!(f, "the conic solver refused: {message}"),
+            Self::Solver(message) => write!(f, "the conic solver failed: {message}"),
         }
     }
 }
@@ -108,6 +109,7 @@ impl From<EstimateError> for FeasibilityError {
     }
 }
 
+/// Fails unless a list has the expected length.
 pub(super) fn size(
     what: &'static str,
     expected: usize,
@@ -123,6 +125,7 @@ pub(super) fn size(
     })
 }
 
+/// Fails if an entry is NaN or infinite.
 pub(super) fn finite(what: &'static str, values: &[f64]) -> Result<(), FeasibilityError> {
     match values.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(FeasibilityError::NotFinite { what, index }),

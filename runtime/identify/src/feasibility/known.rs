@@ -1,4 +1,4 @@
-//! What fits of similar observations share, such as those of the draws of an interval.
+//! Results that speed up further fits to similar observations, such as the draws of an interval.
 
 use super::constrained::TARGET_GAP;
 use super::faces::{InteriorStart, find_interior_point};
@@ -8,17 +8,17 @@ use super::verdict::{refutes, verdict};
 use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
 use crate::estimate::QrFactor;
 
-/// What fits of similar observations share, with the same combinations, layout and options; it
-/// changes how long a fit takes.
+/// Results of fits to similar observations with the same combinations, layout and options. They make
+/// further fits faster.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Known {
-    /// The weights of certificates that no physical robot has the base parameters of other
-    /// observations: they may prove it for these too.
+    /// The weights of certificates which prove that no physical robot has the least-squares base
+    /// parameters of earlier observations; the same weights may prove it for further ones.
     certificates: Vec<Vec<f64>>,
     similar: Option<Similar>,
 }
 
-/// A fit of similar observations.
+/// A fit to similar observations.
 #[derive(Clone, Debug)]
 struct Similar {
     problem: Problem,
@@ -26,22 +26,22 @@ struct Similar {
     noise: f64,
     /// A point well inside the cones.
     inside: Vec<f64>,
-    /// A point near the central path on the way to the optimum, and the gap that was reached.
+    /// A point near the central path on the way to the optimum, and its duality gap.
     central: Option<(Point, f64)>,
 }
 
-/// A problem and the points from which it may be solved.
+/// A problem and points to start its solution from.
 pub(super) struct Starts {
     pub(super) problem: Problem,
     /// A point well inside the cones.
     pub(super) inside: Vec<f64>,
-    /// A point that is quicker if the optimum is near that of similar observations, and the gap
-    /// that was reached there.
+    /// A start that takes fewer steps if the optimum is near that of similar observations, and its
+    /// duality gap.
     pub(super) central: Option<(Point, f64)>,
 }
 
 impl Known {
-    /// What a fit to these observations finds, see [`identify`](super::identify).
+    /// The results of a fit to these observations; see [`identify`](super::identify).
     pub(crate) fn of(
         factor: &QrFactor,
         combinations: &BaseMap,
@@ -57,7 +57,7 @@ impl Known {
         if !options.constrain() {
             match verdict(layout, combinations, &beta, options.scale)? {
                 Verdict::Infeasible { certificate } => known.certificates.push(certificate.weights),
-                // a fit may need no point inside
+                // the fit may not need a point inside the cones
                 _ if inside.is_err() => return Ok(known),
                 _ => {}
             }
@@ -82,8 +82,8 @@ impl Known {
         Ok(known)
     }
 
-    /// Whether a certificate of other observations proves that no physical robot has these base
-    /// parameters.
+    /// Whether a certificate of earlier observations also proves that no physical robot has these
+    /// base parameters.
     pub(super) fn refutes(
         &self,
         layout: &ParameterLayout,
@@ -99,13 +99,13 @@ impl Known {
         Ok(false)
     }
 
-    /// The problem of these observations in the units and limits of similar ones, and where to
-    /// begin.
+    /// The problem of these observations, with the units and limits of similar ones, and points to
+    /// start from.
     pub(super) fn starts(&self, setting: &Setting<'_>) -> Result<Option<Starts>, FeasibilityError> {
         let Some(similar) = &self.similar else {
             return Ok(None);
         };
-        // the cones of an entropic prior contain the noise
+        // the cones of an entropic prior depend on the noise
         if setting.options.entropic > 0.0 && setting.noise.total_cmp(&similar.noise).is_ne() {
             return Ok(None);
         }

@@ -17,7 +17,7 @@ use regen_runtime::{Info, Parameter};
 /// ```
 pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
     let own = info.parameters.iter().find(|p| **p == *label).copied();
-    // a layout may have labels that are not in the model
+    // a layout of the caller's may have labels that the model lacks
     let parameter = own.or_else(|| Parameter::read(label));
     parameter.map_or("SI", |p| p.unit(info.motion_of(p.owner)))
 }

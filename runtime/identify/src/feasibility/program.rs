@@ -19,7 +19,8 @@ pub(super) struct Program {
     /// The diagonal of the quadratic objective.
     squares: Vec<(usize, f64)>,
     linear: Vec<(usize, f64)>,
-    /// The entries of A in A x + s = b: rows, columns and values, and the side b.
+    /// The entries of A in A x + s = b, by row, column and value, and the right-hand side b; s is in
+    /// the cones.
     rows: Vec<usize>,
     columns: Vec<usize>,
     values: Vec<f64>,
@@ -85,6 +86,7 @@ impl Program {
         self.cone(Cone::PSDTriangleConeT(size), &scaled)
     }
 
+    /// Requires that the vector of expressions is in a cone; returns its first row.
     fn cone(&mut self, cone: Cone<f64>, expressions: &[Affine]) -> usize {
         let first = self.side.len();
         for expression in expressions {
@@ -98,7 +100,7 @@ impl Program {
             }
             self.side.push(expression.constant);
         }
-        // the solver takes neighbours of the same kind as one cone
+        // consecutive cones of these kinds are one cone to the solver
         match (self.cones.last_mut(), &cone) {
             (Some(Cone::ZeroConeT(n)), Cone::ZeroConeT(more))
             | (Some(Cone::NonnegativeConeT(n)), Cone::NonnegativeConeT(more)) => *n += more,
@@ -107,7 +109,8 @@ impl Program {
         first
     }
 
-    /// Solves the programme to the relative and absolute tolerance `accuracy`.
+    /// Solves the programme to the relative and absolute tolerance `accuracy`. The result may be
+    /// less accurate: the solver's status is not examined, because callers check the point itself.
     pub(super) fn solve(&self, accuracy: f64) -> Result<ConicSolution, FeasibilityError> {
         let n = self.variables;
         let mut diagonal = vec![0.0; n];

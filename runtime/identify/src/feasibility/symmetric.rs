@@ -1,4 +1,4 @@
-//! Symmetric matrices of up to four rows, of which the cones of bodies consist.
+//! Symmetric matrices of up to four rows, as in the semidefinite cones of bodies.
 
 /// A matrix of up to four rows, of which only the first rows and columns are used.
 pub(super) type Square = [[f64; 4]; 4];
@@ -13,7 +13,7 @@ pub(super) const ONE: Square = [
     [0.0, 0.0, 0.0, 1.0],
 ];
 
-/// Row and column of the entries of the upper triangle, column by column.
+/// The row and column of each entry of the upper triangle, column by column.
 pub(super) fn upper(size: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..size).flat_map(|c| (0..=c).map(move |r| (r, c)))
 }
@@ -105,9 +105,11 @@ pub(super) fn inverse(l: &Square, size: usize) -> Square {
 /// Eigenvalues, and eigenvectors as the columns of a matrix, by Jacobi's rotations, which compute
 /// small eigenvalues of definite matrices to full relative accuracy.
 pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
+    /// The most sweeps over all pairs; convergence is quadratic, so that few are needed.
+    const MAX_SWEEPS: usize = 32;
     let mut a = *m;
     let mut v = ONE;
-    for _ in 0..32 {
+    for _ in 0..MAX_SWEEPS {
         let mut turned = false;
         for (p, q) in upper(size).filter(|(p, q)| p != q) {
             let off = a[p][q];

@@ -1,4 +1,4 @@
-//! An upper triangular factor, row by row, into which rows that begin with zeros are reduced.
+//! An upper triangular factor, stored row by row, to which rows that begin with zeros can be added.
 #![allow(
     clippy::inline_always,
     reason = "what is left as a call is compiled without the token's instruction set"
@@ -8,7 +8,7 @@ use pulp::Arch;
 
 use crate::qr_update::{dot, reduce};
 
-/// An upper triangular matrix R of which only `R^T R` counts: rows may have either sign.
+/// An upper triangular matrix R that represents `R^T R`, so that the signs of its rows are arbitrary.
 #[derive(Clone, Debug)]
 pub(super) struct Triangle {
     n: usize,
@@ -24,7 +24,7 @@ impl Triangle {
         }
     }
 
-    /// The factor of dense rows, each times `factor`; entries behind the first n are left out.
+    /// The factor of dense rows, each times `factor`; entries after the first n are ignored.
     pub(super) fn of(rows: &[Vec<f64>], n: usize, factor: f64) -> Self {
         let tall = rows.len();
         let mut block = vec![0.0; n * tall];
@@ -55,7 +55,7 @@ impl Triangle {
         &self.rows[k * self.n + k..(k + 1) * self.n]
     }
 
-    /// Reduces further rows.
+    /// Adds further rows.
     ///
     /// - `rows`: each with the n - first entries from column `first` on; overwritten.
     pub(super) fn add(&mut self, rows: &mut [f64], first: usize) {
@@ -105,7 +105,7 @@ fn add_rows(triangle: &mut [f64], n: usize, rows: &mut [f64], first: usize) {
         let (pivot, own) = own.split_at_mut(1);
         let alpha = pivot[0];
         let norm = alpha.mul_add(alpha, tail).sqrt();
-        // of the sign opposite to alpha, so that nothing cancels
+        // beta has the opposite sign of alpha, so that no digits cancel
         let beta = if alpha > 0.0 { -norm } else { norm };
         let head = alpha - beta;
         let scale = 1.0 / (-beta * head);

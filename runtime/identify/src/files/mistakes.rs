@@ -1,36 +1,36 @@
-//! Mistakes in JSON files with their places: the parts of a file are parsed one by one, each a
-//! slice of the text.
+//! Mistakes in JSON files with their places. The parts of a file are parsed one by one, each a slice
+//! of the text, so that every mistake has an offset.
 
 use core::fmt;
 
 use serde_json::error::Category;
 use serde_json::value::RawValue;
 
-/// What to do about a mistake.
+/// The remedy for a mistake.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Remedy {
-    /// What to write instead, or why the rule is there.
+    /// What to write instead, or the reason for the rule.
     Words(String),
-    /// The file is none of the kind that is read: take one that is.
+    /// The file is of another kind than the one that is read.
     OtherFile,
 }
 
 /// A mistake in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// The byte of the text where it begins.
+    /// The byte offset of its beginning in the text.
     pub at: usize,
-    /// The part of the file in words, such as `cosine, row 2`; empty for the whole.
+    /// The part of the file in words, such as `cosine, row 2`; empty for the whole file.
     pub path: String,
     /// The mistake, in words.
     pub message: String,
-    /// What to do about it, where that can be said.
+    /// The remedy, if one is known.
     pub remedy: Option<Remedy>,
 }
 
 impl Mistake {
-    /// A mistake in a value, which is a slice of the text.
+    /// A mistake in a value, which must be a slice of the text.
     pub fn of(text: &str, raw: &RawValue, path: &str, message: &str) -> Self {
         Self {
             at: offset(text, raw.get()),
@@ -58,7 +58,7 @@ impl Mistake {
             .map(str::len)
             .sum();
         let at = offset(text, part) + line_start + error.column().saturating_sub(1);
-        // Without its own " at line 1 column 2", which counts from the part.
+        // without the parser's " at line 1 column 2", which counts from the beginning of the part
         let whole = error.to_string();
         let message = whole.rsplit_once(" at line ").map_or(&*whole, |(m, _)| m);
         let message = match error.classify() {
@@ -73,14 +73,14 @@ impl Mistake {
         }
     }
 
-    /// Adds what to do about it in words.
+    /// Adds a remedy in words.
     #[must_use]
     pub fn words(mut self, words: &str) -> Self {
         self.remedy = Some(Remedy::Words(words.to_owned()));
         self
     }
 
-    /// Adds that another file is needed.
+    /// Adds the remedy that another kind of file is needed.
     #[must_use]
     pub fn other_file(mut self) -> Self {
         self.remedy = Some(Remedy::OtherFile);
@@ -88,13 +88,13 @@ impl Mistake {
     }
 }
 
-/// Where a part of the text starts in it.
+/// The byte offset of a slice of the text.
 fn offset(text: &str, part: &str) -> usize {
     let start = text.as_ptr() as usize;
     (part.as_ptr() as usize).saturating_sub(start)
 }
 
-/// Every mistake in a file, one at least.
+/// All mistakes in a file, at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistakes(pub Vec<Mistake>);
 

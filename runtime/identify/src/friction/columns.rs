@@ -8,19 +8,20 @@ use crate::signals::SignalError;
 use regen_runtime::Friction;
 use regen_runtime::friction::SHAPES;
 
-/// The columns behind those of the laws' coefficients.
+/// The columns of the shape parameters, which follow those of the laws' coefficients.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Behind<'a> {
     /// For each shape parameter and each coefficient whose column it may change: the derivative of
-    /// that column by the logarithm of the parameter.
+    /// that column with respect to the logarithm of the parameter.
     Slopes,
-    /// For each shape parameter: the derivative of the effort by its logarithm for these values of
-    /// the columns before, times a reach. The unknown of that column is 1 plus the step in units of
-    /// the reach, so these columns are added to the efforts.
+    /// For each shape parameter: the derivative of the effort with respect to its logarithm, at the
+    /// given values of all coefficients, times the given reach. The unknown of this column is 1 plus
+    /// the step in units of the reach, so that these columns are also added to the efforts.
     Steps(&'a [f64], f64),
 }
 
-/// The columns of friction: those of the laws' coefficients, joint by joint, then others.
+/// The columns of friction: those of the laws' coefficients, joint by joint, then those of the shape
+/// parameters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrictionColumns<'a> {
     pub(super) laws: &'a [Friction],
@@ -28,7 +29,7 @@ pub(super) struct FrictionColumns<'a> {
     pub(super) behind: Behind<'a>,
 }
 
-/// The coefficients of a law whose columns change with its shape.
+/// The indices of a law's coefficients whose columns depend on its shape.
 pub(super) fn curved(law: Friction) -> Vec<usize> {
     let at = |shape: f64| law.columns(0.5, 1.0, [shape; SHAPES]);
     let pairs = at(1.0).into_iter().zip(at(2.0));
@@ -45,7 +46,7 @@ impl FrictionColumns<'_> {
         self.laws.iter().map(|law| law.coefficients().len()).sum()
     }
 
-    /// The number of a law's columns behind those of the coefficients.
+    /// The number of columns of a law's shape parameters.
     fn behind(&self, law: Friction) -> usize {
         let shapes = law.shape_symbols().len();
         match self.behind {

@@ -7,15 +7,15 @@ use crate::estimate::EstimateError;
 use crate::feasibility::FeasibilityError;
 use regen_runtime::SizeError;
 
-/// Most names of unknowns that a message lists.
+/// The most names of unknowns that a message lists.
 const MAX_NAMED: usize = 12;
 
 /// A direction in which all unknowns may change together without any effect on the runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Free {
-    /// The unknowns that take part.
+    /// The unknowns that change.
     pub names: Vec<String>,
-    /// Whether gains take part: then it is a scale that nothing fixes.
+    /// Whether gains are among them: then the direction is a scale that nothing determines.
     pub is_scale: bool,
 }
 
@@ -31,35 +31,35 @@ pub enum GainError {
         rank: usize,
         /// The number of unknowns.
         unknowns: usize,
-        /// The directions that are left.
+        /// The undetermined directions.
         free: Vec<Free>,
     },
-    /// Currents of more or fewer drives than the robot has degrees of freedom: their errors cannot
-    /// be told apart.
+    /// The robot has more or fewer drives than degrees of freedom: the errors of the currents cannot
+    /// be separated.
     Drives {
         /// The number of actuated coordinates.
         actuated: usize,
         /// The degrees of freedom.
         dof: usize,
     },
-    /// A gain is unknown of a coordinate that has no effort.
+    /// The plan has an unknown gain of a coordinate without an effort.
     NoEffort(String),
     /// The current of this coordinate is 0 throughout, so that it has no gain.
     NoCurrent(String),
     /// The gain of this coordinate that another identification found is 0 or not finite.
     NoGain(String),
-    /// The base parameters of the model are not apart for a body of this label.
+    /// The model has no separate base parameters of a body with this label.
     NoPayload(String),
-    /// The inertia of this payload is given without its mass or its centre of mass: then its
-    /// parameters are no convex set.
+    /// The inertia of this payload is given without its mass or its centre of mass: its parameters
+    /// are then not a convex set.
     InertiaAlone(String),
     /// The physical parameters were not found.
     Feasibility(FeasibilityError),
-    /// There is nothing unknown.
+    /// Everything is known.
     NothingUnknown,
     /// The search did not converge.
     NotConverged,
-    /// The equations are energy balances, in which gains are not apart.
+    /// The equations are energy balances, in which the gains of the efforts cannot be separated.
     EnergyBalance,
 }
 
@@ -81,7 +81,7 @@ impl fmt::Display for GainError {
                         count => format!(" and {count} more"),
                     };
                     let what = if direction.is_scale {
-                        "nothing fixes the scale of"
+                        "nothing determines the scale of"
                     } else {
                         "undetermined:"
                     };
@@ -89,8 +89,7 @@ impl fmt::Display for GainError {
                 }
                 if free.iter().any(|direction| direction.is_scale) {
                     f.write_str(
-                        ". A gain that is known would fix it, or a run with a payload of which at \
-                         least the mass is known",
+                        ". A known gain would determine it, or a run with a payload of known mass",
                     )
                 } else {
                     f.write_str(". Excite these by another trajectory")
@@ -99,16 +98,16 @@ impl fmt::Display for GainError {
             Self::Drives { actuated, dof } => write!(
                 f,
                 "{actuated} drives for {dof} degrees of freedom: unknown gains and payloads are \
-                 identified where there are as many"
+                 identified only if both numbers are equal"
             ),
             Self::NoEffort(name) => write!(f, "`{name}` has no effort whose gain could be unknown"),
             Self::NoCurrent(name) => {
                 write!(f, "the current of `{name}` is 0 throughout: it has no gain")
             }
-            Self::NoGain(name) => write!(f, "the known gain of `{name}` is 0 or no number"),
+            Self::NoGain(name) => write!(f, "the known gain of `{name}` is 0 or not a number"),
             Self::NoPayload(label) => write!(
                 f,
-                "the model has no base parameters of the body `{label}` alone: it is no payload, \
+                "the model has no base parameters of the body `{label}` alone: it is not a payload, \
                  or no effort depends on it"
             ),
             Self::InertiaAlone(body) => write!(
@@ -117,10 +116,12 @@ impl fmt::Display for GainError {
                  --feasible give these too, or leave the inertia out"
             ),
             Self::Feasibility(why) => write!(f, "{why}"),
-            Self::NothingUnknown => f.write_str("all is known: there is nothing to identify"),
+            Self::NothingUnknown => {
+                f.write_str("everything is known: there is nothing to identify")
+            }
             Self::NotConverged => f.write_str(
-                "the search for gains and payload did not converge: give a gain or more of the \
-                 payload that is known",
+                "the search for gains and payload did not converge: state a gain, or more known \
+                 parameters of the payload",
             ),
             Self::EnergyBalance => f.write_str(
                 "gains and payloads are identified from the equations of motion, not from energy",

@@ -24,7 +24,7 @@ const MAX_ROUNDS: usize = 60;
 /// The search ends when a round lowers the objective by less than this part of it.
 const COST_TOLERANCE: f64 = 1e-10;
 /// The shortest step of a round, as a part of the way to the solution of the linearised equations.
-const LEAST_STEP: f64 = 1e-6;
+const MIN_STEP: f64 = 1e-6;
 
 /// The physical constraints of a fit.
 pub struct Physical<'a> {
@@ -348,7 +348,7 @@ impl<'a> Constrained<'a> {
             let fit = identify(&factor, &combinations, &layout, &rough)?;
             let before = cost;
             let mut part = 1.0;
-            while part > LEAST_STEP {
+            while part > MIN_STEP {
                 let next = self.moved(&state, &fit, part);
                 let own = self.cost(&next);
                 // the divergence of an entropic prior is not in this cost: its steps are whole
@@ -380,7 +380,7 @@ fn given(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
         return Err(GainError::InertiaAlone(known.body.clone()));
     }
     let first = load.first();
-    let ten = load.ten(&first);
+    let ten = load.inertial_parameters(&first);
     let symbols = Symbol::INERTIAL.iter().zip(ten).enumerate();
     // a centre of mass alone gives no value of a first moment
     let is_given = |k: &usize| !load.unknown.contains(k) && (known.mass.is_some() || *k < 6);

@@ -2,7 +2,7 @@
 
 use super::feasible::{Constrained, Physical, State};
 use super::linear::Column;
-use super::payload::{Ten, told_value};
+use super::payload::{InertialParameters, physical_value};
 use super::{GainError, GainFit};
 use crate::feasibility::PhysicalFit;
 use crate::intervals::{LeastSquares, ProjectedDraws, determined, replicate};
@@ -47,7 +47,7 @@ impl Constrained<'_> {
         let mut phi: Vec<f64> = reference.chain(core::iter::repeat(0.0)).take(all).collect();
         for load in solved.problem.loads.iter().filter(|l| l.unknown.is_empty()) {
             let body = physical.layout.body(&load.known.body)?;
-            for (place, value) in body.columns.iter().zip(load.ten(&[])) {
+            for (place, value) in body.columns.iter().zip(load.inertial_parameters(&[])) {
                 phi[*place] = value;
             }
         }
@@ -80,15 +80,16 @@ impl Constrained<'_> {
             let Ok(body) = self.layout.body(&payload.body) else {
                 return payload.clone();
             };
-            let ten = |phi: &[f64]| -> Ten { body.columns.map(|c| phi[c]) };
+            let ten = |phi: &[f64]| -> InertialParameters { body.columns.map(|c| phi[c]) };
             let values = payload.values.iter().map(|own| {
                 if own.is_known {
                     return own.clone();
                 }
-                let value = told_value(&own.name, &ten(&state.phi));
+                let value = physical_value(&own.name, &ten(&state.phi));
                 let of = |drawn: &ProjectedDraws| {
                     let all = drawn.phi.iter();
-                    all.map(|phi| told_value(&own.name, &ten(phi))).collect()
+                    all.map(|phi| physical_value(&own.name, &ten(phi)))
+                        .collect()
                 };
                 PayloadValue {
                     value,

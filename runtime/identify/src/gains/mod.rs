@@ -1,11 +1,11 @@
 //! Unknown gains of drives and payloads: one fit over runs with and without payloads.
 //!
-//! Where efforts were measured as currents i = tau / k with unknown gains k (torque constants with
-//! their gears), least squares with i fits parameters and gains together, in the unit in which the
-//! noise is (Gautier and Briot, 2014). Runs in which the robot carries a payload have further base
-//! parameters, those of the payload alone; what is known of it is kept. Only a known part (a gain,
-//! or a payload's mass) tells the scale of gains and parameters: the rank of the equations at the
-//! solution says whether there is one.
+//! If efforts are measured as currents i = tau / k with unknown gains k (torque constants with their
+//! gears), least squares with i on the left side fits parameters and gains together, in the unit of
+//! the noise (Gautier and Briot, 2014). Runs in which the robot carries a payload have further base
+//! parameters, those of the payload alone; its known parameters keep their values. Only something
+//! known (a gain, or a payload's mass) determines the scale of gains and parameters: the rank of the
+//! equations at the solution shows whether it is determined.
 //!
 //! M. Gautier, S. Briot, "Global Identification of Joint Drive Gains and Dynamic Parameters of
 //! Robots", ASME Journal of Dynamic Systems, Measurement, and Control 136(5), 2014.
@@ -50,30 +50,30 @@ pub struct CarriedRun<'a, S: ?Sized> {
 /// A robot that was identified before.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KnownRobot {
-    /// All base parameters, SI; those of payloads count for nothing.
+    /// All base parameters, SI; those of payloads are ignored.
     pub beta: Vec<f64>,
-    /// The gains that were found, N m/A or N/A, by coordinate.
+    /// The identified gains, N m/A or N/A, by coordinate.
     pub gains: Vec<(String, f64)>,
-    /// Their covariance, if it is known; otherwise they are taken as exact.
+    /// Their covariance, if it is known; otherwise they count as exact.
     pub covariance: Option<Covariance>,
 }
 
-/// What is unknown in the runs.
+/// The known and unknown quantities of a fit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// The coordinates whose efforts are currents of unknown gain.
     pub unknown_gains: Vec<String>,
-    /// All payloads of the model, with what is known of them. The base parameters of a payload that
-    /// no run carries are left out.
+    /// All payloads of the model, with their known parameters. The base parameters of a payload that
+    /// no run carries are not identified.
     pub payloads: Vec<KnownPayload>,
     /// The robot, if it is known: then only payloads, and gains that it lacks, are identified.
     pub robot: Option<KnownRobot>,
 }
 
-/// How a fit is made.
+/// The options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GainOptions {
-    /// How efforts are weighted against each other, each in the unit in which it was measured.
+    /// How efforts are weighted against each other, each in the unit in which it is measured.
     pub weighting: Weighting,
     /// Huber's bound in standard deviations of each effort's noise, see
     /// [`Options::huber`](crate::identify::Options::huber). `None`: plain least squares.
@@ -98,8 +98,8 @@ impl Default for GainOptions {
 /// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct GainFit {
-    /// The base parameters, gains and payloads with their deviations, and the covariance of the
-    /// first two; it has none where the robot was known.
+    /// The base parameters, gains and payloads with their standard deviations, and the covariance of
+    /// the first two, which is missing if the robot was known.
     pub model: IdentifiedModel,
     /// The unknowns of the fit as least squares of the linearised equations: parameters of the
     /// robot, unknown parameters of the payloads, gains. Its `efforts` are in SI.
@@ -116,17 +116,17 @@ pub struct GainFit {
     pub bandwidth: usize,
     /// The equations that were left out, by reason.
     pub left_out: LeftOut,
-    /// Whether the parameters of a known robot were taken as exact, as their covariance is not known.
+    /// Whether the parameters of a known robot counted as exact, because their covariance is unknown.
     pub is_robot_exact: bool,
 }
 
 /// Fits base parameters, unknown gains and payloads to all runs.
 ///
 /// # Errors
-/// [`GainError::Undetermined`] where the runs leave unknowns open, above all the scale: without a
-/// known gain or a payload of known mass; [`GainError::Drives`], [`GainError::NoEffort`], [`GainError::NoGain`] and
-/// [`GainError::NoPayload`] for a plan that does not fit the model; [`GainError::NoCurrent`]; errors
-/// of reading the runs.
+/// [`GainError::Undetermined`] if the runs leave unknowns undetermined, such as the scale without a
+/// known gain or a payload of known mass; [`GainError::Drives`], [`GainError::NoEffort`],
+/// [`GainError::NoGain`] and [`GainError::NoPayload`] for a plan that does not fit the model;
+/// [`GainError::NoCurrent`]; errors of reading the runs.
 ///
 /// ```
 /// # mod models {
@@ -149,7 +149,7 @@ pub struct GainFit {
 /// let mut plan = Plan { unknown_gains: vec!["q1".to_owned()], ..Plan::default() };
 /// let options = GainOptions::default();
 /// let mut runs = [CarriedRun { source: &mut log, carried: None }];
-/// // a current alone does not tell a heavy pendulum with a strong motor from a light one
+/// // a current alone cannot distinguish a heavy pendulum with a strong motor from a light one
 /// let refused = fit(&Pendulum, &options, &plan, &mut runs).unwrap_err();
 /// assert!(matches!(refused, GainError::Undetermined { rank: 2, unknowns: 3, .. }));
 ///
@@ -175,17 +175,17 @@ where
 /// Fits base parameters, unknown gains and payloads to all runs, without and with physical
 /// constraints.
 ///
-/// Parameters and gains together are no convex problem: the second fit is the optimum of the
-/// equations linearised at itself, to which [`IdentifiedModel::gap`] refers. It is sought from the
-/// gains of the first.
+/// The problem in parameters and gains together is not convex: the second fit is the optimum of the
+/// equations linearised at itself, to which [`IdentifiedModel::gap`] refers. The search starts from
+/// the gains of the first fit.
 ///
-/// Intervals are those of draws of the first fit that are moved to the nearest physical parameters,
-/// in the linearised equations.
+/// Intervals are computed from draws of the first fit that are projected onto the physical
+/// parameters, in the linearised equations.
 ///
 /// # Errors
-/// As [`fit`]; [`GainError::InertiaAlone`] where a payload's inertia is given without its mass and its
-/// centre of mass; [`GainError::Feasibility`] for constraints that contradict each other or name what
-/// is not there; [`GainError::NotConverged`].
+/// As [`fit`]; [`GainError::InertiaAlone`] if a payload's inertia is given without its mass and its
+/// centre of mass; [`GainError::Feasibility`] for constraints that contradict each other or name
+/// unknown parameters; [`GainError::NotConverged`].
 pub fn feasible<M, S>(
     model: &M,
     options: &GainOptions,

@@ -1,10 +1,10 @@
-//! A payload: what is known of it, and its base parameters as functions of what is not.
+//! A payload: its known parameters, and its base parameters as functions of the unknown ones.
 
 use regen_runtime::{BaseModel, Symbol};
 
 use super::GainError;
 
-/// What is known of a payload; the rest is identified.
+/// The known parameters of a payload; those that are `None` are identified.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KnownPayload {
     /// The label of its body in the description.
@@ -17,45 +17,50 @@ pub struct KnownPayload {
     pub inertia: Option<[f64; 6]>,
 }
 
-/// The ten parameters of a body about the origin of its frame, in the order of
-/// [`Symbol::INERTIAL`].
-pub(super) type Ten = [f64; 10];
+/// The ten inertial parameters of a body about the origin of its frame, in the order and units of
+/// [`Symbol::INERTIAL`]: inertia kg m^2, first moments kg m, mass kg.
+pub(super) type InertialParameters = [f64; 10];
 
-/// The place of the first moments in [`Ten`].
+/// The index of the first of the three first moments in [`InertialParameters`].
 const MOMENT: usize = 6;
-/// The place of the mass in [`Ten`].
+/// The index of the mass in [`InertialParameters`].
 const MASS: usize = 9;
 /// Masses below this count as zero where something is divided by them, kg.
 const TINY_MASS: f64 = 1e-12;
-/// Part of a vector below which it counts as a combination of others: coefficients of base
-/// parameters are exact up to rounding.
+/// A vector counts as a combination of others if less than this part of its length is orthogonal
+/// to them: the coefficients of base parameters are exact up to rounding.
 const DEPENDENT: f64 = 1e-9;
 
 /// A payload in a fit: its unknowns are those of its ten parameters that are not known.
 #[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) known: KnownPayload,
-    /// The places of its base parameters among all.
+    /// The indices of its base parameters among those of the model.
     pub(super) base: Vec<usize>,
-    /// The coefficients of each of its base parameters.
-    combinations: Vec<Ten>,
-    /// The places of the unknowns among the ten parameters.
+    /// The coefficients of the inertial parameters in each of its base parameters.
+    combinations: Vec<InertialParameters>,
+    /// The indices of the unknowns in [`InertialParameters`].
     pub(super) unknown: Vec<usize>,
 }
 
-/// A value of a payload that is told in the result.
-pub(super) struct Told {
+/// A physical quantity of a payload that the result contains: its mass, a coordinate of its centre
+/// of mass, or an entry of its inertia about the centre of mass.
+pub(super) struct PhysicalValue {
     pub(super) name: &'static str,
     pub(super) unit: &'static str,
     pub(super) value: f64,
-    /// Whether it was given.
+    /// Whether the caller gave it.
     pub(super) known: bool,
-    /// Its derivatives by the unknowns.
+    /// Its derivatives with respect to the unknowns.
     pub(super) slope: Vec<f64>,
 }
 
 impl Load {
     /// The payload in the base parameters of a model.
+    ///
+    /// # Errors
+    /// [`GainError::NoPayload`] if no base parameter contains parameters of the payload's body, or
+    /// one contains other parameters beside them.
     pub(super) fn new<M: BaseModel<f64> + ?Sized>(
         model: &M,
         known: &KnownPayload,
@@ -78,7 +83,8 @@ impl Load {
             }
             let mut ten = [0.0; 10];
             for (place, term) in places.into_iter().zip(parameter.terms) {
-                // a combination with the robot's parameters is of a model that always carries it
+                // a base parameter that combines the body's parameters with others belongs to a body
+                // that the robot always carries
                 let entry = place.and_then(|place| ten.get_mut(place));
                 *entry.ok_or_else(refused)? += term.value;
             }
@@ -106,8 +112,9 @@ impl Load {
         })
     }
 
-    /// The payload whose parameters are affine in its unknowns: a known inertia about an unknown
-    /// centre of mass counts as unknown.
+    /// The same payload with parameters that are affine in its unknowns: an inertia that is known
+    /// about an unknown centre of mass is treated as unknown, since the parallel-axis term is
+    /// quadratic.
     pub(super) fn affine(&self) -> Self {
         if self.known.com.is_some() || self.known.inertia.is_none() {
             return self.clone();
@@ -122,14 +129,14 @@ impl Load {
         }
     }
 
-    /// Unknowns to start from where nothing better is known: a mass of 1 kg at the origin.
+    /// Initial unknowns where no estimate exists: a mass of 1 kg at the origin.
     pub(super) fn first(&self) -> Vec<f64> {
         let one = |place: &usize| f64::from(*place == MASS);
         self.unknown.iter().map(one).collect()
     }
 
     /// The ten parameters for these unknowns.
-    pub(super) fn ten(&self, unknown: &[f64]) -> Ten {
+    pub(super) fn inertial_parameters(&self, unknown: &[f64]) -> InertialParameters {
         let mut ten = [0.0; 10];
         if let Some(mass) = self.known.mass {
             ten[MASS] = mass;
@@ -151,9 +158,9 @@ impl Load {
         ten
     }
 
-    /// The derivatives of the ten parameters by each unknown.
-    fn slopes(&self, unknown: &[f64]) -> Vec<Ten> {
-        let ten = self.ten(unknown);
+    /// The derivatives of the ten parameters with respect to each unknown.
+    fn slopes(&self, unknown: &[f64]) -> Vec<InertialParameters> {
+        let ten = self.inertial_parameters(unknown);
         let by = steiner(&ten).1;
         let one = |place: &usize| {
             let mut out = [0.0; 10];
@@ -172,7 +179,7 @@ impl Load {
     }
 
     /// The base parameters of given ten parameters.
-    fn to_base(&self, ten: &Ten) -> Vec<f64> {
+    fn to_base(&self, ten: &InertialParameters) -> Vec<f64> {
         let rows = self.combinations.iter();
         rows.map(|row| row.iter().zip(ten).map(|(a, b)| a * b).sum())
             .collect()
@@ -180,16 +187,16 @@ impl Load {
 
     /// The base parameters for these unknowns.
     pub(super) fn values(&self, unknown: &[f64]) -> Vec<f64> {
-        self.to_base(&self.ten(unknown))
+        self.to_base(&self.inertial_parameters(unknown))
     }
 
-    /// The derivatives of the base parameters by each unknown.
+    /// The derivatives of the base parameters with respect to each unknown.
     pub(super) fn columns(&self, unknown: &[f64]) -> Vec<Vec<f64>> {
         let slopes = self.slopes(unknown);
         slopes.iter().map(|slope| self.to_base(slope)).collect()
     }
 
-    /// The unknowns, as indices, whose columns are independent and span all.
+    /// The indices of unknowns whose [`columns`](Self::columns) are a basis of the span of all.
     pub(super) fn independent(&self, unknown: &[f64]) -> Vec<usize> {
         let mut basis: Vec<Vec<f64>> = Vec::new();
         let mut kept = Vec::new();
@@ -202,11 +209,12 @@ impl Load {
         kept
     }
 
-    /// Mass, centre of mass and inertia about it, as far as the base parameters determine them.
-    pub(super) fn told(&self, unknown: &[f64]) -> Vec<Told> {
-        let ten = self.ten(unknown);
+    /// The mass, the centre of mass and the inertia about it, as far as they are known or the base
+    /// parameters determine them.
+    pub(super) fn physical_values(&self, unknown: &[f64]) -> Vec<PhysicalValue> {
+        let ten = self.inertial_parameters(unknown);
         let slopes = self.slopes(unknown);
-        // what the base parameters determine are combinations of the rows of their derivatives
+        // a quantity is determined if its gradient is in the span of the base parameters' gradients
         let columns = self.columns(unknown);
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for k in 0..self.base.len() {
@@ -216,30 +224,31 @@ impl Load {
         let (moved, by) = steiner(&ten);
         let mass = ten[MASS];
         let mut out = Vec::new();
-        let mut tell = |name, unit, known: bool, value: f64, of: &dyn Fn(&Ten) -> f64| {
-            let slope: Vec<f64> = slopes.iter().map(of).collect();
-            if known || value.is_finite() && beyond(&rows, &slope).is_none() {
-                out.push(Told {
-                    name,
-                    unit,
-                    value,
-                    known,
-                    slope,
-                });
-            }
-        };
+        let mut add =
+            |name, unit, known: bool, value: f64, of: &dyn Fn(&InertialParameters) -> f64| {
+                let slope: Vec<f64> = slopes.iter().map(of).collect();
+                if known || value.is_finite() && beyond(&rows, &slope).is_none() {
+                    out.push(PhysicalValue {
+                        name,
+                        unit,
+                        value,
+                        known,
+                        slope,
+                    });
+                }
+            };
         let known = &self.known;
-        tell("m", "kg", known.mass.is_some(), mass, &|d| d[MASS]);
+        add("m", "kg", known.mass.is_some(), mass, &|d| d[MASS]);
         for (k, name) in ["cx", "cy", "cz"].into_iter().enumerate() {
             let value = known.com.map_or(ten[MOMENT + k] / mass, |com| com[k]);
-            tell(name, "m", known.com.is_some(), value, &|d| {
+            add(name, "m", known.com.is_some(), value, &|d| {
                 (d[MOMENT + k] - ten[MOMENT + k] / mass * d[MASS]) / mass
             });
         }
         let names = ["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"];
         for (k, name) in names.into_iter().enumerate() {
             let value = known.inertia.map_or(ten[k] - moved[k], |given| given[k]);
-            tell(name, "kg m^2", known.inertia.is_some(), value, &|d| {
+            add(name, "kg m^2", known.inertia.is_some(), value, &|d| {
                 let moved: f64 = (0..4).map(|j| by[k][j] * d[MOMENT + j]).sum();
                 d[k] - moved
             });
@@ -248,8 +257,8 @@ impl Load {
     }
 }
 
-/// The value of this name, see [`Load::told`], of ten parameters.
-pub(super) fn told_value(name: &str, ten: &Ten) -> f64 {
+/// The quantity with this name in [`Load::physical_values`], from the ten parameters.
+pub(super) fn physical_value(name: &str, ten: &InertialParameters) -> f64 {
     let place = |names: &[&str]| names.iter().position(|own| *own == name);
     if let Some(k) = place(&["cx", "cy", "cz"]) {
         return ten[MOMENT + k] / ten[MASS];
@@ -260,13 +269,13 @@ pub(super) fn told_value(name: &str, ten: &Ten) -> f64 {
     }
 }
 
-/// The part of a vector that is no combination of orthonormal ones, at length 1; `None` if there is
-/// none.
+/// The component of a vector orthogonal to an orthonormal basis, scaled to length 1; `None` if the
+/// vector is in the span of the basis up to [`DEPENDENT`].
 fn beyond(basis: &[Vec<f64>], vector: &[f64]) -> Option<Vec<f64>> {
     let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let whole = length(vector);
     let mut own = vector.to_vec();
-    // twice, so that rounding leaves nothing
+    // Gram-Schmidt twice, so that the result is orthogonal to rounding
     for _ in 0..2 {
         for unit in basis {
             let part: f64 = unit.iter().zip(&own).map(|(a, b)| a * b).sum();
@@ -279,9 +288,9 @@ fn beyond(basis: &[Vec<f64>], vector: &[f64]) -> Option<Vec<f64>> {
     (left > DEPENDENT * whole && left > 0.0).then(|| own.iter().map(|x| x / left).collect())
 }
 
-/// The inertia of a mass at its first moments about the origin, and its derivatives by mx, my, mz
-/// and m; zero without a mass.
-fn steiner(ten: &Ten) -> ([f64; 6], [[f64; 4]; 6]) {
+/// The parallel-axis (Steiner) term: the inertia about the origin of the whole mass at the centre
+/// of mass, kg m^2, and its derivatives with respect to mx, my, mz and m; zero without a mass.
+fn steiner(ten: &InertialParameters) -> ([f64; 6], [[f64; 4]; 6]) {
     let [x, y, z, m] = [ten[6], ten[7], ten[8], ten[9]];
     if m.abs() < TINY_MASS {
         return ([0.0; 6], [[0.0; 4]; 6]);
@@ -360,7 +369,7 @@ mod tests {
                 let moved = |by: f64| {
                     let mut point = point.clone();
                     point[k] += by;
-                    load.ten(&point)
+                    load.inertial_parameters(&point)
                 };
                 let (plus, minus) = (moved(step), moved(-step));
                 for j in 0..10 {
@@ -376,25 +385,25 @@ mod tests {
     }
 
     #[test]
-    fn a_known_inertia_about_the_centre_of_mass_is_told_as_it_was_given() {
+    fn a_known_inertia_about_the_centre_of_mass_is_reported_as_it_was_given() {
         for load in every_knowledge() {
             let at = [0.9, 0.05, 0.02, 0.8, -0.03, 0.7, 0.2, -0.5, 0.3, 1.7];
             let point: Vec<f64> = load.unknown.iter().map(|k| at[*k]).collect();
-            let ten = load.ten(&point);
+            let ten = load.inertial_parameters(&point);
             let (moved, _) = steiner(&ten);
             if let Some(given) = load.known.inertia {
                 for k in 0..6 {
                     assert!((ten[k] - moved[k] - given[k]).abs() < 1e-12);
                 }
             }
-            // every parameter is seen, so all is told
-            assert_eq!(load.told(&point).len(), 10);
+            // the base parameters are all ten parameters, so that every quantity is determined
+            assert_eq!(load.physical_values(&point).len(), 10);
             assert_eq!(load.independent(&point).len(), load.unknown.len());
         }
     }
 
     #[test]
-    fn what_base_parameters_join_is_not_told() {
+    fn quantities_that_base_parameters_do_not_determine_are_left_out() {
         let mut joined = load(KnownPayload::default());
         // a pendulum: Izz and mx, and nothing of the mass alone
         let mut own = [[0.0; 10]; 2];
@@ -402,12 +411,12 @@ mod tests {
         joined.combinations = own.to_vec();
         joined.base = vec![0, 1];
         let point = vec![0.1; 10];
-        assert!(joined.told(&point).is_empty());
+        assert!(joined.physical_values(&point).is_empty());
         // with the mass known, its centre along x is determined
         joined.known.mass = Some(2.0);
         joined.unknown = (0..9).collect();
-        let told = joined.told(&[0.1; 9]);
-        let names: Vec<&str> = told.iter().map(|t| t.name).collect();
+        let values = joined.physical_values(&[0.1; 9]);
+        let names: Vec<&str> = values.iter().map(|value| value.name).collect();
         assert_eq!(names, ["m", "cx"]);
     }
 }

@@ -312,7 +312,7 @@ impl Problem<'_> {
         for (affine, load) in loads.iter().zip(&self.loads) {
             let (own, others) = of_loads.split_at(affine.unknown.len());
             of_loads = others;
-            let ten = affine.ten(own);
+            let ten = affine.inertial_parameters(own);
             starts.push(load.unknown.iter().map(|place| ten[*place]).collect());
         }
         Ok(Some(Point {

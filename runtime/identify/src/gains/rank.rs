@@ -1,16 +1,17 @@
-//! The rank at the solution: what the runs leave open, by name.
+//! The rank of the equations at the solution, and the unknowns that the runs do not determine.
 
 use super::linear::Linear;
 use super::{Free, GainError};
 use crate::estimate::QrFactor;
 
-/// Singular values below this part of the largest, columns scaled, count as zero: a scale that
-/// nothing fixes is one of the equations themselves, and zero up to rounding.
+/// Singular values below this part of the largest, with columns scaled to unit length, count as
+/// zero: an undetermined scale is an exact null direction of the equations, so that its singular
+/// value is zero up to rounding.
 const RANK_TOLERANCE: f64 = 1e-11;
-/// Entries of a direction below this part of the largest, columns scaled, take no part in it.
+/// Entries of a direction below this part of its largest count as rounding.
 const MIN_PART: f64 = 1e-6;
 
-/// Returns an error that names the directions which the equations leave open.
+/// Returns an error that names the unknowns of each undetermined direction, if there is one.
 pub(super) fn require_rank(linear: &Linear<'_>, factor: &QrFactor) -> Result<(), GainError> {
     let spectrum = factor.spectrum()?;
     let n = factor.columns();

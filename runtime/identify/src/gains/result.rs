@@ -1,7 +1,7 @@
 //! The identified model: base parameters, gains and payloads with their intervals.
 
 use super::linear::{Column, Linear};
-use super::payload::Told;
+use super::payload::PhysicalValue;
 use super::problem::GainKind;
 use super::statistics::Solved;
 use crate::estimate::{Deviations, Estimate, quantile};
@@ -73,19 +73,20 @@ impl Solved<'_> {
         }
         let payloads = self.problem.loads.iter().zip(&self.point.loads).enumerate();
         let payloads = payloads.map(|(load, (own, unknown))| {
-            let values = own.told(unknown).into_iter().map(|told: Told| {
+            let values = own.physical_values(unknown);
+            let values = values.into_iter().map(|found: PhysicalValue| {
                 let gradient = columns.iter().map(|column| match *column {
-                    Column::Load(of, k) if of == load => told.slope[k],
+                    Column::Load(of, k) if of == load => found.slope[k],
                     _ => 0.0,
                 });
                 let gradient: Vec<f64> = gradient.collect();
-                let interval = uncertainty.interval(told.value, &gradient);
+                let interval = uncertainty.interval(found.value, &gradient);
                 PayloadValue {
-                    name: told.name.to_owned(),
-                    unit: told.unit.to_owned(),
-                    value: told.value,
-                    is_known: told.known,
-                    interval: interval.filter(|_| !told.known),
+                    name: found.name.to_owned(),
+                    unit: found.unit.to_owned(),
+                    value: found.value,
+                    is_known: found.known,
+                    interval: interval.filter(|_| !found.known),
                 }
             });
             IdentifiedPayload {

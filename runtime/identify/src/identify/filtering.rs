@@ -1,12 +1,12 @@
-//! What is done with the equations between the states of a log and least squares.
+//! How equations are filtered and decimated on the way from the states of a log to least squares.
 
 use crate::signals::Smoothing;
 
 /// How to treat equations of coordinates that rest, or move so slowly that noise determines
 /// the direction of their friction.
 ///
-/// Static friction of any size up to its limit acts on a joint at rest, which no column
-/// explains; so its equation cannot be used where the joint has friction that depends on the
+/// On a joint at rest, static friction of any size up to its limit may act, which no column
+/// explains. Its equation therefore cannot be used if the joint has friction that depends on the
 /// direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Standstill {
@@ -24,17 +24,17 @@ pub enum Standstill {
 pub struct Filtering {
     /// The filter of efforts and regressor.
     pub smoothing: Smoothing,
-    /// Decimation ratio: one of this many filtered equations is used; at least 1. Equations that
-    /// are [averaged](Self::averaged) count as often as they are.
+    /// The decimation ratio, at least 1: one of this many filtered equations is used. An
+    /// [average](Self::averaged) counts as the number of equations in it.
     pub decimation: usize,
-    /// What is done with equations at standstill.
+    /// How equations at standstill are treated.
     pub standstill: Standstill,
 }
 
 /// Rate of the averages that a low-pass filter gets, divided by its cutoff: an average over a
 /// fiftieth of a period reduces a sine of the cutoff's frequency by less than a thousandth.
 const RATE_PER_CUTOFF: f64 = 50.0;
-/// The most equations that are averaged, for clocks whose first step is next to nothing.
+/// The largest number of equations that are averaged, for clocks whose first step is almost 0.
 const MAX_AVERAGED: usize = 4096;
 
 impl Filtering {
@@ -75,7 +75,7 @@ impl Filtering {
         averaged * self.every(averaged)
     }
 
-    /// One of how many averages is used.
+    /// The decimation ratio of averages.
     pub(super) fn every(&self, averaged: usize) -> usize {
         self.decimation.div_ceil(averaged).max(1)
     }

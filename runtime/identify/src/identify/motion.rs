@@ -4,9 +4,9 @@ use crate::qr_update::{reduce, substitute};
 use regen_batch::TrajectoryClosure;
 use regen_runtime::{ClosureError, Model, Outcome, SizeError, State};
 
-/// Most Gauss-Newton steps; usually two or three suffice.
+/// The largest number of Gauss-Newton steps; usually two or three suffice.
 pub(super) const MAX_STEPS: usize = 30;
-/// A step below this, rad or m, ends the iteration: rounding of angles and metres.
+/// A step below this, rad or m, ends the iteration: it is of the size of rounding errors.
 pub(super) const STEP_TOLERANCE: f64 = 1e-13;
 /// A pivot below this part of the largest means that the measured coordinates do not determine
 /// the motion.
@@ -31,12 +31,12 @@ pub struct Completion<'m, M: ?Sized> {
     pub(super) last: Vec<f64>,
 }
 
-/// States of motion of consecutive samples. The entries of a state stand one after the other.
+/// States of motion of consecutive samples. The entries of each state are consecutive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompletedStates {
     /// The number of coordinates of a state.
     pub coordinates: usize,
-    /// All coordinates of each state, rad or m; NaN where there is no state.
+    /// All coordinates of each state, rad or m; NaN for a state that was not found.
     pub q: Vec<f64>,
     /// Their velocities, rad/s or m/s.
     pub qd: Vec<f64>,
@@ -170,8 +170,8 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         self.fuse(q, qd, qdd)
     }
 
-    /// The states of consecutive samples, as [`complete`](Self::complete) gives them: where the
-    /// independent coordinates are measured, in blocks that are computed at once.
+    /// The states of consecutive samples, as by [`complete`](Self::complete). If the independent
+    /// coordinates are measured, many states are computed at once.
     ///
     /// - `motion`: for each measured coordinate the series of its positions, velocities and
     ///   accelerations; `samples`: the indices into these series.

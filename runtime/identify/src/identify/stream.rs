@@ -44,8 +44,8 @@ pub trait Columns {
         out: &mut [f64],
     ) -> Result<bool, EstimateError>;
 
-    /// Tells that a state between those of two calls of [`fill`](Self::fill) gave no equation. Rows
-    /// are handed over some time after the source passed them on, but in its order.
+    /// Called for a state that gave no equation, in the order of the source's states, between calls
+    /// of [`fill`](Self::fill). The source may be some states ahead.
     fn skip(&mut self) {}
 }
 
@@ -68,7 +68,7 @@ impl Columns for NoColumns {
     }
 }
 
-/// Rows filtered at a time, without those that the filter needs on both sides.
+/// The number of rows filtered at a time, not counting those that the filter needs on both sides.
 const BLOCK_ROWS: usize = 2048;
 /// The part of the filter's window in which a coordinate must have moved for its equation to
 /// be used: with less, more than a tenth of the static friction would be in the residual.
@@ -124,7 +124,7 @@ struct Stream<'m, M: ?Sized> {
     reach: Option<(usize, usize)>,
     /// The number of equations of this run that are averaged, once its sampling is known.
     averaged: Option<usize>,
-    /// The number of equations in the last entry of `times`, of which it is to be the average.
+    /// The number of equations that have been added to the last entry of `times`, an average.
     summed: usize,
     /// The number of samples at the start of `times` that only the filter needs.
     before: usize,
@@ -162,7 +162,7 @@ impl Direction {
     /// Appends for each independent coordinate 1, or 0 if friction at rest affects its equation.
     fn moved(&self, still: &[bool], out: &mut Vec<f64>) {
         let rests = |c: usize| still.get(c).copied().unwrap_or(false);
-        // a dependent coordinate rests with certainty only where all independent ones do
+        // a dependent coordinate certainly rests only if all independent ones do
         let all = self.dependent && self.independent.iter().all(|(c, _)| rests(*c));
         let rows = self.independent.iter();
         out.extend(rows.map(|(c, signed)| f64::from(!(all || *signed && rests(*c)))));
@@ -369,7 +369,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         }
     }
 
-    /// Leaves out the last average of a run where equations are missing to it.
+    /// Removes the last average of a run if it has too few equations.
     fn drop_incomplete(&mut self) {
         if self.summed > 0 {
             let whole = self.times.len() - 1;

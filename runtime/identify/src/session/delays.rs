@@ -12,7 +12,7 @@ const MAX_ROUNDS: usize = 10;
 /// without any, by more than this part.
 const SLACK: f64 = 1e-4;
 /// It is taken back wholly where so many standard deviations are left of it.
-const LEAST_DEVIATIONS: f64 = 3.0;
+const MIN_DEVIATIONS: f64 = 3.0;
 
 /// The delay of an effort that is searched.
 struct Search {
@@ -39,7 +39,7 @@ impl Search {
     ) -> bool {
         if residual > self.first * (1.0 + SLACK) {
             self.tried = 0.5 * (self.tried + self.best);
-            if (self.tried - self.best).abs() <= LEAST_DEVIATIONS * sigma {
+            if (self.tried - self.best).abs() <= MIN_DEVIATIONS * sigma {
                 self.tried = self.best;
                 self.is_done = true;
             }

@@ -1,5 +1,5 @@
-//! Physically feasible parameters from a start: the verdict on least squares, the constrained fit,
-//! and nonlinear friction.
+//! Computes physically feasible parameters from the least-squares estimate: decides whether that
+//! estimate is feasible, fits under the constraints, and fits nonlinear friction.
 
 use std::fmt::Write as _;
 
@@ -23,11 +23,10 @@ pub(super) fn layout_and_base_map<M: BaseModel<f64> + ?Sized>(
     Ok((layout, combinations))
 }
 
-/// Computes the models of a start: least squares with its verdict, the physically feasible model,
-/// and, where a joint has nonlinear friction, the feasible model with that friction.
-///
-/// In the latter case, the parameters of the start after the base parameters are linear friction
-/// at those joints.
+/// Computes the models of a session: the least-squares model `start` with the verdict on its
+/// feasibility, the physically feasible model, and, where a joint has nonlinear friction, the
+/// feasible model with that friction. In the last case, the parameters of `start` after the base
+/// parameters are those of linear friction at these joints.
 ///
 /// - `draws`: the number of fits that the intervals are computed from; 0 for no intervals.
 ///
@@ -131,7 +130,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             describe_gap(found.gap)
         );
         if !found.converged {
-            text.push_str("; the search for the shapes had not settled");
+            text.push_str("; the search for the shapes did not converge");
         }
         let intervals = if draws == 0 {
             Intervals::default()
@@ -146,7 +145,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
                 &mut progress,
             )?;
             let short = if spread.deviations.short() {
-                "; the samples are too few to know that"
+                "; the samples are too few to estimate these deviations"
             } else {
                 ""
             };
@@ -177,7 +176,8 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// Describes how intervals under constraints were computed; `known` describes the deviations.
+/// Describes how intervals under constraints were computed; `known` describes how the standard
+/// deviations of least squares were.
 pub(crate) fn describe_draws(replicates: usize, known: &str) -> String {
     format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
 }
@@ -224,7 +224,7 @@ fn describe_verdict(judged: &Verdict) -> String {
             }
         }
         Verdict::Undecided { .. } => {
-            "undecided: too close to the border for double precision".to_owned()
+            "undecided: too close to the border of feasibility for double precision".to_owned()
         }
     }
 }
@@ -259,16 +259,16 @@ pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> Str
     if !heavy.is_empty() {
         let _ = write!(
             text,
-            "; the masses {} hardly matter to the fit and are no masses of this robot: bound them, \
-             or give nominal masses",
+            "; the masses {} hardly affect the fit, and this robot cannot have these values: bound \
+             them, or give nominal masses",
             heavy.join(", ")
         );
     }
     text
 }
 
-/// Bodies heavier than this part of their safety limit of the mass are reported; the limit is a thousand
-/// times what is known of the robot.
+/// Bodies heavier than this part of the safety limit of their mass are reported. The limit is a
+/// thousand times the mass that is known of the robot.
 const MAX_LIMIT_PART: f64 = 0.1;
 
 /// The labels of masses far above any that the robot can have, without bodies that reach their
@@ -291,7 +291,7 @@ pub(crate) fn unbounded(found: &PhysicalFit, layout: &ParameterLayout) -> Vec<St
     limited.chain(heavy(found, layout)).collect()
 }
 
-/// Linear friction at joints with nonlinear friction, from values Fc, Fv of each.
+/// Linear friction at joints with nonlinear friction, from `values`: Fc and Fv of each in turn.
 fn linear(joints: &[FrictionJoint], values: &[f64]) -> Vec<JointFit> {
     let pairs = joints.iter().zip(values.chunks_exact(2));
     pairs

@@ -1,16 +1,15 @@
-//! Filters that are applied equally to many channels: the efforts and all columns of the
-//! regressor.
+//! Filters that act equally on many channels: on the efforts and on all columns of the regressor.
 
 use super::{Butterworth, SignalError, local};
 
-/// A zero-phase filter of equations.
+/// A zero-phase filter for both sides of the equations of motion.
 ///
 /// Measured efforts `tau` and the regressor `W` fulfil `tau = W x` (Eq. 12) at every instant. The
 /// same holds after a linear filter `F` of both sides, `F tau = (F W) x`, also for columns that
 /// are not smooth, such as the sign of a velocity (Gautier's parallel filtering).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Smoothing {
-    /// Nothing is filtered.
+    /// No filter.
     #[default]
     None,
     /// The low-pass filter of [`Butterworth`], forward and backward. Needs uniform sampling.
@@ -33,7 +32,7 @@ impl Smoothing {
         *self == Self::None
     }
 
-    /// The number of samples on either side that a filtered value depends on, to rounding.
+    /// The number of samples on either side that influence a filtered value by more than rounding.
     ///
     /// - `step`: the time between samples, s.
     ///
@@ -101,6 +100,7 @@ impl Smoothing {
     }
 }
 
+/// The number of samples on either side that a window can reach, rounded up.
 fn samples(half_width: f64, step: f64) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "a negative width gives 0")]
     let samples = (half_width / step).ceil() as usize;

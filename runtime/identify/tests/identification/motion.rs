@@ -80,7 +80,7 @@ fn contradictions_are_weighed_by_the_deviations() {
     };
     let rate = mean(qd[0], qd[1]);
     assert!((found.qd[0] - rate).abs() < 1e-12, "{found:?} {rate}");
-    // the slider's acceleration at a constant crank rate is no contradiction
+    // the slider's acceleration at a constant crank rate is not a contradiction
     let coast = {
         let mut closure = LoopClosure::new(&model).unwrap();
         closure.solve_state(&[crank], &[rate], &[0.0]).unwrap().qdd[2]

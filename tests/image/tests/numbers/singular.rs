@@ -228,7 +228,7 @@ struct Tally {
 
 impl Tally {
     fn add(&mut self, pivot: f64, power: i32, error: impl FnOnce() -> f64) {
-        // NaN is no regular pivot
+        // NaN is not a regular pivot
         if pivot.is_nan() || pivot < NEAR_SINGULAR {
             self.warned += 1;
             return;

@@ -1,4 +1,4 @@
-//! Delays of logged efforts behind the motion.
+//! Writes the delays between motion and logged efforts.
 
 use regen_codegen::explain::lines::field;
 use regen_identify::identify::{Delay, Delays};
@@ -25,7 +25,7 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
     }
     for delay in &found.efforts {
         let own = match whole {
-            // the common delay is printed already
+            // the common delay has already been printed
             Some(all) => (delay.seconds - all.seconds).abs() > 3.0 * delay.sigma,
             None => delay.is_significant(),
         };
@@ -43,7 +43,7 @@ fn milliseconds(seconds: f64) -> String {
     figure(1e3 * seconds)
 }
 
-/// Lines on the delays, s, that efforts were corrected by while reading.
+/// Lines on the delays, s, by which efforts were corrected while reading.
 pub fn corrected_delays_text(corrected: &[(String, f64)]) -> String {
     let line = |(name, seconds): &(String, f64)| {
         let text = format!("of {name} corrected by {} ms", milliseconds(*seconds));

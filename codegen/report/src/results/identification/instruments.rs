@@ -12,11 +12,11 @@ use serde::Serialize;
 pub struct Instruments {
     /// The motion at which the instruments are evaluated, in words.
     motion: String,
-    /// The cut-off frequency of the filter on the measured motion, Hz; `None` where it is
+    /// The cutoff frequency of the filter on the measured motion, Hz; `None` if the motion is
     /// simulated.
     cutoff: Option<f64>,
-    /// The bandwidth of simulated controllers without given gains, Hz: that with which the motion is
-    /// nearest to the measured one.
+    /// The bandwidth of simulated controllers whose gains were not given, Hz, chosen such that the
+    /// simulated motion is closest to the measured one.
     bandwidth: Option<f64>,
     rounds: usize,
     /// eps_RA in percent, with efforts predicted at the motion of the instruments.
@@ -31,7 +31,7 @@ pub struct Instruments {
     /// The probability that chance makes the estimates differ from least squares at least this
     /// much.
     probability: f64,
-    /// Whether the probability is of all differences together.
+    /// Whether the probability is that of all differences together.
     joint: bool,
     #[serde(skip)]
     biased: bool,
@@ -46,10 +46,11 @@ struct Figure {
 }
 
 impl Instruments {
-    /// What instrumental variables found.
+    /// The results of instrumental variables.
     ///
-    /// - `cutoff`: of the filter on the measured motion, Hz; `None` where the motion is simulated;
-    /// - `bandwidth`: of simulated controllers without given gains, Hz;
+    /// - `cutoff`: the cutoff frequency of the filter on the measured motion, Hz; `None` if the
+    ///   motion is simulated;
+    /// - `bandwidth`: the bandwidth of simulated controllers whose gains were not given, Hz;
     /// - `motion`: the motion at which the instruments are evaluated, in words.
     pub fn new(
         found: &Instrumental,

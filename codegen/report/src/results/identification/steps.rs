@@ -36,7 +36,7 @@ pub fn reduction_steps(reduction: &Reduction, labels: &[String]) -> Vec<Reductio
     reduction.steps.iter().map(one).collect()
 }
 
-/// The steps for people, in 80 columns.
+/// The steps as a table of text, at most 80 columns wide.
 pub(super) fn reduction_text(steps: &[ReductionStep]) -> String {
     let figure = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.3}"));
     let lines: Vec<Vec<String>> = steps

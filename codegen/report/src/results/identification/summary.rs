@@ -62,7 +62,7 @@ pub struct Summary {
     /// The instruments, and the test of least squares for bias.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instruments: Option<Instruments>,
-    /// What an estimator that simulates the controlled robot found.
+    /// The result of an estimator that simulates the controlled robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulated: Option<Simulated>,
     /// Columns of the logs that look wrong.
@@ -70,8 +70,7 @@ pub struct Summary {
     pub suspicions: Vec<Suspected>,
 }
 
-/// The noise of an effort by least squares and, where logs are known, the error of the adopted
-/// model.
+/// The noise of an effort by least squares and, if logs were read, the error of the adopted model.
 #[derive(Serialize)]
 pub struct EffortSummary {
     /// The name of the effort, or of the signal.

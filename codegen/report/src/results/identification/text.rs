@@ -13,8 +13,8 @@ use super::models::models_text;
 use super::steps::reduction_text;
 use super::{Identification, Simulated, Summary, resting};
 
-/// The largest relative standard deviation that is printed, in percent; above it the table says no
-/// more than `>1000`.
+/// The largest relative standard deviation that is printed, in percent; a larger one is printed as
+/// `>1000`.
 const MAX_PRINTED_PERCENT: f64 = 1000.0;
 
 /// The result of an identification as tables of at most 80 columns.
@@ -70,7 +70,7 @@ pub fn identification_text(found: &Identification, delay_remedy: &str) -> String
         out.push_str(&physical(file));
     }
     if !file.least_squares.is_empty() {
-        out.push_str("\n  what least squares found before\n");
+        out.push_str("\n  the least-squares estimates, for comparison\n");
         out.push_str(&least_squares(file));
     }
     if !summary.reduction.is_empty() {
@@ -172,14 +172,14 @@ fn parameters(file: &ParameterFile) -> String {
     let known = "rms of the parameter's column times its value over rms of the efforts";
     out.push_str(&field("share", known));
     if file.parameters.iter().any(|p| p.status == Status::Zero) {
-        let text = "may be zero, and what its sigma leaves open is below 1 % of the efforts; or \
-                    all that it may be is below 0.01 % of them";
+        let text = "may be zero, and its sigma is below 1 % of the efforts; or no value within its \
+                    uncertainty is above 0.01 % of them";
         out.push_str(&field("zero", text));
     }
     out
 }
 
-/// The gains of drives, and what payloads are.
+/// Tables of the gains of drives and of the payloads.
 fn loads(file: &ParameterFile) -> String {
     let mut out = String::new();
     let relative = |value: f64, sigma: f64| percent(100.0 * sigma / value.abs());
@@ -224,7 +224,7 @@ fn loads(file: &ParameterFile) -> String {
             &lines,
         ));
         if lines.len() < 10 {
-            let text = "what is not listed has no effect of its own on the efforts";
+            let text = "values that are not listed have no effect of their own on the efforts";
             out.push_str(&field("", text));
         }
     }

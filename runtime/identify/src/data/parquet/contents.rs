@@ -1,5 +1,5 @@
-//! The columns of numbers of a Parquet file, elements of lists among them, and what LeRobot says of
-//! its episodes.
+//! Finds the columns of numbers in a Parquet file, including the elements of lists, and the episodes
+//! of a LeRobot data set.
 //!
 //! LeRobot stores `observation.state` and `action` as lists of one length, whose elements
 //! `meta/info.json` names, a time in each episode, and the index of the episode.
@@ -19,13 +19,13 @@ use crate::data::problem::DataError;
 
 /// The column of the index of the episode.
 const EPISODE: &str = "episode_index";
-/// Longest list whose elements are columns.
+/// The length of the longest list whose elements become columns.
 const MAX_ELEMENTS: usize = 1000;
-/// Most episodes that are listed in an error.
+/// The largest number of episodes that an error lists.
 const MAX_LISTED: usize = 20;
-/// Largest `info.json`, bytes.
+/// The largest size of `info.json`, in bytes.
 const MAX_INFO_BYTES: u64 = 1 << 22;
-/// How many folders above a file `meta/info.json` is looked for.
+/// The number of folders above a file that are searched for `meta/info.json`.
 const MAX_LEVELS: usize = 4;
 
 /// Where the numbers of a column are.
@@ -105,7 +105,7 @@ fn title(feature: &str, names: &[String], size: usize, element: usize) -> String
     }
 }
 
-/// The number of elements of the first list of a column; `None` where it holds no numbers.
+/// The number of elements of the first list of a column; `None` if the list contains no numbers.
 fn first_length(reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
     let group = solve_guarded(|| reader.get_row_group(0)).ok()?;
     let column = solve_guarded(|| group.get_column_reader(leaf)).ok()?;
@@ -183,7 +183,7 @@ pub(in crate::data) fn contents(
             return Err(unfit(path, why));
         }
         (Some(leaf), _) => {
-            // columns of lists before it are several here
+            // a column of lists before it counts as several
             let column = contents.places.iter().position(|place| place.leaf == leaf);
             let column = column.unwrap_or(leaf);
             contents.rows = Some(rows_of(path, &contents, column, episode)?);
@@ -258,10 +258,15 @@ fn rows_of(
     }
 }
 
-/// A time in s that was rounded to single precision, as its number of steps says it.
+/// A time in s, restored to the whole number of steps at `rate`, Hz, that rounds to it in single
+/// precision; unchanged if there is none.
 pub(super) fn restored(time: f64, rate: f64) -> f64 {
     let full = (time * rate).round() / rate;
-    #[allow(clippy::cast_possible_truncation, clippy::float_cmp)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::float_cmp,
+        reason = "the stored time is exactly the rounded one"
+    )]
     let same = f64::from(full as f32) == time;
     if same { full } else { time }
 }

@@ -1,4 +1,4 @@
-//! Writes identified parameters as constants of a program, tied to the model that they are of.
+//! Writes identified parameters as constants of a program, with the digest of their model.
 
 mod c;
 mod python;
@@ -14,17 +14,18 @@ pub use c::c_constants;
 pub use python::python_constants;
 pub use rust::rust_constants;
 
-/// A list of values with what each is.
+/// A constant: a list of values.
 struct List {
     /// The name of the constant.
     name: String,
-    /// What it holds.
+    /// The description of the constant.
     doc: String,
     /// The values, each with its label and unit.
     values: Vec<(f64, String, String)>,
 }
 
-/// Base parameters, all parameters of a physically feasible model, and nonlinear friction.
+/// The constants of a model: its base parameters, all its parameters if it is physically feasible,
+/// and the nonlinear friction of each joint that has it.
 fn lists<M: BaseModel<f64> + ?Sized>(
     model: &M,
     found: &IdentifiedModel,
@@ -66,8 +67,8 @@ fn lists<M: BaseModel<f64> + ?Sized>(
     Ok(all)
 }
 
-/// Where the values come from, in lines of text: the method, the logs, and the date where the caller
-/// gave it.
+/// The provenance of the values as lines of text: the method, the logs, and the date if the caller
+/// gave one.
 fn origin(found: &IdentifiedModel) -> Vec<String> {
     let mut lines = vec![format!("Method: {}.", one_line(&found.name))];
     if !found.provenance.logs.is_empty() {
@@ -80,7 +81,7 @@ fn origin(found: &IdentifiedModel) -> Vec<String> {
     lines
 }
 
-/// A text without breaks of lines.
+/// A text with its line breaks replaced by spaces, so that it stays within a comment.
 fn one_line(text: &str) -> String {
     text.replace(['\n', '\r', '\u{2028}', '\u{2029}'], " ")
 }
@@ -95,7 +96,7 @@ fn constant(name: &str, info: &Info<'_>) -> String {
         }
     };
     let made: String = name.chars().map(plain).collect();
-    // names that differ only in characters that a constant cannot have get their index
+    // names that differ only in characters that a constant's name cannot contain get their index
     let same = |other: &&&str| other.chars().map(plain).collect::<String>() == made;
     if info.coordinates.iter().filter(same).count() > 1 {
         return format!("{made}_{}", info.index_of(name).unwrap_or_default());

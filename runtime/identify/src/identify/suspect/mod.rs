@@ -117,7 +117,7 @@ const MIN_EQUATIONS_PER_PARAMETER: usize = 3;
 /// Relative errors above this, after changes of efforts, cause hypotheses on positions to be tried.
 const UNEXPLAINED_ERROR: f64 = 0.25;
 /// The factor by which a change must reduce the product of errors for each column that it changes:
-/// halving is no accident.
+/// halving is not an accident.
 const MIN_GAIN_PER_COLUMN: f64 = 2.0;
 
 /// The smallest offset that is reported, relative to the rms of its effort.

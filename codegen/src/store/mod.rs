@@ -1,8 +1,8 @@
-//! Results of derivations as bytes, and back, so that each is derived once.
+//! Derivation results as bytes, and back, so that each is derived once.
 //!
-//! Where the bytes are kept is the caller's concern: it gives
-//! [`Mechanism::with_keeper`](crate::Mechanism::with_keeper) a [`Keeper`]. A result is handed to the
-//! keeper only if the bytes give the same result again.
+//! The caller decides where the bytes are stored: it passes a [`Store`] to
+//! [`Mechanism::with_store`](crate::Mechanism::with_store). A result is stored only if reading its
+//! bytes gives the same result.
 
 mod analysis;
 mod key;
@@ -16,48 +16,47 @@ use crate::base::Analysis;
 use crate::bytes::{Reader, Writer};
 use crate::robot::{Function, FunctionKind, Robot};
 
-/// A place where results are kept.
+/// A place where derivation results are stored.
 ///
 /// ```
 /// use std::collections::BTreeMap;
 /// use std::sync::{Arc, Mutex};
-/// use regen_codegen::{Mechanism, diag::Source, kept::{Keeper, Key}};
+/// use regen_codegen::{Mechanism, diag::Source, store::{Key, Store}};
 ///
 /// #[derive(Debug, Default)]
 /// struct InMemory(Mutex<BTreeMap<Key, Vec<u8>>>);
 ///
-/// impl Keeper for InMemory {
-///     fn find(&self, key: &Key) -> Option<Vec<u8>> {
+/// impl Store for InMemory {
+///     fn get(&self, key: &Key) -> Option<Vec<u8>> {
 ///         self.0.lock().ok()?.get(key).cloned()
 ///     }
-///     fn keep(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>) {
-///         if let (Ok(mut kept), Some(bytes)) = (self.0.lock(), bytes()) {
-///             kept.insert(*key, bytes);
+///     fn put(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>) {
+///         if let (Ok(mut stored), Some(bytes)) = (self.0.lock(), bytes()) {
+///             stored.insert(*key, bytes);
 ///         }
 ///     }
 /// }
 ///
 /// let text = "name: arm\nlimbs:\n  - name: arm\n    joints:\n      \
 ///             - {name: q1, type: revolute, body: link, actuated: true}\n";
-/// let keeper = Arc::new(InMemory::default());
+/// let store = Arc::new(InMemory::default());
 /// let open = || Mechanism::open(&Source::new("arm.yaml", text));
-/// let derived = open()?.with_keeper(keeper.clone()).analysis()?.clone();
-/// assert_eq!(keeper.0.lock().map_or(0, |kept| kept.len()), 1);
-/// assert_eq!(*open()?.with_keeper(keeper).analysis()?, derived);
+/// let derived = open()?.with_store(store.clone()).analysis()?.clone();
+/// assert_eq!(store.0.lock().map_or(0, |stored| stored.len()), 1);
+/// assert_eq!(*open()?.with_store(store).analysis()?, derived);
 /// # Ok::<(), regen_codegen::diag::Report>(())
 /// ```
-pub trait Keeper: fmt::Debug + Send + Sync {
-    /// The bytes that were kept for a key, unchanged.
-    fn find(&self, key: &Key) -> Option<Vec<u8>>;
+pub trait Store: fmt::Debug + Send + Sync {
+    /// The bytes that were stored for a key, unchanged; `None` if there are none.
+    fn get(&self, key: &Key) -> Option<Vec<u8>>;
 
-    /// Called after [`find`](Self::find) had nothing and the result was derived: keeps what `bytes`
-    /// returns, or not, where that is not worth it. `bytes` returns `None` where the result cannot
-    /// be kept.
-    fn keep(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>);
+    /// Called after [`get`](Self::get) returned `None` and the result was derived. Stores what
+    /// `bytes` returns, unless the implementation finds that not worthwhile; `bytes` returns `None`
+    /// if the result cannot be stored.
+    fn put(&self, key: &Key, bytes: &dyn Fn() -> Option<Vec<u8>>);
 }
 
-/// Where the loops are closed, and the base parameters: what is known of a mechanism before any
-/// function is derived.
+/// The results that precede the derivation of functions: the closed home and the base parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Facts {
     /// The coordinates at home, rad or m.
@@ -90,7 +89,7 @@ impl Facts {
         })
     }
 
-    /// The bytes of the facts; `None` if they would not give the same facts again.
+    /// The bytes of the facts; `None` if reading them would not give the same facts.
     pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
         let mut out = Writer::default();
         self.write(&mut out);
@@ -106,7 +105,8 @@ impl Facts {
     }
 }
 
-/// The facts of a robot with its functions; names, limits and nominal values come from the spec.
+/// The bytes of a robot's facts and functions; `None` if reading them would not give the same.
+/// Names, limits and nominal values are not stored, since they are read from the spec.
 pub(crate) fn robot_to_bytes(robot: &Robot) -> Option<Vec<u8>> {
     let facts = Facts {
         home: robot.home.clone(),

@@ -27,12 +27,14 @@ impl Bodies<'_> {
             .map_or("?", |b| b.label.as_str())
     }
 
-    /// The index of the body's axis about which it rotates, if it is one of x, y, z.
+    /// The index of the frame axis (x, y, z) about which the body rotates; `None` if its axis of
+    /// rotation is not one of them.
     fn own_axis(&self, body: usize) -> Option<usize> {
         let parts = self.observed.get(body)?.in_link?;
         (0..3).find(|&k| parts[k].abs() > 1.0 - 1e-12)
     }
 
+    /// Whether gravity is parallel to the body's axis of rotation.
     fn gravity_is_along(&self, body: usize) -> bool {
         let Some(n) = self.observed.get(body).and_then(|s| s.direction) else {
             return false;
@@ -109,7 +111,7 @@ impl Bodies<'_> {
             };
             let label = parameter.label.clone();
             match all.iter_mut().find(same) {
-                Some(unseen) => unseen.parameters.push(label),
+                Some(found) => found.parameters.push(label),
                 None => all.push(Unidentifiable {
                     parameters: vec![label],
                     reason,
@@ -122,7 +124,7 @@ impl Bodies<'_> {
     }
 
     /// Parameters that can be identified only in combination with others.
-    pub(super) fn merged(&self, base: &Base) -> Vec<Grouped> {
+    pub(super) fn grouped(&self, base: &Base) -> Vec<Grouped> {
         let label = |c: usize| self.model.parameters[c].label.clone();
         let rows = base.null.iter().filter(|row| row.terms.len() > 1);
         rows.map(|row| {
@@ -233,16 +235,17 @@ impl Bodies<'_> {
                 return Some(format!("body {outer} is fixed to body {inner}"));
             }
             return Some(format!(
-                "what joint {joint} does not change of body {outer} counts as much on body {inner}"
+                "inertia of body {outer} that joint {joint} leaves unchanged acts as inertia of body {inner}"
             ));
         }
         Some(match self.in_one_limb(&bodies) {
             Some(outer) => format!(
-                "what joints further in do not change of body {} counts as much on bodies inward of it",
+                "inertia of body {} that its inner joints leave unchanged acts as inertia of the bodies \
+                 inward of it",
                 self.label(outer)
             ),
             None => format!(
-                "mass at a joint counts for either body there, around the loop of bodies {}",
+                "mass on a joint's axis may be assigned to either body there, around the loop of bodies {}",
                 parts.join(" ")
             ),
         })
@@ -254,7 +257,7 @@ impl Bodies<'_> {
             Some(freedom) if freedom != Freedom::General => {
                 format!("body {name} {}", predicate(freedom))
             }
-            _ => format!("the way body {name} moves shows them together only"),
+            _ => format!("the motion of body {name} determines them only in combination"),
         }
     }
 
@@ -295,7 +298,8 @@ impl Bodies<'_> {
         })
     }
 
-    /// The reason for a combination of bodies that does not follow from the tree of joints.
+    /// The reason for a combination of bodies that the tree of joints does not explain: it comes
+    /// from the loops.
     fn reason_beyond_tree(&self, bodies: &[usize], rotors: &[usize]) -> Option<String> {
         let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
         let turning = bodies.iter().copied();
@@ -346,7 +350,10 @@ impl Bodies<'_> {
                 .all(|b| self.observed.get(*b).is_some_and(|s| s.freedom.is_planar()));
         if reasons.is_empty() && all_planar {
             let names: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();
-            reasons.push(format!("the turns of bodies {} are tied", names.join(" ")));
+            reasons.push(format!(
+                "the rotations of bodies {} depend on each other",
+                names.join(" ")
+            ));
         }
         if reasons.is_empty() {
             let carried = self.observed.iter().enumerate();

@@ -1,10 +1,10 @@
-//! Generated modules, which are derived once for each text of a spec.
+//! Generates a robot's module, or reads it from the cache if the same text was derived before.
 
 use regen_cache::Cache;
 use regen_codegen::diag::Source;
 use regen_codegen::emit;
-use regen_codegen::kept::{Keeper, Key};
 use regen_codegen::pipeline::{self, BaseSource, DeriveError};
+use regen_codegen::store::{Key, Store};
 
 /// A robot's name and the source of its module.
 #[derive(Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl Module {
     }
 }
 
-/// The module of a robot, as it was kept or derived now. `stored` is the text of its stored base
+/// The module of a robot, from the cache or derived now. `stored` is the text of its stored base
 /// parameters.
 pub(crate) fn module(
     source: &Source,
@@ -47,7 +47,7 @@ fn module_from(
     stored: Option<&str>,
     options: &emit::Options,
 ) -> Result<Module, DeriveError> {
-    // everything that the module is made of
+    // everything that the module depends on
     let emit::Options { runtime } = options;
     let base: [&[u8]; 2] = match stored {
         Some(text) => [b"stored", text.as_bytes()],
@@ -55,7 +55,7 @@ fn module_from(
     };
     let inputs = [source.text.as_bytes(), runtime.as_bytes(), base[0], base[1]];
     let key = Key::new("module", &inputs);
-    let found = cache.and_then(|cache| cache.find(&key));
+    let found = cache.and_then(|cache| cache.get(&key));
     if let Some(module) = found.and_then(Module::from_bytes) {
         return Ok(module);
     }
@@ -65,7 +65,7 @@ fn module_from(
         robot: robot.name,
     };
     if let Some(cache) = cache {
-        cache.keep(&key, &|| Some(module.to_bytes()));
+        cache.put(&key, &|| Some(module.to_bytes()));
     }
     Ok(module)
 }
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kept_module_is_the_derived_one_and_that_of_another_text_is_not() {
+    fn a_cached_module_is_the_derived_one_and_that_of_another_text_is_not() {
         let text = "name: arm\nlimbs:\n  - name: arm\n    joints:\n      \
                     - {name: q1, type: revolute, body: link, actuated: true}\n";
         let folder = std::env::temp_dir().join(format!("regen-macro-{}", std::process::id()));

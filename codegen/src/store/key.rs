@@ -1,4 +1,4 @@
-//! The keys by which results are kept.
+//! The keys of stored results.
 
 use std::any::TypeId;
 use std::fmt;
@@ -9,15 +9,15 @@ use sha2::{Digest, Sha256};
 use crate::robot::Robot;
 use crate::sym::Number;
 
-/// The key of a kept result: a digest (SHA-256) of everything that the result depends on, the
-/// generator included.
+/// The key of a stored result: a digest (SHA-256) of everything that the result depends on,
+/// including the generator.
 ///
 /// ```
-/// use regen_codegen::kept::Key;
+/// use regen_codegen::store::Key;
 ///
 /// let key = Key::new("module", &[b"name: arm", b"::regen_runtime"]);
 /// assert_eq!(key, Key::new("module", &[b"name: arm", b"::regen_runtime"]));
-/// // the parts are told apart
+/// // the boundary between the inputs counts
 /// assert_ne!(key, Key::new("module", &[b"name: arm::", b"regen_runtime"]));
 /// assert_eq!(key.to_string().len(), 64);
 /// ```
@@ -25,7 +25,7 @@ use crate::sym::Number;
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of a result of the given kind that this generator makes of `inputs`.
+    /// The key of a result of the given kind that this generator derives from `inputs`.
     pub fn new(kind: &str, inputs: &[&[u8]]) -> Self {
         let mut digest = Sha256::new();
         let own: [&[u8]; 4] = [
@@ -54,9 +54,9 @@ impl fmt::Display for Key {
     }
 }
 
-/// A number that changes with what this crate was built by and from, besides its sources: the
-/// compiler, the features, and the versions of the crates that it uses. Identifiers of types are
-/// made from these.
+/// A number that changes with everything but the sources that this crate is built from: the
+/// compiler, the features, and the versions of its dependencies. The compiler derives type
+/// identifiers from these.
 fn build() -> u64 {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     TypeId::of::<Robot>().hash(&mut hash);

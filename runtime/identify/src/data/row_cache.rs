@@ -1,23 +1,23 @@
-//! The rows of a log that is short enough to be kept in memory, so that it is parsed once.
+//! The rows of a log that fits into memory, so that it is parsed once.
 
 use std::sync::OnceLock;
 
 use super::problem::{DataError, Problem};
 use super::reader::LogRow;
 
-/// Most numbers that are kept of all runs together: 64 MiB. Longer logs are read again in each pass,
-/// so that memory does not grow with them.
+/// The most numbers that are cached for all runs together: 64 MiB. Longer logs are read again in
+/// each pass, so that memory does not grow with their length.
 pub(super) const MAX_NUMBERS: usize = 1 << 23;
 
-/// The rows of a run as they were read; a copy starts without them.
+/// The cached rows of a run; a clone starts empty.
 #[derive(Debug)]
-pub(super) struct KeptRows {
-    /// The most numbers that are kept.
+pub(super) struct RowCache {
+    /// The most numbers that are cached.
     most: usize,
     rows: OnceLock<Rows>,
 }
 
-impl Clone for KeptRows {
+impl Clone for RowCache {
     fn clone(&self) -> Self {
         Self::with_room(self.most)
     }
@@ -47,17 +47,17 @@ impl Rows {
         }
     }
 
-    /// About as many numbers as it takes the memory of.
+    /// The memory that the rows take, in numbers of 8 bytes, about.
     fn numbers(&self) -> usize {
         self.values.len() + self.lines.len() + 16 * self.problems.len()
     }
 }
 
-/// Receives each row, or why it cannot be used.
+/// Receives each row, or the problem for which it cannot be used.
 pub(super) type RecordSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
 
-impl KeptRows {
-    /// Keeps rows of at most so many numbers.
+impl RowCache {
+    /// An empty cache for rows of at most `most` numbers.
     pub(super) fn with_room(most: usize) -> Self {
         Self {
             most,
@@ -65,13 +65,16 @@ impl KeptRows {
         }
     }
 
-    /// The number of numbers that are kept.
+    /// How many numbers are cached.
     pub(super) fn numbers(&self) -> usize {
         self.rows.get().map_or(0, Rows::numbers)
     }
 
-    /// Passes the kept rows to `each`; where there are none, those that `read` reads, and keeps them
-    /// if they are not too many.
+    /// Passes all rows to `each`: the cached ones or, if there are none, those that `read` reads,
+    /// which are cached if there is room for all of them.
+    ///
+    /// # Errors
+    /// Those of `each` and `read`.
     pub(super) fn visit(
         &self,
         each: &mut RecordSink<'_>,
@@ -94,18 +97,18 @@ impl KeptRows {
             }
             return Ok(());
         }
-        let mut kept = Some(Rows::default());
+        let mut cached = Some(Rows::default());
         read(&mut |row| {
-            if let Some(rows) = &mut kept {
+            if let Some(rows) = &mut cached {
                 rows.push(&row);
                 if rows.numbers() > self.most {
-                    kept = None;
+                    cached = None;
                 }
             }
             each(row)
         })?;
-        if let Some(rows) = kept {
-            // another pass that ended at the same time kept the same rows
+        if let Some(rows) = cached {
+            // if another thread's pass ended first, it has cached the same rows
             let _ = self.rows.set(rows);
         }
         Ok(())
