@@ -232,8 +232,13 @@ impl Bodies<'_> {
             if joint.is_empty() {
                 return Some(format!("body {outer} is fixed to body {inner}"));
             }
+            let word = if joint.contains(' ') {
+                "joints"
+            } else {
+                "joint"
+            };
             return Some(format!(
-                "what joint {joint} does not change of body {outer} counts as much on body {inner}"
+                "what {word} {joint} does not change of body {outer} counts as much on body {inner}"
             ));
         }
         Some(match self.in_one_limb(&bodies) {
@@ -277,7 +282,10 @@ impl Bodies<'_> {
                 return None;
             }
             let motion = self.model.links[link].motion.as_ref();
-            names.extend(motion.map(|m| self.model.coordinates[m.coordinate].name.as_str()));
+            let name = motion.map(|m| self.model.coordinates[m.coordinate].name.as_str());
+            // the coordinates of one joint are its name and a number
+            names.extend(name.map(|name| name.split('.').next().unwrap_or(name)));
+            names.dedup();
             at = self.model.links[link].parent;
         }
         None
