@@ -204,7 +204,7 @@ impl<'a> LimbLayout<'a> {
         if let Some(first) = still.first() {
             let names: Vec<String> = still.iter().map(|l| format!("'{}'", l.name)).collect();
             let text = format!(
-                "no effect of inertia that stands still: {}",
+                "inertias of links that stand still have no effect: {}",
                 names.join(", ")
             );
             layout.log.note(first.place, text);

@@ -58,6 +58,10 @@ pub(crate) struct ImportArgs {
     /// Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     pub(crate) lock: Vec<String>,
+    /// Give joints with motors friction and a rotor's inertia, as drives with
+    /// gears have, where the file states none
+    #[arg(long)]
+    pub(crate) geared: bool,
     /// Keep angles as printed, also where they print a multiple of pi
     #[arg(long)]
     pub(crate) exact: bool,

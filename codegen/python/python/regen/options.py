@@ -27,6 +27,8 @@ class ImportOptions(TypedDict, total=False):
     exact: bool
     #: Replace the file of --out where it exists
     force: bool
+    #: Give joints with motors friction and a rotor's inertia, as drives with gears have, where the file states none
+    geared: bool
     #: Where loops start to be closed, as NAME=VALUE [default: 0]
     home: Values | None
     #: Joints taken as rigid: NAME, at 0, or NAME=VALUE in rad or m
