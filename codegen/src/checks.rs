@@ -52,6 +52,42 @@ pub(crate) fn check_graph_capacity(source: &Source, spec: &Spec, g: &Graph) -> R
     sink.finish(source)
 }
 
+/// What to do first where a spec has no home.
+fn without_home(spec: &Spec) -> &'static str {
+    if spec.home.is_empty() && !spec.cuts.is_empty() {
+        "there is no `home`, so that all coordinates are 0: give it the driven ones of a state that the \
+         robot can take; "
+    } else {
+        ""
+    }
+}
+
+/// A number with the word for what it counts.
+fn counted(count: usize, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
+
+/// How many independent coordinates there are, and why these.
+fn listed(spec: &Spec, count: usize, names: &str) -> String {
+    let coordinates = counted(count, "coordinate", "coordinates");
+    if spec.independent.is_some() {
+        return format!("`independent` lists {coordinates}, {names}");
+    }
+    let verb = if count == 1 { "is" } else { "are" };
+    format!("{coordinates} {verb} actuated, {names}, and `independent` is missing")
+}
+
+/// What may be wrong with the motors, where they decide which coordinates are independent.
+fn motors(spec: &Spec, count: usize, mobility: usize) -> &'static str {
+    if spec.independent.is_some() {
+        ""
+    } else if count < mobility {
+        "give a joint with a motor `actuated: true`, or correct a joint that has too many freedoms; else "
+    } else {
+        "correct a joint or cut whose type leaves too few freedoms, or an `actuated: true`; else "
+    }
+}
+
 /// Reports a problem at home.
 pub(crate) fn home_report(
     source: &Source,
@@ -69,11 +105,6 @@ pub(crate) fn home_report(
         }
     }
     let names = |which: &[usize]| list(which.iter().map(|c| model.coordinates[*c].name.clone()));
-    let given = if spec.independent.is_some() {
-        "`independent` lists"
-    } else {
-        "the actuated coordinates are the default, and they are"
-    };
     let independent = names(&model.independent);
     let diagnostic = match problem {
         HomeProblem::NotClosed {
@@ -84,8 +115,9 @@ pub(crate) fn home_report(
         HomeProblem::Mobility { mobility, choice, .. } => Diagnostic::new(
             independent_span(spec),
             format!(
-                "the mechanism has {mobility} degrees of freedom at home, but {given} {} coordinates, {independent}",
-                model.independent.len()
+                "the mechanism has {} at home, but {}",
+                counted(*mobility, "degree of freedom", "degrees of freedom"),
+                listed(spec, model.independent.len(), &independent)
             ),
         )
         .path("independent")
@@ -93,7 +125,12 @@ pub(crate) fn home_report(
         .hint(if *mobility == 0 {
             "it cannot move at home: a cut or a coupling is too many, or home is singular".to_owned()
         } else {
-            format!("a valid choice is `independent: {}`", names(choice))
+            format!(
+                "{}{}a valid choice is `independent: {}`",
+                without_home(spec),
+                motors(spec, model.independent.len(), *mobility),
+                names(choice)
+            )
         }),
         HomeProblem::NotIndependent { choice, .. } => Diagnostic::new(
             independent_span(spec),
@@ -102,7 +139,8 @@ pub(crate) fn home_report(
         .path("independent")
         .label("not independent at home")
         .hint(format!(
-            "a valid choice is `independent: {}`; or start from another home",
+            "{}a valid choice is `independent: {}`; or start from another home",
+            without_home(spec),
             names(choice)
         )),
     };

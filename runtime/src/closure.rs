@@ -77,13 +77,16 @@ impl fmt::Display for Outcome {
         match self {
             Self::Closed => write!(f, "closed"),
             Self::NotClosed { at, residual } => {
-                write!(f, "not closed at {at} of the way: residual {residual:e}")
+                write!(
+                    f,
+                    "not closed at {at:.3} of the way: residual {residual:.1e}"
+                )
             }
             Self::Singular { at, condition } => {
                 let pivot = condition.pivot;
-                write!(f, "singular at {at} of the way: smallest pivot {pivot:e}")
+                write!(f, "singular at {at:.3} of the way: pivot {pivot:.1e}")
             }
-            Self::BranchLost { at } => write!(f, "branch lost at {at} of the way"),
+            Self::BranchLost { at } => write!(f, "branch lost at {at:.3} of the way"),
         }
     }
 }

@@ -5,6 +5,7 @@ use regen_identify::session::{Session, settled_delays};
 
 use crate::args::{DelayArg, IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
+use crate::observe;
 use regen_interpreted::Interpreted;
 
 /// The options with `--delay auto` replaced by the delays estimated from the logs; `None` where
@@ -38,4 +39,21 @@ pub(crate) fn found_for(
     let delays = found.iter().cloned();
     reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
     Ok((reading, found))
+}
+
+/// The same of the logs of a model that is read from a file; refused where their gains or payloads are not
+/// known without it.
+pub(crate) fn of_named(
+    reading: &ReadingArgs,
+    model: &Interpreted<'_>,
+    logs: &[Run],
+) -> Result<(ReadingArgs, Vec<(String, f64)>), Failure> {
+    let experiment = reading.experiment.as_ref();
+    let has_unknowns = experiment.is_some_and(|e| !e.unknown_gains.is_empty() || e.carries());
+    if has_unknowns && reading.delay.contains(&DelayArg::Auto) {
+        let text = "delays are not found from logs with unknown gains or payloads: give them in seconds, \
+                    --delay NAME=S";
+        return Err(Failure::Usage(text.to_owned()));
+    }
+    found_for(reading, &observe::session(model, reading), logs)
 }

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         );
     }
     if args.out.is_none() && args.format == Format::Human {
-        terminal::note("the trajectory is kept in no file: --out FILE keeps it");
+        terminal::note("note: the trajectory is not written: give --out FILE");
     }
     let stop = interrupt::flag();
     let bar = progress::bar(1, "{bar:24} {percent} %{left}{msg}");
@@ -116,11 +116,11 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     })?;
     match &args.out {
         Some(out) if interrupted => Err(Failure::Interrupted(format!(
-            "interrupted: the best so far is kept in {}",
+            "interrupted: the best so far is written to {}",
             out.display()
         ))),
         None if interrupted => Err(Failure::Interrupted(
-            "interrupted: this is the best so far, and without --out it is in no file".to_owned(),
+            "interrupted: this is the best so far; without --out it is not written".to_owned(),
         )),
         Some(out) => {
             terminal::note(&format!("{}: written", out.display()));
@@ -220,7 +220,7 @@ fn to_text(trajectory: &Trajectory, found: &Excitation) -> String {
         &rows,
     ));
     if margins.len() > rows.len() {
-        let _ = writeln!(out, "  and {} more, all kept", margins.len() - rows.len());
+        let _ = writeln!(out, "  and {} more, all met", margins.len() - rows.len());
     }
     out
 }

@@ -228,7 +228,7 @@ impl From<SourceError> for Failure {
                 "{error}; move it away, or name another directory with --out"
             )),
             SourceError::NoWorkspace => Self::Input(format!(
-                "{error}; name the FILES to generate, and --out DIR"
+                "{error}; name the FILES, and --out DIR where they are to be generated"
             )),
             other => Self::Input(other.to_string()),
         }

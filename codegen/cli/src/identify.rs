@@ -11,8 +11,9 @@ use regen_identify::session::{
 use regen_identify::status::EffortContributions;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{
-    Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
+    self, Identification, ModelErrors, Summary, identification_text, reduction_steps, stem,
 };
+use regen_runtime::Parameter;
 
 use crate::args::{EstimatorArg, Format, IdentifyArgs, PayloadArg, WeightingArg};
 use crate::exit::Failure;
@@ -204,7 +205,7 @@ fn models(
     summary: &mut Summary,
 ) -> Result<(IdentifiedModel, bool), Failure> {
     let least = IdentifiedModel {
-        feasibility: "not judged: --feasible does".to_owned(),
+        feasibility: "feasibility not judged; --feasible does".to_owned(),
         ..start.model()
     };
     let mut found = Vec::new();
@@ -333,7 +334,7 @@ fn logs(
     if args.bandwidth.is_none() {
         note_short(&start.deviations);
     }
-    note_unexplained(&start.errors);
+    note_unexplained(model, &start.errors);
     let mut summary = Summary::of(&start);
     summary.corrected_delays = observe::settings(&args.reading).delays;
     summary.suspicions = suspect::warn(
@@ -348,33 +349,18 @@ fn logs(
     Ok((start, summary))
 }
 
-/// Warns of efforts that the model hardly explains: their columns may be of another joint, in
-/// another unit or dead, however small the standard deviations of the parameters are.
-pub(crate) fn note_unexplained(errors: &[EffortError]) {
-    let poor = errors.iter().filter(|e| !e.is_explained());
-    let names: Vec<String> = poor
-        .map(|e| match e.relative_rms {
-            part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),
-            _ => format!("{} (it is 0 throughout)", e.name),
-        })
-        .collect();
-    if !names.is_empty() {
-        terminal::note(&format!(
-            "warning: the model does not explain these efforts: {}. Parameters are of little worth \
-             until it does: look at the columns, their units, and whether the motion is smooth \
-             enough (--butterworth)",
-            names.join(", ")
-        ));
+/// Warns of efforts that the model hardly explains.
+pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError]) {
+    let mut parameters = model.info().parameters.iter();
+    let has_friction = parameters.any(Parameter::is_friction);
+    if let Some(text) = results::unexplained(errors, has_friction) {
+        terminal::note(&text);
     }
 }
 
 /// Warns where a log is too short for the standard deviations to be trusted.
 pub(crate) fn note_short(deviations: &Deviations) {
-    if deviations.short() {
-        terminal::note(&format!(
-            "warning: {} samples, of which {:.0} are as good as one, are too few to know how \
-             uncertain parameters are: their deviations are likely to be too small",
-            deviations.samples, deviations.memory
-        ));
+    if let Some(text) = results::too_short(deviations) {
+        terminal::note(&text);
     }
 }

@@ -188,7 +188,7 @@ pub(crate) fn solve(
     let (found, reports) = (&fits.free, &fits.reports);
     observe::note_problems(reports);
     note_short(&found.deviations);
-    note_unexplained(&found.errors);
+    note_unexplained(session.model, &found.errors);
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(
             "note: {} has no covariance, so its parameters count as exact, and deviations are too \

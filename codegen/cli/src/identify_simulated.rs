@@ -23,6 +23,7 @@ use regen_runtime::BaseModel;
 use crate::args::{EstimatorArg, IdentifyArgs};
 use crate::exit::Failure;
 use crate::identify::Outcome;
+use crate::simulate::{WHERE, missing};
 use crate::{observe, parameters, path, table, terminal};
 
 pub(crate) use controllers::stated_gains;
@@ -104,10 +105,13 @@ fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failu
     }
     let info = model.info();
     let Some(phi) = info.nominal_parameters() else {
+        let mut values = info.nominal.to_vec();
+        values.resize(info.parameters.len(), None);
         return Err(Failure::Input(format!(
-            "{} has no nominal values to start from: give `bodies:` and `nominal:` in the spec, or \
-             identified parameters with --start",
-            args.file.display()
+            "{}: no nominal values to start from, of {}; {WHERE}, or give identified parameters with \
+             --start",
+            args.file.display(),
+            missing(&info, &values).join(", ")
         )));
     };
     let mut beta = vec![0.0; model.rank()];

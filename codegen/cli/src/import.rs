@@ -35,6 +35,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
     let options = Options {
         name: args.name.clone(),
         exact: args.exact,
+        geared: args.geared,
         base: args.base.map(|base| match base {
             Base::Fixed => regen_import::Base::Fixed,
             Base::Floating => regen_import::Base::Floating,
@@ -49,6 +50,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
             home: "--home",
             lock: "--lock",
             base: "--base",
+            geared: "--geared",
         },
     };
     let mut imported = regen_import::import(&source, &mut reader, &options)

@@ -344,7 +344,8 @@ impl From<SessionError> for Failure {
             SessionError::Gains(error) => error.into(),
             SessionError::TooFewLogs => Self::Input("--cross needs two logs or more".to_owned()),
             SessionError::DelaysFromEnergyBalance => Self::Input(
-                "--delay auto needs the equations of motion: leave out --energy".to_owned(),
+                "--delay auto needs the equations of motion: leave out --energy, or give --delay 0"
+                    .to_owned(),
             ),
             SessionError::NoWellIdentifiedParameter => Self::Numeric(error.to_string()),
             other => Self::Input(other.to_string()),

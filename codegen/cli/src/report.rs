@@ -7,7 +7,7 @@ use regen_codegen::robot::Robot;
 
 use crate::args::{IdentifyArgs, ReportArgs};
 use crate::exit::Failure;
-use crate::{experiment, load, loads, observe, parameters, suspect, terminal, write};
+use crate::{delay, experiment, load, loads, observe, parameters, suspect, terminal, write};
 use regen_identify::data::Run;
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
@@ -78,6 +78,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
             args.params.display()
         ))
     })?;
+    args.reading = delay::of_named(&args.reading, &model, &args.logs)?.0;
     observe::require_consistent(&args.reading)?;
     let runs: Vec<Run> = args.logs.iter().chain(&args.against).cloned().collect();
     let session = loads::scaled(&model, &args.reading, &identified);

@@ -10,7 +10,7 @@ use regen_identify::identify::{self, LeftOut};
 use regen_report::results::{corrected_delays_text, resting, stem};
 use serde::Serialize;
 
-use crate::args::{DelayArg, Format, ValidateArgs};
+use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
 use crate::{delay, experiment, load, loads, observe, parameters, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -60,7 +60,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let corrected_delays = corrected(&mut args, &model)?;
+    let (reading, corrected_delays) = delay::of_named(&args.reading, &model, &args.logs)?;
+    args.reading = reading;
     let kind = observe::kind(&args.reading);
     let files: Vec<&PathBuf> = std::iter::once(&args.params).chain(&args.beside).collect();
     let mut models = Vec::with_capacity(files.len());
@@ -132,30 +133,6 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         terminal::note(&format!("{}: written", out.display()));
     }
     Ok(())
-}
-
-/// Estimates the delays of the logs if `--delay auto` asks for it; returns those that were found and
-/// corrected, s.
-fn corrected(
-    args: &mut ValidateArgs,
-    model: &Interpreted<'_>,
-) -> Result<Vec<(String, f64)>, Failure> {
-    let has_unknowns = args
-        .reading
-        .experiment
-        .as_ref()
-        .is_some_and(|e| !e.unknown_gains.is_empty() || e.carries());
-    if has_unknowns && args.reading.delay.contains(&DelayArg::Auto) {
-        return Err(Failure::Usage(
-            "delays cannot be estimated here from logs with unknown gains or payloads: state them in \
-             seconds, --delay NAME=S"
-                .to_owned(),
-        ));
-    }
-    let session = observe::session(model, &args.reading);
-    let (reading, found) = delay::found_for(&args.reading, &session, &args.logs)?;
-    args.reading = reading;
-    Ok(found)
 }
 
 fn to_text(json: &ValidateJson) -> String {

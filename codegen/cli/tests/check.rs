@@ -85,4 +85,16 @@ fn a_mechanism_that_does_not_close_is_an_error_of_its_spec() {
     let (_, told) = run.err.split_once("cut 'pin' gapes by ").unwrap();
     let gap: f64 = told.split(' ').next().unwrap().parse().unwrap();
     assert!((6.0..9.0).contains(&gap), "{}", run.err);
+    assert!(
+        run.err.contains("`regen view` draws the gaps"),
+        "{}",
+        run.err
+    );
+
+    // without a home, that is what to mend first
+    let text = std::fs::read_to_string(root().join("robots/3rps.yaml")).unwrap();
+    let without: Vec<&str> = text.lines().filter(|l| !l.starts_with("home:")).collect();
+    std::fs::write(dir.join("nowhere.yaml"), without.join("\n")).unwrap();
+    let run = regen(&dir, &["check", "nowhere.yaml"]).ended(3);
+    assert!(run.err.contains("there is no `home`"), "{}", run.err);
 }

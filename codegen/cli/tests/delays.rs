@@ -106,5 +106,9 @@ fn observe_and_validate_find_the_delays_that_were_put_in() {
     assert!(before["corrected_delays"].is_null(), "{before}");
     let after = run(&format!("{line} --delay auto"));
     close(&after);
+    // so is a report, which finds them from the same logs
+    let line =
+        "report arm.yaml right.json late.csv --butterworth 4,15 --delay auto --out late.html";
+    regen(&dir, &line.split(' ').collect::<Vec<_>>()).ended(0);
     assert!(error(&after) < 0.2 * error(&before), "{before} {after}");
 }

@@ -124,7 +124,7 @@ fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
     let (code, told) = ended.expect("a search that winds down");
     assert_eq!(code, Some(130), "{told}");
     assert!(
-        told.contains("interrupted: the best so far is kept in t.json"),
+        told.contains("interrupted: the best so far is written to t.json"),
         "{told}"
     );
 }

@@ -170,11 +170,45 @@ fn saturated_efforts_are_found_with_their_rows() {
             .find(|k| (0..4).all(|d| log.value(name, k + d).abs() >= flat))
             .unwrap();
         assert!(
-            run.err.contains(&format!("row {}: {told}", first + 2)),
+            run.err.contains(&format!("rows {} to ", first + 2)),
             "{}",
             run.err
         );
     }
+}
+
+/// Consecutive rows with one fault are one line, however many they are.
+#[test]
+fn consecutive_rows_are_listed_as_one() {
+    let (dir, log) = bench("consecutive");
+    let mut broken = log.clone();
+    let column = broken.column("tau_q1");
+    for row in 300..=420 {
+        broken.0[row][column] = "nan".to_owned();
+    }
+    broken.0[500][column] = "nan".to_owned();
+    let run = identify(&dir, &broken.text(), &[]).ended(3);
+    let fault = "`nan` in column `tau_q1` is no finite number";
+    let listed: Vec<&str> = run.err.lines().filter(|l| l.contains(fault)).collect();
+    let wanted = [
+        format!("  rows 301 to 421: {fault}"),
+        format!("  row 501: {fault}"),
+    ];
+    assert_eq!(listed, wanted, "{}", run.err);
+    assert!(run.err.contains("122 rows cannot be used"), "{}", run.err);
+}
+
+#[test]
+fn a_file_that_is_no_text_is_called_so() {
+    let (dir, log) = bench("no_text");
+    let wide: Vec<u8> = log
+        .text()
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    fs::write(dir.join("wide.csv"), wide).unwrap();
+    let run = regen(&dir, &["identify", "r.yaml", "wide.csv"]).ended(3);
+    assert!(run.err.contains("no text in UTF-8"), "{}", run.err);
 }
 
 /// Doubtful numbers are used on request, with or without a message; values that are not numbers are

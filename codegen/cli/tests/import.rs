@@ -261,3 +261,27 @@ fn wrong_parameters_exit_with_3_and_show_the_place() {
         );
     }
 }
+
+/// A file without friction gives a spec without, and says so; `--geared` adds it to joints with motors.
+#[test]
+fn friction_and_rotors_are_added_on_request() {
+    let dir = scratch("import_geared");
+    let arm = published("airo-models/ur5e.urdf");
+    let plain = regen(&dir, &["import", &arm]).ended(0);
+    assert!(plain.err.contains("no joint has friction"), "{}", plain.err);
+    assert!(plain.err.contains("import with --geared"), "{}", plain.err);
+    assert!(!plain.out.contains("friction:"), "{}", plain.out);
+    let geared = regen(&dir, &["import", &arm, "--geared", "--out", "arm.yaml"]).ended(0);
+    assert!(
+        !geared.err.contains("no joint has friction"),
+        "{}",
+        geared.err
+    );
+    let base = regen(&dir, &["base", "arm.yaml", "--format", "json"])
+        .ended(0)
+        .json();
+    let labels = base["parameters"].as_array().unwrap();
+    for label in ["Fv(wrist_3_joint)", "Fc(wrist_3_joint)", "J(wrist_3_joint)"] {
+        assert!(labels.iter().any(|own| own == label), "{label}");
+    }
+}

@@ -345,3 +345,28 @@ fn in_a_browser_the_report_has_its_figures_and_no_errors() {
     }
     assert_eq!(dom.matches("<svg ").count(), FIGURES.len());
 }
+
+/// A text of the spec stays a text: `<!-- <script` in a page's script would hide the end of the script, and
+/// the page would be blank.
+#[test]
+fn a_view_keeps_tags_in_texts_apart_from_its_own() {
+    let dir = scratch("pages_hostile");
+    let evil = "<!-- <script> </script> x";
+    let text = fs::read_to_string(robot("fourbar.yaml")).unwrap();
+    let lines = text.lines().map(|line| match line.split_once(':') {
+        Some(("description", _)) => format!("description: \"{evil}\""),
+        _ => line.to_owned(),
+    });
+    fs::write(dir.join("evil.yaml"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    regen(&dir, &["view", "evil.yaml", "--out", "evil.html"]).ended(0);
+    let page = fs::read_to_string(dir.join("evil.html")).unwrap();
+    let data = page.split_once("id=\"data\"").unwrap().1;
+    let json = &data[data.find('>').unwrap() + 1..data.find("</script>").unwrap()];
+    assert!(!json.contains('<'), "{json}");
+    let read: serde_json::Value = serde_json::from_str(json).unwrap();
+    assert_eq!(read["description"], evil);
+    if let Some(browser) = browser() {
+        let (dom, told) = rendered(&browser, &dir.join("evil.html"), "");
+        assert!(told.is_empty() && dom.contains("<table>"), "{told:?}");
+    }
+}

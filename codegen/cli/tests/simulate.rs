@@ -271,8 +271,35 @@ fn bodies_without_any_value_are_named_in_short() {
     let run = regen(&dir, &["simulate", "bare.yaml", "--out", "log.csv"]).ended(3);
     assert!(
         run.err
-            .contains("no nominal values of body 2, body 4; state"),
+            .contains("no nominal values of body 2, body 4; give"),
         "{}",
         run.err
     );
+}
+
+/// Controllers that do not follow the motion make a log of another one.
+#[test]
+fn a_motion_that_is_hardly_followed_gives_a_warning() {
+    let dir = scratch("simulate_stray");
+    let spec = robot("fivebar.yaml");
+    let simulate = |bandwidth: &str| {
+        let words = [
+            "simulate",
+            &spec,
+            "--out",
+            "log.csv",
+            "--duration",
+            "4",
+            "--bandwidth",
+            bandwidth,
+        ];
+        regen(&dir, &words).ended(0).err
+    };
+    let slow = simulate("0.2");
+    assert!(
+        slow.contains("is off the motion by up to") && slow.contains("raise --bandwidth"),
+        "{slow}"
+    );
+    let fast = simulate("10");
+    assert!(!fast.contains("off the motion"), "{fast}");
 }

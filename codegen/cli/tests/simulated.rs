@@ -161,7 +161,7 @@ fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() 
             )
         };
         let found = identify("runs.yaml").ended(0);
-        let says = "leaves out of the experiment file: delay, runs to validate on";
+        let says = "does not use these keys of the experiment file: delay, runs to validate on";
         assert!(found.err.contains(says), "{}", found.err);
         let plain = identify("run.csv --controller gains.yaml").ended(0).json();
         assert_eq!(found.json()["parameters"], plain["parameters"]);

@@ -204,7 +204,7 @@ impl<'a> LimbLayout<'a> {
         if let Some(first) = still.first() {
             let names: Vec<String> = still.iter().map(|l| format!("'{}'", l.name)).collect();
             let text = format!(
-                "inertia that is fixed to the world has no effect: {}",
+                "inertias of links that do not move have no effect: {}",
                 names.join(", ")
             );
             layout.log.note(first.place, text);

@@ -75,6 +75,9 @@ pub struct Options {
     pub name: Option<String>,
     /// Whether angles keep their printed digits: 1.5708 is not taken as pi/2.
     pub exact: bool,
+    /// Whether actuated joints have friction and rotors, as drives with gears do, where the file states
+    /// none.
+    pub geared: bool,
     /// How the root is connected to the world; default: as in the file.
     pub base: Option<Base>,
     /// Joints that are taken as rigid: `NAME`, at 0, or `NAME=VALUE`, in rad or m, counted as in the
@@ -106,6 +109,8 @@ pub struct OptionNames {
     pub lock: &'static str,
     /// [`Options::base`].
     pub base: &'static str,
+    /// [`Options::geared`].
+    pub geared: &'static str,
 }
 
 impl Default for OptionNames {
@@ -116,6 +121,7 @@ impl Default for OptionNames {
             home: "home",
             lock: "lock",
             base: "base",
+            geared: "geared",
         }
     }
 }
@@ -155,6 +161,9 @@ pub fn import(
     let imported = tree(source, reader, options, &mut log).map(|mut tree| {
         apply_options(&mut tree, options, &mut log);
         notes::contradicting_limits(&tree, &mut log);
+        if !options.geared {
+            notes::without_friction(&tree, options.names.geared, &mut log);
+        }
         (layout::lay_out(&tree, &mut log), tree)
     });
     let Some((mut draft, tree)) = imported.filter(|_| !log.failed()) else {
@@ -306,6 +315,7 @@ fn write_valid_spec(
         gravity: tree.gravity,
         exact: options.exact,
         actuated: &actuated,
+        geared: options.geared,
         independent: None,
     };
     // a spec without actuated joints, or with actuated joints that follow others, must name its

@@ -4,6 +4,30 @@ use crate::log::Log;
 use crate::number::number;
 use crate::tree::{Joint, Tree};
 
+/// The note on meshes that are not read.
+pub(crate) fn unread(meshes: usize) -> String {
+    let are = if meshes == 1 { "mesh is" } else { "meshes are" };
+    format!("{meshes} {are} not read: the dynamics do not need them")
+}
+
+/// Notes a file without any friction: with its spec, the friction in measured efforts falsifies all other
+/// parameters.
+///
+/// - `remedy`: the option that adds friction.
+pub(crate) fn without_friction(tree: &Tree, remedy: &str, log: &mut Log) {
+    let joints = tree.links.iter().flat_map(|link| &link.joints);
+    let of_joints = joints.map(|joint| joint.damping + joint.friction + joint.armature);
+    let of_drives = tree.drives.iter();
+    let of_drives = of_drives.map(|drive| drive.damping + drive.friction + drive.armature);
+    if of_joints.chain(of_drives).all(|sum| sum == 0.0) {
+        let text = format!(
+            "no joint has friction in this file, and efforts that are measured at motors have: to identify \
+             from such logs, import with {remedy}"
+        );
+        log.note(tree.place, text);
+    }
+}
+
 /// Notes joints that follow another one within limits that contradict the other's.
 pub(crate) fn contradicting_limits(tree: &Tree, log: &mut Log) {
     /// The part of the narrower range that both must share at least.

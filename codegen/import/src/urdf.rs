@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::fields::Fields;
 use crate::log::Place;
+use crate::notes::unread;
 use crate::pose::{Pose, tensor_in, transposed};
 use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
 use crate::xml::{Attribute, Element};
@@ -338,7 +339,7 @@ fn meshes(root: &Element, fields: &mut Fields<'_>) {
     }
     let meshes = count(root);
     if meshes > 0 {
-        let note = format!("{meshes} meshes are not read: the dynamics do not need them");
+        let note = unread(meshes);
         fields.log.note(root.place, note);
     }
 }

@@ -28,6 +28,8 @@ pub(crate) struct SpecContext<'a> {
     pub(crate) exact: bool,
     /// Actuated joints by their names in the spec.
     pub(crate) actuated: &'a [String],
+    /// Whether actuated joints for which the file states no friction or rotor have both.
+    pub(crate) geared: bool,
     pub(crate) independent: Option<&'a [String]>,
 }
 
@@ -38,7 +40,7 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
     header(draft, frame, &mut out);
     out.push_str("\nlimbs:\n");
     for limb in &draft.limbs {
-        write_limb(limb, frame.actuated, angle, &mut out);
+        write_limb(limb, frame, angle, &mut out);
     }
     if !draft.cuts.is_empty() {
         out.push_str("\n# Where the loops were opened: a frame on each of two bodies.\ncuts:\n");
@@ -146,7 +148,7 @@ fn quoted(text: &str) -> String {
     format!("\"{text}\"")
 }
 
-fn write_limb(limb: &DraftLimb, actuated: &[String], angle: Angle, out: &mut String) {
+fn write_limb(limb: &DraftLimb, frame: &SpecContext<'_>, angle: Angle, out: &mut String) {
     let _ = writeln!(out, "  - name: {}", limb.name);
     if let Some(from) = &limb.from {
         let _ = writeln!(out, "    from: {from}");
@@ -157,7 +159,7 @@ fn write_limb(limb: &DraftLimb, actuated: &[String], angle: Angle, out: &mut Str
     }
     out.push_str("    joints:\n");
     for (joint, row) in limb.joints.iter().zip(rows) {
-        entry(&joint_fields(joint, row, actuated, angle), 6, out);
+        entry(&joint_fields(joint, row, frame, angle), 6, out);
     }
 }
 
@@ -198,7 +200,7 @@ fn rows(limb: &DraftLimb, angle: Angle) -> (Pose, Vec<Option<(&'static str, Stri
 fn joint_fields(
     joint: &DraftJoint,
     row: Option<(&'static str, String)>,
-    actuated: &[String],
+    frame: &SpecContext<'_>,
     angle: Angle,
 ) -> Vec<(&'static str, String)> {
     let mut fields = Vec::new();
@@ -213,13 +215,22 @@ fn joint_fields(
     if let Some(body) = &joint.body {
         fields.push(("body", body.clone()));
     }
-    if joint.name.as_ref().is_some_and(|n| actuated.contains(n)) {
+    let is_actuated = (joint.name.as_ref()).is_some_and(|n| frame.actuated.contains(n));
+    if is_actuated {
         fields.push(("actuated", "true".to_owned()));
     }
     let Some(from) = &joint.from else {
         return fields;
     };
     let mut nominal = friction_fields(from.damping, from.friction, from.armature, &mut fields);
+    if frame.geared && is_actuated {
+        let added = [("friction", "linear"), ("rotor_inertia", "true")];
+        for (key, value) in added {
+            if fields.iter().all(|(own, _)| *own != key) {
+                fields.push((key, value.to_owned()));
+            }
+        }
+    }
     if from.stiffness > 0.0 {
         let rest = number(from.spring_rest);
         fields.push(("spring", flow(&[("rest", rest)])));

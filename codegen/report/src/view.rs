@@ -201,9 +201,10 @@ pub fn moving<M: Model<f64> + ?Sized>(
 /// ```
 pub fn page(data: &Data) -> String {
     let escaped = data.name.replace('&', "&amp;").replace('<', "&lt;");
-    // a script element ends at the first `</`, even inside a string
+    // inside a string, `</script` would end the element and `<!-- <script` would hide its end; JSON has `<`
+    // in strings only
     let json = serde_json::to_string(data).unwrap_or_default();
-    let json = json.replace("</", "<\\/");
+    let json = json.replace('<', "\\u003c");
     let parts = [
         ("{{name}}", escaped.as_str()),
         ("{{style}}", include_str!("view/view.css")),

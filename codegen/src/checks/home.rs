@@ -24,11 +24,12 @@ pub(super) fn not_closed(
     let span = spec.home_span.unwrap_or(spec.name.span);
     let gaping = gaps.iter().map(|gap| said(model, gap));
     let gaping: Vec<String> = gaping.collect();
-    let mut message =
-        format!("the loops do not close from here (residual {residual:.2e}, in m and rad)");
-    if !gaping.is_empty() {
-        message = format!("{message}: {}", gaping.join(", "));
-    }
+    let reason = if gaping.is_empty() {
+        format!(" (residual {residual:.2e}, in m and rad)")
+    } else {
+        format!(": {}", gaping.join(", "))
+    };
+    let message = format!("the loops do not close from here{reason}");
     let lines: Vec<String> = near.iter().map(|home| line(spec, model, home)).collect();
     let moved = near.first().is_some_and(|found| {
         let values = model
@@ -42,7 +43,7 @@ pub(super) fn not_closed(
     let hint = if lines.is_empty() {
         let mend = gaps.first().map_or("", remedy);
         format!(
-            "{independent} keep home's values, the others were searched from many starts: no state closes. {mend}"
+            "no closed state was found from many starts, with the values of {independent} as in home. {mend}"
         )
     } else if moved {
         format!(
@@ -55,6 +56,8 @@ pub(super) fn not_closed(
             lines.join(", or ")
         )
     };
+    let missing = super::without_home(spec);
+    let hint = format!("{missing}{hint}; `regen view` draws the gaps");
     Diagnostic::new(span, message)
         .path("home")
         .label("start of the closure solve")

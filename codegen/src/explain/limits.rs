@@ -1,6 +1,7 @@
 //! Warnings about limits, singularities and nominal inertias.
 
 use crate::constraints::{NumericLoops, world_equations, world_views};
+use crate::diag::rounded;
 use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::numeric::solve_pivoted;
@@ -33,13 +34,20 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
             facts.push(Fact::at(
                 home_place(spec, name).or_else(|| joint_place(spec, name)),
                 format!(
-                    "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
+                    "home of {name}, {}, is outside its limits [{}, {}]: correct one of the two; until \
+                     then, states beyond the limits are sampled too",
+                    rounded(q),
+                    rounded(low),
+                    rounded(high)
                 ),
             ));
         } else if left < NEAR_LIMIT_FRACTION * range {
             facts.push(Fact::given(format!(
-                "home of {name}, {q:.4}, is near the end of its limits [{low:.4}, {high:.4}]: \
-                 motions start with {:.1} % of its range on that side",
+                "home of {name}, {}, is near the end of its limits [{}, {}]: motions start with {:.1} % \
+                 of its range on that side",
+                rounded(q),
+                rounded(low),
+                rounded(high),
                 100.0 * left / range
             )));
         }

@@ -263,6 +263,7 @@ pub fn explain(
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
     warnings.extend(plausible::facts(spec, model, home));
+    warnings.extend(plausible::near_right_angles(spec));
     if let Err(why) = &states {
         warnings.push(Fact::given(format!("nothing could be sampled: {why}")));
     }

@@ -1,13 +1,20 @@
 //! Warnings about values that are probably mistakes.
 
-use crate::diag::Span;
+use crate::diag::{Span, rounded};
 use crate::model::{Model, contradicting_limits};
-use crate::spec::Spec;
+use crate::spec::{JointFrame, Quantity, Spec};
+use crate::sym::Number;
 
 use super::Fact;
 
 /// Angles beyond two turns, rad, are more likely degrees by mistake than intended.
 const MANY_TURNS_RAD: f64 = 4.0 * core::f64::consts::PI;
+
+/// Coordinates that slide further than this, m, are more likely millimetres by mistake.
+const LONG_M: f64 = 20.0;
+
+/// A larger distance from a right angle than this, rad, is more likely intended than a rounded digit.
+const CLOSE_RAD: f64 = 1e-3;
 
 /// A value of home that is smaller than this, rad or m, does not show which sign of the coordinate is
 /// intended.
@@ -51,6 +58,7 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
             facts.push(Fact::at(home_place(spec, name), text));
         }
         if model.slides(c) {
+            facts.extend(millimetres(spec, name, coordinate.position, given));
             continue;
         }
         if let Some([low, high]) = coordinate.position
@@ -75,7 +83,8 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         let name = &model.coordinates[follower].name;
         let text = format!(
             "the limits of {name} contradict its coupling, which leads it to [{low:.4}, {high:.4}] \
-             within the limits of the joints that it follows: they are not kept to in samples"
+             within the limits of the joints that it follows: correct one of the two; until then, \
+             states beyond the limits are sampled too"
         );
         facts.push(Fact::at(joint_place(spec, name), text));
     }
@@ -90,6 +99,77 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         }
     }
     facts
+}
+
+/// Warnings about a coordinate that slides, where its limits or its home look like millimetres.
+fn millimetres(spec: &Spec, name: &str, limits: Option<[f64; 2]>, home: f64) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    let metres = |mm: f64| rounded(mm / 1000.0);
+    if let Some([low, high]) = limits
+        && low.abs().max(high.abs()) > LONG_M
+    {
+        let text = format!(
+            "the limits [{}, {}] of {name} are in m: if they are mm, write [{}, {}]",
+            rounded(low),
+            rounded(high),
+            metres(low),
+            metres(high)
+        );
+        facts.push(Fact::at(joint_place(spec, name), text));
+    }
+    if home.abs() > LONG_M {
+        let text = format!(
+            "home of {name}, {}, is in m: if it is in mm, write {}",
+            rounded(home),
+            metres(home)
+        );
+        facts.push(Fact::at(home_place(spec, name), text));
+    }
+    facts
+}
+
+/// A warning about angles of frames that are a right angle but for their last digits.
+pub(super) fn near_right_angles(spec: &Spec) -> Option<Fact> {
+    let frames = spec.limbs.iter().flat_map(|limb| {
+        let joints = limb.joints.iter().flat_map(|joint| match &joint.frame {
+            JointFrame::Dh { alpha, theta, .. } => vec![alpha, theta],
+            JointFrame::Origin(placement) => placement.rpy.iter().collect(),
+        });
+        limb.base.rpy.iter().chain(joints)
+    });
+    let sides = spec.cuts.iter().flat_map(|cut| &cut.sides);
+    let angles = frames.chain(sides.flat_map(|side| &side.placement.rpy));
+    let near: Vec<(&Quantity, String)> = angles
+        .filter_map(|angle| Some((angle, near_right_angle(&angle.value)?)))
+        .collect();
+    let (first, exact) = near.first()?;
+    let others = match near.len() {
+        1 => String::new(),
+        2 => ", and one more angle is near one".to_owned(),
+        n => format!(", and {} more angles are near one", n - 1),
+    };
+    let text = format!(
+        "the angle {} is not the right angle {exact}{others}: write {exact} if that is meant, since axes \
+         that are nearly parallel have other base parameters than parallel ones, and badly determined ones",
+        first.value.to_f64()
+    );
+    Some(Fact::at(Some(first.span), text))
+}
+
+/// The multiple of pi/2 that an angle other than 0 is close to without being it.
+fn near_right_angle(angle: &Number) -> Option<String> {
+    let quarters = libm::round(angle.to_f64() / core::f64::consts::FRAC_PI_2);
+    let off = (angle.to_f64() - quarters * core::f64::consts::FRAC_PI_2).abs();
+    if quarters == 0.0 || off > CLOSE_RAD || angle.pi_multiple().is_some() {
+        return None;
+    }
+    Some(match quarters {
+        1.0 => "pi/2".to_owned(),
+        -1.0 => "-pi/2".to_owned(),
+        2.0 => "pi".to_owned(),
+        -2.0 => "-pi".to_owned(),
+        n => format!("{n}*pi/2"),
+    })
 }
 
 #[cfg(test)]
@@ -113,6 +193,47 @@ mod tests {
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(found[0].contains("[deg(70), deg(150)]") && found[1].contains("deg(90)"));
         assert!(said(", limits: {position: [-6.2, 6.2]}", "home: {q1: 1}\n")?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn millimetres_that_are_read_as_metres_get_a_warning() -> Result<(), String> {
+        let slide = |limits: &str, home: &str| {
+            let text = format!(
+                "name: arm\nlimbs:\n  - name: arm\n    joints:\n      - {{name: q1, type: prismatic, body: 1, \
+                 actuated: true, limits: {{position: {limits}}}}}\nhome: {{q1: {home}}}\n"
+            );
+            let spec =
+                crate::spec::parse(&Source::new("arm.yaml", text)).map_err(|e| e.to_string())?;
+            let model = crate::model::build(&spec);
+            let facts = super::facts(&spec, &model, &[1.0]);
+            Ok::<_, String>(facts.into_iter().map(|fact| fact.text).collect::<Vec<_>>())
+        };
+        let found = slide("[500, 1100]", "800")?;
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!(found[0].contains("write [0.5, 1.1]") && found[1].contains("write 0.8"));
+        assert!(slide("[0.5, 1.1]", "0.8")?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn an_angle_that_is_a_right_one_but_for_its_digits_gets_a_warning() -> Result<(), String> {
+        let angles = |alpha: &str, yaw: &str| {
+            let text = format!(
+                "name: arm\nlimbs:\n  - name: arm\n    base: {{rpy: [0, 0, {yaw}]}}\n    joints:\n      - {{name: \
+                 q1, type: revolute, body: 1, actuated: true, dh: {{alpha: {alpha}}}}}\n"
+            );
+            let spec =
+                crate::spec::parse(&Source::new("arm.yaml", text)).map_err(|e| e.to_string())?;
+            Ok::<_, String>(super::near_right_angles(&spec).map(|fact| fact.text))
+        };
+        let found = angles("1.5708", "-3.14159")?.unwrap_or_default();
+        assert!(found.starts_with("the angle -3.14159 is not the right angle -pi, and one more"));
+        // all digits of a double are still not pi/2
+        assert!(angles("1.5707963267948966", "0")?.is_some());
+        // exact ones, small ones and others are meant as they are written
+        assert_eq!(angles("pi/2", "deg(180)")?, None);
+        assert_eq!(angles("0.0005", "1.2")?, None);
         Ok(())
     }
 

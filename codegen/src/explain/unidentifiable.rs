@@ -234,8 +234,13 @@ impl Bodies<'_> {
             if joint.is_empty() {
                 return Some(format!("body {outer} is fixed to body {inner}"));
             }
+            let (word, leaves) = if joint.contains(' ') {
+                ("joints", "leave")
+            } else {
+                ("joint", "leaves")
+            };
             return Some(format!(
-                "inertia of body {outer} that joint {joint} leaves unchanged acts as inertia of body {inner}"
+                "inertia of body {outer} that {word} {joint} {leaves} unchanged acts as inertia of body {inner}"
             ));
         }
         Some(match self.in_one_limb(&bodies) {
@@ -280,7 +285,10 @@ impl Bodies<'_> {
                 return None;
             }
             let motion = self.model.links[link].motion.as_ref();
-            names.extend(motion.map(|m| self.model.coordinates[m.coordinate].name.as_str()));
+            let name = motion.map(|m| self.model.coordinates[m.coordinate].name.as_str());
+            // the coordinates of one joint are its name and a number
+            names.extend(name.map(|name| name.split('.').next().unwrap_or(name)));
+            names.dedup();
             at = self.model.links[link].parent;
         }
         None

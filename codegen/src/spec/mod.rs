@@ -11,6 +11,7 @@
 //! cuts and couplings (`check/limits.rs`); base parameters are derived for up to 1500 parameters
 //! (`crate::base::MAX_PARAMETERS`).
 
+mod brackets;
 mod check;
 mod drives;
 pub mod edit;

@@ -263,7 +263,9 @@ impl<'a> Loader<'a> {
                 let at = self.offset(*error.marker());
                 let message = format!("not YAML: {}", error.info());
                 let mut found = Diagnostic::new(Span::new(at, at + 1), message);
-                found.hint = self.open_bracket();
+                found.hint = self
+                    .open_bracket()
+                    .or_else(|| super::brackets::open_before(text, at));
                 found
             })?;
             let span = Span::new(self.offset(span.start), self.offset(span.end));
@@ -280,11 +282,7 @@ impl<'a> Loader<'a> {
             let (Open::List { span, .. } | Open::Map { span, .. }) = open;
             let (before, after) = text.split_at_checked(span.start)?;
             let bracket = after.chars().next().filter(|c| "{[".contains(*c))?;
-            let line = before.matches('\n').count() + 1;
-            let column = before.rsplit('\n').next()?.chars().count() + 1;
-            Some(format!(
-                "the `{bracket}` of line {line}, column {column} is still open here"
-            ))
+            Some(super::brackets::still_open(before, bracket))
         })
     }
 

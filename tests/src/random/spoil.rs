@@ -110,7 +110,7 @@ fn independent(sample: &Sample) -> Result<(), String> {
         ));
     };
     let text = report.to_string();
-    let stated = format!("{dof} degrees of freedom at home");
+    let stated = format!("has {dof} degree");
     if !text.contains(&stated) {
         return Err(format!("no `{stated}` in:\n{text}"));
     }

@@ -59,6 +59,10 @@ pub(crate) struct ImportArgs {
     /// Joints to lock: NAME, at 0, or NAME=VALUE in rad or m
     #[arg(long, value_name = "JOINTS", value_delimiter = ',')]
     pub(crate) lock: Vec<String>,
+    /// Give joints with motors friction and rotor inertia, as drives with
+    /// gears have, where the file states none
+    #[arg(long)]
+    pub(crate) geared: bool,
     /// Keep angles as written, also rounded multiples of pi
     #[arg(long)]
     pub(crate) exact: bool,

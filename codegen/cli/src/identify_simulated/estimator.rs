@@ -93,7 +93,7 @@ pub(crate) fn note_unused(estimator: EstimatorArg, reading: &mut ReadingArgs, pl
     reading.delay.clear();
     if !unused.is_empty() {
         terminal::note(&format!(
-            "{} leaves out of the experiment file: {}",
+            "note: {} does not use these keys of the experiment file: {}",
             name(estimator),
             unused.join(", ")
         ));

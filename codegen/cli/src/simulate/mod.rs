@@ -19,7 +19,7 @@ use crate::exit::Failure;
 use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
 
-pub(crate) use parameters::Described;
+pub(crate) use parameters::{Described, WHERE, missing};
 pub(crate) use twin::of as twin;
 
 /// The time between samples where none is given, s.
@@ -123,10 +123,15 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
             bar.finish_and_clear();
             let at = found.t.last().copied().unwrap_or(0.0);
             return Err(Failure::Numeric(format!(
-                "run {} ended after {at} s of {} s: {why}",
+                "run {} ended after {at:.3} s of {} s: {why}",
                 number + 1,
                 settings.duration
             )));
+        }
+        if number == 0
+            && let Some(stray) = found.stray(&info, &motion)
+        {
+            terminal::note(&format!("warning: {stray}: raise --bandwidth"));
         }
         let file = numbered(&args.out, number, args.runs);
         runs.push(Run {
@@ -225,7 +230,9 @@ fn misuse(error: &SimulationError) -> Failure {
 pub(crate) fn reason(ended: Termination) -> Option<String> {
     let remedy = match ended {
         Termination::Complete => return None,
-        Termination::Open(_) => "; stay further from singularities, or raise --bandwidth",
+        Termination::Open(_) => {
+            "; follow the motion closer (--bandwidth), or stay further from singularities (`excite --margin`)"
+        }
         Termination::NotPositiveDefinite => "",
         Termination::StepTooSmall => "; raise --friction-width, or lower the gains",
         Termination::Diverged => ": the gains are too high for this --step",

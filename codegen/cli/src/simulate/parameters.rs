@@ -54,15 +54,18 @@ pub(super) fn read(
         return Ok((values.into_iter().flatten().collect(), Vec::new()));
     }
     Err(Failure::Input(format!(
-        "{}: no nominal values of {}; state them under `bodies:` and at the joints, or give them \
-         with --parameters",
+        "{}: no nominal values of {}; {WHERE}, or give them with --parameters",
         source.file.display(),
         missing.join(", ")
     )))
 }
 
+/// Where a spec has nominal values.
+pub(crate) const WHERE: &str =
+    "give bodies theirs under `bodies:`, and joints as in `nominal: {Fv: 1.5, Fc: 2}`";
+
 /// The labels of parameters without a value; a body without any value is one entry.
-fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
+pub(crate) fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
     /// The number of inertial parameters of a body; those of all bodies precede all others.
     const INERTIAL: usize = 10;
     let mut found = Vec::new();

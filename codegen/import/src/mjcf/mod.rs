@@ -16,6 +16,7 @@ use std::collections::BTreeMap;
 
 use crate::fields::Fields;
 use crate::mesh::Solid;
+use crate::notes::unread;
 use crate::tree::Tree;
 use crate::xml::{Attribute, Element, Reader};
 
@@ -234,7 +235,7 @@ impl Reading<'_, '_, '_> {
         let read = self.solids.values().filter(|found| found.is_ok()).count();
         let meshes = meshes.saturating_sub(read);
         if meshes > 0 {
-            let text = format!("{meshes} meshes are not read: the dynamics do not need them");
+            let text = unread(meshes);
             self.fields.log.note(self.root.place, text);
         }
         for section in self.root.all("tendon") {

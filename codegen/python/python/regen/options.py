@@ -27,6 +27,8 @@ class ImportOptions(TypedDict, total=False):
     exact: bool
     #: Replace the file of --out if it exists
     force: bool
+    #: Give joints with motors friction and rotor inertia, as drives with gears have, where the file states none
+    geared: bool
     #: The configuration from which loops are closed, as NAME=VALUE [default: 0]
     home: Values | None
     #: Joints to lock: NAME, at 0, or NAME=VALUE in rad or m

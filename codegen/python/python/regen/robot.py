@@ -63,7 +63,7 @@ class Robot:
 
     ``source`` is the path of a description (YAML), of a URDF file or of an MJCF file, or the text of
     one. For URDF and MJCF, ``options`` are those of ``regen import``: ``name``, ``exact``,
-    ``base`` ('fixed' or 'floating'), ``cut``, ``actuated``, ``home``.
+    ``geared``, ``base`` ('fixed' or 'floating'), ``cut``, ``actuated``, ``home``.
 
     ``payload`` says whether the payloads of the description are carried, ``"none"`` or
     ``"carried"``; a description without payloads needs nothing.

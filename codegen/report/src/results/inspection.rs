@@ -32,7 +32,12 @@ fn percent(share: f64) -> String {
 
 /// A name cut to 18 characters, to fit into a table.
 fn short(name: &str) -> String {
-    name.chars().take(18).collect()
+    /// Characters that leave room for the other columns.
+    const MOST: usize = 20;
+    if name.chars().count() <= MOST {
+        return name.to_owned();
+    }
+    name.chars().take(MOST - 3).chain("...".chars()).collect()
 }
 
 fn three(value: f64) -> String {
@@ -52,7 +57,8 @@ pub fn inspection_text(found: &Inspection<'_>) -> String {
         predicted(&mut out, prediction, found.robot.unwrap_or_default());
     }
     if !found.doubts.is_empty() {
-        out.push_str("\nWhat contradicts the robot\n");
+        let gap = if out.ends_with("\n\n") { "" } else { "\n" };
+        let _ = writeln!(out, "{gap}What contradicts the robot");
         for doubt in found.doubts {
             out.push_str(&item(doubt));
         }

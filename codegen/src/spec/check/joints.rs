@@ -66,7 +66,9 @@ impl Checker<'_> {
                 continue;
             }
             match carrier {
-                None => self.sink.push(unknown_body(from, &self.inventory.bodies)),
+                None => self
+                    .sink
+                    .push(unknown_body(from, &self.inventory.bodies, self.raw)),
                 Some(carrier) if carrier == index => self.sink.push(
                     from.error(format!(
                         "limb '{}' starts from its own body '{}'",
@@ -122,7 +124,7 @@ impl Checker<'_> {
             refuse(
                 axis.span,
                 message,
-                "only revolute and prismatic joints do; turn the frame with `dh` or `origin`",
+                "only revolute, prismatic and helical joints do; turn the frame with `dh` or `origin`",
             );
         }
         if kind == JointKind::Fixed {

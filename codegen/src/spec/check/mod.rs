@@ -18,6 +18,7 @@ use super::labels::{Inventory, JointFacts, SpringFacts};
 use super::raw::{RawJoint, RawLimb, RawSpec};
 use super::shape::Word;
 use super::suggest::{did_you_mean, one_of};
+use super::types::JointKind;
 use crate::diag::{Diagnostic, Sink, Span};
 
 /// Checks that everything that is named exists, exactly once, and may be used there.
@@ -142,11 +143,30 @@ fn unknown(what: &str, word: &Word, known: &[String]) -> Diagnostic {
     }
 }
 
-/// An error about an unknown body, where the world is allowed too.
-fn unknown_body(word: &Word, known: &[String]) -> Diagnostic {
+/// An error about an unknown body, where the world is allowed too; it names the joints that carry none,
+/// since a forgotten `body:` makes the same mistake.
+fn unknown_body(word: &Word, known: &[String], raw: &RawSpec) -> Diagnostic {
     let mut known = known.to_vec();
     known.push("world".to_owned());
-    unknown("body", word, &known)
+    without_body(unknown("body", word, &known), word, raw)
+}
+
+/// Marks joints that could carry a body and carry none, where they are few.
+fn without_body(mut diagnostic: Diagnostic, word: &Word, raw: &RawSpec) -> Diagnostic {
+    // more joints without a body are meant to have none
+    const FEW: usize = 2;
+    let joints = raw.limbs.iter().flat_map(|limb| &limb.joints);
+    let bare = joints.filter(|joint| joint.body.is_none() && joint.kind.value != JointKind::Fixed);
+    let bare: Vec<Span> = bare
+        .filter_map(|joint| joint.name.as_ref().map(|name| name.0.span))
+        .collect();
+    if bare.len() <= FEW {
+        for span in bare {
+            let label = format!("this joint has no `body`: is it `body: {}`?", word.text);
+            diagnostic = diagnostic.secondary(span, label);
+        }
+    }
+    diagnostic
 }
 
 /// The known names as a list, shortened if there are too many.

@@ -9,7 +9,7 @@ use super::super::raw::RawCut;
 use super::super::shape::{Choice, Scalar, Word};
 use super::super::suggest::{did_you_mean, nearest};
 use super::cycles::cycles;
-use super::{Checker, duplicates, joint_name, listing, unknown, unknown_body};
+use super::{Checker, duplicates, joint_name, listing, unknown, unknown_body, without_body};
 use crate::diag::Diagnostic;
 
 impl Checker<'_> {
@@ -56,7 +56,8 @@ impl Checker<'_> {
         for body in bodies {
             if body.text != "world" && !self.bodies.contains(&body.text) {
                 known = false;
-                self.sink.push(unknown_body(body, &self.inventory.bodies));
+                self.sink
+                    .push(unknown_body(body, &self.inventory.bodies, self.raw));
             }
         }
         known
@@ -277,8 +278,8 @@ impl Checker<'_> {
 
     fn body(&mut self, word: &Word) {
         if !self.bodies.contains(&word.text) {
-            self.sink
-                .push(unknown("body", word, &self.inventory.bodies));
+            let fault = unknown("body", word, &self.inventory.bodies);
+            self.sink.push(without_body(fault, word, self.raw));
         }
     }
 

@@ -268,6 +268,11 @@ impl Parser<'_> {
 }
 
 fn missing_operator(span: Span, text: &str) -> Fault {
-    Fault::new(span, format!("an operator is missing at '{text}'"))
-        .hint("products are written with '*', as in '2*a'")
+    let hint = match text {
+        "deg" => "angles are in rad; one in degrees is written 'deg(90)'",
+        "mm" => "lengths are in m: 5 mm are '5/1000'",
+        "m" | "rad" | "kg" => "units are not written; lengths are in m, angles in rad",
+        _ => "products are written with '*', as in '2*a'",
+    };
+    Fault::new(span, format!("an operator is missing at '{text}'")).hint(hint)
 }

@@ -120,6 +120,33 @@ impl Log {
         text
     }
 
+    /// The independent coordinate that is farthest from the reference compared with its range, in words;
+    /// `None` where all stay within a fifth of their ranges.
+    pub fn stray<R: Reference + ?Sized>(&self, info: &Info<'_>, reference: &R) -> Option<String> {
+        /// Motions that are followed less closely differ from those that were optimised.
+        const MOST: f64 = 0.2;
+        let (n, dof) = (info.coordinates.len(), info.dof());
+        let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
+        let mut seen = vec![[0.0_f64, f64::INFINITY, f64::NEG_INFINITY]; dof];
+        for (t, row) in self.t.iter().zip(self.q.chunks_exact(n.max(1))) {
+            reference.at(*t, &mut q, &mut qd, &mut qdd);
+            for ((c, wanted), [off, low, high]) in info.independent.iter().zip(&q).zip(&mut seen) {
+                *off = off.max((row[*c] - wanted).abs());
+                (*low, *high) = (low.min(*wanted), high.max(*wanted));
+            }
+        }
+        let parts = seen.iter().map(|[off, low, high]| off / (high - low));
+        let (k, part) = parts
+            .enumerate()
+            .filter(|(_, part)| part.is_finite() && *part > MOST)
+            .max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let name = info.coordinates.get(*info.independent.get(k)?)?;
+        Some(format!(
+            "{name} is off the motion by up to {:.0} % of its range, so that the log is of another motion",
+            100.0 * part
+        ))
+    }
+
     /// The largest distance of an independent coordinate from the reference, rad or m.
     pub fn tracking<R: Reference + ?Sized>(&self, info: &Info<'_>, reference: &R) -> f64 {
         let (n, dof) = (info.coordinates.len(), info.dof());

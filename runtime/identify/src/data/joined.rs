@@ -196,7 +196,7 @@ impl<'a> JoinedRows<'a> {
             match found {
                 Ok(found) => fill(&mut values, channels, &source.entries, &found),
                 Err(what) => {
-                    fault.get_or_insert(Problem { row: own, what });
+                    fault.get_or_insert(Problem::of(own, what));
                 }
             }
         }

@@ -141,6 +141,13 @@ fn check<'a>(
             return Err(format!("`{name}` is not a coordinate of {}: {all}", info.name).into());
         }
     }
+    let mut titles = tables.iter().flat_map(|t| &t.titles);
+    // letters beyond ASCII may be of any encoding; UTF-16 and binary files have control characters
+    if titles.any(|title| title.contains(char::is_control)) {
+        let why =
+            "it is no text in UTF-8: save it as CSV in UTF-8 (a file in UTF-16 can be converted)";
+        return Err(why.to_owned().into());
+    }
     if tables.iter().any(|t| t.titles.iter().all(String::is_empty)) {
         let why = "it is empty; its first row must name the columns";
         return Err(why.to_owned().into());
@@ -149,7 +156,7 @@ fn check<'a>(
         && whole.contains(' ')
     {
         let why = "its columns are separated by blanks: separate them by commas, semicolons or \
-                   tabs";
+                   tabs, as `tr -s ' ' ,` does";
         return Err(why.to_owned().into());
     }
     Ok(())
@@ -322,7 +329,10 @@ impl<'a> Finder<'a> {
             |given| given.column.clone(),
         );
         Unfit {
-            why: format!("there is no column `{column}` ({what}); there are: {all}. Name it with"),
+            why: format!(
+                "there is no column `{column}` ({what}); there are: {all}. `regen inspect SPEC LOG --out \
+                 runs.yaml` proposes columns, or name it with"
+            ),
             assignment: Some(format!("{quantity}=COLUMN")),
         }
     }

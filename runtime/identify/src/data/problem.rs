@@ -17,6 +17,9 @@ pub struct Problem {
     pub row: u64,
     /// The fault of this row.
     pub what: Fault,
+    /// The last of consecutive rows with this fault; `None` where only this row has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last: Option<u64>,
 }
 
 /// A fault of a row.
@@ -101,13 +104,16 @@ pub enum Fault {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "row {}: ", self.row)?;
+        match self.last {
+            Some(last) => write!(f, "rows {} to {last}: ", self.row)?,
+            None => write!(f, "row {}: ", self.row)?,
+        }
         match &self.what {
             Fault::Entries { found, expected } => {
                 write!(f, "{found} entries, the header has {expected}")
             }
             Fault::NotANumber { column, text } if text.trim().is_empty() => {
-                write!(f, "nothing stands in column `{column}`")
+                write!(f, "column `{column}` is empty")
             }
             Fault::NotANumber { column, text } => {
                 write!(f, "`{text}` in column `{column}` is not a finite number")
@@ -158,14 +164,32 @@ impl fmt::Display for Problem {
 }
 
 impl Problem {
-    /// The number of rows with this fault; more than one only for a stuck encoder.
-    pub fn rows(&self) -> usize {
-        match &self.what {
-            Fault::Stuck { until, .. } => {
-                usize::try_from(until.saturating_sub(self.row)).map_or(1, |rows| rows + 1)
-            }
-            _ => 1,
+    /// A fault of one row.
+    pub fn of(row: u64, what: Fault) -> Self {
+        Self {
+            row,
+            what,
+            last: None,
         }
+    }
+
+    /// The number of rows with this fault.
+    pub fn rows(&self) -> usize {
+        let last = match &self.what {
+            Fault::Stuck { until, .. } => *until,
+            _ => self.last.unwrap_or(self.row),
+        };
+        usize::try_from(last.saturating_sub(self.row)).map_or(1, |rows| rows + 1)
+    }
+
+    /// Adds the next row to this one where it has the same fault.
+    fn goes_on_with(&mut self, next: &Self) -> bool {
+        let follows = self.last.unwrap_or(self.row).checked_add(1) == Some(next.row);
+        let same = follows && self.what == next.what && !matches!(self.what, Fault::Stuck { .. });
+        if same {
+            self.last = Some(next.row);
+        }
+        same
     }
 }
 
@@ -188,7 +212,8 @@ impl Fault {
     }
 }
 
-/// Problems of a log: the first 20, and the number of rows of each kind.
+/// Problems of a log: the first 20, where consecutive rows with one fault count as one, and the number
+/// of rows of each kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Problems {
     /// The first problems found, at most 20.
@@ -207,7 +232,9 @@ impl Problems {
             Some((_, count)) => *count += problem.rows(),
             None => self.counts.push((kind.to_owned(), problem.rows())),
         }
-        if self.first.len() < MAX_LISTED_PROBLEMS {
+        let last = self.first.last_mut();
+        let is_listed = last.is_some_and(|last| last.goes_on_with(&problem));
+        if !is_listed && self.first.len() < MAX_LISTED_PROBLEMS {
             self.first.push(problem);
         }
     }
@@ -268,13 +295,13 @@ impl fmt::Display for Problems {
         for problem in &self.first {
             writeln!(f, "  {problem}")?;
         }
-        if self.total() > self.first.len() {
+        if self.total() > self.first.iter().map(Problem::rows).sum::<usize>() {
             let kinds = self
                 .counts
                 .iter()
                 .map(|(kind, count)| format!("{count} x {kind}"));
             let kinds: Vec<String> = kinds.collect();
-            writeln!(f, "  ... in all {}", kinds.join(", "))?;
+            writeln!(f, "  ... in all: {}", kinds.join(", "))?;
         }
         Ok(())
     }

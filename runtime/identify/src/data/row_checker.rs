@@ -125,10 +125,7 @@ impl<'a> RowChecker<'a> {
     fn check(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
         let mut report = |what| {
-            problem(Problem {
-                row: row.line,
-                what,
-            });
+            problem(Problem::of(row.line, what));
         };
         let mut follows = true;
         let previous_time = self.previous_time.replace(time).unwrap_or(time);
@@ -284,10 +281,7 @@ impl<'a> RowChecker<'a> {
         };
         if let Some(what) = pending.fault {
             let keep = self.keeps.uses(&what);
-            problem(Problem {
-                row: pending.row.line,
-                what,
-            });
+            problem(Problem::of(pending.row.line, what));
             if !keep {
                 self.segment_ended = true;
                 return Ok(());

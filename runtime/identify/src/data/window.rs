@@ -301,15 +301,13 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
 
     fn skip(&mut self, k: usize, outcome: &Outcome) {
         self.follows = false;
-        self.problems.add(Problem {
-            row: self.rows[k].line,
-            what: Fault::Open {
-                why: match outcome {
-                    Outcome::NotClosed { .. } => "the loops cannot be closed there".to_owned(),
-                    Outcome::Singular { .. } => "the robot is singular there".to_owned(),
-                    _ => "the assembly branch is lost there".to_owned(),
-                },
-            },
-        });
+        let why = match outcome {
+            Outcome::NotClosed { .. } => "the loops cannot be closed there",
+            Outcome::Singular { .. } => "the robot is singular there",
+            _ => "the assembly branch is lost there",
+        };
+        let why = why.to_owned();
+        self.problems
+            .add(Problem::of(self.rows[k].line, Fault::Open { why }));
     }
 }

@@ -163,8 +163,7 @@ fn add_sampling_error<M: BaseModel<f64> + ?Sized>(
 /// Describes in words how the standard deviations account for the residuals' correlation.
 pub fn describe(deviations: &Deviations) -> String {
     format!(
-        "residuals correlated in time ({:.0} samples are as good as one; {} cosines of whitened \
-         scores)",
+        "residuals correlated in time ({:.0} samples count as one; {} cosines of whitened scores)",
         deviations.memory, deviations.terms
     )
 }

@@ -8,6 +8,7 @@ mod simulated;
 mod steps;
 mod summary;
 mod text;
+mod warnings;
 
 pub use delays::corrected_delays_text;
 pub use instruments::Instruments;
@@ -17,3 +18,4 @@ pub use simulated::{Rounds, Search, Simulated};
 pub use steps::{ReductionStep, reduction_steps};
 pub use summary::{EffortSummary, Identification, ModelErrors, Summary, Suspected};
 pub use text::identification_text;
+pub use warnings::{too_short, unexplained};

@@ -191,12 +191,12 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             advice.push(match (symmetric, shifted.len()) {
                 (false, _) => subtract,
                 (true, 1) => format!(
-                    "{subtract}, or give the joint `friction: coulomb_asymmetric` in the spec, \
-                     which takes an offset up"
+                    "{subtract}, or give the joint `offset: true` in the spec, which makes it a \
+                     parameter"
                 ),
                 (true, _) => format!(
-                    "{subtract}, or give these joints `friction: coulomb_asymmetric` in the \
-                     spec, which takes an offset up"
+                    "{subtract}, or give these joints `offset: true` in the spec, which makes it \
+                     a parameter"
                 ),
             });
         }
