@@ -20,7 +20,8 @@ mod random;
 
 use nalgebra::DMatrix;
 
-use random::{Random, seed};
+use random::Random;
+pub(crate) use random::{Draws, seed};
 
 use crate::estimate::{Deviations, QrFactor};
 use crate::feasibility::{
@@ -33,6 +34,9 @@ use crate::feasibility::{
 pub const DEFAULT_DRAWS: usize = 100;
 /// The number of draws that a thread projects between two reports of the progress.
 const DRAWS_PER_THREAD: usize = 4;
+/// The relative gap at which the projection of a draw stops: with ten thousand equations a value is
+/// then within a hundredth of a standard deviation of the projection, mostly far closer.
+const DRAW_GAP: f64 = 1e-8;
 /// A limit is uncertain if more than this part of the draws, and less than all but this part, are
 /// at it.
 const UNCERTAIN_LIMIT_PART: f64 = 0.025;
@@ -171,11 +175,25 @@ pub fn constrained(
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
-    (phi, beta): (&[f64], &[f64]),
+    fit: (&[f64], &[f64]),
     replicates: usize,
     progress: &mut dyn FnMut(usize),
 ) -> Result<Constrained, FeasibilityError> {
-    let drawn = replicate(data, combinations, layout, options, replicates, progress)?;
+    let draws = Draws::new(data, replicates);
+    constrained_by(data, combinations, layout, options, fit, &draws, progress)
+}
+
+/// As [`constrained`], with these draws.
+pub(crate) fn constrained_by(
+    data: LeastSquares<'_>,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    (phi, beta): (&[f64], &[f64]),
+    draws: &Draws<'_>,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Constrained, FeasibilityError> {
+    let drawn = replicate(data, combinations, layout, options, draws, progress)?;
     let known = determined(combinations, layout, options)?;
     let base = beta.iter().enumerate();
     let physical = phi.iter().zip(known).enumerate();
@@ -296,21 +314,17 @@ pub(crate) fn replicate(
     combinations: &BaseMap,
     layout: &ParameterLayout,
     options: &Options,
-    replicates: usize,
+    draws: &Draws<'_>,
     progress: &mut dyn FnMut(usize),
 ) -> Result<ProjectedDraws, FeasibilityError> {
+    let replicates = draws.replicates;
     let LeastSquares {
         factor,
         values,
         deviations,
     } = data;
     let n = factor.columns();
-    // undetermined parameters are not used, and the optimality of a draw need not be proven
-    let options = &Options {
-        rough: true,
-        ..options.clone()
-    };
-    let mut random = Random(seed(values));
+    let mut random = Random(draws.seed);
     let mut out = ProjectedDraws {
         phi: Vec::with_capacity(replicates),
         beta: Vec::with_capacity(replicates),
@@ -329,7 +343,7 @@ pub(crate) fn replicate(
         rough: true,
         ..options.clone()
     };
-    let mut draws = Vec::with_capacity(replicates);
+    let mut moved_data = Vec::with_capacity(replicates);
     for k in 0..replicates {
         // every other draw mirrors the one before it, so that the mean of the draws is exact
         if k.is_multiple_of(2) {
@@ -340,15 +354,19 @@ pub(crate) fn replicate(
             }
         }
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
-        draws.push((factor_with_solution(factor, &moved)?, moved));
+        moved_data.push((factor_with_solution(factor, &moved)?, moved));
     }
-    let known = &Known::of(factor, combinations, layout, options)?;
+    let known = match draws.known {
+        Some(known) => known.to(DRAW_GAP),
+        None => Known::of(factor, combinations, layout, options)?.to(DRAW_GAP),
+    };
+    let known = &known;
     // a few at a time on each processor; the draws do not depend on each other
     let threads = std::thread::available_parallelism().map_or(1, core::num::NonZero::get);
     let fit =
         |draw: &(QrFactor, Vec<f64>)| identify_like(&draw.0, combinations, layout, options, known);
     let mut done = 0;
-    for some in draws.chunks(threads * DRAWS_PER_THREAD) {
+    for some in moved_data.chunks(threads * DRAWS_PER_THREAD) {
         let found = std::thread::scope(|scope| {
             let parts = some.chunks(DRAWS_PER_THREAD);
             let started: Vec<_> = parts

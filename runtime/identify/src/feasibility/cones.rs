@@ -1,8 +1,15 @@
 //! The objective and the cones of the physical fit, and a proven bound on the distance from the
 //! optimum.
+#![allow(
+    clippy::inline_always,
+    reason = "what is left as a call is compiled without the token's instruction set"
+)]
+
+use pulp::Arch;
 
 use super::sums::{self, Sum, weighted_rows};
-use super::symmetric::{self, Square, ZERO, inner, plus};
+use super::symmetric::{self, Square, ZERO, inner, one, plus};
+use crate::qr_update::dot;
 
 /// A constraint: a symmetric matrix, affine in the variables, is positive semidefinite.
 #[derive(Clone, Debug)]
@@ -20,19 +27,11 @@ pub(super) struct Cone {
 impl Cone {
     /// The constraint that an affine expression is not negative.
     pub(super) fn line(expression: &super::program::Affine) -> Self {
-        let entry = |x: f64| {
-            let mut m = ZERO;
-            m[0][0] = x;
-            m
-        };
+        let terms = expression.terms.iter();
         Self {
             size: 1,
-            constant: entry(expression.constant),
-            terms: expression
-                .terms
-                .iter()
-                .map(|(v, f)| (*v, entry(*f)))
-                .collect(),
+            constant: one(expression.constant),
+            terms: terms.map(|(v, f)| (*v, one(*f))).collect(),
             logarithm: 0.0,
         }
     }
@@ -44,6 +43,9 @@ impl Cone {
 
     /// The change of the matrix if the variables change by `d`.
     pub(super) fn along(&self, d: &[f64]) -> Square {
+        if self.size == 1 {
+            return one(self.terms.iter().map(|(v, m)| d[*v] * m[0][0]).sum());
+        }
         let mut out = ZERO;
         for (v, m) in &self.terms {
             out = plus(&out, m, d[*v]);
@@ -146,6 +148,68 @@ pub(super) fn gap(
     }
 }
 
+/// An estimate of [`gap`] in working precision, for points whose optimality need not be proven.
+///
+/// - `reach`: how far each variable may be from 0 at the minimum;
+/// - `duals`: positive definite.
+pub(super) fn estimated_gap(
+    objective: &Objective,
+    cones: &[Cone],
+    reach: &[f64],
+    x: &[f64],
+    duals: &[Square],
+) -> Gap {
+    let n = x.len();
+    let residuals = residuals(&objective.rows, x);
+    let mut left = objective.linear.clone();
+    add_gradient(&objective.rows, &residuals, 2.0, &mut left);
+    let mut complementarity = 0.0;
+    for (cone, dual) in cones.iter().zip(duals) {
+        if cone.size == 1 {
+            complementarity += cone.at(x)[0][0] * dual[0][0];
+            for (v, m) in &cone.terms {
+                left[*v] -= m[0][0] * dual[0][0];
+            }
+        } else {
+            complementarity += inner(dual, &cone.at(x));
+            for (v, m) in &cone.terms {
+                left[*v] -= inner(m, dual);
+            }
+        }
+        complementarity -= cone.logarithm * cone.size as f64;
+    }
+    let squares: f64 = residuals.iter().map(|r| r * r).sum();
+    let pairs = left.iter().zip(x.iter().zip(reach)).take(n);
+    Gap {
+        complementarity: complementarity.max(0.0),
+        unbalanced: pairs.map(|(g, (v, most))| g.abs() * (v.abs() + most)).sum(),
+        value: (squares + objective.constant).max(objective.floor),
+    }
+}
+
+/// `A x - b` in working precision.
+pub(super) fn residuals(rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
+    let n = x.len();
+    Arch::new().dispatch(
+        #[inline(always)]
+        || rows.iter().map(|row| dot(&row[..n], x) - row[n]).collect(),
+    )
+}
+
+/// Adds `factor A^T r` to `out`.
+pub(super) fn add_gradient(rows: &[Vec<f64>], r: &[f64], factor: f64, out: &mut [f64]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (row, r) in rows.iter().zip(r) {
+                for (g, a) in out.iter_mut().zip(row) {
+                    *g += factor * a * r;
+                }
+            }
+        },
+    );
+}
+
 /// The part of the gradient that the duals do not balance, for each variable, and the sum of the
 /// inner products of duals and matrices. For a cone with a logarithm, the dual includes the part
 /// that balances the gradient of the logarithm; this part is not in the inner products.
@@ -181,6 +245,10 @@ pub(super) fn remainder(
         };
         complementarity += inner(&own, &at).max(0.0);
         for (v, m) in &cone.terms {
+            if cone.size == 1 {
+                left[*v].product(-m[0][0], more[0][0]);
+                continue;
+            }
             for (a, b) in m.iter().flatten().zip(more.iter().flatten()) {
                 if *a != 0.0 {
                     left[*v].product(-a, *b);

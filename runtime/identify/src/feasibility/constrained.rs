@@ -6,37 +6,28 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::closest::{closest_to_reference, objective};
 use super::error::{finite, size};
 use super::faces::{InteriorStart, find_interior_point};
-use super::interior::{InteriorOutcome, minimise, start};
-use super::known::{Known, Starts};
+use super::interior::{InteriorOutcome, Precision, minimise, start};
+use super::known::{Central, Known, Similar, Starts};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
 use super::reduced::Directions;
 use super::verdict::verdict;
-use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
+use super::{
+    BaseMap, Body, Check, FeasibilityError, InfeasibilityCertificate, Options, ParameterLayout,
+    Verdict,
+};
 use crate::estimate::QrFactor;
 
 /// The interior-point method stops at this relative duality gap.
 pub(super) const TARGET_GAP: f64 = 1e-10;
-/// If the method starts from a point near the optimum of similar observations, it stops at this many
-/// times the gap of that optimum, at most at [`MAX_NEAR_GOAL`].
-const NEAR_GOAL_RATIO: f64 = 2.0;
-const MAX_NEAR_GOAL: f64 = 1e-8;
-/// If such a start ends with a gap of more than this many times that of the similar observations, or
-/// of more than [`MAX_OPTIMAL_GAP`], the method starts again from a point well inside the cones.
+/// A fit that starts near a similar one starts again well inside the cones if it ends with more than
+/// this many times the gap at which it should stop.
 const MAX_NEAR_RATIO: f64 = 10.0;
 /// The largest relative duality gap at which a result counts as the optimum.
 pub const MAX_OPTIMAL_GAP: f64 = 1e-4;
-/// The cost of the term for closeness to the reference at the first solution, as a fraction of the
-/// objective. The objective may rise by twice as much.
-const MAX_REFERENCE_COST: f64 = 1e-8;
-/// The data count as fitted exactly when the sum of squares is at most this fraction of the
-/// objective's floor.
-const EXACT_FIT_PART: f64 = 1e-4;
-/// With an exact fit, the largest rise of the objective for closeness to the reference, as a
-/// fraction of the sum that counts as exact.
-const MAX_EXACT_FIT_COST: f64 = 1e-5;
 /// A safety limit ([`SizeLimit`]) counts as active when lifting it would lower the objective by
 /// more than this fraction of it.
 const MIN_ACTIVE_GAIN: f64 = 1e-6;
@@ -169,7 +160,8 @@ pub fn identify(
     identify_like(factor, combinations, layout, options, &Known::default())
 }
 
-/// As [`identify`], with the results of fits to similar observations.
+/// As [`identify`], with the results of fits to similar observations. A start near a similar fit is
+/// quick and proves nothing: [`PhysicalFit::gap`] is then infinite.
 pub(crate) fn identify_like(
     factor: &QrFactor,
     combinations: &BaseMap,
@@ -177,6 +169,31 @@ pub(crate) fn identify_like(
     options: &Options,
     known: &Known,
 ) -> Result<PhysicalFit, FeasibilityError> {
+    Ok(fitted(factor, combinations, layout, options, known)?.0)
+}
+
+/// As [`identify`], with the certificate that no physical robot has the least-squares parameters, if
+/// there is one; also returns what fits of similar observations may begin from.
+pub(crate) fn identify_first(
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    certificate: Option<&InfeasibilityCertificate>,
+) -> Result<(PhysicalFit, Option<Known>), FeasibilityError> {
+    let known = Known::certified(certificate);
+    let (fit, similar) = fitted(factor, combinations, layout, options, &known)?;
+    Ok((fit, similar.map(|similar| known.with(similar))))
+}
+
+/// The fit and, where constraints change least squares, the points that others may begin from.
+fn fitted(
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
+    options: &Options,
+    known: &Known,
+) -> Result<(PhysicalFit, Option<Similar>), FeasibilityError> {
     let p = layout.len();
     let r = combinations.rows().len();
     size("parameters", p, combinations.parameters())?;
@@ -201,7 +218,7 @@ pub(crate) fn identify_like(
     }
 
     if let Some(fit) = physical_least_squares(factor, combinations, layout, options, known)? {
-        return Ok(fit);
+        return Ok((fit, None));
     }
     let setting = Setting::new(factor, combinations, layout, options);
     let least_squares_residual = least_squares_residual(factor).0;
@@ -210,6 +227,7 @@ pub(crate) fn identify_like(
         problem,
         inside,
         central,
+        goal,
     } = if let Some(starts) = known.starts(&setting)? {
         starts
     } else {
@@ -218,29 +236,10 @@ pub(crate) fn identify_like(
             problem,
             inside: x,
             central: None,
+            goal: TARGET_GAP,
         }
     };
-    let solve = |from, goal| {
-        let Problem {
-            objective,
-            cones,
-            reach,
-            ..
-        } = &problem;
-        minimise(objective, cones, reach, from, goal, &|_| false)
-    };
-    let near = central.and_then(|(point, reached)| {
-        let goal = (NEAR_GOAL_RATIO * reached).min(MAX_NEAR_GOAL);
-        let found = solve(point, goal)?;
-        let most = (MAX_NEAR_RATIO * reached).min(MAX_OPTIMAL_GAP);
-        (found.gap.part() <= most).then_some(found)
-    });
-    let minimum = match near {
-        Some(found) => found,
-        None => start(&problem.objective, &problem.cones, inside.clone())
-            .and_then(|point| solve(point, TARGET_GAP))
-            .ok_or_else(no_solution)?,
-    };
+    let minimum = least(&problem, &inside, central, goal).ok_or_else(no_solution)?;
     let limited = bodies_at_limit(&problem, layout, &minimum);
     let (x, gap) = if options.rough {
         (minimum.best.x.clone(), minimum.gap.part())
@@ -253,7 +252,7 @@ pub(crate) fn identify_like(
     let gap = gap + rise.max(0.0) / minimum.gap.value;
     finite("solution", &phi).map_err(|_| no_solution())?;
     let beta = combinations.apply(&phi)?;
-    Ok(PhysicalFit {
+    let fit = PhysicalFit {
         squared_residual: factor.squared_residual(&beta)?,
         beta,
         phi,
@@ -263,6 +262,40 @@ pub(crate) fn identify_like(
         gap,
         limited,
         sizes: size_limits(&problem, layout),
+    };
+    let central = Some(Central::of(minimum));
+    let similar = Similar::new(setting.noise, problem, inside, central);
+    Ok((fit, Some(similar)))
+}
+
+/// The minimum of a problem: from the central start if that leads there, which is quicker but proves
+/// nothing, and else from the point well inside the cones.
+fn least(
+    problem: &Problem,
+    inside: &[f64],
+    central: Option<Central>,
+    goal: f64,
+) -> Option<InteriorOutcome> {
+    let Problem {
+        objective,
+        cones,
+        reach,
+        ..
+    } = problem;
+    let near = central.and_then(|central| {
+        let Central { point, reach } = central;
+        let quick = (goal, Precision::Quick);
+        let mut found = minimise(objective, cones, &reach, point, quick, &|_| false)?;
+        if found.gap.part() > MAX_NEAR_RATIO * goal {
+            return None;
+        }
+        found.gap.unbalanced = f64::INFINITY;
+        Some(found)
+    });
+    near.or_else(|| {
+        let point = start(objective, cones, inside.to_vec())?;
+        let full = (TARGET_GAP, Precision::Full);
+        minimise(objective, cones, reach, point, full, &|_| false)
     })
 }
 
@@ -326,80 +359,6 @@ fn bodies_at_limit(
         (gain > MIN_ACTIVE_GAIN * minimum.gap.value).then(|| layout.bodies().get(*body))?
     });
     active.map(|body| body.label.clone()).collect()
-}
-
-/// Among the parameters that fit equally well, those close to the reference, with their relative
-/// duality gap.
-///
-/// Minimises the objective again with the additional term `w ||phi - reference||^2`. If that term
-/// is at most `MAX_REFERENCE_COST` of the objective at the first solution, the objective cannot
-/// rise by more: at the new minimum the sum of both is not larger than at the first solution.
-fn closest_to_reference(
-    problem: &Problem,
-    options: &Options,
-    minimum: &InteriorOutcome,
-) -> (Vec<f64>, f64) {
-    let first = (minimum.best.x.clone(), minimum.gap.part());
-    let plain = &problem.objective;
-    // the squared distance from the reference: the rows after those of the objective
-    let squared_distance = |x: &[f64]| {
-        let pulled = problem.pulled(&options.reference, 1.0);
-        let squares: f64 = pulled.residuals(x)[plain.rows.len()..]
-            .iter()
-            .map(|r| r * r)
-            .sum();
-        squares
-    };
-    let distance = squared_distance(&first.0);
-    if distance.is_nan() || distance <= 0.0 {
-        return first;
-    }
-    // if the data fit exactly, the cost of the additional term is of second order: its weight may
-    // be larger, as long as the cost stays negligible
-    let floor = EXACT_FIT_PART * plain.floor;
-    let squares = plain.squares(&first.0);
-    let is_exact = squares <= floor;
-    let (cost_ratios, max_rise): (&[f64], f64) = if is_exact {
-        (&[1e3, 1e2, 1e1, 1.0], MAX_EXACT_FIT_COST * floor)
-    } else {
-        (&[MAX_REFERENCE_COST], 2.0 * MAX_REFERENCE_COST * squares)
-    };
-    for cost_ratio in cost_ratios {
-        let weight = cost_ratio * squares.max(floor) / distance;
-        let again = minimise(
-            &problem.pulled(&options.reference, weight),
-            &problem.cones,
-            &problem.reach,
-            minimum.interior_point.clone(),
-            1e-2 * MAX_REFERENCE_COST * squares.max(floor) / minimum.gap.value,
-            &|_| false,
-        );
-        let Some(again) = again else { continue };
-        let x = again.best.x;
-        let rise = objective(problem, &x) - objective(problem, &first.0);
-        if rise <= max_rise && squared_distance(&x) < distance {
-            let gap = minimum.gap.complementarity + minimum.gap.unbalanced + rise.max(0.0);
-            return (x, gap / minimum.gap.value);
-        }
-    }
-    first
-}
-
-/// The objective including its logarithms, up to a constant.
-fn objective(problem: &Problem, x: &[f64]) -> f64 {
-    let logarithms: f64 = problem
-        .cones
-        .iter()
-        .filter(|cone| cone.logarithm > 0.0)
-        .map(|cone| {
-            let l = super::symmetric::cholesky(&cone.at(x), cone.size);
-            let roots = l.map_or(f64::NAN, |l| {
-                (0..4).map(|k| libm::log(l[k][k])).sum::<f64>()
-            });
-            2.0 * cone.logarithm * roots
-        })
-        .sum();
-    problem.objective.squares(x) - logarithms
 }
 
 /// The parameters at a point of the problem's variables, the check that they are physical, and the

@@ -73,9 +73,9 @@ impl Setting<'_> {
                 if let Some(face) = faces.get(k).copied().flatten() {
                     let basis = transposed(&face.basis);
                     cone.size = face.size;
-                    cone.constant = congruence(&basis, &cone.constant);
+                    cone.constant = congruence(&basis, &cone.constant, 4);
                     for (_, m) in &mut cone.terms {
-                        *m = congruence(&basis, m);
+                        *m = congruence(&basis, m, 4);
                     }
                 }
                 problem.push(cone, Kind::Body(k));

@@ -5,7 +5,7 @@ use super::FeasibilityError;
 use super::cones::Objective;
 use super::equalities::Equality;
 use super::inertia::{ENTRIES, TRIANGLE};
-use super::interior::{Point, minimise, start};
+use super::interior::{Point, Precision, minimise, start};
 use super::problem::{Face, Kind, Problem, Setting};
 use super::program::Affine;
 use super::symmetric::{ONE, Square, ZERO, eigen, smallest};
@@ -67,7 +67,8 @@ pub(super) fn find_interior_point(
         let lost = || FeasibilityError::Solver("no point inside was found".to_owned());
         let first = start(&near, &cones, x).ok_or_else(lost)?;
         let well = |x: &[f64]| x.last().is_some_and(|t| *t > DEEP_INSIDE);
-        let ended = minimise(&near, &cones, &reach, first, 1e-5, &well).ok_or_else(lost)?;
+        let ended = minimise(&near, &cones, &reach, first, (1e-5, Precision::Full), &well)
+            .ok_or_else(lost)?;
         let mut at = ended.best;
         if at.x[n] < DEEP_INSIDE {
             // again without the weight on small parameters, which may hide a thin interior
@@ -76,7 +77,14 @@ pub(super) fn find_interior_point(
                 floor: 1e-9,
                 ..near
             };
-            let more = minimise(&exact, &cones, &reach, ended.interior_point, 1e-3, &well);
+            let more = minimise(
+                &exact,
+                &cones,
+                &reach,
+                ended.interior_point,
+                (1e-3, Precision::Full),
+                &well,
+            );
             let more = more.ok_or_else(lost)?;
             let value = (1.0 - more.best.x[n]).powi(2);
             if value - more.gap.complementarity - more.gap.unbalanced > 1.0 + MIN_INSIDE {

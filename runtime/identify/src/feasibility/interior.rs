@@ -4,28 +4,30 @@
 //! and Todd, as for semidefinite programmes with a quadratic objective (Toh, Tutuncu and Todd,
 //! 2007). Each step is itself a least-squares problem, solved by Householder's reflections, so that
 //! neither the observations nor the scaling are squared. That reaches four to six digits more than
-//! a solver that factors a squared or an indefinite matrix.
+//! a solver that factors a squared or an indefinite matrix. Draws and searches, whose optimality
+//! need not be proven, take quick steps instead, by products of rows ([`Precision::Quick`]).
 
-use super::cones::{Cone, Gap, Objective, gap, remainder};
+use core::cell::OnceCell;
+
+use pulp::Arch;
+
+use super::cones::{Cone, Gap, Objective, add_gradient, estimated_gap, gap, remainder, residuals};
+use super::normal::{Normal, Products};
 use super::scaled::{Groups, Scaled, ScaledRows};
 use super::symmetric::{
-    Square, ZERO, cholesky, congruence, inner, inverse, plus, product, transposed, upper,
+    Square, ZERO, cholesky, congruence, inner, inverse, one, plus, product, transposed, upper,
 };
 use super::triangle::Triangle;
 use crate::qr_update::dot;
 
 /// The largest number of steps.
 const MAX_STEPS: usize = 120;
-/// The method stops after this many steps without a smaller gap.
-const MAX_STEPS_WITHOUT_GAIN: usize = 5;
-/// The length of a step as a fraction of the distance to the border of the cones.
-const STEP_PART: f64 = 0.95;
+/// Where others may begin, the gap is still above this.
+const CENTRAL_PART: f64 = 1e-2;
 /// Duals are repaired when the complementarity is below this fraction of the objective.
 const REPAIR_PART: f64 = 1e-2;
 /// The largest number of repairs at each point.
 const MAX_REPAIRS: usize = 2;
-/// The number of rounds of iterative refinement of each direction.
-const REFINEMENT_ROUNDS: usize = 3;
 
 /// A point with the dual matrices of the cones.
 #[derive(Clone, Debug)]
@@ -42,6 +44,8 @@ pub(super) struct InteriorOutcome {
     pub(super) gap: Gap,
     /// An earlier point, well inside the cones.
     pub(super) interior_point: Point,
+    /// A point before that one, from which the optimum of similar observations is reached too.
+    pub(super) central: Point,
 }
 
 /// The directions of one step.
@@ -62,12 +66,66 @@ struct Step<'a> {
     rows: &'a [Vec<f64>],
     residuals: Vec<f64>,
     linear: &'a [f64],
-    triangle: Triangle,
+    factor: Factor,
+}
+
+/// The factor of the normal equations of one step.
+enum Factor {
+    /// By reflections of all rows.
+    Reflected(Triangle),
+    /// By the products of the objective's rows.
+    Product(Normal),
+}
+
+impl Factor {
+    fn solve(&self, g: &[f64]) -> Option<Vec<f64>> {
+        match self {
+            Factor::Reflected(triangle) => triangle.solve(g),
+            Factor::Product(normal) => normal.solve(g),
+        }
+    }
+}
+
+/// How the factor of each step is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Precision {
+    /// By reflections: the products of rows are never formed.
+    Full,
+    /// By products of rows, in a fraction of the time, and by reflections where rounding prevents
+    /// it. The gap is an estimate in working precision that proves nothing.
+    Quick,
+}
+
+impl Precision {
+    /// The rounds in which the predicted and the corrected direction are solved for: the first
+    /// solves, the others refine.
+    fn rounds(self) -> [usize; 2] {
+        match self {
+            Precision::Full => [3, 3],
+            Precision::Quick => [1, 2],
+        }
+    }
+
+    /// The length of a step as a fraction of the distance to the border of the cones.
+    fn step_part(self) -> f64 {
+        match self {
+            Precision::Full => 0.95,
+            Precision::Quick => 0.98,
+        }
+    }
+
+    /// The method stops after this many steps without a smaller gap.
+    fn most_steps_without_gain(self) -> usize {
+        match self {
+            Precision::Full => 5,
+            Precision::Quick => 2,
+        }
+    }
 }
 
 impl Step<'_> {
     /// Solves for the direction with these right-hand sides in the scaled cones.
-    fn direction(&self, sides: &[Square]) -> Option<Direction> {
+    fn direction(&self, sides: &[Square], rounds: usize) -> Option<Direction> {
         let n = self.linear.len();
         let mut target = Vec::new();
         for ((cone, scaled), side) in self.cones.iter().zip(&self.scaled).zip(sides) {
@@ -81,23 +139,21 @@ impl Step<'_> {
         }
         let mut x = vec![0.0; n];
         let mut seen = vec![0.0; target.len()];
-        for _ in 0..REFINEMENT_ROUNDS {
+        for _ in 0..rounds {
             // the gradient of the least squares over both kinds of rows, and of the linear part
-            let over: Vec<f64> = self
-                .rows
-                .iter()
-                .zip(&self.residuals)
-                .map(|(row, r)| -r - core::f64::consts::SQRT_2 * dot(&row[..n], &x))
-                .collect();
+            let over = Arch::new().dispatch(
+                #[inline(always)]
+                || -> Vec<f64> {
+                    let rows = self.rows.iter().zip(&self.residuals);
+                    rows.map(|(row, r)| -r - core::f64::consts::SQRT_2 * dot(&row[..n], &x))
+                        .collect()
+                },
+            );
             let mut gradient: Vec<f64> = self.linear.iter().map(|c| -c).collect();
-            for (row, r) in self.rows.iter().zip(&over) {
-                for (g, a) in gradient.iter_mut().zip(row) {
-                    *g += core::f64::consts::SQRT_2 * a * r;
-                }
-            }
+            add_gradient(self.rows, &over, core::f64::consts::SQRT_2, &mut gradient);
             let rest: Vec<f64> = target.iter().zip(&seen).map(|(t, s)| t - s).collect();
             self.block.add_products(&rest, &mut gradient);
-            let more = self.triangle.solve(&gradient)?;
+            let more = self.factor.solve(&gradient)?;
             for (v, d) in x.iter_mut().zip(&more) {
                 *v += d;
             }
@@ -135,6 +191,12 @@ impl Step<'_> {
     fn sides(&self, mu: f64, predicted: Option<&Direction>) -> Vec<Square> {
         let each = self.cones.iter().zip(&self.scaled).enumerate();
         each.map(|(k, (cone, scaled))| {
+            if cone.size == 1 {
+                let second = predicted.map_or(0.0, |d| d.matrices[k][0][0] * d.duals[k][0][0]);
+                let l = scaled.lambda[0];
+                let rest = mu + cone.logarithm - l * l - second;
+                return one(rest / l);
+            }
             let mut side = ZERO;
             let second = predicted.map_or(ZERO, |d| {
                 let one = product(&d.matrices[k], &d.duals[k]);
@@ -180,7 +242,8 @@ fn repaired(
     let moved: Vec<Square> = each
         .map(|((cone, scaled), dual)| {
             let m = matrix(cone.size, &mut entries);
-            plus(dual, &congruence(&transposed(&scaled.inverse), &m), 1.0)
+            let change = congruence(&transposed(&scaled.inverse), &m, cone.size);
+            plus(dual, &change, 1.0)
         })
         .collect();
     let inside = cones
@@ -211,6 +274,7 @@ fn matrix(size: usize, entries: &mut impl Iterator<Item = f64>) -> Square {
 ///
 /// - `reach`: the largest absolute value of each variable in the set;
 /// - `goal`: the gap, as a fraction of the objective, at which the method stops;
+/// - `precision`: of the steps; quick ones estimate the gap in working precision;
 /// - `done`: another criterion to stop at a point.
 ///
 /// `None` if the start is not strictly inside the cones.
@@ -219,24 +283,30 @@ pub(super) fn minimise(
     cones: &[Cone],
     reach: &[f64],
     start: Point,
-    goal: f64,
+    (goal, precision): (f64, Precision),
     done: &dyn Fn(&[f64]) -> bool,
 ) -> Option<InteriorOutcome> {
     let n = start.x.len();
     let root = core::f64::consts::SQRT_2;
     let degree = cones.iter().map(|c| c.size).sum::<usize>().max(1) as f64;
-    // the triangular factor of the objective's rows, computed once
-    let own = Triangle::of(&objective.rows, n, root);
+    // of the objective's rows alone, computed once
+    let objective_products =
+        (precision == Precision::Quick).then(|| Products::of(&objective.rows, n));
+    let own = OnceCell::new();
     let groups = Groups::of(cones, n);
 
     let mut at = start;
-    let mut interior_point = at.clone();
+    let (mut interior_point, mut central) = (at.clone(), at.clone());
     let mut best: Option<(Point, Gap)> = None;
     let mut since = 0;
     for _ in 0..MAX_STEPS {
-        let mut found = gap(objective, cones, reach, &at.x, &at.duals);
+        let mut found = match precision {
+            Precision::Full => gap(objective, cones, reach, &at.x, &at.duals),
+            Precision::Quick => estimated_gap(objective, cones, reach, &at.x, &at.duals),
+        };
         // near the end the rounding of the duals dominates the gap
-        if found.complementarity < REPAIR_PART * found.value
+        if precision == Precision::Full
+            && found.complementarity < REPAIR_PART * found.value
             && found.unbalanced > 0.1 * found.complementarity
         {
             for _ in 0..MAX_REPAIRS {
@@ -251,6 +321,9 @@ pub(super) fn minimise(
                 at.duals = duals;
             }
         }
+        if found.part() > CENTRAL_PART {
+            central.clone_from(&at);
+        }
         if found.part() > 1e-3 {
             interior_point.clone_from(&at);
         }
@@ -261,8 +334,8 @@ pub(super) fn minimise(
             since += 1;
         }
         let enough = found.part() <= goal || done(&at.x);
-        let worn =
-            since >= MAX_STEPS_WITHOUT_GAIN && best.as_ref().is_some_and(|(_, b)| b.part() < 1e-2);
+        let worn = since >= precision.most_steps_without_gain()
+            && best.as_ref().is_some_and(|(_, b)| b.part() < 1e-2);
         if enough || worn {
             break;
         }
@@ -280,29 +353,41 @@ pub(super) fn minimise(
             / degree;
         let mu = mu.max(1e-3 * goal * found.value / degree);
         let block = groups.rows(cones, &scaled);
-        let triangle = block.reduced(own.clone());
+        let quick = objective_products
+            .as_ref()
+            .and_then(|products| products.with(&block));
+        let factor = quick.map_or_else(
+            || {
+                let own = own.get_or_init(|| Triangle::of(&objective.rows, n, root));
+                Factor::Reflected(block.reduced(own.clone()))
+            },
+            Factor::Product,
+        );
         let step = Step {
             cones,
             scaled,
             block,
             rows: &objective.rows,
-            residuals: objective
-                .residuals(&at.x)
-                .iter()
-                .map(|r| root * r)
-                .collect(),
+            residuals: match precision {
+                Precision::Full => objective.residuals(&at.x),
+                Precision::Quick => residuals(&objective.rows, &at.x),
+            }
+            .iter()
+            .map(|r| root * r)
+            .collect(),
             linear: &objective.linear,
-            triangle,
+            factor,
         };
-        let Some(predicted) = step.direction(&step.sides(0.0, None)) else {
+        let [first, second] = precision.rounds();
+        let Some(predicted) = step.direction(&step.sides(0.0, None), first) else {
             break;
         };
         let part = step.longest(&predicted).min(1.0);
         let centre = (1.0 - part).powi(3) * mu;
-        let Some(direction) = step.direction(&step.sides(centre, Some(&predicted))) else {
+        let Some(direction) = step.direction(&step.sides(centre, Some(&predicted)), second) else {
             break;
         };
-        let length = (STEP_PART * step.longest(&direction)).min(1.0);
+        let length = (precision.step_part() * step.longest(&direction)).min(1.0);
         if length.is_nan() || length < 1e-10 {
             break;
         }
@@ -318,7 +403,7 @@ pub(super) fn minimise(
                 }
                 next[r][r] += scaled.lambda[r];
             }
-            *dual = congruence(&transposed(&scaled.inverse), &next);
+            *dual = congruence(&transposed(&scaled.inverse), &next, cone.size);
         }
     }
     let (best, gap) = best?;
@@ -326,6 +411,7 @@ pub(super) fn minimise(
         best,
         gap,
         interior_point,
+        central,
     })
 }
 

@@ -2,10 +2,12 @@
 
 use super::constrained::TARGET_GAP;
 use super::faces::{InteriorStart, find_interior_point};
-use super::interior::{Point, minimise, start};
+use super::interior::{InteriorOutcome, Point, Precision, minimise, start};
 use super::problem::{Problem, Setting};
 use super::verdict::{refutes, verdict};
-use super::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale, Verdict};
+use super::{
+    BaseMap, FeasibilityError, InfeasibilityCertificate, Options, ParameterLayout, Scale, Verdict,
+};
 use crate::estimate::QrFactor;
 
 /// Results of fits to similar observations with the same combinations, layout and options. They make
@@ -16,18 +18,58 @@ pub(crate) struct Known {
     /// parameters of earlier observations; the same weights may prove it for further ones.
     certificates: Vec<Vec<f64>>,
     similar: Option<Similar>,
+    /// The gap at which fits that begin at the similar one stop; `None`: [`NEAR_GOAL`].
+    goal: Option<f64>,
 }
+
+/// The estimated gap at which a fit that starts near a similar one stops.
+const NEAR_GOAL: f64 = 1e-9;
 
 /// A fit to similar observations.
 #[derive(Clone, Debug)]
-struct Similar {
+pub(super) struct Similar {
     problem: Problem,
     /// The standard deviation of its noise.
     noise: f64,
     /// A point well inside the cones.
     inside: Vec<f64>,
-    /// A point near the central path on the way to the optimum, and its duality gap.
-    central: Option<(Point, f64)>,
+    /// Where fits to similar observations start, if the method reached the optimum.
+    central: Option<Central>,
+}
+
+/// Where fits to similar observations start.
+#[derive(Clone, Debug)]
+pub(super) struct Central {
+    /// A point near the central path on the way to the optimum.
+    pub(super) point: Point,
+    /// The absolute values of the variables at the optimum.
+    pub(super) reach: Vec<f64>,
+}
+
+impl Central {
+    pub(super) fn of(found: InteriorOutcome) -> Self {
+        Self {
+            reach: found.best.x.iter().map(|x| x.abs()).collect(),
+            point: found.central,
+        }
+    }
+}
+
+impl Similar {
+    /// - `inside`: a point well inside the cones;
+    pub(super) fn new(
+        noise: f64,
+        problem: Problem,
+        inside: Vec<f64>,
+        central: Option<Central>,
+    ) -> Self {
+        Self {
+            problem,
+            noise,
+            inside,
+            central,
+        }
+    }
 }
 
 /// A problem and points to start its solution from.
@@ -35,9 +77,10 @@ pub(super) struct Starts {
     pub(super) problem: Problem,
     /// A point well inside the cones.
     pub(super) inside: Vec<f64>,
-    /// A start that takes fewer steps if the optimum is near that of similar observations, and its
-    /// duality gap.
-    pub(super) central: Option<(Point, f64)>,
+    /// A start that takes fewer steps if the optimum is near that of similar observations.
+    pub(super) central: Option<Central>,
+    /// The gap at which a fit from there stops.
+    pub(super) goal: f64,
 }
 
 impl Known {
@@ -70,16 +113,44 @@ impl Known {
             ..
         } = &problem;
         let first = start(objective, cones, x.clone());
+        let goal = (TARGET_GAP, Precision::Full);
         let central = first
-            .and_then(|first| minimise(objective, cones, reach, first, TARGET_GAP, &|_| false))
-            .map(|found| (found.interior_point, found.gap.part().max(TARGET_GAP)));
-        known.similar = Some(Similar {
-            noise: setting.noise,
-            central,
-            inside: x,
-            problem,
-        });
+            .and_then(|first| minimise(objective, cones, reach, first, goal, &|_| false))
+            .map(Central::of);
+        known.similar = Some(Similar::new(setting.noise, problem, x, central));
         Ok(known)
+    }
+
+    /// With only this certificate, if there is one.
+    pub(super) fn certified(certificate: Option<&InfeasibilityCertificate>) -> Self {
+        Self {
+            certificates: certificate.iter().map(|c| c.weights.clone()).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// The same with a fit to similar observations.
+    pub(super) fn with(self, similar: Similar) -> Self {
+        Self {
+            similar: Some(similar),
+            ..self
+        }
+    }
+
+    /// Only the certificates: a fit with these ends where it would end without them.
+    pub(crate) fn proofs(&self) -> Self {
+        Self {
+            certificates: self.certificates.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// The same for fits that stop at this gap.
+    pub(crate) fn to(&self, goal: f64) -> Self {
+        Self {
+            goal: Some(goal),
+            ..self.clone()
+        }
     }
 
     /// Whether a certificate of earlier observations also proves that no physical robot has these
@@ -117,6 +188,7 @@ impl Known {
             problem,
             inside: similar.inside.clone(),
             central: similar.central.clone(),
+            goal: self.goal.unwrap_or(NEAR_GOAL),
         }))
     }
 }

@@ -10,6 +10,7 @@
 //! The feature `feasibility` adds the conic solver with the dense linear algebra routines it needs;
 //! with the feature `lapack-system` the program links a BLAS and LAPACK for them instead.
 
+mod closest;
 mod cones;
 mod constrained;
 mod constraints;
@@ -20,6 +21,7 @@ mod inertia;
 mod interior;
 mod known;
 mod layout;
+mod normal;
 mod options;
 mod output;
 mod problem;
@@ -36,8 +38,8 @@ mod verdict;
 // links the BLAS and LAPACK symbols that the solver calls
 extern crate regen_lapack as _;
 
-pub(crate) use constrained::identify_like;
 pub use constrained::{MAX_OPTIMAL_GAP, Outcome, PhysicalFit, SizeLimit, identify, nearest};
+pub(crate) use constrained::{identify_first, identify_like};
 pub use error::FeasibilityError;
 pub(crate) use inertia::about_centre;
 pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};

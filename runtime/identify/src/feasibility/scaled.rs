@@ -2,7 +2,7 @@
 
 use super::cones::Cone;
 use super::symmetric::{
-    self, Square, ZERO, cholesky, congruence, inverse, product, transposed, upper,
+    self, Square, ZERO, cholesky, congruence, inverse, one, product, transposed, upper,
 };
 use super::triangle::Triangle;
 
@@ -20,9 +20,12 @@ impl Scaled {
     /// Computes G with `G^-1 X G^-T = G^T S G = diag(lambda)`; `None` unless both matrices are
     /// positive definite.
     pub(super) fn new(at: &Square, dual: &Square, size: usize) -> Option<Self> {
+        if size == 1 {
+            return Self::of_one(at[0][0], dual[0][0]);
+        }
         let l = cholesky(at, size)?;
         cholesky(dual, size)?;
-        let middle = congruence(&transposed(&l), dual);
+        let middle = congruence(&transposed(&l), dual, size);
         let (squares, q) = symmetric::eigen(&middle, size);
         let mut lambda = [0.0; 4];
         let mut inverse = product(&transposed(&q), &inverse(&l, size));
@@ -37,8 +40,31 @@ impl Scaled {
         Some(Self { inverse, lambda })
     }
 
+    /// The scaling of a cone of one row.
+    fn of_one(at: f64, dual: f64) -> Option<Self> {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        let root = at.sqrt();
+        let square = root * dual * root;
+        if !positive(at) || !positive(dual) || !positive(square) {
+            return None;
+        }
+        let lambda = square.sqrt();
+        Some(Self {
+            inverse: one(1.0 / root * lambda.sqrt()),
+            lambda: [lambda, 0.0, 0.0, 0.0],
+        })
+    }
+
     /// The largest step that keeps `diag(lambda) + step d` positive semidefinite.
     pub(super) fn step(&self, d: &Square, size: usize) -> f64 {
+        if size == 1 {
+            let least = d[0][0] / self.lambda[0];
+            return if least < 0.0 {
+                -1.0 / least
+            } else {
+                f64::INFINITY
+            };
+        }
         let mut scaled = ZERO;
         for r in 0..size {
             for c in 0..size {
@@ -138,8 +164,12 @@ impl Groups {
                     let Ok(column) = group.variables.binary_search(v) else {
                         continue;
                     };
-                    let own = congruence(&scaled.inverse, m);
+                    let own = congruence(&scaled.inverse, m, cone.size);
                     let column = &mut block[column * height + first..];
+                    if cone.size == 1 {
+                        column[0] += own[0][0];
+                        continue;
+                    }
                     for (slot, (r, c)) in column.iter_mut().zip(upper(cone.size)) {
                         *slot += if r == c {
                             own[r][c]
@@ -242,6 +272,14 @@ impl ScaledRows<'_> {
         }
         triangle.add(&mut together, first);
         triangle
+    }
+
+    /// The variables of each group with the triangular factor of its rows.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = (&[usize], Triangle)> {
+        self.each().map(|(group, block)| {
+            let own = Triangle::of_columns(block.to_vec(), group.variables.len());
+            (group.variables.as_slice(), own)
+        })
     }
 
     /// The smallest entries whose products with the columns are `side`; `None` if there are none.

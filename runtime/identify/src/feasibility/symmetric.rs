@@ -13,6 +13,13 @@ pub(super) const ONE: Square = [
     [0.0, 0.0, 0.0, 1.0],
 ];
 
+/// A matrix of one row.
+pub(super) fn one(x: f64) -> Square {
+    let mut m = ZERO;
+    m[0][0] = x;
+    m
+}
+
 /// The row and column of each entry of the upper triangle, column by column.
 pub(super) fn upper(size: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..size).flat_map(|c| (0..=c).map(move |r| (r, c)))
@@ -60,7 +67,10 @@ pub(super) fn transposed(a: &Square) -> Square {
 }
 
 /// `a m a^T` for a symmetric m, symmetric to the last bit.
-pub(super) fn congruence(a: &Square, m: &Square) -> Square {
+pub(super) fn congruence(a: &Square, m: &Square, size: usize) -> Square {
+    if size == 1 {
+        return one(a[0][0] * m[0][0] * a[0][0]);
+    }
     let mut out = product(&product(a, m), &transposed(a));
     for (r, c) in upper(4) {
         let mean = 0.5 * (out[r][c] + out[c][r]);
@@ -107,6 +117,9 @@ pub(super) fn inverse(l: &Square, size: usize) -> Square {
 pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
     /// The most sweeps over all pairs; convergence is quadratic, so that few are needed.
     const MAX_SWEEPS: usize = 32;
+    if size == 1 {
+        return ([m[0][0], m[1][1], m[2][2], m[3][3]], ONE);
+    }
     let mut a = *m;
     let mut v = ONE;
     for _ in 0..MAX_SWEEPS {
@@ -149,6 +162,9 @@ pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
 
 /// The smallest eigenvalue.
 pub(super) fn smallest(m: &Square, size: usize) -> f64 {
+    if size == 1 {
+        return m[0][0];
+    }
     let (values, _) = eigen(m, size);
     let least = |m: f64, x: &f64| if *x >= m { m } else { *x };
     values.iter().take(size).fold(f64::INFINITY, least)
@@ -156,12 +172,15 @@ pub(super) fn smallest(m: &Square, size: usize) -> f64 {
 
 /// The nearest positive semidefinite matrix.
 pub(super) fn clipped(m: &Square, size: usize) -> Square {
+    if size == 1 {
+        return one(m[0][0].max(0.0));
+    }
     let (values, v) = eigen(m, size);
     let mut diagonal = ZERO;
     for k in 0..size {
         diagonal[k][k] = values[k].max(0.0);
     }
-    congruence(&v, &diagonal)
+    congruence(&v, &diagonal, size)
 }
 
 #[cfg(test)]
@@ -183,7 +202,7 @@ mod tests {
         let (values, v) = eigen(&M, 4);
         let mut diagonal = ZERO;
         (0..4).for_each(|k| diagonal[k][k] = values[k]);
-        let turned = congruence(&v, &diagonal);
+        let turned = congruence(&v, &diagonal, 4);
         let unit = product(&l, &inverse(&l, 4));
         for (r, c) in upper(4) {
             assert!((back[r][c] - M[r][c]).abs() < 1e-14);

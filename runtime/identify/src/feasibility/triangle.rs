@@ -50,6 +50,11 @@ impl Triangle {
         out
     }
 
+    /// A factor whose rows are those of an n x n matrix from the diagonal on.
+    pub(super) fn of_upper(rows: Vec<f64>, n: usize) -> Self {
+        Self { n, rows }
+    }
+
     /// Row k from its diagonal entry on.
     pub(super) fn row(&self, k: usize) -> &[f64] {
         &self.rows[k * self.n + k..(k + 1) * self.n]
@@ -70,24 +75,34 @@ impl Triangle {
 
     /// Solves `R^T R x = g`; `None` if a diagonal entry is zero.
     pub(super) fn solve(&self, g: &[f64]) -> Option<Vec<f64>> {
+        if (0..self.n).any(|k| self.row(k)[0] == 0.0) {
+            return None;
+        }
         let mut x = g.to_vec();
-        for k in 0..self.n {
-            let row = self.row(k);
-            let (own, later) = x[k..].split_first_mut()?;
-            if row[0] == 0.0 {
-                return None;
-            }
-            *own /= row[0];
-            for (y, r) in later.iter_mut().zip(&row[1..]) {
-                *y -= *own * r;
-            }
-        }
-        for k in (0..self.n).rev() {
-            let row = self.row(k);
-            let known = dot(&row[1..], &x[k + 1..]);
-            x[k] = (x[k] - known) / row[0];
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || substitute(&self.rows, self.n, &mut x),
+        );
         Some(x)
+    }
+}
+
+/// Solves `R^T R x = g` in place.
+#[inline(always)]
+fn substitute(triangle: &[f64], n: usize, x: &mut [f64]) {
+    let row = |k: usize| &triangle[k * n + k..(k + 1) * n];
+    for k in 0..n {
+        let row = row(k);
+        let (own, later) = x[k..].split_at_mut(1);
+        own[0] /= row[0];
+        for (y, r) in later.iter_mut().zip(&row[1..]) {
+            *y -= own[0] * r;
+        }
+    }
+    for k in (0..n).rev() {
+        let row = row(k);
+        let known = dot(&row[1..], &x[k + 1..]);
+        x[k] = (x[k] - known) / row[0];
     }
 }
 

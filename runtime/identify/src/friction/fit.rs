@@ -5,11 +5,13 @@ use super::FrictionData;
 use super::columns::curved;
 use super::reduced::Linearised;
 use super::starts::{STARTS, start};
+use super::values::{explained, symbols};
 use crate::estimate::QrFactor;
 use crate::feasibility::{
     BaseMap, Bound, FeasibilityError, Known, Options, ParameterLayout, PhysicalFit, identify,
     identify_like,
 };
+use crate::intervals::seed;
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
 
@@ -93,6 +95,9 @@ pub struct FrictionFit {
     /// A bound on the relative distance of the objective from the optimum for these shapes, see
     /// [`PhysicalFit::gap`].
     pub gap: f64,
+    /// The seed of the draws of intervals: from the fit of linear friction without constraints, so
+    /// that it depends on the log alone and not on the path of the search.
+    pub(super) seed: u64,
     pub(super) point: Optimum,
 }
 
@@ -116,6 +121,8 @@ struct Search<'a> {
     first: Vec<[f64; SHAPES]>,
     /// What the fit of the first shapes found, from which the others begin.
     known: Option<Known>,
+    /// What the first step found, for the steps in which the same shape parameters act.
+    step_known: Option<(Vec<bool>, Known)>,
     programmes: usize,
 }
 
@@ -231,7 +238,9 @@ impl Search<'_> {
             rough: self.options.rough,
             ..self.padded(&layout)
         };
-        self.solve(&factor, &combinations, &layout, &options)
+        self.programmes += 1;
+        let known = self.known.as_ref().map(Known::proofs).unwrap_or_default();
+        identify_like(&factor, &combinations, &layout, &options, &known)
     }
 
     /// The Gauss-Newton step of the shape logarithms without constraints, cut to the trust region.
@@ -270,7 +279,14 @@ impl Search<'_> {
             lowest: 0.0,
             highest: 2.0,
         }));
-        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        self.programmes += 1;
+        let known = match self.step_known.take() {
+            Some((same, known)) if same == acting => known,
+            _ => Known::of(&factor, &combinations, &layout, &options)?,
+        };
+        let solution = identify_like(&factor, &combinations, &layout, &options, &known);
+        self.step_known = Some((acting.clone(), known));
+        let solution = solution?;
         let mut values = solution.phi[self.layout.len()..].iter();
         let step = |acts: &bool| {
             let value = if *acts { values.next() } else { None };
@@ -362,9 +378,10 @@ pub fn fit(
         options,
         first: shapes(0),
         known: None,
+        step_known: None,
         programmes: 0,
     };
-    let linear = linear(&mut search)?;
+    let (mut straight, seed) = linear(&mut search, true)?;
     let mut points = Vec::with_capacity(STARTS);
     for which in 0..STARTS {
         points.push(search.point(shapes(which))?);
@@ -395,11 +412,14 @@ pub fn fit(
     // Programmes are solved to a tolerance: if nothing is gained, the result is linear friction,
     // which every law contains as a special case.
     let inertial = layout.len();
-    let gained = best.solution.squared_residual <= linear.squared_residual;
+    let gained = best.solution.squared_residual <= straight.squared_residual;
+    if !gained && !options.rough {
+        straight = linear(&mut search, false)?.0;
+    }
     let (taken, laws) = if gained {
         (&best.solution, data.laws.clone())
     } else {
-        (&linear, data.linear_laws())
+        (&straight, data.linear_laws())
     };
     let values = symbols(data, &laws, &taken.phi[inertial..], &best.shapes);
     let joints = data
@@ -417,10 +437,11 @@ pub fn fit(
         phi: taken.phi[..inertial].to_vec(),
         beta: taken.beta[..observed].to_vec(),
         squared_residual: taken.squared_residual,
-        linear: linear.squared_residual,
+        linear: straight.squared_residual,
         converged,
         programmes: search.programmes,
         gap: taken.gap,
+        seed,
         point: Optimum {
             laws,
             values: taken.beta.clone(),
@@ -429,63 +450,20 @@ pub fn fit(
     })
 }
 
-/// The squared residuals that columns with these values explain beyond all other columns.
-fn explained(factor: &QrFactor, columns: &[usize], x: &[f64]) -> Result<f64, FeasibilityError> {
-    let others = (0..factor.columns()).filter(|c| !columns.contains(c));
-    let order: Vec<usize> = others.chain(columns.iter().copied()).collect();
-    let last = factor.select(&order)?;
-    let n = last.columns();
-    let first = n - columns.len();
-    let part = |row: usize| -> f64 {
-        let own = columns.iter().zip(first..);
-        own.map(|(c, k)| last.r()[k * n + row] * x.get(*c).copied().unwrap_or(0.0))
-            .sum()
-    };
-    Ok((first..n).map(|row| part(row).powi(2)).sum())
-}
-
-/// The values of each joint's law as they are printed, in the order of the law's symbols.
-///
-/// - `laws`: the law of each joint that was fitted: its own or linear friction;
-/// - `own`: the coefficients of these laws, joint by joint.
-pub(super) fn symbols(
-    data: &FrictionData,
-    laws: &[Friction],
-    own: &[f64],
-    shapes: &[[f64; SHAPES]],
-) -> Vec<Vec<f64>> {
-    let mut next = 0;
-    let mut out = Vec::with_capacity(data.joints.len());
-    for (k, (joint, law)) in data.joints.iter().zip(&data.laws).enumerate() {
-        let found = laws.get(k).copied().unwrap_or(*law);
-        let used = found.coefficients().len();
-        let own = own.get(next..next + used).unwrap_or_default();
-        next += used;
-        let shape = shapes.get(k).copied().unwrap_or([1.0; SHAPES]);
-        let values = match (found, own) {
-            (Friction::Linear, [fc, fv]) => {
-                let (coefficients, shape) = law.of_linear([*fc, *fv], shape);
-                law.join(&coefficients, shape)
-            }
-            _ => law.join(own, shape),
-        };
-        let mut values = values.to_vec();
-        values.truncate(joint.friction.symbols().len());
-        out.push(values);
-    }
-    out
-}
-
-/// Fits with linear friction at all joints.
-fn linear(search: &mut Search<'_>) -> Result<PhysicalFit, FeasibilityError> {
+/// Fits with linear friction at all joints, `rough` without choosing what the observations leave
+/// open; also returns a seed from the parameters without constraints.
+fn linear(search: &mut Search<'_>, rough: bool) -> Result<(PhysicalFit, u64), FeasibilityError> {
     let data = search.data;
     let laws = data.linear_laws();
     let factor = data.linearised(&laws, &[])?.factor()?;
     let more = data.coefficients(&laws);
     let (layout, combinations) = search.linear_friction_problem(&more)?;
     let options = Options {
-        rough: search.options.rough,
+        rough,
         ..search.padded(&layout)
     };
-    search.solve(&factor, &combinations, &layout, &options)
+    // where the parameters are not determined, the right side serves as well
+    let free = factor.solve().unwrap_or_else(|_| factor.z().to_vec());
+    let fit = search.solve(&factor, &combinations, &layout, &options)?;
+    Ok((fit, seed(&free)))
 }

@@ -3,12 +3,13 @@
 use super::FrictionData;
 use super::columns::{Behind, FrictionColumns};
 use super::data::Rows;
-use super::fit::{FrictionFit, symbols};
+use super::fit::FrictionFit;
+use super::values::symbols;
 use crate::estimate::{
     Autoregression, Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores,
 };
 use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout};
-use crate::intervals::{LeastSquares, Spread, determined, replicate};
+use crate::intervals::{Draws, LeastSquares, Spread, determined, replicate};
 use regen_runtime::friction::SHAPES;
 
 /// The bound on the change of the logarithm of a shape parameter in a draw: a factor of 20 up or
@@ -95,7 +96,11 @@ pub fn intervals(
         values: &values,
         deviations: &deviations,
     };
-    let drawn = replicate(found, &combined, &extended, &own, replicates, progress)?;
+    let draws = Draws {
+        seed: fit.seed,
+        ..Draws::new(found, replicates)
+    };
+    let drawn = replicate(found, &combined, &extended, &own, &draws, progress)?;
 
     let p = layout.len();
     let base = fit.beta.iter().enumerate();

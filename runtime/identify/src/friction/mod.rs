@@ -17,6 +17,7 @@ mod intervals;
 mod passes;
 mod reduced;
 mod starts;
+mod values;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};

@@ -5,7 +5,7 @@ use super::linear::Column;
 use super::payload::{InertialParameters, physical_value};
 use super::{GainError, GainFit};
 use crate::feasibility::PhysicalFit;
-use crate::intervals::{LeastSquares, ProjectedDraws, determined, replicate};
+use crate::intervals::{Draws, LeastSquares, ProjectedDraws, determined, replicate};
 use crate::model::{Covariance, Gain, IdentifiedModel, IdentifiedPayload, Intervals, PayloadValue};
 use crate::session::{describe, describe_draws, describe_fit, drawn_interval, unbounded};
 
@@ -196,7 +196,7 @@ impl Constrained<'_> {
             &combinations,
             &layout,
             &options,
-            draws,
+            &Draws::new(least, draws),
             &mut progress,
         )?)
     }

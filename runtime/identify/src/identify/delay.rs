@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::equation_builder::Equations;
-use super::passes::predicted;
+use super::passes::{predicted, predictions};
 use crate::estimate::{Autocorrelated, EstimateError, QrFactor};
 
 /// The delay of one effort.
@@ -333,8 +333,6 @@ impl BufferedEquations {
             own.clear();
             own.extend_from_slice(given);
         }
-        self.predicted = (0..found.tau.len())
-            .map(|e| predicted(found, e, values))
-            .collect();
+        predictions(found, values, &mut self.predicted);
     }
 }

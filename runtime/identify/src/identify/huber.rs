@@ -2,9 +2,9 @@
 //! estimate of values and scales.
 
 use super::equation_builder::{EquationBuilder, Equations};
-use super::passes::{Source, predicted};
+use super::passes::{Source, predictions};
 use super::replay::Replay;
-use crate::estimate::huber as loss;
+use crate::estimate::huber::{self as loss, Partition};
 use crate::estimate::{Accumulator, Estimate, EstimateError, FactorSet, QrFactor, Weighting};
 use regen_runtime::BaseModel;
 
@@ -69,6 +69,87 @@ pub(super) fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((next, factor))
 }
 
+/// The most passes of [`partitioned`]; a few suffice.
+const MAX_PARTITIONS: usize = 10;
+
+/// A start near Huber's estimate, from least squares: the equations are divided into those within
+/// the bound and those beyond, and values and scales solved for with that division, until it no
+/// longer changes or the passes are over. This comes near in a few passes where reweighting takes
+/// dozens; reweighting ends the search from here. `None` where a division determines nothing.
+pub(super) fn partitioned<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    passes: &mut Reweighting,
+    start: &Estimate,
+    bound: f64,
+    weighting: Weighting,
+) -> Result<Option<Estimate>, S::Error> {
+    let mut at = start.clone();
+    for k in 0..MAX_PARTITIONS {
+        let sigmas: Vec<f64> = at.efforts.iter().map(|e| e.sigma).collect();
+        let huber = Huber {
+            values: &at.values,
+            sigmas: &sigmas,
+            bound,
+        };
+        let mut partition = Partition::new(sigmas.len(), at.values.len());
+        // the scales of least squares are too large for the residuals within the bound
+        let set = if k == 0 {
+            scale_pass(replay, &huber, &mut partition)?;
+            None
+        } else {
+            Some(passes.divide(replay, &huber, &mut partition)?)
+        };
+        let Some(scales) = partition.scales(&sigmas, at.values.len(), bound) else {
+            return Ok(None);
+        };
+        let mut change = 0.0_f64;
+        for ((effort, scale), old) in at.efforts.iter_mut().zip(&scales).zip(&sigmas) {
+            change = change.max((scale / old - 1.0).abs());
+            effort.sigma = *scale;
+        }
+        let Some(set) = set else { continue };
+        let weights: Vec<f64> = scales
+            .iter()
+            .map(|sigma| match weighting {
+                Weighting::Equal => 1.0,
+                Weighting::PerEffort => 1.0 / sigma,
+            })
+            .collect();
+        let factor = set.combined(&weights)?;
+        let Some(values) = partition.values(&factor, &weights, &scales, bound) else {
+            return Ok(None);
+        };
+        let pairs = values.iter().zip(&at.values).enumerate();
+        change = pairs.fold(change, |m, (k, (a, b))| {
+            m.max((a - b).abs() / start.sigma(k).max(f64::MIN_POSITIVE))
+        });
+        at.values = values;
+        if change < loss::TOLERANCE_DEVIATIONS {
+            break;
+        }
+    }
+    Ok(Some(at))
+}
+
+/// Sums up the residuals within the bound without reducing any equation.
+fn scale_pass<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    huber: &Huber<'_>,
+    partition: &mut Partition,
+) -> Result<(), S::Error> {
+    let mut fitted = Vec::new();
+    replay.visit(&mut |equations| {
+        predictions(equations, huber.values, &mut fitted);
+        for (effort, weight) in equations.weights.iter().enumerate() {
+            if *weight != 0.0 {
+                let residual = (equations.tau[effort] - fitted[effort]) * weight;
+                partition.add(effort, residual, huber.size(effort, residual) > huber.bound);
+            }
+        }
+        Ok(())
+    })
+}
+
 /// Equations well within Huber's bound, reduced once and used again as long as all of them are within
 /// the bound.
 struct Inner {
@@ -92,8 +173,28 @@ impl Reweighting {
         replay: &mut Replay<'_, M, S>,
         huber: &Huber<'_>,
     ) -> Result<(FactorSet, Vec<f64>), S::Error> {
+        self.passed(replay, huber, None)
+    }
+
+    /// Reduces the equations within the bound, and adds up what the others exert, in `partition`.
+    fn divide<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+        &mut self,
+        replay: &mut Replay<'_, M, S>,
+        huber: &Huber<'_>,
+        partition: &mut Partition,
+    ) -> Result<FactorSet, S::Error> {
+        Ok(self.passed(replay, huber, Some(partition))?.0)
+    }
+
+    fn passed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+        &mut self,
+        replay: &mut Replay<'_, M, S>,
+        huber: &Huber<'_>,
+        mut partition: Option<&mut Partition>,
+    ) -> Result<(FactorSet, Vec<f64>), S::Error> {
         if let Some(inner) = self.inner.take() {
-            let (found, holds) = pass(replay, huber, &mut Members::Known(&inner.members))?;
+            let mut members = Members::Known(&inner.members);
+            let (found, holds) = pass(replay, huber, &mut members, partition.as_deref_mut())?;
             if holds {
                 let mut set = inner.set.clone();
                 set.merge(&found.outer)?;
@@ -102,7 +203,10 @@ impl Reweighting {
             }
         }
         let mut members = Vec::new();
-        let (found, _) = pass(replay, huber, &mut Members::Chosen(&mut members))?;
+        if let Some(partition) = partition.as_deref_mut() {
+            partition.clear();
+        }
+        let (found, _) = pass(replay, huber, &mut Members::Chosen(&mut members), partition)?;
         let mut set = found.inner.clone();
         set.merge(&found.outer)?;
         self.inner = Some(Inner {
@@ -128,50 +232,64 @@ struct Reduced {
     psi_squares: Vec<f64>,
 }
 
-/// One pass; also returns whether all known members are within the bound.
+/// One pass; also returns whether all known members are within the bound. With a partition, equations
+/// beyond the bound are added to it and not reduced.
 fn pass<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     huber: &Huber<'_>,
     members: &mut Members<'_>,
+    mut partition: Option<&mut Partition>,
 ) -> Result<(Reduced, bool), S::Error> {
     let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
     let (mut inner, mut outer) = (Accumulator::new(&origin), Accumulator::new(&origin));
     let mut psi_squares = vec![0.0; origin.efforts.len()];
     let mut holds = true;
     let mut at = 0;
-    let mut push = |equations: &Equations<'_>, effort: usize| -> Result<(), EstimateError> {
-        let (tau, weight) = (equations.tau[effort], equations.weights[effort]);
-        let residual = (tau - predicted(equations, effort, huber.values)) * weight;
-        let size = huber.size(effort, residual);
-        let huber_weight = loss::weight(size, 1.0, huber.bound);
-        if let Some(sum) = psi_squares.get_mut(effort) {
-            *sum += (huber_weight * residual).powi(2);
-        }
-        let (entries, count) = (&equations.w[effort..], equations.tau.len());
-        let is_member = match members {
-            Members::Known(members) => members.get(at).copied().unwrap_or(false),
-            Members::Chosen(members) => {
-                let is_member = size <= INNER_PART * huber.bound;
-                members.push(is_member);
-                if is_member {
-                    inner.push(effort, entries, count, tau, weight)?;
-                }
-                is_member
+    let mut push =
+        |equations: &Equations<'_>, effort: usize, fitted: f64| -> Result<(), EstimateError> {
+            let (tau, weight) = (equations.tau[effort], equations.weights[effort]);
+            let residual = (tau - fitted) * weight;
+            let size = huber.size(effort, residual);
+            let huber_weight = loss::weight(size, 1.0, huber.bound);
+            if let Some(sum) = psi_squares.get_mut(effort) {
+                *sum += (huber_weight * residual).powi(2);
             }
+            let (entries, count) = (&equations.w[effort..], equations.tau.len());
+            let is_member = match members {
+                Members::Known(members) => members.get(at).copied().unwrap_or(false),
+                Members::Chosen(members) => {
+                    let is_member = size <= INNER_PART * huber.bound;
+                    members.push(is_member);
+                    if is_member {
+                        inner.push(effort, entries, count, tau, weight)?;
+                    }
+                    is_member
+                }
+            };
+            at += 1;
+            if let Some(partition) = partition.as_deref_mut() {
+                let is_beyond = size > huber.bound;
+                partition.add(effort, residual, is_beyond);
+                if is_beyond && !is_member {
+                    let row = entries.iter().step_by(count.max(1));
+                    partition.pull(effort, row, weight * residual.signum());
+                    return Ok(());
+                }
+            }
+            if is_member {
+                // false for NaN
+                holds &= size <= huber.bound;
+                return Ok(());
+            }
+            // the cost of a row is the square of its factor
+            outer.push(effort, entries, count, tau, weight * huber_weight.sqrt())
         };
-        at += 1;
-        if is_member {
-            // false for NaN
-            holds &= size <= huber.bound;
-            return Ok(());
-        }
-        // the cost of a row is the square of its factor
-        outer.push(effort, entries, count, tau, weight * huber_weight.sqrt())
-    };
+    let mut fitted = Vec::new();
     replay.visit(&mut |equations| {
+        predictions(equations, huber.values, &mut fitted);
         for (effort, weight) in equations.weights.iter().enumerate() {
             if *weight != 0.0 {
-                push(equations, effort)?;
+                push(equations, effort, fitted[effort])?;
             }
         }
         Ok(())

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::delay::{DelayFit, DelayScores, Delays};
 use super::equation_builder::{EquationBuilder, EquationKind, Equations, StateSample};
 use super::filtering::Filtering;
-use super::huber::{Reweighting, reweighted};
+use super::huber::{Reweighting, partitioned, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::stream::LeftOut;
@@ -134,6 +134,18 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
     entries.zip(values).map(|(w, x)| w * x).sum()
 }
 
+/// The right-hand sides of all equations of a sample that base parameters predict, see [`predicted`].
+pub(super) fn predictions(equations: &Equations<'_>, values: &[f64], out: &mut Vec<f64>) {
+    let count = equations.tau.len();
+    out.clear();
+    out.resize(count, 0.0);
+    for (column, x) in equations.w.chunks_exact(count.max(1)).zip(values) {
+        for (sum, w) in out.iter_mut().zip(column) {
+            *sum += w * x;
+        }
+    }
+}
+
 /// Identifies base parameters from a log: the estimate, its residuals, and the covariance that
 /// accounts for their correlation. This takes several passes over the equations; a log whose
 /// equations are too many to be stored (64 MiB) is read again in each.
@@ -178,6 +190,14 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
         let mut passes = Reweighting::default();
+        let start = partitioned(
+            &mut replay,
+            &mut passes,
+            &estimate,
+            bound,
+            options.weighting,
+        )?;
+        estimate = start.unwrap_or(estimate);
         for _ in 0..loss::MAX_PASSES {
             let (next, next_factor) = reweighted(
                 &mut replay,
@@ -293,8 +313,7 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         if equations.tau.is_empty() {
             return Ok(());
         }
-        fitted.clear();
-        fitted.extend((0..equations.tau.len()).map(|e| predicted(equations, e, values)));
+        predictions(equations, values, &mut fitted);
         used.clear();
         used.extend(equations.weights.iter().map(|w| *w > 0.0));
         residuals.push_used(equations.tau, &fitted, &used)

@@ -3,7 +3,7 @@
 use super::delay::{DelayFit, DelayScores};
 use super::equation_builder::Equations;
 use super::huber::Huber;
-use super::passes::{Options, Source, predicted};
+use super::passes::{Options, Source, predictions};
 use super::replay::Replay;
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
@@ -83,7 +83,7 @@ impl<'a> WeightedResiduals<'a> {
 
     /// Replaces the residuals by those of a sample's equations.
     fn compute(&mut self, equations: &Equations<'_>) {
-        self.fitted.clear();
+        predictions(equations, &self.estimate.values, &mut self.fitted);
         self.used.clear();
         self.weights.clear();
         self.psi.clear();
@@ -94,12 +94,10 @@ impl<'a> WeightedResiduals<'a> {
             bound: self.bound,
         };
         let rows = equations.tau.iter().zip(equations.weights);
-        for (e, (tau, equation_weight)) in rows.enumerate() {
-            let fitted = predicted(equations, e, &self.estimate.values);
+        for (e, ((tau, equation_weight), fitted)) in rows.zip(&self.fitted).enumerate() {
             let effort_weight = self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
             let weight = equation_weight * effort_weight;
             let huber_weight = huber.weight(e, (tau - fitted) * equation_weight);
-            self.fitted.push(fitted);
             self.used.push(*equation_weight > 0.0);
             self.weights.push(weight);
             self.psi.push((tau - fitted) * weight * huber_weight);

@@ -1,14 +1,37 @@
 //! Random draws that are the same on every machine.
 
+use super::LeastSquares;
 use crate::estimate::Deviations;
+use crate::feasibility::Known;
 
 /// Decimals of the least-squares parameters that seed the draws: the same log gives the same
 /// intervals on every machine, and another log other draws, so that the chance of a hundred draws
 /// is not the same for all logs.
 const SEED_DECIMALS: usize = 6;
 
+/// How draws are made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Draws<'a> {
+    pub(crate) replicates: usize,
+    /// The seed of the random numbers, which should depend on the log alone.
+    pub(crate) seed: u64,
+    /// What the fit of the data themselves found, if it is known.
+    pub(crate) known: Option<&'a Known>,
+}
+
+impl Draws<'_> {
+    /// Draws that are seeded by the least-squares parameters.
+    pub(crate) fn new(data: LeastSquares<'_>, replicates: usize) -> Self {
+        Self {
+            replicates,
+            seed: seed(data.values),
+            known: None,
+        }
+    }
+}
+
 /// A seed from the decimals of the parameters (FNV-1a hash).
-pub(super) fn seed(values: &[f64]) -> u64 {
+pub(crate) fn seed(values: &[f64]) -> u64 {
     let texts = values.iter().map(|x| format!("{x:.SEED_DECIMALS$e}"));
     texts
         .flat_map(String::into_bytes)

@@ -8,10 +8,10 @@ use regen_runtime::{BaseModel, Friction, LoopClosure};
 use super::{LeastSquaresStart, PriorKnowledge, Session, SessionError, describe};
 use crate::feasibility::{
     BaseMap, MAX_OPTIMAL_GAP, Options, Outcome, ParameterLayout, PhysicalFit, Scale, Verdict,
-    identify, verdict,
+    identify_first, verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
-use crate::intervals::{LeastSquares, Spread, constrained};
+use crate::intervals::{Draws, LeastSquares, Spread, constrained_by};
 use crate::model::{IdentifiedModel, Interval, Intervals};
 
 /// The parameter layout of a model, and the map from its parameters to base parameters.
@@ -66,7 +66,12 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         feasibility: describe_verdict(&judged),
         ..IdentifiedModel::default()
     }];
-    let linear_fit = identify(factor, &combinations, &layout, &options)?;
+    let certificate = match &judged {
+        Verdict::Infeasible { certificate } => Some(certificate),
+        Verdict::Feasible { .. } | Verdict::Undecided { .. } => None,
+    };
+    let (linear_fit, known) =
+        identify_first(factor, &combinations, &layout, &options, certificate)?;
     let p = plain_layout.len();
     let mut progress = |done: usize| {
         session
@@ -82,13 +87,17 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
             deviations: &start.deviations,
         };
         let found = (linear_fit.phi.as_slice(), linear_fit.beta.as_slice());
-        let found = constrained(
+        let draws = Draws {
+            known: known.as_ref(),
+            ..Draws::new(least, draws)
+        };
+        let found = constrained_by(
             least,
             &combinations,
             &layout,
             &options,
             found,
-            draws,
+            &draws,
             &mut progress,
         )?;
         let known = match start.score_blocks {
