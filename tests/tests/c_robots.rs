@@ -313,6 +313,7 @@ fn stack(folder: &Path, compared: &Compared) {
         let helpers = [
             "sin_cos_lanes",
             "sin_cos",
+            "any_angle",
             "angle",
             "near",
             "solve_pivoted",

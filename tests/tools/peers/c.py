@@ -5,7 +5,8 @@
 
 Robots are those of peers.py. Our C and CasADi's are compiled by `gcc -O3 -march=native`, our Rust for the
 same processor. Each function is called through one that is not inlined, on the same state. The programs
-run in turns, three times each, and the least time of many rounds counts. Outputs are compared first.
+run in turns, twelve times each, and the least time of many rounds counts. Rounds take some 10 us: on a busy
+machine that changes its clock, few longer ones are at one speed throughout. Outputs are compared first.
 """
 import math
 import os
@@ -18,7 +19,7 @@ import peers
 from peers import ROOT, SERIAL, WORK, run
 
 peers.NEEDS = ["casadi==3.8.2", "pyyaml==6.0.3", "numpy"]
-FUNCTIONS = ["base_regressor", "base_inverse_dynamics", "regressor"]
+TURNS, ROUNDS, CALLS = 12, 1500, 48
 
 
 def generate(robots):
@@ -81,9 +82,9 @@ def rust(robots):
                 show = "out.iter().flatten()"
             body += (f"    if show {{\n        {call};\n        let all: Vec<String> = {show}.map(|x| format!(\"{{x:e}}\")).collect();\n"
                      f"        println!(\"{name}\\t{{}}\", all.join(\" \"));\n    }} else {{\n        let mut best = f64::MAX;\n"
-                     f"        for _ in 0..400 {{\n            let start = Instant::now();\n            for _ in 0..256 {{\n"
+                     f"        for _ in 0..{ROUNDS} {{\n            let start = Instant::now();\n            for _ in 0..{CALLS} {{\n"
                      f"                black_box({call});\n                black_box(&out);\n            }}\n"
-                     f"            best = best.min(start.elapsed().as_secs_f64() / 256e-9);\n        }}\n"
+                     f"            best = best.min(start.elapsed().as_secs_f64() / {CALLS}e-9);\n        }}\n"
                      f"        println!(\"{name}\\t{{best:.2}}\");\n    }}\n")
     code += f"fn main() {{\n    let show = std::env::args().len() > 1;\n{body}}}\n"
     (folder / "src" / "main.rs").write_text(code)
@@ -107,8 +108,8 @@ def ours(robots):
                 body += f"  static double beta[{given}]; for (int i = 0; i < {given}; i++) beta[i] = 0.1 + i;\n"
             call = f"{robot}_{function}(q, qd, qdd{beta}, out);"
             body += (f'  if (show) {{ {call} printf("{robot}_{function}\\t"); for (int i = 0; i < {length}; i++) printf("%.17g ", out[i]); printf("\\n"); }}\n'
-                     f"  else {{ double best = 1e30; for (int r = 0; r < 400; r++) {{ double t = now(); for (int k = 0; k < CALLS; k++) {{ KEEP(q); {call} KEEP(out); }}"
-                     f' t = (now() - t) / CALLS; if (t < best) best = t; }} printf("{robot}_{function}\\t%.2f\\n", best); }}\n')
+                     f"  else {{ double best = 1e30; for (int r = 0; r < {ROUNDS}; r++) {{ double t = now(); for (int k = 0; k < {CALLS}; k++) {{ KEEP(q); {call} KEEP(out); }}"
+                     f' t = (now() - t) / {CALLS}; if (t < best) best = t; }} printf("{robot}_{function}\\t%.2f\\n", best); }}\n')
         body += " }\n"
     code += f"int main(int argc, char **argv) {{ static double out[65536]; const int show = argc > 1; (void)argv;\n{body} return 0; }}\n"
     (WORK / "c" / "main.c").write_text(code)
@@ -138,7 +139,7 @@ def main():
     functions = [peers.casadi_rps3(ca) if r == "rps3" else peers.casadi_serial(ca, r) for r in robots]
     plain = peers.compile_casadi(ca, functions, ["-O3", "-march=native"], "plain")
     fast = peers.compile_casadi(ca, functions, ["-O3", "-march=native", "-ffast-math"], "fast")
-    in_rust, in_c, plain, fast = peers.figures([in_rust, in_c, plain, fast])
+    in_rust, in_c, plain, fast = peers.figures([in_rust, in_c, plain, fast], TURNS)
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; {run(['gcc', '--version']).splitlines()[0]}, "
           f"{run(['rustc', '--version']).strip()}, CasADi {ca.__version__}\n")
     print("| function | Rust, ns | C, ns | C/Rust | CasADi's C, ns | C/CasADi |\n|---|---|---|---|---|---|")

@@ -494,10 +494,10 @@ def agree_pinocchio(ours, pin):
     assert worst < 1e-9
 
 
-def figures(programs):
+def figures(programs, rounds=ROUNDS):
     """The minimum time of each figure of each program, in interleaved rounds."""
     least = [{} for _ in programs]
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for program, best in zip(programs, least):
             for line in run([program]).splitlines():
                 name, value = line.split("\t")

@@ -9,6 +9,7 @@
 //!
 //! Matrices are flat arrays, as Eigen, LAPACK, ROS and Simulink pass them.
 
+mod angles;
 mod constants;
 mod functions;
 mod header;

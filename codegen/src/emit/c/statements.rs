@@ -7,8 +7,9 @@ use crate::optimize::{Op, Operand, Output, Program};
 
 use super::super::language::{Language, Limits, Solve};
 use super::super::text::Text;
+use super::angles::LANES;
 use super::names::{RESERVED, literal, literal_f};
-use super::support::{Helper, Helpers, LANES};
+use super::support::{Helper, Helpers, macro_name};
 
 /// The brackets of initialisers.
 const LIST: [&str; 2] = ["{ ", " }"];
@@ -78,6 +79,13 @@ impl C<'_> {
         helper.name(self.prefix, self.precision)
     }
 
+    /// A product and a sum that are fused by this macro.
+    fn fused(&self, word: &str, operands: [String; 3]) -> String {
+        self.helpers.call(Helper::Fused);
+        let name = macro_name(self.prefix, word, self.precision);
+        format!("{name}({})", operands.join(", "))
+    }
+
     /// Counts variables and entries of arrays, for the bound of the stack.
     fn count(&self, entries: usize) {
         self.entries.set(self.entries.get() + entries);
@@ -89,14 +97,15 @@ impl C<'_> {
         self.numbered.get()
     }
 
-    /// Binds the sines and cosines of angles to entries of arrays with these names.
-    fn unpack(&self, text: &mut Text, names: &[[Option<&str>; 2]], number: usize) {
+    /// Binds the sines and cosines of angles to these entries of arrays with these names.
+    fn unpack(&self, text: &mut Text, names: &[[Option<&str>; 2]], number: usize, first: usize) {
         let number_type = self.precision.type_name();
         for (index, pair) in names.iter().enumerate() {
+            let entry = first + index;
             let arrays = ["sines", "cosines"].iter().zip(pair);
             let bound: Vec<String> = arrays
                 .filter_map(|(array, name)| {
-                    Some(format!("{} = {array}_{number}_[{index}]", (*name)?))
+                    Some(format!("{} = {array}_{number}_[{entry}]", (*name)?))
                 })
                 .collect();
             if !bound.is_empty() {
@@ -104,6 +113,35 @@ impl C<'_> {
                 self.count(bound.len());
             }
         }
+    }
+
+    /// Binds the sines and cosines of up to [`LANES`] angles, of which the first ones have sines and
+    /// cosines already.
+    fn sin_cos_group(
+        &self,
+        text: &mut Text,
+        names: &[[Option<&str>; 2]],
+        angles: &[String],
+        bound: usize,
+    ) {
+        let number_type = self.precision.type_name();
+        let helper = self.helper(Helper::SinCosLanes);
+        let number = self.next();
+        let mut filled = angles.to_vec();
+        filled.resize(LANES, angles.last().cloned().unwrap_or_default());
+        let head = format!("const {number_type} angles_{number}_[{LANES}] = ");
+        text.list(1, &head, LIST, &filled, ";");
+        text.line(
+            1,
+            &format!("{number_type} sines_{number}_[{LANES}], cosines_{number}_[{LANES}];"),
+        );
+        text.line(
+            1,
+            &format!("{helper}(angles_{number}_, sines_{number}_, cosines_{number}_);"),
+        );
+        // three arrays, and the variables of the helper, which is part of the function
+        self.count(3 * LANES + 8);
+        self.unpack(text, &names[bound..], number, bound);
     }
 }
 
@@ -132,9 +170,9 @@ impl Language for C<'_> {
             Op::Sub(a, b) => format!("{} - {}", o(a), o(b)),
             Op::Mul(a, b) => format!("{} * {}", o(a), o(b)),
             Op::Div(a, b) => format!("{} / {}", o(a), o(b)),
-            Op::MulAdd(a, b, c) => format!("{} * {} + {}", o(a), o(b), o(c)),
-            Op::NegMulAdd(a, b, c) => format!("{} - {} * {}", o(c), o(a), o(b)),
-            Op::MulSub(a, b, c) => format!("{} * {} - {}", o(a), o(b), o(c)),
+            Op::MulAdd(a, b, c) => self.fused("FMA", [a, b, c].map(o)),
+            Op::NegMulAdd(a, b, c) => self.fused("FNMA", [a, b, c].map(o)),
+            Op::MulSub(a, b, c) => self.fused("FMS", [a, b, c].map(o)),
             Op::Sqrt(a) => format!("sqrt{}({})", self.precision.library_suffix(), o(a)),
             Op::Sign(a) => format!("{}({})", self.helper(Helper::Sign), o(a)),
             Op::Positive(a) => format!("{} > {zero} ? {one} : {zero}", o(a)),
@@ -202,11 +240,11 @@ impl Language for C<'_> {
         let helper = self.helper(Helper::SinCos);
         text.line(1, &format!("{helper}({angle}, {sine}, {cosine});"));
         self.count(2);
-        self.unpack(text, &[names], number);
+        self.unpack(text, &[names], number, 0);
     }
 
-    /// Sines and cosines in groups that fill vector registers; the C library's in single precision,
-    /// where they are quick.
+    /// Sines and cosines in groups that fill vector registers, of which the last overlaps the one
+    /// before; the C library's in single precision, where they are quick.
     fn sin_cos_all(&self, text: &mut Text, names: &[[Option<&str>; 2]], angles: &[String]) {
         if self.precision == Precision::Float {
             for (pair, angle) in names.iter().zip(angles) {
@@ -214,43 +252,17 @@ impl Language for C<'_> {
             }
             return;
         }
-        let number_type = self.precision.type_name();
-        let helper = self.helper(Helper::SinCosLanes);
-        let number = self.next();
-        // one angle that is left over takes longer in registers that are filled up
-        let single = angles.len() % LANES == 1;
-        let lanes = if single {
-            angles.len()
-        } else {
-            angles.len().next_multiple_of(LANES)
-        };
-        let zero = self.constant(0.0);
-        let padding = std::iter::repeat_n(zero, lanes - angles.len());
-        let padded: Vec<String> = angles.iter().cloned().chain(padding).collect();
-        let head = format!("const {number_type} angles_{number}_[{lanes}] = ");
-        text.list(1, &head, LIST, &padded, ";");
-        let arrays = ["sines", "cosines"].map(|array| format!("{array}_{number}_[{lanes}]"));
-        text.line(1, &format!("{number_type} {};", arrays.join(", ")));
-        let offset = |array: &str, first: usize| {
-            if first > 0 {
-                format!("{array}_{number}_ + {first}")
-            } else {
-                format!("{array}_{number}_")
-            }
-        };
-        for first in (0..lanes - usize::from(single)).step_by(LANES) {
-            let arrays = ["angles", "sines", "cosines"].map(|array| offset(array, first));
-            text.line(1, &format!("{helper}({});", arrays.join(", ")));
+        // one angle that is left over takes longer in a register of its own
+        let together = angles.len() - usize::from(angles.len() % LANES == 1);
+        let last = together.saturating_sub(LANES);
+        for group in (0..together).step_by(LANES) {
+            let first = group.min(last);
+            let end = together.min(first + LANES);
+            self.sin_cos_group(text, &names[first..end], &angles[first..end], group - first);
         }
-        if single {
-            let last = lanes - 1;
-            let helper = self.helper(Helper::SinCos);
-            let [sines, cosines] = ["sines", "cosines"].map(|array| offset(array, last));
-            let angle = format!("angles_{number}_[{last}]");
-            text.line(1, &format!("{helper}({angle}, {sines}, {cosines});"));
+        for (pair, angle) in names.iter().zip(angles).skip(together) {
+            self.sin_cos(text, *pair, angle);
         }
-        self.count(3 * lanes);
-        self.unpack(text, names, number);
     }
 
     fn solve(&self, text: &mut Text, solve: &Solve<'_>) {

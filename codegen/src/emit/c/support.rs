@@ -5,14 +5,14 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use super::angles::{ANGLE, SIN_COS, SIN_COS_LANES};
 use super::statements::Precision;
-
-/// Number of angles whose sines and cosines are computed together.
-pub(super) const LANES: usize = 4;
 
 /// A static function of a robot's C file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Helper {
+    /// The macros of fused products.
+    Fused,
     /// The absolute value.
     Size,
     /// The smaller of two numbers.
@@ -44,12 +44,16 @@ impl Helpers {
 
     /// The text of the helpers that were called, for these names and this type.
     pub(super) fn text(&self, prefix: &str, precision: Precision) -> String {
+        let takes_angles = self.has(Helper::SinCos) || self.has(Helper::SinCosLanes);
         let mut out = String::new();
-        if self.has(Helper::SinCos) || self.has(Helper::SinCosLanes) {
+        if takes_angles || self.has(Helper::Fused) {
+            out.push_str(Helper::Fused.template());
+        }
+        if takes_angles {
             out.push_str(ANGLE);
         }
         let called = self.0.borrow();
-        for helper in called.iter() {
+        for helper in called.iter().filter(|h| **h != Helper::Fused) {
             out.push_str(helper.template());
         }
         spelled(&out, prefix, precision)
@@ -60,6 +64,7 @@ impl Helper {
     /// The function's name.
     pub(super) fn name(self, prefix: &str, precision: Precision) -> String {
         let name = match self {
+            Helper::Fused => "fma",
             Helper::Size => "size_of",
             Helper::Smaller => "smaller",
             Helper::Sign => "sign_of",
@@ -72,6 +77,7 @@ impl Helper {
 
     fn template(self) -> &'static str {
         match self {
+            Helper::Fused => FUSED,
             Helper::Size => SIZE,
             Helper::Smaller => SMALLER,
             Helper::Sign => SIGN,
@@ -82,12 +88,12 @@ impl Helper {
     }
 }
 
-/// A template with names and types: `@name` is a helper, `REAL` the type, `#` before digits marks a
-/// number of that type, and `RESTRICT` is the header's macro.
+/// A template with names and types: `@name` is a helper, `$NAME` a macro, `REAL` the type, `#` before
+/// digits marks a number of that type, and `RESTRICT` is the header's macro.
 fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
     let mut out = String::new();
     let mut rest = template;
-    while let Some(at) = rest.find(['@', '#']) {
+    while let Some(at) = rest.find(['@', '$', '#']) {
         let (before, marked) = rest.split_at(at);
         out.push_str(before);
         let (mark, word) = marked.split_at(1);
@@ -97,6 +103,7 @@ fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
             ("@", _) => {
                 let _ = write!(out, "{prefix}_{word}{}", precision.suffix());
             }
+            ("$", _) => out.push_str(&macro_name(prefix, word, precision)),
             (_, Ok(value)) => out.push_str(&precision.literal(value)),
             (_, Err(_)) => {
                 let _ = write!(out, "#{word}");
@@ -107,8 +114,33 @@ fn spelled(template: &str, prefix: &str, precision: Precision) -> String {
     out.push_str(rest);
     let restrict = format!("{}_RESTRICT", prefix.to_ascii_uppercase());
     out.replace("REAL", precision.type_name())
+        .replace("FLOATS", &precision.library_suffix().to_ascii_uppercase())
+        .replace("FMAS", &format!("fma{}", precision.library_suffix()))
         .replace("RESTRICT", &restrict)
 }
+
+/// The name of a macro of the C file.
+pub(super) fn macro_name(prefix: &str, word: &str, precision: Precision) -> String {
+    let prefix = prefix.to_ascii_uppercase();
+    format!("{prefix}_{word}{}", precision.suffix().to_ascii_uppercase())
+}
+
+/// Fused products wherever a program has them. ISO C lets a compiler fuse none, and GNU C any, so that
+/// without these macros the flags would decide how fast the functions are, and their last bits.
+/// Clang says by `__FMA__` alone that an x86 processor fuses.
+const FUSED: &str = r"
+/* a b + c, c - a b and a b - c, rounded once where the processor computes each by one instruction. */
+#if defined(__GNUC__) && (defined(__FP_FAST_FMAFLOATS) || defined(__FMA__))
+#define $FUSES
+#define $FMA(a, b, c) __builtin_FMAS(a, b, c)
+#define $FNMA(a, b, c) __builtin_FMAS(-(a), b, c)
+#define $FMS(a, b, c) __builtin_FMAS(a, b, -(c))
+#else
+#define $FMA(a, b, c) ((a) * (b) + (c))
+#define $FNMA(a, b, c) ((c) - (a) * (b))
+#define $FMS(a, b, c) ((a) * (b) - (c))
+#endif
+";
 
 const SIZE: &str = r"
 /* The absolute value. */
@@ -131,126 +163,6 @@ const SIGN: &str = r"
 static inline REAL @sign_of(REAL x)
 {
     return x > #0.0 ? #1.0 : x < #0.0 ? -#1.0 : x;
-}
-";
-
-/// The polynomials and the reductions of the runtime's `scalar/angles.rs`. Only conversions to
-/// integers decide which quarter turn an angle is in, so that compilers may reorder sums; the shorter
-/// reduction is left out where they may.
-const ANGLE: &str = r"
-/* Sine and cosine of y + tail, where y is at most a quarter turn's half and tail its rounding error. */
-static inline void @near(double y, double tail, double *s, double *c)
-{
-    const double z = y * y;
-    const double square = z * z;
-    const double half = z * 0.5;
-    const double sin_low = 0.00833333333333094 * z + -0.16666666666666666;
-    const double sin_middle = 2.755731609787775e-6 * z + -0.0001984126983674956;
-    const double sin_high = 1.591805913698281e-10 * z + -2.5051130870968297e-8;
-    const double sin_all = (sin_high * square + sin_middle) * square + sin_low;
-    const double cos_low = -0.0013888888888887393 * z + 0.041666666666666664;
-    const double cos_middle = -2.755731726880539e-7 * z + 2.4801587298760048e-5;
-    const double cos_high = -1.1382588535352526e-11 * z + 2.0876145659059344e-9;
-    const double cos_all = (cos_high * square + cos_middle) * square + cos_low;
-    *s = y + (y * z * sin_all + tail * (1.0 - half));
-    const double leading = 1.0 - half;
-    const double lost = (1.0 - leading) - half;
-    *c = leading + (lost + (square * cos_all + -(y * tail)));
-}
-
-/* Sine and cosine of an angle of at most 2^20 rad, each within one unit in the last place. There are
-   no branches, so that compilers can compute several angles in vector registers. */
-static inline void @angle(double x, double *s, double *c)
-{
-    const int32_t turns = (int32_t)(x * 0.6366197723675814 + (x < 0.0 ? -0.5 : 0.5));
-    const double quarters = (double)turns;
-    /* y + tail = x - quarters * pi / 2, which is given in four parts (Cody and Waite, 1980) */
-    const double first = x - quarters * 1.5707963267341256;
-    const double b2 = -(quarters * 6.077100506303966e-11);
-    const double second = first + b2;
-    const double from_b2 = second - first;
-    const double error_2 = (first - (second - from_b2)) + (b2 - from_b2);
-    const double b3 = -(quarters * 2.0222662487111665e-21);
-    const double third = second + b3;
-    const double from_b3 = third - second;
-    const double error_3 = (second - (third - from_b3)) + (b3 - from_b3);
-    const double rest = (error_2 + error_3) - quarters * 8.4784276603689e-32;
-    const double y = third + rest;
-    const double tail = (third - y) + rest;
-    double sine, cosine;
-    @near(y, tail, &sine, &cosine);
-    const double turned_s = (turns & 1) ? cosine : sine;
-    const double turned_c = (turns & 1) ? sine : cosine;
-    *s = (turns & 2) ? -turned_s : turned_s;
-    *c = ((turns + 1) & 2) ? -turned_c : turned_c;
-}
-
-#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
-/* The same where products and sums are fused, by a shorter reduction; 0 where the angle is too close
-   to a multiple of a quarter turn for it. Bits of a sum say which quarter turn it is. */
-static inline uint64_t @angle_fused(double x, double *s, double *c)
-{
-    union { double number; uint64_t bits; } shifted, sine, cosine;
-    shifted.number = __builtin_fma(x, 0.6366197723675814, 6755399441055744.0);
-    const double quarters = shifted.number - 6755399441055744.0;
-    const double first = __builtin_fma(-quarters, 1.5707963267948966, x);
-    const double y = __builtin_fma(-quarters, 6.123233995736766e-17, first);
-    const double tail = __builtin_fma(-quarters, 6.123233995736766e-17, first - y);
-    @near(y, tail, &sine.number, &cosine.number);
-    const uint64_t turns = shifted.bits;
-    const uint64_t exchanged = (sine.bits ^ cosine.bits) & (0u - (turns & 1u));
-    sine.bits = (sine.bits ^ exchanged) ^ ((turns & 2u) << 62);
-    cosine.bits = (cosine.bits ^ exchanged) ^ (((turns + 1u) & 2u) << 62);
-    *s = sine.number;
-    *c = cosine.number;
-    return (uint64_t)((y >= 5.960464477539063e-8) | (y <= -5.960464477539063e-8) | (x == 0.0));
-}
-#endif
-";
-
-const SIN_COS: &str = r"
-/* Sine and cosine; the C library's for angles beyond 2^20 rad. */
-static inline void @sin_cos(double x, double *s, double *c)
-{
-    if (x > -1048576.0 && x < 1048576.0) {
-#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
-        if (@angle_fused(x, s, c)) {
-            return;
-        }
-#endif
-        @angle(x, s, c);
-    } else {
-        *s = sin(x);
-        *c = cos(x);
-    }
-}
-";
-
-const SIN_COS_LANES: &str = r"
-/* Sines and cosines of four angles; the C library's if one is beyond 2^20 rad. */
-static inline void @sin_cos_lanes(const double *RESTRICT x, double *RESTRICT s, double *RESTRICT c)
-{
-    int within = 1;
-    for (int i = 0; i < 4; i++) {
-        within &= (x[i] > -1048576.0) & (x[i] < 1048576.0);
-    }
-    if (within) {
-        uint64_t done = 0;
-#if defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(__FAST_MATH__)
-        done = 1;
-        for (int i = 0; i < 4; i++) {
-            done &= @angle_fused(x[i], s + i, c + i);
-        }
-#endif
-        for (int i = 0; i < 4 && !done; i++) {
-            @angle(x[i], s + i, c + i);
-        }
-    } else {
-        for (int i = 0; i < 4; i++) {
-            s[i] = sin(x[i]);
-            c[i] = cos(x[i]);
-        }
-    }
 }
 ";
 
