@@ -21,7 +21,7 @@ pub(crate) fn without_friction(tree: &Tree, remedy: &str, log: &mut Log) {
     let of_drives = of_drives.map(|drive| drive.damping + drive.friction + drive.armature);
     if of_joints.chain(of_drives).all(|sum| sum == 0.0) {
         let text = format!(
-            "no joint has friction in this file, and efforts that are measured at motors have: to identify \
+            "no joint of this file has friction, but efforts that are measured at motors contain it: to identify \
              from such logs, import with {remedy}"
         );
         log.note(tree.place, text);
