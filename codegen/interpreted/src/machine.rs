@@ -8,6 +8,8 @@
     reason = "what is left as a call is compiled without the token's instruction set"
 )]
 
+use std::cell::Cell;
+
 use pulp::{Arch, Simd, WithSimd};
 use regen_codegen::interpret::{self, PIVOT_BOUND};
 use regen_runtime::function::Argument;
@@ -132,7 +134,7 @@ impl Register for f64 {
     }
     #[inline(always)]
     fn sin_cos(self, (): ()) -> (Self, Self) {
-        (libm::sin(self), libm::cos(self))
+        sin_cos_again(self)
     }
     #[inline(always)]
     fn add(self, b: Self, (): ()) -> Self {
@@ -151,6 +153,31 @@ impl Register for f64 {
         self / b
     }
     one_state!();
+}
+
+/// The number of angles whose sines and cosines are kept, a power of two.
+const ANGLES: usize = 256;
+
+thread_local! {
+    /// Angles with their sines and cosines, each where its bits lead: the functions of a robot are
+    /// computed one after the other at the same state, and their angles are the same.
+    static SINES: [Cell<[f64; 3]>; ANGLES] = const { [const { Cell::new([0.0, 0.0, 1.0]) }; ANGLES] };
+}
+
+/// Sine and cosine of an angle, without computing them anew where this thread knows them.
+fn sin_cos_again(angle: f64) -> (f64, f64) {
+    // the upper bits of a product with an odd number depend on all bits of the angle
+    let place = angle.to_bits().wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - ANGLES.ilog2());
+    SINES.with(|kept| {
+        let slot = &kept[place as usize % ANGLES];
+        let [own, sin, cos] = slot.get();
+        if own.to_bits() == angle.to_bits() {
+            return (sin, cos);
+        }
+        let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+        slot.set([angle, sin, cos]);
+        (sin, cos)
+    })
 }
 
 /// The sign as the interpreter computes it.

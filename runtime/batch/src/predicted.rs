@@ -3,11 +3,13 @@
 use regen_runtime::{ClosureError, LoopClosure, Model, Outcome};
 
 use crate::closure::{
-    CONVERGED_STEP, MAX_CORRECTION_RATIO, MAX_PREDICTOR_MOVE, MAX_STEPS, RELATIVE_TOLERANCE,
-    SUSPECT_PIVOT,
+    MAX_CORRECTION_RATIO, MAX_PREDICTOR_MOVE, MAX_STEPS, RELATIVE_TOLERANCE, SUSPECT_PIVOT,
 };
 use crate::inverse::{MAX_CHANGE, Reference, largest};
 
+/// A Newton step below this, relative to 1 + the size of the dependent coordinates, is the last one:
+/// the error that remains is about its square, a rounding error, and the residual is checked.
+const LAST_STEP: f64 = 1e-8;
 /// If A has changed by more than this since the reference, the accepted state becomes the new
 /// reference.
 const RENEWAL: f64 = 0.5 * MAX_CHANGE;
@@ -165,7 +167,7 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
     fn converges(&mut self, moved: f64) -> Result<bool, ClosureError> {
         let (trial, units) = (&mut self.trial, &self.units);
         let sizes = self.dependent.iter().map(|c| (trial[*c] / units[*c]).abs());
-        let floor = CONVERGED_STEP * (1.0 + sizes.fold(0.0, largest));
+        let floor = LAST_STEP * (1.0 + sizes.fold(0.0, largest));
         let (mut sum, mut before) = (0.0, f64::INFINITY);
         for _ in 0..MAX_STEPS {
             let pivot = self.model.newton_step(trial, &mut self.step)?.pivot;

@@ -91,35 +91,47 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
         };
         fits("efforts", efforts.len())?;
         fits("out", out.len())?;
-        let Some(condition) = self.prepare(q, qd)? else {
+        let Some(condition) = self.place(q)? else {
             return Ok(ForwardOutcome::NotPositiveDefinite);
         };
+        let condition = condition.worst(self.set_velocities(q, qd)?);
         self.solve(efforts, out);
         Ok(ForwardOutcome::Solved(condition))
     }
 
-    /// Computes, at a closed state, everything that does not depend on the efforts; `None` if the
-    /// mass matrix is not positive definite.
-    pub(super) fn prepare(
+    /// Computes, at a closed state, everything that depends on the positions alone; `None` if the mass
+    /// matrix is not positive definite.
+    pub(super) fn place(&mut self, q: &[f64]) -> Result<Option<Condition<f64>>, SizeError> {
+        let condition = self.model.mass_matrix(q, &self.phi, &mut self.mass)?;
+        Ok(factor_mass(&mut self.mass, self.dof).then_some(condition))
+    }
+
+    /// Computes everything else that does not depend on the efforts, at the positions of the last call
+    /// of [`place`](Self::place).
+    pub(super) fn set_velocities(
         &mut self,
         q: &[f64],
         qd: &[f64],
-    ) -> Result<Option<Condition<f64>>, SizeError> {
+    ) -> Result<Condition<f64>, SizeError> {
         let model = self.model;
-        let mut condition = model.accelerations(q, qd, &self.zero, &mut self.accelerations)?;
-        condition = condition.worst(model.inverse_dynamics(
+        let condition = model.accelerations(q, qd, &self.zero, &mut self.accelerations)?;
+        Ok(condition.worst(model.inverse_dynamics(
             q,
             qd,
             &self.accelerations,
             &self.phi,
             &mut self.forces,
-        )?);
-        condition = condition.worst(model.mass_matrix(q, &self.phi, &mut self.mass)?);
-        Ok(factor_mass(&mut self.mass, self.dof).then_some(condition))
+        )?))
+    }
+
+    /// The accelerations of all coordinates at the velocities of the last call of
+    /// [`set_velocities`](Self::set_velocities), where the independent ones are zero.
+    pub(super) fn without_acceleration(&self) -> &[f64] {
+        &self.accelerations
     }
 
     /// The accelerations under the efforts at the state of the last call of
-    /// [`prepare`](Self::prepare).
+    /// [`set_velocities`](Self::set_velocities).
     pub(super) fn solve(&self, efforts: &[f64], out: &mut [f64]) {
         for ((out, effort), force) in out.iter_mut().zip(efforts).zip(&self.forces) {
             *out = effort - force;

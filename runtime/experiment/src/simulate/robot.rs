@@ -8,7 +8,9 @@ use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
 use regen_batch::{PredictedClosure, eval_many};
-use regen_runtime::{Arguments, Function, Joint, Model, Outcome, SizeError, Status};
+use regen_runtime::{
+    Arguments, Condition, Friction, Function, Joint, Model, Outcome, SizeError, Status,
+};
 
 /// The continuous-time robot that is integrated between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
@@ -28,11 +30,20 @@ pub(super) struct Robot<'m, M: ?Sized> {
     /// The velocity over which the smoothed friction of each coordinate changes its direction, rad/s
     /// or m/s.
     friction_widths: Vec<f64>,
+    /// Whether a coordinate has friction.
+    has_friction: bool,
     pub(super) command: Vec<f64>,
-    /// The independent positions and velocities (2 dof) of the state that the following fields
-    /// belong to; `None` before the first state, and if the state could not be computed.
-    at: Option<Vec<f64>>,
+    /// The independent positions (dof) to which the next three fields belong; `None` before the first
+    /// state, and if they could not be computed.
+    place: Option<Vec<f64>>,
     q: Vec<f64>,
+    /// dq/dq_i: the dof rates of each coordinate, one coordinate after the other.
+    columns: Vec<f64>,
+    /// The condition of the mass matrix that `forward` has factored.
+    condition: Condition<f64>,
+    /// The independent positions and velocities (2 dof) of the state to which the next fields belong;
+    /// `None` before the first state, and if the state could not be computed.
+    at: Option<Vec<f64>>,
     qd: Vec<f64>,
     /// The reduced efforts of friction there (dof), N m or N.
     friction: Vec<f64>,
@@ -98,19 +109,23 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             friction_widths: (0..n)
                 .map(|k| friction_width(info.joints.get(k), settings.friction_width))
                 .collect(),
+            has_friction: settings.friction.iter().any(|f| f.law != Friction::None),
             command: if settings.offset.is_empty() {
                 vec![0.0; a]
             } else {
                 settings.offset.clone()
             },
-            at: None,
+            place: None,
             q: vec![0.0; n],
+            columns: Vec::new(),
+            condition: Condition::regular(1.0),
+            at: None,
             qd: vec![0.0; n],
             friction: vec![0.0; dof],
             loss: 0.0,
             qdd_i: vec![0.0; dof],
             effort: vec![0.0; a],
-            dy: vec![0.0; 2 * dof + a + info.dependent.len() + 2],
+            dy: vec![0.0; 2 * n + a + 2],
             logged: Vec::new(),
             reduced: vec![0.0; dof],
             lanes: Lanes::new(n, dof),
@@ -120,33 +135,59 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     /// The size of each entry of the state vector below which its tolerance is absolute: 1 rad or m
     /// (per s) and 100 N, N m or J; the dependent coordinates, which are closed anew, have none.
     pub(super) fn scales(&self) -> Vec<f64> {
-        let mut scales = vec![1.0; 2 * self.dof];
-        scales.resize(2 * self.dof + self.actuated.len(), 1e2);
-        scales.resize(scales.len() + self.dependent.len(), f64::INFINITY);
-        scales.extend([1e2, 1e2]);
+        let rate = [1.0, f64::INFINITY];
+        let sizes = [self.dof, self.dependent.len()];
+        let mut scales = Vec::with_capacity(self.dy.len());
+        for _ in 0..2 {
+            for (scale, size) in rate.iter().zip(sizes) {
+                scales.extend(std::iter::repeat_n(*scale, size));
+            }
+        }
+        scales.resize(self.dy.len(), 1e2);
         scales
     }
 
-    /// The range of the dependent coordinates in the state vector y, which consists of q_i, qd_i, the
-    /// efforts of drives with lag, the dependent coordinates, work and loss.
-    fn dependents(&self) -> std::ops::Range<usize> {
-        let start = 2 * self.dof + self.actuated.len();
-        start..start + self.dependent.len()
+    /// The number of positions in the state vector y, which has the same number of velocities: q_i,
+    /// the dependent coordinates, qd_i, their velocities, the efforts of drives with lag, work, loss.
+    pub(super) fn positions(&self) -> usize {
+        self.dof + self.dependent.len()
     }
 
-    /// Replaces the dependent coordinates of a state vector, which were integrated, by those that
-    /// close the loops, if they are known.
+    /// The state vector at these independent positions and velocities (dof each), of which the
+    /// dependent coordinates are not known.
+    pub(super) fn state(&self, q_i: &[f64], qd_i: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; self.dy.len()];
+        let (positions, rest) = y.split_at_mut(self.positions());
+        let (velocities, rest) = rest.split_at_mut(positions.len());
+        let drives = self.command.len();
+        positions[..self.dof].copy_from_slice(q_i);
+        velocities[..self.dof].copy_from_slice(qd_i);
+        rest[..drives].copy_from_slice(&self.command);
+        y
+    }
+
+    /// Replaces the dependent coordinates and velocities of a state vector, which were integrated, by
+    /// those of the closed loops, if they are known.
     pub(super) fn settle(&self, y: &mut [f64]) {
         if self.is_at(y) {
-            for (slot, c) in y[self.dependents()].iter_mut().zip(&self.dependent) {
-                *slot = self.q[*c];
+            let (positions, rest) = y.split_at_mut(self.positions());
+            for (slots, all) in [(positions, &self.q), (rest, &self.qd)] {
+                for (slot, c) in slots[self.dof..].iter_mut().zip(&self.dependent) {
+                    *slot = all[*c];
+                }
             }
         }
     }
 
+    /// The independent velocities of a state vector.
+    fn velocities<'y>(&self, y: &'y [f64]) -> &'y [f64] {
+        &y[self.positions()..self.positions() + self.dof]
+    }
+
     /// Whether a state vector has the positions and velocities for which `rates` was last called.
     fn is_at(&self, y: &[f64]) -> bool {
-        self.at.as_deref() == y.get(..2 * self.dof)
+        let own = y[..self.dof].iter().chain(self.velocities(y));
+        self.at.as_ref().is_some_and(|at| at.iter().eq(own))
     }
 
     fn drive(&self, k: usize) -> Drive {
@@ -162,50 +203,73 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
     }
 
-    /// Computes everything that depends on positions and velocities alone.
-    fn move_to(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
+    /// Computes everything that depends on positions alone.
+    fn move_to_place(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
         let dof = self.dof;
-        let mut at = self.at.take().unwrap_or_default();
-        let (q_i, qd_i) = y[..2 * dof].split_at(dof);
-        let outcome = self.closure.close(q_i, &y[self.dependents()])?;
+        let mut place = self.place.take().unwrap_or_default();
+        let outcome = self.closure.close(&y[..dof], &y[dof..self.positions()])?;
         if !outcome.is_closed() {
             return Ok(Err(self.stopped(outcome)));
         }
         self.q.copy_from_slice(self.closure.q());
+        if self.columns.is_empty() || !self.dependent.is_empty() {
+            self.columns.clear();
+            let columns = self.lanes.columns(self.model, &self.q)?;
+            self.columns.extend(columns);
+        }
+        let Some(condition) = self.forward.place(&self.q)? else {
+            return Ok(Err(Termination::NotPositiveDefinite));
+        };
+        self.condition = condition;
+        place.clear();
+        place.extend_from_slice(&y[..dof]);
+        self.place = Some(place);
+        Ok(Ok(()))
+    }
+
+    /// Computes what depends on positions and velocities alone.
+    fn move_to(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
+        let dof = self.dof;
+        let mut at = self.at.take().unwrap_or_default();
+        if self.place.as_deref() != Some(&y[..dof])
+            && let Err(stop) = self.move_to_place(y)?
+        {
+            return Ok(Err(stop));
+        }
+        let qd_i = self.velocities(y);
+        for (v, rates) in self
+            .qd
+            .iter_mut()
+            .zip(self.columns.chunks_exact(dof.max(1)))
+        {
+            *v = rates.iter().zip(qd_i).map(|(rate, v)| rate * v).sum();
+        }
         self.loss = 0.0;
-        if self.settings.friction.is_empty() {
-            let _condition = self.model.velocities(&self.q, qd_i, &mut self.qd)?;
-        } else {
-            // column k of dq/dq_i: all velocities at unit velocity of q_i[k]
-            let columns = self.lanes.velocities(self.model, &self.q, qd_i)?;
-            for (v, lanes) in self.qd.iter_mut().zip(columns.chunks_exact(dof + 1)) {
-                *v = lanes[dof];
-            }
+        if self.has_friction {
             self.friction.fill(0.0);
             let laws = self.settings.friction.iter().zip(&self.friction_widths);
-            let lanes = columns.chunks_exact(dof + 1);
-            for (((law, width), v), lanes) in laws.zip(&self.qd).zip(lanes) {
+            let rates = self.columns.chunks_exact(dof.max(1));
+            for (((law, width), v), rates) in laws.zip(&self.qd).zip(rates) {
                 let effort = law.smooth_effort(*v, *width);
                 self.loss += effort * v;
-                for (share, column) in self.friction.iter_mut().zip(lanes) {
-                    *share += column * effort;
+                for (share, rate) in self.friction.iter_mut().zip(rates) {
+                    *share += rate * effort;
                 }
             }
         }
-        match self.forward.prepare(&self.q, &self.qd)? {
-            None => return Ok(Err(Termination::NotPositiveDefinite)),
-            Some(condition) if condition.status() == Status::Singular => {
-                let outcome = Outcome::Singular { at: 1.0, condition };
-                return Ok(Err(self.stopped(outcome)));
-            }
-            Some(_) => {}
+        let condition = self.forward.set_velocities(&self.q, &self.qd)?;
+        let condition = condition.worst(self.condition);
+        if condition.status() == Status::Singular {
+            let outcome = Outcome::Singular { at: 1.0, condition };
+            return Ok(Err(self.stopped(outcome)));
         }
         if !self.springs.is_empty() {
             let state = [self.q.as_slice(), self.qd.as_slice(), qd_i];
             self.loss += spring_power(self.model, &self.springs, state, &mut self.reduced)?;
         }
         at.clear();
-        at.extend_from_slice(&y[..2 * dof]);
+        at.extend_from_slice(&y[..dof]);
+        at.extend_from_slice(qd_i);
         self.at = Some(at);
         Ok(Ok(()))
     }
@@ -213,8 +277,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     /// Computes the derivative of the state `y` into `dy`, and all coordinates, velocities,
     /// accelerations and efforts into their buffers.
     pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
-        let dependents = self.dependents();
-        let mut known = y[..dependents.start].iter().chain(&y[dependents.end..]);
+        let (dof, n) = (self.dof, self.positions());
+        let mut known = y[..dof].iter().chain(&y[n..n + dof]).chain(&y[2 * n..]);
         if known.any(|v| !v.is_finite()) {
             return Ok(Err(Termination::Diverged));
         }
@@ -225,8 +289,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             return Ok(Err(stop));
         }
         // drives: y' = (command - y) / lag
-        let at = 2 * self.dof;
-        for (k, built_up) in y[at..dependents.start].iter().enumerate() {
+        let at = 2 * n;
+        for (k, built_up) in y[at..at + self.effort.len()].iter().enumerate() {
             let lag = self.drive(k).lag;
             if lag > 0.0 {
                 self.effort[k] = *built_up;
@@ -243,10 +307,15 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             *reduced -= share;
         }
         self.forward.solve(&self.reduced, &mut self.qdd_i);
-        self.dy[..self.dof].copy_from_slice(&y[self.dof..at]);
-        self.dy[self.dof..at].copy_from_slice(&self.qdd_i);
-        for (slot, c) in self.dy[dependents].iter_mut().zip(&self.dependent) {
-            *slot = self.qd[*c];
+        let (velocities, rest) = self.dy.split_at_mut(n);
+        velocities[..dof].copy_from_slice(&y[n..n + dof]);
+        rest[..dof].copy_from_slice(&self.qdd_i);
+        let slots = velocities[dof..].iter_mut().zip(&mut rest[dof..n]);
+        for ((velocity, acceleration), c) in slots.zip(&self.dependent) {
+            *velocity = self.qd[*c];
+            let rates = self.columns[c * dof..(c + 1) * dof].iter();
+            let own: f64 = rates.zip(&self.qdd_i).map(|(rate, a)| rate * a).sum();
+            *acceleration = self.forward.without_acceleration()[*c] + own;
         }
         let joints = self.actuated.iter().zip(&self.effort);
         let power: f64 = joints.map(|(j, e)| self.qd[*j] * e).sum();
@@ -262,9 +331,10 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         y: &[f64],
         noise: &mut Noise,
     ) -> Result<Vec<f64>, SimulationError> {
-        if !self.is_at(y) {
-            self.at = None;
-            let _outcome = self.closure.close(&y[..self.dof], &y[self.dependents()])?;
+        if self.place.as_deref() != Some(&y[..self.dof]) {
+            (self.place, self.at) = (None, None);
+            let predicted = &y[self.dof..self.positions()];
+            let _outcome = self.closure.close(&y[..self.dof], predicted)?;
             self.q.copy_from_slice(self.closure.q());
         }
         let sensors = self.settings.sensors;
@@ -327,11 +397,10 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     }
 }
 
-/// Velocities of all coordinates at one state, for the unit velocity of each independent coordinate
-/// and for given velocities, computed in one call.
+/// The velocities at one state at the unit velocity of each independent coordinate.
 struct Lanes {
     q: Vec<f64>,
-    /// One series of dof + 1 values per independent coordinate.
+    /// One series of dof values per independent coordinate.
     qd_i: Vec<f64>,
     out: Vec<f64>,
     pivots: Vec<f64>,
@@ -339,34 +408,27 @@ struct Lanes {
 
 impl Lanes {
     fn new(n: usize, dof: usize) -> Self {
-        let lanes = dof + 1;
-        let mut qd_i = vec![0.0; dof * lanes];
+        let mut qd_i = vec![0.0; dof * dof];
         for k in 0..dof {
-            qd_i[k * lanes + k] = 1.0;
+            qd_i[k * dof + k] = 1.0;
         }
         Self {
-            q: vec![0.0; n * lanes],
+            q: vec![0.0; n * dof],
             qd_i,
-            out: vec![0.0; n * lanes],
-            pivots: vec![1.0; lanes],
+            out: vec![0.0; n * dof],
+            pivots: vec![1.0; dof],
         }
     }
 
-    /// For each coordinate, its dof velocities at unit velocities and then the one at `qd_i`.
-    fn velocities<M: Model<f64> + ?Sized>(
+    /// For each coordinate, its dof velocities at unit velocities.
+    fn columns<M: Model<f64> + ?Sized>(
         &mut self,
         model: &M,
         q: &[f64],
-        qd_i: &[f64],
     ) -> Result<&[f64], SizeError> {
         let lanes = self.pivots.len();
-        for (series, q) in self.q.chunks_exact_mut(lanes).zip(q) {
+        for (series, q) in self.q.chunks_exact_mut(lanes.max(1)).zip(q) {
             series.fill(*q);
-        }
-        for (series, v) in self.qd_i.chunks_exact_mut(lanes).zip(qd_i) {
-            if let Some(last) = series.last_mut() {
-                *last = *v;
-            }
         }
         let arguments = Arguments {
             q: &self.q,

@@ -1,9 +1,9 @@
 //! A run: integrates the forward dynamics with controller, drives, friction and sensors.
 //!
-//! The state vector y has n + dof + a + 2 entries for a actuated joints: the independent positions
-//! (rad or m) and velocities (rad/s or m/s), the efforts that drives with lag have built up (N or N
-//! m), the dependent coordinates, the work of the efforts and the energy lost to friction (J). The
-//! dependent coordinates are only predictions, from which the loops are closed again at every state.
+//! The state vector y has 2 n + a + 2 entries for a actuated joints: the independent and dependent
+//! positions (rad or m), their velocities (rad/s or m/s), the efforts that drives with lag have built
+//! up (N or N m), the work of the efforts and the energy lost to friction (J). The dependent
+//! coordinates are only predictions, from which the loops are closed anew at every state.
 
 use super::control::{Controller, ControllerInput, PidControllers};
 use super::integrate::{Integrator, Stop};
@@ -149,17 +149,14 @@ fn integrate<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     let (mut q_i, mut qd_i, mut qdd_i) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
     reference.at(0.0, &mut q_i, &mut qd_i, &mut qdd_i);
     let scales = robot.scales();
-    let mut y = q_i;
-    y.extend(&qd_i);
-    y.extend(&robot.command);
-    y.resize(scales.len(), 0.0);
+    let mut y = robot.state(&q_i, &qd_i);
     let mut noise = Noise::new(settings.seed);
 
     if let Err(stop) = robot.rates(&y)? {
         return Ok(stop);
     }
     robot.settle(&mut y);
-    let mut integrator = Integrator::new(y, settings.tolerance, &scales);
+    let mut integrator = Integrator::new(y, robot.positions(), settings.tolerance, &scales);
     let count = period_count(settings)?;
     let mut targets = Targets::new(model, reference, settings.period, count)?;
     // the command of the last period, which the drives apply up to the sample

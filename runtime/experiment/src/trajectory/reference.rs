@@ -77,9 +77,9 @@ impl FourierReference {
 
 impl Reference for FourierReference {
     fn at(&self, t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]) {
-        let slots = q.iter_mut().zip(qd).zip(qdd).enumerate();
-        for (k, ((q, qd), qdd)) in slots {
-            [*q, *qd, *qdd] = self.series.at(k, t);
+        let slots = q.iter_mut().zip(qd).zip(qdd);
+        for (((q, qd), qdd), values) in slots.zip(self.series.all(t)) {
+            [*q, *qd, *qdd] = values;
         }
     }
 }

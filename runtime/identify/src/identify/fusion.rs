@@ -19,6 +19,15 @@ impl Measured {
     }
 }
 
+/// How all coordinates move with the independent ones, at the states of a block.
+struct Columns {
+    /// For each independent coordinate, the velocities of all at its unit velocity, one series for
+    /// each.
+    rates: Vec<Vec<f64>>,
+    /// For each state, the weighted Jacobian of the measured coordinates, column-major.
+    weighted: Vec<Vec<f64>>,
+}
+
 impl<M: Model<f64> + ?Sized> Completion<'_, M> {
     /// The states of consecutive samples, as single ones are fused; `None` where an independent
     /// coordinate is not measured, so that nothing says where to begin.
@@ -63,12 +72,12 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
             .iter()
             .flat_map(|p| &measured.parts[0][p * count..(p + 1) * count]);
         let mut q_i: Vec<f64> = entries.copied().collect();
-        let still = vec![0.0; q_i.len()];
         let mut found = vec![Completeness::Closed; count];
         let mut done = vec![false; count];
+        let mut states = self.closed(begin.as_deref(), &q_i)?;
+        let mut columns = self.columns_at(&states)?;
         for _ in 0..MAX_STEPS {
-            let states = self.closed(begin.as_deref(), [&q_i, &still, &still])?;
-            let columns = self.columns_at(&states)?;
+            let mut steps = vec![0.0; q_i.len()];
             for sample in 0..count {
                 if done[sample] {
                     continue;
@@ -87,28 +96,44 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
                     .zip(&self.measured)
                     .map(|(y, m)| y - own[*m])
                     .collect();
-                let Some(step) = self.least_squares(&columns[sample], &off) else {
+                let Some(step) = self.least_squares(&columns.weighted[sample], &off) else {
                     (found[sample], done[sample]) = (Completeness::Unmeasured, true);
                     continue;
                 };
                 for (k, step) in step.iter().enumerate() {
+                    steps[k * count + sample] = *step;
                     q_i[k * count + sample] += step;
                 }
                 done[sample] = step.iter().all(|s| s.abs() < STEP_TOLERANCE);
             }
             if done.iter().all(|done| *done) {
+                // the dependent coordinates move along the tangent by so little that its error is
+                // below rounding
+                for (steps, rates) in steps.chunks_exact(count).zip(&columns.rates) {
+                    let rates = rates.chunks_exact(count);
+                    for (q, rates) in states.q.chunks_exact_mut(count).zip(rates) {
+                        for ((q, rate), step) in q.iter_mut().zip(rates).zip(steps) {
+                            *q += rate * step;
+                        }
+                    }
+                }
                 break;
+            }
+            states = self.closed(begin.as_deref(), &q_i)?;
+            columns = self.columns_at(&states)?;
+        }
+        for (found, outcome) in found.iter_mut().zip(&states.outcomes) {
+            if *found == Completeness::Closed && !outcome.is_closed() {
+                *found = Completeness::Open(*outcome);
             }
         }
         // the rates at the states that were found
-        let states = self.closed(begin.as_deref(), [&q_i, &still, &still])?;
-        let columns = self.columns_at(&states)?;
-        let mut rates = [still.clone(), still.clone()];
+        let mut rates = [vec![0.0; q_i.len()], vec![0.0; q_i.len()]];
         for order in 0..2 {
             // velocities are measured as they are; accelerations less those of a constant velocity
             let without = match order {
                 0 => vec![0.0; states.q.len()],
-                _ => self.rates_without(&states, &rates[0])?,
+                _ => self.accelerations_at(&states, &rates[1])?,
             };
             for sample in 0..count {
                 if found[sample] != Completeness::Closed {
@@ -126,7 +151,7 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
                     .zip(&self.measured)
                     .map(|(y, m)| y - known[*m])
                     .collect();
-                match self.least_squares(&columns[sample], &rest) {
+                match self.least_squares(&columns.weighted[sample], &rest) {
                     Some(own) => {
                         for (k, rate) in own.iter().enumerate() {
                             rates[order][k * count + sample] = *rate;
@@ -135,13 +160,11 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
                     None => found[sample] = Completeness::Unmeasured,
                 }
             }
-        }
-        let states = self.closed(begin.as_deref(), [&q_i, &rates[0], &rates[1]])?;
-        for (found, outcome) in found.iter_mut().zip(&states.outcomes) {
-            if *found == Completeness::Closed && !outcome.is_closed() {
-                *found = Completeness::Open(*outcome);
+            if order == 0 {
+                states.qd = self.velocities_at(&states, &rates[0])?;
             }
         }
+        states.qdd = self.accelerations_at(&states, &rates[1])?;
         if let Some(last) = found.iter().rposition(|f| *f == Completeness::Closed) {
             self.last = (0..dof).map(|k| q_i[k * count + last]).collect();
         }
@@ -163,81 +186,80 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
     fn closed(
         &mut self,
         begin: Option<&[f64]>,
-        [q_i, qd_i, qdd_i]: [&[f64]; 3],
+        q_i: &[f64],
     ) -> Result<TrackedStates, ClosureError> {
         self.closure.go_back(begin);
         let count = q_i.len() / self.last.len().max(1);
-        self.closure.track(count, q_i, qd_i, qdd_i)
+        let still = vec![0.0; q_i.len()];
+        self.closure.track(count, q_i, &still, &still)
     }
 
-    /// For each state, the weighted Jacobian of the measured coordinates by the independent ones,
-    /// column-major.
-    fn columns_at(&self, states: &TrackedStates) -> Result<Vec<Vec<f64>>, ClosureError> {
+    /// The rates of the coordinates by the independent ones, and those that are measured for the
+    /// least squares of each state.
+    fn columns_at(&self, states: &TrackedStates) -> Result<Columns, ClosureError> {
         let (dof, count) = (self.last.len(), states.len());
-        let mut columns = vec![Vec::with_capacity(dof * self.measured.len()); count];
-        let mut all = vec![0.0; states.q.len()];
-        let mut pivots = vec![1.0; count];
+        let mut columns = Columns {
+            rates: Vec::with_capacity(dof),
+            weighted: vec![Vec::with_capacity(dof * self.measured.len()); count],
+        };
         for k in 0..dof {
             let mut unit = vec![0.0; dof * count];
             unit[k * count..(k + 1) * count].fill(1.0);
-            let arguments = Arguments {
-                q: &states.q,
-                qd_i: &unit,
-                ..Arguments::EMPTY
-            };
-            eval_many(
-                self.model,
-                Function::Velocities,
-                count,
-                arguments,
-                &mut all,
-                &mut pivots,
-            )?;
-            for (sample, own) in columns.iter_mut().enumerate() {
+            let all = self.velocities_at(states, &unit)?;
+            for (sample, own) in columns.weighted.iter_mut().enumerate() {
                 let entries = self.measured.iter().zip(&self.weights);
                 own.extend(entries.map(|(m, weight)| all[m * count + sample] * weight));
             }
+            columns.rates.push(all);
         }
         Ok(columns)
     }
 
-    /// The accelerations of all coordinates at these velocities without independent accelerations.
-    fn rates_without(
+    /// The velocities of all coordinates at these independent ones.
+    fn velocities_at(
         &self,
         states: &TrackedStates,
         qd_i: &[f64],
     ) -> Result<Vec<f64>, ClosureError> {
-        let count = states.len();
-        let mut pivots = vec![1.0; count];
-        let (mut qd, mut qdd) = (vec![0.0; states.q.len()], vec![0.0; states.q.len()]);
         let arguments = Arguments {
             q: &states.q,
             qd_i,
             ..Arguments::EMPTY
         };
-        eval_many(
-            self.model,
-            Function::Velocities,
-            count,
-            arguments,
-            &mut qd,
-            &mut pivots,
-        )?;
-        let still = vec![0.0; qd_i.len()];
+        self.rates_at(Function::Velocities, states, arguments)
+    }
+
+    /// The accelerations of all coordinates at the states' velocities and these independent ones.
+    fn accelerations_at(
+        &self,
+        states: &TrackedStates,
+        qdd_i: &[f64],
+    ) -> Result<Vec<f64>, ClosureError> {
         let arguments = Arguments {
             q: &states.q,
-            qd: &qd,
-            qdd_i: &still,
+            qd: &states.qd,
+            qdd_i,
             ..Arguments::EMPTY
         };
+        self.rates_at(Function::Accelerations, states, arguments)
+    }
+
+    fn rates_at(
+        &self,
+        function: Function,
+        states: &TrackedStates,
+        arguments: Arguments<'_, f64>,
+    ) -> Result<Vec<f64>, ClosureError> {
+        let mut pivots = vec![1.0; states.len()];
+        let mut out = vec![0.0; states.q.len()];
         eval_many(
             self.model,
-            Function::Accelerations,
-            count,
+            function,
+            states.len(),
             arguments,
-            &mut qdd,
+            &mut out,
             &mut pivots,
         )?;
-        Ok(qdd)
+        Ok(out)
     }
 }

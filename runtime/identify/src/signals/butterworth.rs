@@ -62,7 +62,7 @@ impl Butterworth {
             });
         }
         // analogue poles w (-sin, +-cos)(angle), z = (2 + s) / (2 - s) with s in units of 1/step
-        let w = 2.0 * (PI * cutoff * step).tan();
+        let w = 2.0 * libm::tan(PI * cutoff * step);
         let mut sections = Vec::new();
         let mut slowest = 0.0_f64;
         if order % 2 == 1 {
@@ -76,7 +76,7 @@ impl Butterworth {
         }
         for k in 0..order / 2 {
             let angle = PI * (2 * k + 1) as f64 / (2 * order) as f64;
-            let damping = 2.0 * angle.sin();
+            let damping = 2.0 * libm::sin(angle);
             // (4 + 2 d w + w^2) + 2 (w^2 - 4) z^-1 + (4 - 2 d w + w^2) z^-2
             let lead = 4.0 + 2.0 * damping * w + w * w;
             let a = [

@@ -112,18 +112,43 @@ impl Fourier {
     /// A signal's value and its first and second derivative at `time` in s; NaN if there is no
     /// such signal.
     pub fn at(&self, signal: usize, time: f64) -> [f64; 3] {
-        let Some(c) = self.coefficients.get(signal) else {
-            return [f64::NAN; 3];
-        };
-        let mut out = [c.first().copied().unwrap_or(f64::NAN), 0.0, 0.0];
-        for (j, pair) in c.get(1..).unwrap_or(&[]).chunks_exact(2).enumerate() {
-            let w = TAU * self.frequency * (j + 1) as f64;
-            let (sin, cos) = (w * time).sin_cos();
-            out[0] += pair[0] * cos + pair[1] * sin;
-            out[1] += w * (pair[1] * cos - pair[0] * sin);
-            out[2] -= w * w * (pair[0] * cos + pair[1] * sin);
-        }
+        let own = self.coefficients.get(signal).map(Vec::as_slice);
+        let mut out = [[f64::NAN; 3]];
+        self.fill(own, time, &mut out);
+        out[0]
+    }
+
+    /// The values of all signals with their first and second derivatives at `time` in s, as
+    /// [`at`](Self::at) gives those of one.
+    pub fn all(&self, time: f64) -> Vec<[f64; 3]> {
+        let mut out = vec![[f64::NAN; 3]; self.coefficients.len()];
+        self.fill(self.coefficients.iter().map(Vec::as_slice), time, &mut out);
         out
+    }
+
+    /// Computes signals of these coefficients, one entry of `out` for each.
+    fn fill<'a>(
+        &self,
+        signals: impl IntoIterator<Item = &'a [f64], IntoIter: Clone>,
+        time: f64,
+        out: &mut [[f64; 3]],
+    ) {
+        let signals = signals.into_iter();
+        for (out, c) in out.iter_mut().zip(signals.clone()) {
+            *out = [c.first().copied().unwrap_or(f64::NAN), 0.0, 0.0];
+        }
+        for j in 0..self.harmonics {
+            let w = TAU * self.frequency * (j + 1) as f64;
+            let (sin, cos) = libm::sincos(w * time);
+            for (out, c) in out.iter_mut().zip(signals.clone()) {
+                let Some([a, b]) = c.get(1 + 2 * j..3 + 2 * j) else {
+                    continue;
+                };
+                out[0] += a * cos + b * sin;
+                out[1] += w * (b * cos - a * sin);
+                out[2] -= w * w * (a * cos + b * sin);
+            }
+        }
     }
 
     /// The number of harmonics.
@@ -205,7 +230,7 @@ impl FourierFit {
         };
         put(1.0);
         for j in 1..=self.harmonics {
-            let (sin, cos) = (TAU * self.frequency * j as f64 * time).sin_cos();
+            let (sin, cos) = libm::sincos(TAU * self.frequency * j as f64 * time);
             put(cos);
             put(sin);
         }
