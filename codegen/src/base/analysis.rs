@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::spec::Spec;
 
-use super::certificate::{Certificate, certify};
+use super::certificate::{Certificate, certify, condition_of_kept};
 use super::null_completion::NullCompletion;
 use super::{Base, derive_with_completion, meant, payloads};
 
@@ -11,6 +11,9 @@ use super::{Base, derive_with_completion, meant, payloads};
 const SEED: u64 = 1;
 /// The seed of the last states that are sampled where those before may have been special.
 const LAST_SEED: u64 = 7;
+/// The seed of the further states over which a poor condition is measured; none that a certificate
+/// takes.
+const FURTHER_SEED: u64 = 11;
 
 /// The base parameters of a mechanism, with the evidence for their number.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +22,8 @@ pub struct Analysis {
     pub base: Base,
     /// The condition of the sampled rows in the kept columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest; infinite above 1e7. Of several groups of
-    /// columns (payloads) the largest. `None` where the base is not complete.
+    /// columns (payloads) the largest. Above 1000 it is measured again over further states. `None`
+    /// where the base is not complete.
     pub condition: Option<f64>,
     /// The rank over all columns from sampled states; or why it could not be sampled.
     pub certificate: Result<Certificate, String>,
@@ -95,7 +99,7 @@ fn analyse_as_given(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
                     terms.map(|t| (k.column, t.column, t.value.to_f64()))
                 });
                 let replaced: Vec<(usize, usize, f64)> = replaced.collect();
-                samples.condition_of_groups(model, &is_kept, &replaced)
+                condition_of_kept(&samples, model, (home, FURTHER_SEED), &is_kept, &replaced)
             }),
             base,
             // of payloads too: their directions are part of those of all columns

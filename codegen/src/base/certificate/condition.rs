@@ -3,8 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::rank::Samples;
+use super::rows_at;
+use super::sparse::Row;
 use crate::model::Model;
 
+<<<<<<< HEAD
 /// Larger conditions cannot be computed from scalar products in double precision, whose condition
 /// is the square.
 const MAX_CONDITION: f64 = 1e7;
@@ -12,6 +15,36 @@ const MAX_CONDITION: f64 = 1e7;
 const MAX_STEPS: usize = 1000;
 /// The relative change of the eigenvalue at which a power iteration ends.
 const MIN_CHANGE: f64 = 1e-7;
+=======
+/// Conditions above this cannot be told from products of doubles.
+const LARGEST: f64 = 1e7;
+/// Where the condition is above this, the rows of further states are added, this number of them.
+const POOR: f64 = 1000.0;
+const FURTHER_STATES: usize = 56;
+/// The largest number of steps of a power iteration, and the relative change at which it ends.
+const STEPS: usize = 1000;
+const CHANGE: f64 = 1e-7;
+>>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
+
+/// The condition of the kept columns of a mechanism, see [`Samples::condition_of_groups`], that does
+/// not depend on few states: where it is poor, it is that over further states, walked to from home
+/// with this seed. Eight states within a radian of each other suffice for the rank, but not
+/// everything that acts does so strongly there.
+pub(in crate::base) fn condition_of_kept(
+    samples: &Samples,
+    model: &Model,
+    (home, seed): (&[f64], u64),
+    is_kept: &dyn Fn(&usize) -> bool,
+    replaced: &[(usize, usize, f64)],
+) -> f64 {
+    let found = samples.condition_of_groups(model, is_kept, replaced);
+    if found <= POOR {
+        return found;
+    }
+    rows_at(model, home, seed, FURTHER_STATES).map_or(found, |further| {
+        samples.with_further(model, is_kept, replaced, &further)
+    })
+}
 
 impl Samples {
     /// As [`condition`](Self::condition), for the kept columns of a mechanism; if its columns form
@@ -26,17 +59,40 @@ impl Samples {
         is_kept: &dyn Fn(&usize) -> bool,
         replaced: &[(usize, usize, f64)],
     ) -> f64 {
+        self.with_further(model, is_kept, replaced, &[])
+    }
+
+    /// As [`condition_of_groups`](Self::condition_of_groups), with rows besides those of the samples.
+    fn with_further(
+        &self,
+        model: &Model,
+        is_kept: &dyn Fn(&usize) -> bool,
+        replaced: &[(usize, usize, f64)],
+        further: &[Row],
+    ) -> f64 {
         let groups = model.column_groups().into_iter();
         let kept = |group: Vec<usize>| group.into_iter().filter(is_kept).collect::<Vec<_>>();
         groups
-            .map(|group| self.condition(&kept(group), replaced))
+            .map(|group| self.condition(&kept(group), replaced, further))
             .fold(1.0, f64::max)
     }
 
+<<<<<<< HEAD
     /// The condition of the sampled rows in some columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest. Infinite if it is above 1e7.
     pub fn condition(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> f64 {
         let Some(factor) = cholesky(self.products(columns, replaced)) else {
+=======
+    /// The condition of the sampled rows of some columns, each column scaled to length 1: the
+    /// largest singular value divided by the smallest. Infinite where it is above 1e7.
+    fn condition(
+        &self,
+        columns: &[usize],
+        replaced: &[(usize, usize, f64)],
+        further: &[Row],
+    ) -> f64 {
+        let Some(factor) = cholesky(self.products(columns, replaced, further)) else {
+>>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
             return f64::INFINITY;
         };
         let n = columns.len();
@@ -51,7 +107,12 @@ impl Samples {
     }
 
     /// The scalar products of the columns, each scaled to length 1.
-    fn products(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
+    fn products(
+        &self,
+        columns: &[usize],
+        replaced: &[(usize, usize, f64)],
+        further: &[Row],
+    ) -> Vec<Vec<f64>> {
         let n = columns.len();
         // for each column of the rows, the kept columns that contain it
         let mut parts: BTreeMap<usize, Vec<(usize, f64)>> = BTreeMap::new();
@@ -63,7 +124,7 @@ impl Samples {
             }
         }
         let mut sums = vec![vec![0.0; n]; n];
-        for row in self.rows() {
+        for row in self.rows().iter().chain(further) {
             let mut own: BTreeMap<usize, f64> = BTreeMap::new();
             for (c, x) in row.entries() {
                 for (place, factor) in parts.get(&c).into_iter().flatten() {
@@ -178,23 +239,39 @@ mod tests {
     #[test]
     fn the_condition_does_not_depend_on_the_columns_lengths() {
         // orthogonal columns of any length
-        assert!((samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1], &[]) - 1.0).abs() < 1e-9);
+        assert!(
+            (samples(&[[3.0, 0.0], [0.0, 1e-4]]).condition(&[0, 1], &[], &[]) - 1.0).abs() < 1e-9
+        );
         // columns at an angle of 2 atan(1/3): the condition is the cotangent of its half
-        let found = samples(&[[3.0, 3.0], [1.0, -1.0]]).condition(&[0, 1], &[]);
+        let found = samples(&[[3.0, 3.0], [1.0, -1.0]]).condition(&[0, 1], &[], &[]);
         assert!((found - 3.0).abs() < 1e-9, "{found}");
         assert!(
             samples(&[[1.0, 1.0], [1.0, 1.0]])
-                .condition(&[0, 1], &[])
+                .condition(&[0, 1], &[], &[])
                 .is_infinite()
         );
     }
 
+<<<<<<< HEAD
     /// The second parameter is replaced by the first one, so that its column is added to the first.
+=======
+    /// Two columns that differ in one row of the samples differ in more of the further ones.
+    #[test]
+    fn rows_of_further_states_count() {
+        let samples = samples(&[[3.0, 3.0], [1.0, -1.0]]);
+        let further = vec![Row::of([1.0, -1.0].map(Float320::from_f64)); 8];
+        // the products of the columns are 9 + 9 and 9 - 9
+        let found = samples.condition(&[0, 1], &[], &further);
+        assert!((found - 1.0).abs() < 1e-9, "{found}");
+    }
+
+    /// The first column is that of a parameter which the second one follows.
+>>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
     #[test]
     fn the_column_of_a_replaced_parameter_is_added_to_that_of_the_other() {
         let samples = samples(&[[3.0, 0.0, 3.0], [1.0, -2.0, 1.0]]);
-        assert!(samples.condition(&[0, 2], &[]).is_infinite());
-        let found = samples.condition(&[0, 2], &[(1, 0, 1.0)]);
+        assert!(samples.condition(&[0, 2], &[], &[]).is_infinite());
+        let found = samples.condition(&[0, 2], &[(1, 0, 1.0)], &[]);
         assert!((found - 3.0).abs() < 1e-9, "{found}");
     }
 }

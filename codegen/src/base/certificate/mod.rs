@@ -25,6 +25,8 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::sym::Graph;
 
+pub(in crate::base) use condition::condition_of_kept;
+
 pub use closed_state::{ClosedState, LinkMotion, Vector3, observe};
 pub use float320::{DIGITS, Float320};
 pub use linear::{Relation, rank_of, relations};
@@ -86,6 +88,43 @@ impl core::error::Error for CertificateError {}
 /// If home does not close in multiple precision, if not enough closed states can be reached from
 /// it, or if the mechanism is too large.
 pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, CertificateError> {
+    let needed = rows::states_needed(model);
+    sampled(model, home, seed, |sample, units| {
+        let (first, states) = sample(needed)?;
+        let mut samples = Samples::new(first, rows::column_units(model, units), states);
+        // No number of rows is a proof, as each state might raise the rank by one only. But energies
+        // are analytic on the branch: as long as a direction passes for null that is not, almost
+        // every fresh state reveals it.
+        if needed == 0 {
+            return Ok(samples);
+        }
+        loop {
+            let (fresh, states) = sample(FRESH_STATES)?;
+            if !samples.extend(fresh, states) {
+                return Ok(samples);
+            }
+        }
+    })
+}
+
+/// The rows of a number of states, as [`certify`] samples them.
+fn rows_at(
+    model: &Model,
+    home: &[f64],
+    seed: u64,
+    states: usize,
+) -> Result<Vec<sparse::Row>, CertificateError> {
+    sampled(model, home, seed, |sample, _| Ok(sample(states)?.0))
+}
+
+/// Gives the function that samples further states, and returns their rows and the number of all
+/// states so far.
+fn sampled<T>(
+    model: &Model,
+    home: &[f64],
+    seed: u64,
+    use_samples: impl FnOnce(&mut Sampler<'_>, Units) -> Result<T, CertificateError>,
+) -> Result<T, CertificateError> {
     // a separate graph, with only the expressions to be sampled; its first symbols are the
     // coordinates
     let mut g = Graph::new();
@@ -104,10 +143,9 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
         return Err(CertificateError::TooLarge);
     }
 
-    let needed = rows::states_needed(model);
     let units = Units::of(model, home);
     let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
-    let mut rows = Rows::new(&g, model, &expressions, needed, units);
+    let mut rows = Rows::new(&g, model, &expressions, rows::states_needed(model), units);
     let mut found = 0;
     let mut sample = |count: usize| {
         let needed = found + count;
@@ -121,18 +159,8 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
         }
         Ok((rows.take(), found))
     };
-    let (first, states) = sample(needed)?;
-    let mut samples = Samples::new(first, rows::column_units(model, units), states);
-    // No number of rows is a proof, as each state might raise the rank by one only. But energies
-    // are analytic on the branch: as long as a direction passes for null that is not, almost every
-    // fresh state reveals it.
-    if needed == 0 {
-        return Ok(samples);
-    }
-    loop {
-        let (fresh, states) = sample(FRESH_STATES)?;
-        if !samples.extend(fresh, states) {
-            return Ok(samples);
-        }
-    }
+    use_samples(&mut sample, units)
 }
+
+/// Samples a number of further states.
+type Sampler<'s> = dyn FnMut(usize) -> Result<(Vec<sparse::Row>, usize), CertificateError> + 's;

@@ -80,7 +80,7 @@ impl C<'_> {
     }
 
     /// A product and a sum that are fused by this macro.
-    fn fused(&self, word: &str, operands: [String; 3]) -> String {
+    fn fused(&self, word: &str, operands: &[String; 3]) -> String {
         self.helpers.call(Helper::Fused);
         let name = macro_name(self.prefix, word, self.precision);
         format!("{name}({})", operands.join(", "))
@@ -170,9 +170,9 @@ impl Language for C<'_> {
             Op::Sub(a, b) => format!("{} - {}", o(a), o(b)),
             Op::Mul(a, b) => format!("{} * {}", o(a), o(b)),
             Op::Div(a, b) => format!("{} / {}", o(a), o(b)),
-            Op::MulAdd(a, b, c) => self.fused("FMA", [a, b, c].map(o)),
-            Op::NegMulAdd(a, b, c) => self.fused("FNMA", [a, b, c].map(o)),
-            Op::MulSub(a, b, c) => self.fused("FMS", [a, b, c].map(o)),
+            Op::MulAdd(a, b, c) => self.fused("FMA", &[a, b, c].map(o)),
+            Op::NegMulAdd(a, b, c) => self.fused("FNMA", &[a, b, c].map(o)),
+            Op::MulSub(a, b, c) => self.fused("FMS", &[a, b, c].map(o)),
             Op::Sqrt(a) => format!("sqrt{}({})", self.precision.library_suffix(), o(a)),
             Op::Sign(a) => format!("{}({})", self.helper(Helper::Sign), o(a)),
             Op::Positive(a) => format!("{} > {zero} ? {one} : {zero}", o(a)),
