@@ -70,7 +70,7 @@ fn the_json_has_the_spec_and_the_notes_with_their_places() {
     let json = regen(&dir, &args).ended(0).json();
     assert_eq!(json["robot"], "my_arm");
     assert!(json["spec"].as_str().unwrap().contains("name: my_arm\n"));
-    let note = &json["notes"][2];
+    let note = &json["notes"][3];
     assert_eq!(
         (note["line"].as_u64(), note["column"].as_u64()),
         (Some(173), Some(22))

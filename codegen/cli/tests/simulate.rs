@@ -295,7 +295,7 @@ fn a_motion_that_is_hardly_followed_gives_a_warning() {
         ];
         regen(&dir, &words).ended(0).err
     };
-    let slow = simulate("0.2");
+    let slow = simulate("1");
     assert!(
         slow.contains("is off the motion by up to") && slow.contains("raise --bandwidth"),
         "{slow}"

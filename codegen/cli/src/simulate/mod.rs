@@ -131,7 +131,9 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         if number == 0
             && let Some(stray) = found.stray(&info, &motion)
         {
-            terminal::note(&format!("warning: {stray}: raise --bandwidth"));
+            terminal::note(&format!(
+                "warning: {stray}: raise --bandwidth, or shorten --step where it swings"
+            ));
         }
         let file = numbered(&args.out, number, args.runs);
         runs.push(Run {
