@@ -7,29 +7,23 @@ use super::rows_at;
 use super::sparse::Row;
 use crate::model::Model;
 
-<<<<<<< HEAD
 /// Larger conditions cannot be computed from scalar products in double precision, whose condition
 /// is the square.
 const MAX_CONDITION: f64 = 1e7;
+/// If the condition is above this, the rows of further states are added.
+const POOR_CONDITION: f64 = 1000.0;
+/// The number of these states.
+const FURTHER_STATES: usize = 56;
 /// The largest number of steps of a power iteration.
 const MAX_STEPS: usize = 1000;
 /// The relative change of the eigenvalue at which a power iteration ends.
 const MIN_CHANGE: f64 = 1e-7;
-=======
-/// Conditions above this cannot be told from products of doubles.
-const LARGEST: f64 = 1e7;
-/// Where the condition is above this, the rows of further states are added, this number of them.
-const POOR: f64 = 1000.0;
-const FURTHER_STATES: usize = 56;
-/// The largest number of steps of a power iteration, and the relative change at which it ends.
-const STEPS: usize = 1000;
-const CHANGE: f64 = 1e-7;
->>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
 
-/// The condition of the kept columns of a mechanism, see [`Samples::condition_of_groups`], that does
-/// not depend on few states: where it is poor, it is that over further states, walked to from home
-/// with this seed. Eight states within a radian of each other suffice for the rank, but not
-/// everything that acts does so strongly there.
+/// The condition of the kept columns of a mechanism, see [`Samples::condition_of_groups`].
+///
+/// The certificate samples about eight states within a radian of each other. They suffice for the
+/// rank, but a column that acts weakly in all of them makes the condition poor whatever is kept. If it
+/// is poor, the rows of further states count too, which a random walk from home with this seed visits.
 pub(in crate::base) fn condition_of_kept(
     samples: &Samples,
     model: &Model,
@@ -38,7 +32,7 @@ pub(in crate::base) fn condition_of_kept(
     replaced: &[(usize, usize, f64)],
 ) -> f64 {
     let found = samples.condition_of_groups(model, is_kept, replaced);
-    if found <= POOR {
+    if found <= POOR_CONDITION {
         return found;
     }
     rows_at(model, home, seed, FURTHER_STATES).map_or(found, |further| {
@@ -77,14 +71,8 @@ impl Samples {
             .fold(1.0, f64::max)
     }
 
-<<<<<<< HEAD
     /// The condition of the sampled rows in some columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest. Infinite if it is above 1e7.
-    pub fn condition(&self, columns: &[usize], replaced: &[(usize, usize, f64)]) -> f64 {
-        let Some(factor) = cholesky(self.products(columns, replaced)) else {
-=======
-    /// The condition of the sampled rows of some columns, each column scaled to length 1: the
-    /// largest singular value divided by the smallest. Infinite where it is above 1e7.
     fn condition(
         &self,
         columns: &[usize],
@@ -92,7 +80,6 @@ impl Samples {
         further: &[Row],
     ) -> f64 {
         let Some(factor) = cholesky(self.products(columns, replaced, further)) else {
->>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
             return f64::INFINITY;
         };
         let n = columns.len();
@@ -252,9 +239,6 @@ mod tests {
         );
     }
 
-<<<<<<< HEAD
-    /// The second parameter is replaced by the first one, so that its column is added to the first.
-=======
     /// Two columns that differ in one row of the samples differ in more of the further ones.
     #[test]
     fn rows_of_further_states_count() {
@@ -265,8 +249,7 @@ mod tests {
         assert!((found - 1.0).abs() < 1e-9, "{found}");
     }
 
-    /// The first column is that of a parameter which the second one follows.
->>>>>>> 2b8c0567e597d9ba3c1d9f259fd983e6439e97c2
+    /// The second parameter is replaced by the first one, so that its column is added to the first.
     #[test]
     fn the_column_of_a_replaced_parameter_is_added_to_that_of_the_other() {
         let samples = samples(&[[3.0, 0.0, 3.0], [1.0, -2.0, 1.0]]);
