@@ -155,7 +155,7 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
     let said = refused_with(TREE, &far);
     assert_has(&said, "the loops do not close");
     assert_has(&said, "cut 'pin' gapes by");
-    assert_has(&said, "no state closes");
+    assert_has(&said, "no closed state was found");
     for (actuated, home, complaint) in [
         ("q4", "q1=0", "actuated:1:1: no joint is called 'q4'"),
         ("q1", "q4=0", "home:1:1: 'q4=0' gives no coordinate a value"),
