@@ -5,7 +5,7 @@ mod estimator;
 mod failures;
 
 use regen_experiment::closed_loop::{Controllers, nearest_bandwidth};
-use regen_experiment::simulate::Pid;
+use regen_experiment::simulate::{Pid, missing_values};
 use regen_identify::data::{Assignment, FileReport, Track, tracks};
 use regen_identify::files::ParameterFile;
 use regen_identify::identify::digest;
@@ -23,7 +23,7 @@ use regen_runtime::BaseModel;
 use crate::args::{EstimatorArg, IdentifyArgs};
 use crate::exit::Failure;
 use crate::identify::Outcome;
-use crate::simulate::{WHERE, missing};
+use crate::simulate::WHERE;
 use crate::{observe, parameters, path, table, terminal};
 
 pub(crate) use controllers::stated_gains;
@@ -111,7 +111,7 @@ fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Vec<f64>, Failu
             "{}: no nominal values to start from, of {}; {WHERE}, or give identified parameters with \
              --start",
             args.file.display(),
-            missing(&info, &values).join(", ")
+            missing_values(&info, &values).join(", ")
         )));
     };
     let mut beta = vec![0.0; model.rank()];

@@ -19,7 +19,7 @@ use crate::exit::Failure;
 use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
 
-pub(crate) use parameters::{Described, WHERE, missing};
+pub(crate) use parameters::{Described, WHERE};
 pub(crate) use twin::of as twin;
 
 /// The time between samples where none is given, s.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use regen_experiment::simulate::missing_values;
 use regen_identify::friction::JointFit;
-use regen_runtime::{Info, Parameter};
 
 use crate::args::{PayloadArg, TwinArgs};
 use crate::exit::Failure;
@@ -49,7 +49,7 @@ pub(super) fn read(
             None => return identified(source, path),
         }
     }
-    let missing = missing(&info, &values);
+    let missing = missing_values(&info, &values);
     if missing.is_empty() {
         return Ok((values.into_iter().flatten().collect(), Vec::new()));
     }
@@ -63,34 +63,6 @@ pub(super) fn read(
 /// Where a spec has nominal values.
 pub(crate) const WHERE: &str =
     "give bodies theirs under `bodies:`, and joints as in `nominal: {Fv: 1.5, Fc: 2}`";
-
-/// The labels of parameters without a value; a body without any value is one entry.
-pub(crate) fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
-    /// The number of inertial parameters of a body; those of all bodies precede all others.
-    const INERTIAL: usize = 10;
-    let mut found = Vec::new();
-    let (bodies, others) = values.split_at(values.len().min(INERTIAL * info.bodies.len()));
-    let (parameters, others_own) = info.parameters.split_at(bodies.len());
-    for ((body, values), parameters) in (info.bodies.iter())
-        .zip(bodies.chunks(INERTIAL))
-        .zip(parameters.chunks(INERTIAL))
-    {
-        if values.iter().all(Option::is_none) {
-            found.push(format!("body {body}"));
-        } else {
-            found.extend(unknown(parameters, values));
-        }
-    }
-    found.extend(unknown(others_own, others));
-    found
-}
-
-fn unknown(parameters: &[Parameter<'_>], values: &[Option<f64>]) -> impl Iterator<Item = String> {
-    let pairs = parameters.iter().zip(values);
-    pairs
-        .filter(|(_, value)| value.is_none())
-        .map(|(parameter, _)| parameter.label())
-}
 
 /// Parameters that have the base parameters of a file; all others are zero.
 fn identified(source: Described<'_>, path: &Path) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {

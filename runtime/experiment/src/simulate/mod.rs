@@ -17,6 +17,7 @@ mod forward;
 mod friction;
 mod integrate;
 mod log;
+mod missing;
 mod noise;
 mod robot;
 mod run;
@@ -34,6 +35,7 @@ pub use friction::{
     perturb_friction,
 };
 pub use log::{Log, Termination};
+pub use missing::missing_values;
 pub use noise::{Noise, perturb_parameters};
 pub use run::{simulate, simulate_controlled, simulate_with_progress};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
