@@ -247,6 +247,10 @@ mod tests {
     use super::*;
 
     /// y'' = -y, as positions and velocities.
+    #[allow(
+        clippy::unnecessary_wraps,
+        reason = "the integrator takes functions that may fail"
+    )]
     fn oscillator(_: f64, y: &[f64], dy: &mut [f64]) -> Result<(), ()> {
         dy.copy_from_slice(&[y[1], -y[0]]);
         Ok(())
