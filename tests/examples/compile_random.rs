@@ -2,7 +2,7 @@
 //! the second derivation and with the interpreter:
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example compile_random -- --from 0 --count 200 --into DIR
+//! cargo run --release -p regen-tests --features examples --example compile_random -- --from 0 --count 200 --into DIR
 //! cargo run --manifest-path DIR/Cargo.toml
 //! ```
 

@@ -2,7 +2,7 @@
 //! solves them again by a conic solver that shares no code with ours.
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example conic -- 0 1000 > problems.jsonl
+//! cargo run --release -p regen-tests --features examples --example conic -- 0 1000 > problems.jsonl
 //! python tests/tools/conic/compare.py problems.jsonl
 //! ```
 //!

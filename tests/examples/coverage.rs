@@ -7,7 +7,7 @@
 //! the true value. Usage:
 //!
 //! ```text
-//! cargo run --release -p regen-tests --example coverage -- LOGS SECONDS ESTIMATOR..
+//! cargo run --release -p regen-tests --features examples --example coverage -- LOGS SECONDS ESTIMATOR..
 //! ```
 //!
 //! Estimators: `least-squares huber reduce feasible atan power stribeck`; without any, all are run.

@@ -1,5 +1,5 @@
 //! Exciting trajectories of the 3-RPS by seed, with the limits of the chapter's study:
-//! `cargo run --release -p regen-tests --example excite_seeds -- [FIRST] [LAST] [CRITERION]`.
+//! `cargo run --release -p regen-tests --features examples --example excite_seeds -- [FIRST] [LAST] [CRITERION]`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::sync::atomic::AtomicBool;

@@ -2,7 +2,7 @@
 //! times: for counting instructions, which unlike time do not depend on the load of the machine.
 //!
 //! ```sh
-//! cargo build --release -p regen-tests --example platform_once
+//! cargo build --release -p regen-tests --features examples --example platform_once
 //! for legs in 3 6 12; do for times in 1 2; do
 //!     valgrind --tool=callgrind --callgrind-out-file=/dev/null \
 //!         target/release/examples/platform_once $legs $times

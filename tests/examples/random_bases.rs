@@ -2,7 +2,7 @@
 //! rank, and `W(all) = W(base) * combinations` in every row of the second derivation.
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example random_bases -- 0 1000
+//! cargo run --release -p regen-tests --features examples --example random_bases -- 0 1000
 //! ```
 //!
 //! Seeds count up from the first argument until the given number of mechanisms has been checked.

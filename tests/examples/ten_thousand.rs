@@ -1,7 +1,7 @@
 //! Checks thousands of random mechanisms, and counts their features:
 //!
 //! ```sh
-//! cargo run --release -p regen-tests --example ten_thousand -- --from 0 --count 10000
+//! cargo run --release -p regen-tests --features examples --example ten_thousand -- --from 0 --count 10000
 //! ```
 
 use std::collections::BTreeMap;

@@ -6,7 +6,7 @@
 //! 400 Hz. Every estimate starts from parameters up to 10 % off the truth. Usage:
 //!
 //! ```text
-//! cargo run --release -p regen-response --example output_errors -- SEEDS [didim|response]..
+//! cargo run --release -p regen-response --features examples --example output_errors -- SEEDS [didim|response]..
 //! ```
 #![allow(
     clippy::unwrap_used,

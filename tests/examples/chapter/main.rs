@@ -2,7 +2,7 @@
 //! chapter's numbers:
 //!
 //! ```sh
-//! cargo run --release --example chapter -- --seeds 20 --out chapter
+//! cargo run --release -p regen-tests --features examples --example chapter -- --seeds 20 --out chapter
 //! ```
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

@@ -1,7 +1,7 @@
 """Solves the problems of the example `conic` again by a conic solver from PyPI, and compares.
 
     pip install numpy scipy clarabel
-    cargo run --release -p regen-tests --example conic -- 0 1000 > problems.jsonl
+    cargo run --release -p regen-tests --features examples --example conic -- 0 1000 > problems.jsonl
     python compare.py problems.jsonl
 
 The ignored test `problems_for_another_solver` writes problems of random combinations instead of derived
