@@ -188,7 +188,7 @@ fn consecutive_rows_are_listed_as_one() {
     }
     broken.0[500][column] = "nan".to_owned();
     let run = identify(&dir, &broken.text(), &[]).ended(3);
-    let fault = "`nan` in column `tau_q1` is no finite number";
+    let fault = "`nan` in column `tau_q1` is not a finite number";
     let listed: Vec<&str> = run.err.lines().filter(|l| l.contains(fault)).collect();
     let wanted = [
         format!("  rows 301 to 421: {fault}"),

@@ -268,12 +268,16 @@ fn friction_and_rotors_are_added_on_request() {
     let dir = scratch("import_geared");
     let arm = published("airo-models/ur5e.urdf");
     let plain = regen(&dir, &["import", &arm]).ended(0);
-    assert!(plain.err.contains("no joint has friction"), "{}", plain.err);
+    assert!(
+        plain.err.contains("no joint of this file has friction"),
+        "{}",
+        plain.err
+    );
     assert!(plain.err.contains("import with --geared"), "{}", plain.err);
     assert!(!plain.out.contains("friction:"), "{}", plain.out);
     let geared = regen(&dir, &["import", &arm, "--geared", "--out", "arm.yaml"]).ended(0);
     assert!(
-        !geared.err.contains("no joint has friction"),
+        !geared.err.contains("no joint of this file has friction"),
         "{}",
         geared.err
     );

@@ -205,7 +205,7 @@ fn friction_is_replaced_or_written_and_the_rest_of_it_kept() {
     );
     assert_has(
         &tried(ARM, &spec, &friction(Some(-1.0), None)).unwrap_err(),
-        "q: a negative damping",
+        "q: the damping is negative or not finite",
     );
 }
 

@@ -28,7 +28,7 @@ pub(crate) struct Edited {
 }
 
 impl Edited {
-    /// Reads a file. Bytes that are not UTF-8 become replacement characters (U+FFFD).
+    /// Reads a file. A file that is not UTF-8 is an error: saving its text would change other bytes.
     pub(crate) fn open(path: &Path) -> Result<Self, ServeError> {
         let text = read(path).map_err(|source| ServeError::File {
             path: path.to_owned(),
@@ -71,8 +71,12 @@ impl Edited {
             ));
         }
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        // a file that cannot be read, such as one that was removed, has no changes to lose
-        if !is_over && read(&self.path).is_ok_and(|now| now != *known && now != text) {
+        let has_changed = match read(&self.path) {
+            Ok(now) => now != *known && now != text,
+            // a file that cannot be read, such as one that was removed, has no changes to lose
+            Err(error) => error.kind() == io::ErrorKind::InvalidData,
+        };
+        if has_changed && !is_over {
             return Saved::Changed;
         }
         match write(&self.path, text) {
@@ -85,12 +89,20 @@ impl Edited {
     }
 }
 
-/// Reads a file, up to one byte more than the limit.
+/// Reads a file, up to one byte more than the limit, which may end inside a character.
 fn read(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
     let file = File::open(path)?;
     file.take(MAX_FILE as u64 + 1).read_to_end(&mut bytes)?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    if bytes.len() > MAX_FILE {
+        return Ok(String::from_utf8_lossy(&bytes).into_owned());
+    }
+    String::from_utf8(bytes).map_err(|_| {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "the file is not a text in UTF-8",
+        )
+    })
 }
 
 #[cfg(test)]
@@ -116,6 +128,10 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "another's");
         assert_eq!(file.save("third", true, plainly), Saved::Yes);
         assert_eq!(fs::read_to_string(&path).unwrap(), "third");
+        fs::write(&path, b"\xff, of another encoding").unwrap();
+        assert_eq!(file.save("fourth", false, plainly), Saved::Changed);
+        assert!(Edited::open(&path).is_err());
+        fs::write(&path, "third").unwrap();
         let long = "x".repeat(MAX_FILE + 1);
         assert!(matches!(file.save(&long, true, plainly), Saved::No(_)));
         fs::write(&path, long).unwrap();
