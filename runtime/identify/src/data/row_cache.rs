@@ -74,7 +74,7 @@ impl RowCache {
     /// which are cached if there is room for all of them.
     ///
     /// # Errors
-    /// Those of `each` and `read`.
+    /// The errors of `each`, and those of reading the rows.
     pub(super) fn visit(
         &self,
         each: &mut RecordSink<'_>,

@@ -52,13 +52,7 @@ pub(super) fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     };
     let (set, psi_squares) = passes.reduce(replay, &huber)?;
     let scales = loss::scales(&set, &psi_squares, &sigmas, previous.values.len(), bound);
-    let weights: Vec<f64> = scales
-        .iter()
-        .map(|sigma| match weighting {
-            Weighting::Equal => 1.0,
-            Weighting::PerEffort => 1.0 / sigma,
-        })
-        .collect();
+    let weights = effort_weights(&scales, weighting);
     let factor = set.combined(&weights)?;
     let mut next = Estimate::of(&factor)?;
     next.efforts.clone_from(&previous.efforts);
@@ -108,13 +102,7 @@ pub(super) fn partitioned<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             effort.sigma = *scale;
         }
         let Some(set) = set else { continue };
-        let weights: Vec<f64> = scales
-            .iter()
-            .map(|sigma| match weighting {
-                Weighting::Equal => 1.0,
-                Weighting::PerEffort => 1.0 / sigma,
-            })
-            .collect();
+        let weights = effort_weights(&scales, weighting);
         let factor = set.combined(&weights)?;
         let Some(values) = partition.values(&factor, &weights, &scales, bound) else {
             return Ok(None);
@@ -300,4 +288,13 @@ fn pass<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         psi_squares,
     };
     Ok((reduced, holds))
+}
+
+/// The weight of each effort's equations, from the scale of its residuals.
+fn effort_weights(scales: &[f64], weighting: Weighting) -> Vec<f64> {
+    let weight = |sigma: &f64| match weighting {
+        Weighting::Equal => 1.0,
+        Weighting::PerEffort => 1.0 / sigma,
+    };
+    scales.iter().map(weight).collect()
 }
