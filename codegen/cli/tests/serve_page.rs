@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -30,6 +31,33 @@ fn select(page: &mut Driven, word: &str) {
         json!(word)
     ));
     assert_ne!(found, -1, "{word}");
+}
+
+/// Turns the camera by dragging the mouse across the view. Its page, in a frame that this one cannot
+/// read, may not have been loaded yet: the mouse tries again until the view says where its camera is.
+fn turn_the_camera(page: &mut Driven) {
+    let corner = "document.getElementById('frame-view').getBoundingClientRect()";
+    for _ in 0..30 {
+        // above the controls, whose height depends on the browser
+        let x = page.value(&format!("{corner}.left + {corner}.width / 2"));
+        let y = page.value(&format!("{corner}.top + {corner}.height / 4"));
+        for (kind, shift) in [
+            ("mousePressed", 0.0),
+            ("mouseMoved", 100.0),
+            ("mouseReleased", 100.0),
+        ] {
+            let at = json!({"type": kind, "x": x.as_f64().unwrap() + shift, "y": y,
+                "button": "left", "buttons": 1, "clickCount": 1});
+            page.ask("Input.dispatchMouseEvent", &at);
+        }
+        for _ in 0..40 {
+            if page.value("Boolean(document.getElementById('frame-view').dataset.camera)") == true {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+    panic!("the view never says where its camera is: {:?}", page.told);
 }
 
 #[test]
@@ -87,20 +115,8 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_
         true
     );
 
-    // the camera stays where it was turned to when a text gives another view; the mouse starts above
-    // the controls, whose height above the window's edge depends on the browser
-    let place = json!({"x": 850, "y": 520, "button": "left", "buttons": 1, "clickCount": 1});
-    for (kind, x) in [
-        ("mousePressed", 850),
-        ("mouseMoved", 950),
-        ("mouseReleased", 950),
-    ] {
-        let mut event = place.clone();
-        event["type"] = json!(kind);
-        event["x"] = json!(x);
-        page.ask("Input.dispatchMouseEvent", &event);
-    }
-    page.wait("document.getElementById('frame-view').dataset.camera");
+    // the camera stays where it was turned to when a text gives another view
+    turn_the_camera(&mut page);
     let camera = page.value("document.getElementById('frame-view').dataset.camera");
     page.value("document.getElementById('frame-view').dataset.camera = ''");
     select(&mut page, "description:");
