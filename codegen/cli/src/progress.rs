@@ -41,7 +41,10 @@ pub(crate) fn bar(length: u64, template: &str) -> ProgressBar {
         bar.set_style(
             style.with_key("left", |state: &ProgressState, to: &mut dyn Write| {
                 if state.pos() > 0 {
-                    let _ = write!(to, ", {:#} left", HumanDuration(state.eta()));
+                    // by the mean speed so far: parts take times too different for the latest speed
+                    let rest = state.len().unwrap_or(0).saturating_sub(state.pos());
+                    let left = state.elapsed().mul_f64(rest as f64 / state.pos() as f64);
+                    let _ = write!(to, ", {:#} left", HumanDuration(left));
                 }
             }),
         );

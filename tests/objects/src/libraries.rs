@@ -18,6 +18,15 @@ pub fn image(features: &str) -> Vec<PathBuf> {
         .arg(profile)
         // as in a user's workspace; this one builds its command without
         .env("CARGO_PROFILE_RELEASE_LTO", "false")
+        // The macro reads what the tests' build derived: its own speed does not count here.
+        .args([
+            "--config",
+            "profile.release.package.regen-codegen.opt-level=0",
+        ])
+        .args([
+            "--config",
+            "profile.release.package.regen-codegen.codegen-units=16",
+        ])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();

@@ -1,1 +1,1 @@
-//! The tests are in `tests/`; nothing is exported.
+//! The tests are in `tests/`; this package exports nothing.

@@ -6,11 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use regen_downstream::target_folder;
+
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../..")
-        .canonicalize()
-        .unwrap()
+    regen_downstream::root().canonicalize().unwrap()
 }
 
 /// A robot's file, the name of its module, and the path of its model.
@@ -103,7 +102,11 @@ fn cargo(dir: &Path, args: &[&str]) -> String {
     let output = Command::new(env!("CARGO"))
         .args(args)
         .current_dir(dir)
-        .env("CARGO_TARGET_DIR", dir.with_file_name("target-downstream"))
+        .env(
+            "CARGO_TARGET_DIR",
+            target_folder(env!("CARGO_TARGET_TMPDIR")),
+        )
+        .env("CARGO_INCREMENTAL", "0") // as `trybuild` sets it: the same crates are not built again
         .env_remove("RUSTFLAGS")
         .output()
         .unwrap();

@@ -9,6 +9,7 @@ use std::process::Command;
 
 use regen_codegen::diag::Source;
 use regen_codegen::{emit, pipeline};
+use regen_downstream::{root, target_folder};
 
 /// The prelude of the standard library in the editions up to 2024, and the derived traits.
 const PRELUDE: &str = "AsMut AsRef AsyncFn AsyncFnMut AsyncFnOnce Box Clone Copy Debug Default \
@@ -71,8 +72,7 @@ fn robot_name(type_name: &str) -> String {
 
 #[test]
 fn robots_named_like_what_modules_import_or_the_prelude_has_compile_as_source_and_by_the_macro() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let root = root.canonicalize().unwrap();
+    let root = root().canonicalize().unwrap();
     let closed = fs::read_to_string(root.join("robots/fourbar.yaml")).unwrap();
     let closed = closed.replace("name: fourbar\n", "");
     let of_tree = taken(&module("plain", SLIDE).unwrap());
@@ -138,7 +138,11 @@ fn robots_named_like_what_modules_import_or_the_prelude_has_compile_as_source_an
     let output = Command::new(env!("CARGO"))
         .args(["check", "--quiet"])
         .current_dir(&dir)
-        .env("CARGO_TARGET_DIR", dir.with_file_name("target-downstream"))
+        .env(
+            "CARGO_TARGET_DIR",
+            target_folder(env!("CARGO_TARGET_TMPDIR")),
+        )
+        .env("CARGO_INCREMENTAL", "0")
         .env_remove("RUSTFLAGS")
         .output()
         .unwrap();

@@ -1,8 +1,9 @@
 //! Crates that a user of the macro or of the generated crate never builds.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use std::path::Path;
 use std::process::Command;
+
+use regen_downstream::root;
 
 /// Crates of the solvers and the command line: they take minutes to build, or are of no use in a
 /// controller.
@@ -24,7 +25,6 @@ const HEAVY: [&str; 13] = [
 
 /// The crates that are built for a package, itself included, without dev-dependencies.
 fn tree(package: &str, flags: &[&str]) -> Vec<String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let output = Command::new(env!("CARGO"))
         .args([
             "tree",
@@ -37,7 +37,7 @@ fn tree(package: &str, flags: &[&str]) -> Vec<String> {
         ])
         .args(["--package", package])
         .args(flags)
-        .current_dir(root)
+        .current_dir(root())
         .output()
         .unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
