@@ -1,12 +1,12 @@
-//! What base parameters cost, in milliseconds: layers 1 and 2 alone, with the
+//! The time to derive base parameters, in milliseconds: layers 1 and 2 alone, with the
 //! target known, and the whole analysis with its certificate.
 //!
 //! ```sh
 //! cargo bench -p regen-codegen --bench base
 //! ```
 //!
-//! Aimed at: 3-RPS, PUMA 560 and a 7R arm each under 500 ms in all. It never
-//! fails the run: time is no test.
+//! The aim: 3-RPS, PUMA 560 and a 7R arm each under 500 ms in all. A longer time does not
+//! fail the run.
 //!
 //! Also under 5 s for a 6-UPS and under 10 s for a Delta.
 //!

@@ -35,14 +35,14 @@ pub fn digest(robot: &Robot) -> u64 {
             hash.number(term.value.to_f64());
         }
     }
-    // a state off home, so that every length affects the regressor; the loops need not be closed
-    // there
-    let off = |k: usize, scale: f64| scale * (1.0 + 0.1 * k as f64);
+    // a state away from home, so that every length affects the regressor; the loops need not be
+    // closed there
+    let offset = |k: usize, scale: f64| scale * (1.0 + 0.1 * k as f64);
     let n = robot.coordinates.len();
     let home = robot.home.iter().enumerate();
-    let q: Vec<f64> = home.map(|(k, x)| x + off(k, 0.01)).collect();
-    let qd: Vec<f64> = (0..n).map(|k| off(k, 0.3)).collect();
-    let qdd: Vec<f64> = (0..n).map(|k| off(k, -0.7)).collect();
+    let q: Vec<f64> = home.map(|(k, x)| x + offset(k, 0.01)).collect();
+    let qd: Vec<f64> = (0..n).map(|k| offset(k, 0.3)).collect();
+    let qdd: Vec<f64> = (0..n).map(|k| offset(k, -0.7)).collect();
     let mut functions = robot.functions.iter();
     let regressor = functions.find(|f| f.kind == FunctionKind::BaseRegressor);
     if let Some(regressor) = regressor.filter(|_| !base.is_empty()) {

@@ -45,8 +45,8 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
         smallest = smallest.min(size);
         largest = largest.max(size);
         let pivot_b = b[k].clone();
-        let touched = eliminate(&mut a, k, &mut sizes);
-        for (i, factor) in touched {
+        let changed_rows = eliminate(&mut a, k, &mut sizes);
+        for (i, factor) in changed_rows {
             for (x, p) in b[i].iter_mut().zip(&pivot_b) {
                 *x -= factor * p;
             }
@@ -138,7 +138,7 @@ impl RowSizes {
 fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut RowSizes) -> Vec<(usize, f64)> {
     let pivot = a[k].clone();
     let filled: Vec<usize> = (k..pivot.len()).filter(|&j| pivot[j] != 0.0).collect();
-    let mut touched = Vec::new();
+    let mut changed_rows = Vec::new();
     for (i, row) in a.iter_mut().enumerate().skip(k + 1) {
         if row[k] == 0.0 {
             continue;
@@ -148,9 +148,9 @@ fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut RowSizes) -> Vec<(usize, 
             row[j] -= factor * pivot[j];
         }
         sizes.0[i] = size(&row[k + 1..]);
-        touched.push((i, factor));
+        changed_rows.push((i, factor));
     }
-    touched
+    changed_rows
 }
 
 /// The rank of a matrix, and a set of as many independent columns. Pivots of the row-scaled matrix
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_singular_system_is_a_zero_ratio_and_no_number() {
+    fn a_singular_system_has_a_pivot_ratio_of_zero() {
         let s = solve_pivoted(
             vec![vec![1.0, 2.0], vec![2.0, 4.0]],
             vec![vec![1.0], vec![2.0]],

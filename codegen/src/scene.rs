@@ -49,7 +49,7 @@ pub struct Scene {
     pub joint_springs: Vec<JointSpring>,
     /// The springs and constant pulls between points.
     pub springs: Vec<Spring>,
-    /// The drives, which stand nowhere.
+    /// The drives, which have no place in space.
     pub drives: Vec<Drive>,
     /// The names of all coordinates.
     pub coordinates: Vec<String>,
@@ -240,13 +240,13 @@ impl Spring {
     }
 }
 
-/// The tree's joints with their coordinates, in the order of the spec. Drives are none: they stand
-/// nowhere.
+/// The tree's joints with their coordinates, in the order of the spec. Drives are left out, since
+/// they have no place in space.
 fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     let mut joints: Vec<Joint> = Vec::new();
     let mut last = None;
-    let behind = joints_of_coordinates(spec).into_iter();
-    let all = model.coordinates.iter().enumerate().zip(behind);
+    let spec_joints = joints_of_coordinates(spec).into_iter();
+    let all = model.coordinates.iter().enumerate().zip(spec_joints);
     for ((k, coordinate), joint) in all.filter(|((k, _), _)| !model.drives.contains(k)) {
         let own = joint.span.start;
         if last != Some(own) {

@@ -80,7 +80,7 @@ fn sums_over_trees_reach_the_known_ranks_of_loops() {
 }
 
 #[test]
-fn what_trees_miss_of_the_certified_rank_is_completed() {
+fn directions_that_trees_do_not_give_are_completed() {
     for (path, _, sum, known) in LOOPS {
         let source = Source::new(path, file(path));
         let robot = derive(&source).unwrap_or_else(|e| panic!("{e}"));

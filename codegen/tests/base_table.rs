@@ -202,7 +202,7 @@ fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
 }
 
 #[test]
-fn no_tree_of_a_parallelogram_rests_on_its_equal_sides() {
+fn no_tree_of_a_parallelogram_depends_on_its_equal_sides() {
     // trees give 8 whether or not opposite sides are equal, so no coincidence is recorded
     let text = file("tests/fixtures/base/fourbar_two_names.yaml");
     let (_, equal) = base(&text);

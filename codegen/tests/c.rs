@@ -1,5 +1,6 @@
 //! Emitted C with names that C and C++ reserve, and at singular states. `tests/tests/c_robots.rs`
-//! compares the C of every robot with compiled Rust. Left out, with a word, where no compiler is.
+//! compares the C of every robot with compiled Rust. Skipped with a message where there is no
+//! compiler.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
@@ -25,7 +26,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Whether a program can be started; says so if not.
+/// Whether a program can be started; prints a message if not.
 fn has(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
@@ -53,7 +54,7 @@ fn write(folder: &Path, robot: &Robot) -> String {
     files.name
 }
 
-/// A four-bar whose name, bodies and coordinates are words that C and C++ reserve.
+/// An arm of two joints whose bodies and coordinates have names that C and C++ reserve or declare.
 fn reserved(name: &str) -> String {
     format!(
         "name: {name}\nlimbs:\n  - name: arm\n    joints:\n\
@@ -90,7 +91,7 @@ fn words_of_c_and_of_cpp_name_robots_and_coordinates() {
 
 /// At a state where the planned pivot vanishes, the system is solved with other pivots.
 #[test]
-fn a_vanishing_pivot_is_met_with_other_pivots_in_c() {
+fn a_vanishing_pivot_is_replaced_by_other_pivots_in_c() {
     if !has("gcc") {
         return;
     }

@@ -184,7 +184,7 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
 }
 
 #[test]
-fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
+fn angles_that_add_up_to_a_constant_couple_their_one_sided_friction() {
     let rail = file("tests/fixtures/pairs/slider_crank/rail.yaml");
     let with = |kind: &str| rail.replace(", body:", &format!(", friction: {kind}, body:"));
     assert_eq!(rank(&with("viscous")), 6 + 3);
@@ -246,7 +246,7 @@ fn absurd_scales_do_not_change_a_rank() {
 }
 
 #[test]
-fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
+fn a_platform_that_never_rotates_has_fewer_than_its_trees_give() {
     assert_eq!(rank(&file("tests/fixtures/mechanisms/delta.yaml")), 34);
 }
 
@@ -324,7 +324,7 @@ fn a_closure_that_holds_to_rounding_only_is_refused() {
 }
 
 #[test]
-fn limits_that_hold_home_in_a_corner_are_said_to() {
+fn limits_too_narrow_to_move_from_home_are_an_error() {
     let text = file("robots/fourbar.yaml");
     let rocker = mechanism(&text).1[2];
     let (low, high) = (rocker - 1e-9, rocker + 1e-9);

@@ -253,9 +253,9 @@ fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
 fn factors_that_hold_at_the_given_values_only_are_marked() {
     let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
     let base = &analysis.base;
-    let held = base.unvaried_names.join("\n");
-    assert!(held.contains("alpha, beta as given only"), "{held}");
-    assert!(held.contains("a, b in proportion only"), "{held}");
+    let unvaried = base.unvaried_names.join("\n");
+    assert!(unvaried.contains("alpha, beta as given only"), "{unvaried}");
+    assert!(unvaried.contains("a, b in proportion only"), "{unvaried}");
     for parameter in &base.parameters {
         let expected = match parameter.provenance {
             Provenance::Derived => Exactness::Symbolic,
@@ -278,7 +278,7 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
 
 /// The rocker's frame is rotated by 0.3 rad, whose sine has no short expression.
 #[test]
-fn a_factor_without_short_expression_is_a_number_and_says_so() {
+fn a_factor_without_short_expression_is_a_number_with_a_note() {
     let text = file("mechanisms/parallelogram_cut.yaml")
         .replace(
             "- {name: q3, type: revolute,",
@@ -308,7 +308,7 @@ fn a_factor_without_short_expression_is_a_number_and_says_so() {
 }
 
 #[test]
-fn what_was_completed_can_be_stored() {
+fn completed_directions_can_be_stored() {
     let source = Source::new("test.yaml", file("mechanisms/parallelogram_cut.yaml"));
     let spec = spec::parse(&source).unwrap();
     let (model, _, analysis) = analysed(&source.text);

@@ -97,7 +97,7 @@ fn chain() -> String {
     text
 }
 
-/// A platform on twelve legs, each with a length of its own; six legs would determine it.
+/// A platform on twelve legs of variable length, six of which determine its pose.
 fn twelve_legs() -> String {
     const LEGS: usize = 12;
     const BASE: f64 = 0.5;
@@ -178,8 +178,8 @@ fn large_robots_keep_their_values_in_arrays() {
     }
 }
 
-/// Above the diagonal of blocks, all entries of a chain's regressor are zero: a fill takes the place
-/// of thousands of statements. The few zeros of a short chain are stored one by one.
+/// Below the diagonal of blocks, all entries of a chain's regressor are zero: a fill replaces
+/// thousands of statements. The few zeros of a short chain are stored one by one.
 #[test]
 fn many_zeros_are_one_fill() {
     let lines = |text: &str| {
@@ -202,7 +202,7 @@ fn many_zeros_are_one_fill() {
 }
 
 #[test]
-fn what_was_derived_before_leaves_no_trace() {
+fn text_does_not_depend_on_what_was_derived_before() {
     let paths = files("tests/fixtures/oracle");
     let specs: Vec<String> = paths
         .iter()

@@ -1,4 +1,4 @@
-//! Derived expressions as text, which a person compares with the chapter.
+//! Derived expressions as text, which were compared with the chapter by hand.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write as _;

@@ -50,8 +50,8 @@ fn no_coefficient_is_the_inverse_of_a_small_offset() {
     }
 }
 
-/// Fingers that slide by 2 cm tell little of where their masses are; which of the parameters are
-/// kept decides how little.
+/// Fingers that slide by 2 cm determine their centres of mass badly; how badly depends on the
+/// choice of the kept parameters.
 #[test]
 fn rows_that_stay_badly_conditioned_are_given_other_columns() {
     let (analysis, labels) = analysed(
@@ -75,12 +75,13 @@ fn rows_that_stay_badly_conditioned_are_given_other_columns() {
     assert!(largest(&analysis) <= 4.0);
 }
 
-/// Eliminating what barely acts is the user's choice, and its price is printed.
+/// Users can eliminate a parameter that the choice would keep, which increases the condition
+/// number.
 #[test]
-fn a_list_of_parameters_to_eliminate_is_kept_to() {
+fn parameters_listed_for_elimination_are_eliminated() {
     let (free, labels) = analysed(&wrist("z", ""));
-    let wish = "base: {eliminate: [mx(1)]}\n";
-    let (chosen, _) = analysed(&wrist("z", wish));
+    let list = "base: {eliminate: [mx(1)]}\n";
+    let (chosen, _) = analysed(&wrist("z", list));
     assert!(kept(&free, &labels).contains(&"mx(1)"));
     assert!(!kept(&chosen, &labels).contains(&"mx(1)"));
     assert!(
@@ -91,7 +92,8 @@ fn a_list_of_parameters_to_eliminate_is_kept_to() {
     );
 }
 
-/// A tool that is screwed onto a link counts with the link, whatever its place.
+/// The parameters of a tool that is fixed to a link are lumped into those of the link, whatever the
+/// tool's pose.
 #[test]
 fn a_body_fixed_to_another_is_lumped_into_it() {
     for fixed in [
@@ -120,11 +122,11 @@ fn a_body_fixed_to_another_is_lumped_into_it() {
 fn any_axis_is_treated_like_z() {
     let offsets = [["0.1", "0.2", "0.3"], ["0.25", "0.15", "0.35"]];
     let mut found: Vec<(usize, f64)> = Vec::new();
-    for turn in 0..3 {
-        // the old axis k is the new axis (k + turn) % 3
-        let name = |k: usize| ["x", "y", "z"][(k + turn) % 3];
+    for shift in 0..3 {
+        // the old axis k is the new axis (k + shift) % 3
+        let name = |k: usize| ["x", "y", "z"][(k + shift) % 3];
         let xyz = |v: &[&str; 3]| {
-            let at = |k: usize| v[(k + 3 - turn) % 3];
+            let at = |k: usize| v[(k + 3 - shift) % 3];
             format!("[{}, {}, {}]", at(0), at(1), at(2))
         };
         let text = format!(
@@ -143,8 +145,8 @@ fn any_axis_is_treated_like_z() {
         for body in 1..4 {
             // of a body behind a joint about z: neither m, mz nor both of Ixx and Iyy
             let axis = name(if body == 2 { 0 } else { 2 });
-            for gone in [format!("m({body})"), format!("m{axis}({body})")] {
-                assert!(!kept.contains(&gone.as_str()), "{gone} is kept");
+            for eliminated in [format!("m({body})"), format!("m{axis}({body})")] {
+                assert!(!kept.contains(&eliminated.as_str()), "{eliminated} is kept");
             }
         }
         found.push((kept.len(), analysis.condition.unwrap()));
@@ -157,8 +159,8 @@ fn any_axis_is_treated_like_z() {
     }
 }
 
-/// With names the choice must not depend on their values: the table stays as it is, and holds at
-/// other values.
+/// With names the choice must not depend on their values: the table is the same and valid at other
+/// values.
 #[test]
 fn names_are_not_divided_by_where_their_value_is_small() {
     let text = |a: &str| {

@@ -1,5 +1,5 @@
-//! The tables of base parameters of every robot fit the page of a plain LaTeX document. Left out, with
-//! a word, where there is no pdflatex.
+//! The tables of base parameters of every robot fit the page of a plain LaTeX document. Skipped
+//! with a message where there is no pdflatex.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::explain::table::{Style, Table};
 
 /// Largest width by which a line may be too long, in points.
-const TOO_LONG: f64 = 1.0;
+const MAX_OVERFULL: f64 = 1.0;
 
 /// The table of a robot of the repository.
 fn table(path: &Path) -> String {
@@ -27,7 +27,7 @@ fn table(path: &Path) -> String {
 #[test]
 fn no_line_of_a_table_is_too_long() {
     if Command::new("pdflatex").arg("--version").output().is_err() {
-        eprintln!("left out: there is no pdflatex");
+        eprintln!("skipped: there is no pdflatex");
         return;
     }
     let mut document = String::from(
@@ -64,14 +64,15 @@ fn no_line_of_a_table_is_too_long() {
         let width = line.strip_prefix("Overfull \\hbox (");
         let width = width.and_then(|rest| rest.split("pt").next());
         if let Some(width) = width {
-            assert!(width.parse::<f64>().unwrap() <= TOO_LONG, "{robot}: {line}");
+            let width: f64 = width.parse().unwrap();
+            assert!(width <= MAX_OVERFULL, "{robot}: {line}");
         }
     }
     assert_eq!(count, files("robots").len());
 }
 
 #[test]
-fn common_factors_are_collected_and_what_symbols_are_is_stated() {
+fn common_factors_are_collected_and_symbols_are_defined() {
     let path = files("robots");
     let path = path.iter().find(|p| p.ends_with("3rps.yaml")).unwrap();
     let latex = table(path);

@@ -30,7 +30,8 @@ fn seeds() -> Vec<String> {
         .collect()
 }
 
-/// Derives, writes and runs the robot that the text describes; false if it describes none.
+/// Derives the robot that the text describes, emits its module and runs its functions; false if the
+/// text is invalid.
 fn derive_without_panic(text: &str) -> bool {
     let source = Source::new("fuzz.yaml", text);
     // with base parameters if they are quick to derive, as in the macro

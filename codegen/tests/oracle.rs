@@ -22,8 +22,8 @@ fn oracle(name: &str) -> (Robot, Value) {
     (robot, serde_json::from_str(&vectors).unwrap())
 }
 
-/// The largest difference in a row, relative to the row's largest entry; a row of rounding errors
-/// (below 1e-12 in metres and radians) counts as zero.
+/// The largest difference in a row, relative to the row's largest entry; rows of rounding errors
+/// (below 1e-12 in metres and radians) count as equal.
 fn row_error(x: &[f64], y: &[f64]) -> f64 {
     assert_eq!(x.len(), y.len());
     let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -61,8 +61,8 @@ fn check(name: &str) {
         let (columns, condition) = run(regressor, &[&q, &qd, &qdd]);
         assert!(condition > 1e-3);
         for (i, row) in state["regressor"].as_array().unwrap().iter().enumerate() {
-            let ours: Vec<f64> = columns.iter().skip(i).step_by(dof).copied().collect();
-            let error = row_error(&ours, &numbers(row));
+            let found: Vec<f64> = columns.iter().skip(i).step_by(dof).copied().collect();
+            let error = row_error(&found, &numbers(row));
             // both are in double precision, with a condition number below a thousand
             assert!(
                 error < 1e-11,
@@ -71,9 +71,9 @@ fn check(name: &str) {
         }
         if let Some(rows) = state["jacobian"].as_array() {
             let jacobian = &robot.function(FunctionKind::Jacobian).unwrap().program;
-            let (ours, _) = run(jacobian, &[&q]);
-            for (row, mine) in rows.iter().zip(ours.chunks(q.len())) {
-                let error = row_error(mine, &numbers(row));
+            let (found, _) = run(jacobian, &[&q]);
+            for (row, found) in rows.iter().zip(found.chunks(q.len())) {
+                let error = row_error(found, &numbers(row));
                 assert!(error < 1e-11, "{name}: Jacobian row is off by {error:e}");
             }
         }

@@ -50,9 +50,9 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
                             "q" => robot.home.get(k).copied().unwrap_or(0.0),
                             _ => 0.0,
                         };
-                        let reach = if argument.name == "q" { 0.05 } else { 1.0 };
+                        let range = if argument.name == "q" { 0.05 } else { 1.0 };
                         (0..argument.len)
-                            .map(|k| (home(k) + reach * random(&mut seed)) as f32)
+                            .map(|k| (home(k) + range * random(&mut seed)) as f32)
                             .collect()
                     })
                     .collect();
@@ -66,13 +66,13 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
                 let (bounds, _) = run(program, &slices);
                 assert_eq!(single.len(), bounds.len());
                 for (found, bound) in single.iter().zip(&bounds) {
-                    let missed = (f64::from(*found) - bound.value).abs();
+                    let error = (f64::from(*found) - bound.value).abs();
                     compared += 1;
                     unbounded += usize::from(!bound.error.is_finite());
-                    // the value in double precision is off by a roundoff of this bound
+                    // the value in double precision has a rounding error itself
                     assert!(
-                        missed <= bound.error * (1.0 + 1e-6),
-                        "{} {:?}: {missed:e} {bound:?}",
+                        error <= bound.error * (1.0 + 1e-6),
+                        "{} {:?}: {error:e} {bound:?}",
                         robot.name,
                         function.kind
                     );

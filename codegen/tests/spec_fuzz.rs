@@ -63,7 +63,7 @@ fn a_file_over_the_limit_is_refused_before_it_is_read() {
 
 #[test]
 fn wide_files_are_refused_or_read_in_time() {
-    // thousands of limbs in one chain, of constants defined by each other, of errors
+    // a thousand limbs in one chain; thousands of constants defined by each other, all invalid
     let joint =
         |n: usize| format!("joints: [{{name: q{n}, type: revolute, body: {n}, actuated: true}}]");
     let mut limbs = "name: r\nlimbs:\n".to_owned();

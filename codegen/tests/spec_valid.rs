@@ -166,10 +166,10 @@ cuts:
     let joint = &spec.limbs[0].joints[0];
     assert_eq!(spec.coordinates(), ["q1", "q2"]);
     assert_eq!(joint.axis, Axis::Y);
-    let turn = Number::pi().mul(&Number::from_i64(2));
+    let two_pi = Number::pi().mul(&Number::from_i64(2));
     let pitch = Number::ratio(-1, 200).unwrap();
     let lead = joint.lead.as_ref().unwrap();
-    assert_eq!(lead.value, pitch.div(&turn).unwrap());
+    assert_eq!(lead.value, pitch.div(&two_pi).unwrap());
     assert!(spec.limbs[0].joints[1].lead.is_none());
     let half = Number::ratio(1, 2).unwrap();
     assert_eq!(spec.cuts[0].lead.as_ref().unwrap().value, half);

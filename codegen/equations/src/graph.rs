@@ -1,8 +1,8 @@
-//! Expressions in which equal ones are one node.
+//! A graph of expressions, in which equal expressions are one node.
 
 use std::collections::HashMap;
 
-/// The number of a node; operands have smaller numbers than what uses them.
+/// The index of a node; operands have smaller indices than the nodes that use them.
 pub(crate) type Id = usize;
 
 /// An expression.
@@ -59,7 +59,7 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// The expression of a number.
+    /// The node of an index.
     pub(crate) fn node(&self, id: Id) -> Node {
         self.nodes[id]
     }
@@ -68,12 +68,12 @@ impl Graph {
         self.nodes.len()
     }
 
-    /// The number of an expression, if it occurs.
+    /// The index of a node, if the graph has it.
     pub(crate) fn find(&self, node: Node) -> Option<Id> {
         self.known.get(&node).copied()
     }
 
-    /// The value of a number.
+    /// The value of a constant or its negative; `None` for other nodes.
     pub(crate) fn number(&self, id: Id) -> Option<f64> {
         match self.node(id) {
             Node::Number(bits) => Some(f64::from_bits(bits)),

@@ -48,7 +48,8 @@ fn results(
     values: &[Id],
 ) -> Vec<Id> {
     if let Op::Solve(solve) = op {
-        // the solution in the fixed order of pivots; other orders only round otherwise
+        // the solution in the fixed order of pivots, from which other orders differ by rounding
+        // only
         let fixed = solve.fixed.iter().flatten();
         return fixed.map(|o| operand(g, *o, given, values)).collect();
     }
@@ -80,7 +81,7 @@ fn results(
         (Op::Sign(_), [a]) => g.call(Node::Sign(*a)),
         (Op::Positive(_), [a]) => g.call(Node::Positive(*a)),
         (Op::Negative(_), [a]) => g.call(Node::Negative(*a)),
-        // operands come as the operation lists them
+        // unreachable: an operation lists as many operands as it has
         _ => return Vec::new(),
     };
     vec![result]

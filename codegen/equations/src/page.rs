@@ -1,4 +1,5 @@
-//! What is written: a robot's function as expressions, with the names of its inputs and entries.
+//! A page of equations: a robot's function as expressions, with the names of its inputs and
+//! entries.
 
 use std::error::Error;
 use std::fmt;
@@ -12,7 +13,7 @@ use crate::latex::{self, symbol};
 use crate::names::Names;
 use crate::{load, sympy, text};
 
-/// What is written.
+/// The equations or the matrix that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
     /// The closure equations f(q) (Eq. 6).
@@ -87,8 +88,8 @@ pub fn kinds(of: Of, parameters: Parameters) -> [FunctionKind; 1] {
 
 /// Writes equations of a robot.
 ///
-/// - `lengths`: the names of `geometry` with their values; numbers that only one of them can be are
-///   written with it.
+/// - `lengths`: the names of `geometry` with their values; a number that can come from one of them
+///   only is written with this name.
 ///
 /// # Errors
 /// When the robot does not have the function, see [`kinds`]; a robot without dependent coordinates
@@ -115,7 +116,7 @@ pub(crate) struct Input {
     pub(crate) latex: String,
 }
 
-/// An entry that is not zero at every state, by its row and column from 1.
+/// An entry that is not zero at every state, by its row and column from 1; in a vector by its row.
 pub(crate) struct Entry {
     pub(crate) index: Vec<usize>,
     pub(crate) id: Id,
@@ -157,7 +158,7 @@ impl<'p> Page<'p> {
         let (dof, n) = (robot.independent.len(), robot.coordinates.len());
         let (values, shape) = match of {
             Of::X => {
-                // column k is what the velocities are where that of coordinate k is 1
+                // column k holds the velocities for a unit velocity of independent coordinate k
                 let mut columns = Vec::new();
                 for k in 0..dof {
                     let unit = |argument: usize, element: usize| {

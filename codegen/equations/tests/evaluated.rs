@@ -1,5 +1,5 @@
-//! SymPy evaluates its script to what the interpreter computes. Left out, with a word, where python3
-//! or SymPy is missing.
+//! SymPy evaluates the emitted script to the values of the interpreter. Skipped with a message
+//! where python3 or SymPy is missing.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -83,8 +83,8 @@ fn sympy_evaluates_to_what_is_computed() {
         assert_eq!(found.len(), expected.len(), "{name}");
         let largest = expected.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         for (found, expected) in found.iter().zip(&expected) {
-            let apart = (found - expected).abs() / largest;
-            assert!(apart <= 1e-12, "{name}: {found} instead of {expected}");
+            let error = (found - expected).abs() / largest;
+            assert!(error <= 1e-12, "{name}: {found} instead of {expected}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The equations in the guide are those that are written; `REGEN_UPDATE=1` writes them anew.
+//! The equations in the guide are up to date; `REGEN_UPDATE=1` writes them again.
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What equations look like, and what is missing.
+//! The text of equations, and the errors for equations that a robot does not have.
 
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_mended_once_each() {
+    fn names_become_valid_and_unique() {
         let mut names = Names::default();
         assert_eq!(names.give("robot0:WRJ-1"), "robot0_WRJ_1");
         assert_eq!(names.give("robot0 WRJ 1"), "robot0_WRJ_1_2");

@@ -274,7 +274,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, PI};
 
     #[test]
-    fn angles_come_back_from_rotations_also_upright() {
+    fn angles_are_recovered_from_rotations_also_at_a_vertical_pitch() {
         for rpy in [
             [0.1, -0.4, 2.0],
             [PI, 0.0, 0.0],
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tensor_turned_keeps_its_invariants() {
+    fn a_rotated_tensor_keeps_its_trace() {
         let t = [1.0, 0.1, -0.2, 2.0, 0.3, 2.5];
         let turned = tensor_in(t, &from_rpy([0.2, 0.5, -1.0]));
         assert!((t[0] + t[3] + t[5] - turned[0] - turned[3] - turned[5]).abs() < 1e-14);

@@ -1,4 +1,5 @@
-//! What a file has and a spec cannot say, or says otherwise: it is converted, or noted.
+//! Contents of a robot file that a spec cannot express, or expresses in another way: they are
+//! converted or noted.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use crate::common::{assert_has, imported, imported_with, notes, parsed, refused, refused_with};
@@ -85,10 +86,10 @@ fn forces_that_are_left_out_are_noted_once() {
     let joints = "<joint name=\"q\" springdamper=\"0.1 1\"/>\
                   <joint name=\"r\" axis=\"1 0 0\" springdamper=\"0.1 1\" damping=\"-2\"/>";
     let text = mjcf("", joints, "").replace("<body name=\"a\"", "<body gravcomp=\"1\" name=\"a\"");
-    let said = notes(&imported(&text));
-    assert_has(&said, "springdamper of 'q' and 1 more");
-    assert_has(&said, "gravcomp of 1 bodies");
-    assert_has(&said, "damping -2 of 'r' is negative");
+    let messages = notes(&imported(&text));
+    assert_has(&messages, "springdamper of 'q' and 1 more");
+    assert_has(&messages, "gravcomp of 1 bodies");
+    assert_has(&messages, "damping -2 of 'r' is negative");
 }
 
 /// A cube of 0.2 m from the origin, in cm; with and without its last side.
@@ -130,10 +131,10 @@ fn a_link_of_meshes_has_their_mass() {
     for (found, expected) in tensor.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
-    let said = notes(&found);
-    assert_has(&said, "with 1000 kg/m^3 where no density is given: 'a'");
+    let messages = notes(&found);
+    assert_has(&messages, "with 1000 kg/m^3 where no density is given: 'a'");
 
-    // vertices and faces in the file itself, of which one is missing then
+    // vertices and faces in the file itself; after that a surface with a missing face
     let (corners, faces) = CUBE.split_at(CUBE.find('f').unwrap());
     let corners = corners.replace(['v', '\n'], " ");
     let mut triangles = String::new();
@@ -203,7 +204,7 @@ fn a_link_with_the_mass_of_its_meshes_is_a_body_without_values() {
 }
 
 #[test]
-fn a_tendon_that_is_held_couples_its_joints() {
+fn an_equality_of_a_tendon_couples_its_joints() {
     let inside = format!(
         "<joint name=\"q\"/><body name=\"b\">{INERTIAL}<joint name=\"r\" ref=\"0.5\"/></body>"
     );
@@ -249,7 +250,7 @@ fn exact_keeps_all_digits_and_angles_near_right_ones_are_noted() {
 }
 
 #[test]
-fn joints_are_locked_where_they_are_said_to_be() {
+fn joints_are_locked_at_the_given_values() {
     let locked = |text: &str, joints: &[&str]| {
         let options = Options {
             lock: joints.iter().map(|&j| j.to_owned()).collect(),
@@ -272,7 +273,7 @@ fn joints_are_locked_where_they_are_said_to_be() {
     );
     let plain = ARM.replace("rpy=\"1.57075 0 0\"", "");
     assert_eq!(locked(&plain, &["r=0.3"]), spec(&turned));
-    // what follows stands still too
+    // a joint that follows a locked joint is locked too
     let mimic = ARM.replace(
         "<axis xyz=\"0 1 0\"/>",
         "<axis xyz=\"0 1 0\"/><mimic joint=\"q\"/>",
@@ -310,7 +311,7 @@ fn limits_that_contradict_the_joint_followed_are_named() {
 }
 
 #[test]
-fn what_floats_in_space_is_proposed_to_do_so() {
+fn a_floating_base_is_proposed_where_no_joint_carries_the_mass() {
     let text = "<robot name=\"q\"><link name=\"a\"><inertial><mass value=\"1\"/></inertial></link></robot>";
     assert_has(&refused(text), "base floating");
     // the mass of meshes counts too
@@ -329,15 +330,15 @@ fn what_floats_in_space_is_proposed_to_do_so() {
 }
 
 #[test]
-fn notes_that_say_the_same_are_one() {
+fn equal_notes_are_merged() {
     let text = ARM
         .replace("1.57075", "1.5708")
         .replace("3.14159265359", "1.5708");
-    let said = notes(&imported(&text));
+    let messages = notes(&imported(&text));
     assert_eq!(
-        said.matches("took 1.5708 as pi/2 (2 times)").count(),
+        messages.matches("took 1.5708 as pi/2 (2 times)").count(),
         1,
-        "{said}"
+        "{messages}"
     );
-    assert_has(&said, "(2 times)");
+    assert_has(&messages, "(2 times)");
 }

@@ -75,7 +75,7 @@ fn mutated(text: &str, random: &mut Random) -> String {
 }
 
 #[test]
-fn spoilt_files_are_refused_or_imported() {
+fn altered_files_are_refused_or_imported() {
     let mut random = Random(7);
     let (mut imported, mut refused) = (0, 0);
     for file in [

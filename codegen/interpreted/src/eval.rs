@@ -115,7 +115,7 @@ impl Interpreted<'_> {
         }
         let nan = T::constant(f64::NAN);
         let Some(tape) = entry.one() else {
-            // Every robot has every function; if one is missing, the result is NaN.
+            // The robot was derived without this function.
             out.fill(nan);
             return Ok(Condition { pivot: nan });
         };

@@ -1,4 +1,5 @@
-//! One state, and many states at once, have the bits of the interpreter of programs.
+//! The results at one state, and at many states at once, have the same bits as those of the
+//! interpreter of programs.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use regen_batch::{PredictedClosure, TrajectoryClosure};
@@ -161,18 +162,18 @@ fn check(text: &str) {
 }
 
 #[test]
-fn an_arm_at_many_states_has_the_bits_of_each() {
+fn an_arm_at_many_states_has_the_bits_of_single_states() {
     check(include_str!("../../../robots/puma560.yaml"));
 }
 
 #[test]
-fn a_parallel_robot_with_friction_at_many_states_has_the_bits_of_each() {
+fn a_parallel_robot_with_friction_at_many_states_has_the_bits_of_single_states() {
     check(include_str!("../../../robots/3rps_friction.yaml"));
 }
 
 /// Random states far from closed ones make some of the fixed pivots too small.
 #[test]
-fn a_closed_loop_solved_by_other_pivots_has_the_bits_of_each() {
+fn a_closed_loop_solved_by_other_pivots_has_the_bits_of_single_states() {
     check(include_str!("../../../robots/fivebar.yaml"));
 }
 
@@ -235,10 +236,10 @@ fn compare_closure(text: &str, size: f64) -> (usize, usize) {
         for (found, expected) in states[k].iter().zip([&state.q, &state.qd, &state.qdd]) {
             let largest = expected.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
             for c in 0..n {
-                let off = (found[c] - expected[c]).abs() / largest;
+                let error = (found[c] - expected[c]).abs() / largest;
                 // rounding errors, amplified near singularities
                 let bound = 1e-13 / state.condition.pivot.powi(3).min(1.0);
-                assert!(off <= bound, "state {k}, coordinate {c}: {off:e}");
+                assert!(error <= bound, "state {k}, coordinate {c}: {error:e}");
             }
         }
     }
@@ -299,8 +300,8 @@ fn compare_predicted(text: &str, size: f64) -> (usize, usize) {
         closed += 1;
         let bound = 1e-13 / expected.condition.pivot.powi(3).min(1.0);
         for (found, expected) in predicted.q().iter().zip(&expected.q) {
-            let off = (found - expected).abs() / expected.abs().max(1.0);
-            assert!(off <= bound, "state {k}: {off:e}");
+            let error = (found - expected).abs() / expected.abs().max(1.0);
+            assert!(error <= bound, "state {k}: {error:e}");
         }
         let mut f = vec![0.0; info.rows];
         model.constraints(predicted.q(), &mut f).unwrap();

@@ -134,7 +134,7 @@ mod tests {
     use super::{LAWS, friction_column};
 
     #[test]
-    fn every_friction_parameter_opposes_the_motion_and_vanishes_at_rest() {
+    fn every_friction_column_has_the_sign_of_the_velocity_and_is_zero_at_rest() {
         for symbol in LAWS.iter().flat_map(|law| law.columns) {
             for qd in [-0.7, 0.7] {
                 assert!(friction_column(symbol, qd) * qd >= 0.0, "{symbol} {qd}");

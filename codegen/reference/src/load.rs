@@ -79,7 +79,8 @@ impl Mechanism {
             home_guess[at] = scalar(value, &names)?;
             stated[at] = true;
         }
-        // Drives start where their joints are, and these where their couplings have them.
+        // A drive starts where the home of its joints puts it. Joints without a stated home follow
+        // from their couplings for this.
         let mut followed = home_guess.clone();
         for _ in 0..=couplings.len() {
             for coupling in couplings.iter().filter(|c| !stated[c.key]) {

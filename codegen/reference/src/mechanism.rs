@@ -178,7 +178,7 @@ pub struct Mechanism {
     pub cuts: Vec<Cut>,
     /// Cones of joints, then of cuts.
     pub cones: Vec<SwingLimit>,
-    /// Couplings in the order of the file.
+    /// Couplings in the order of the file, then the forms of the drives.
     pub couplings: Vec<Coupling>,
     /// The indices of the coordinates of drives; the last couplings are theirs, in this order.
     pub drives: Vec<usize>,
@@ -202,7 +202,7 @@ pub struct Mechanism {
     pub parameters: Vec<Parameter>,
     /// The coordinates at which the closure solve starts, rad or m.
     pub home_guess: Vec<f64>,
-    /// Nominal friction and rotor values by label, as in the spec.
+    /// Nominal values of the parameters of coordinates and springs by label, such as `Fv(q1)`.
     pub nominal: BTreeMap<String, f64>,
 }
 
@@ -255,8 +255,9 @@ impl Mechanism {
             .any(|m| m.coordinate == coordinate && m.turn.abs() < 0.5)
     }
 
-    /// How far a coordinate moves where joints turn by `turn` (rad) or slide by `slide` (m): as far,
-    /// and a drive as far as the sizes of its factors have it.
+    /// How far a coordinate may move where every joint turns by `turn` (rad) or slides by `slide`
+    /// (m): a joint's coordinate as far as the joint, a drive's as far as all its joints together,
+    /// each times the magnitude of its factor.
     pub(crate) fn travel(&self, coordinate: usize, turn: f64, slide: f64) -> f64 {
         let of_joint = |k: usize| if self.slides(k) { slide } else { turn };
         if !self.drives.contains(&coordinate) {

@@ -117,7 +117,7 @@ fn wrench(
     k: usize,
 ) -> (Vec3<f64>, Vec3<f64>) {
     let Spatial { omega, alpha, .. } = motion;
-    let constant_matrix = sub(&motion.acceleration, gravity);
+    let acceleration_less_gravity = sub(&motion.acceleration, gravity);
     match k {
         0..6 => {
             let (i, j) = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)][k];
@@ -139,8 +139,8 @@ fn wrench(
         6..9 => {
             let s = axis(frame, k - 6);
             let force = add(&cross(alpha, &s), &cross(omega, &cross(omega, &s)));
-            (force, cross(&s, &constant_matrix))
+            (force, cross(&s, &acceleration_less_gravity))
         }
-        _ => (constant_matrix, ZERO),
+        _ => (acceleration_less_gravity, ZERO),
     }
 }

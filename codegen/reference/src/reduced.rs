@@ -31,8 +31,8 @@ impl Mechanism {
             return Err(format!("{}: A_e is singular", self.name));
         }
         let mut x = svd.solve(rhs, 0.0)?;
-        // The decomposition's error is larger than rounding, up to 1e-3: the solution is refined
-        // until the corrections vanish.
+        // The error of the decomposition is up to 1e-3, far larger than rounding: refine the
+        // solution until the corrections vanish.
         for _ in 0..20 {
             let correction = svd.solve(&(rhs - &a_e * &x), 0.0)?;
             x += &correction;

@@ -23,14 +23,14 @@ pub enum Stored {
     Joint {
         /// The index of the coordinate.
         coordinate: usize,
-        /// The coordinate without an effort, rad or m.
+        /// The coordinate at which the spring is relaxed, rad or m.
         rest: f64,
     },
     /// (d - length)^2 / 2 with the distance d of two points.
     Stretch {
         /// The two points.
         ends: [Point; 2],
-        /// The length without a force, m.
+        /// The length of the relaxed spring, m.
         length: f64,
     },
     /// The distance of two points, times a factor.
@@ -83,7 +83,7 @@ impl Mechanism {
         let square = |x: T| x * x;
         match stored {
             Stored::Joint { coordinate, rest } => square(q[*coordinate] - T::from(*rest)) * half,
-            // without a length no root is drawn, which has no derivative at 0
+            // without a length no square root is needed, which has no derivative at 0
             Stored::Stretch { ends, length } if *length == 0.0 => {
                 self.squared_distance(ends, q) * half
             }

@@ -76,12 +76,12 @@ fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, R
     Ok(svg.replacen(&head(px(WIDTH), px(height)), &head(WIDTH, height), 1))
 }
 
-/// A length of the page, px, in drawing units.
+/// A length on the page, given in px, in drawing units.
 fn px(length: u32) -> u32 {
     length * UNITS_PER_PX
 }
 
-/// A place on the page, px, in drawing units.
+/// A point of the page, given in px, in drawing units.
 fn at(x: u32, y: u32) -> (i32, i32) {
     let place = |v: u32| i32::try_from(px(v)).unwrap_or(i32::MAX);
     (place(x), place(y))
@@ -427,7 +427,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_legend_that_is_too_long_for_a_row_takes_more_of_them() {
+    fn a_legend_too_long_for_one_row_takes_several() {
         let entry = |name: &str| (name.to_owned(), Sign::Dot(BLUE));
         let short: Vec<_> = ["q1", "q2", "q3"].map(entry).to_vec();
         assert_eq!(placed(AXIS_WIDTH_PX, &short).1, 1);
@@ -440,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_are_told_apart_without_more_digits_than_that() {
+    fn labels_have_just_enough_digits_to_differ() {
         assert_eq!(decimals(&(0.0..100.0)), 0);
         assert_eq!(number(20.0, decimals(&(0.0..100.0))), "20");
         assert_eq!(number(0.65, decimals(&(0.6..0.8))), "0.65");

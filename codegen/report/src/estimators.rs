@@ -10,7 +10,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
     let file = report.file;
     let row = |least: &LeastSquaresRow| {
         let own = file.parameters.iter().find(|p| p.label == least.label)?;
-        // of a parameter without a deviation, no difference can be told in deviations
+        // without a standard deviation, the difference cannot be expressed in deviations
         let moved = Some((own.value - least.value) / least.sigma).filter(|x| x.is_finite());
         Some(vec![
             label(&least.label),

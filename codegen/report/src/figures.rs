@@ -31,13 +31,13 @@ pub(super) fn slug(name: &str) -> String {
 
 /// Positions and velocities of the independent coordinates with their limits; a figure for each
 /// quantity and unit.
-pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
+pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figure>, ReportError> {
     type Of = fn(&Limits) -> Option<[f64; 2]>;
     let info = model.info();
     let n = info.coordinates.len();
     let kinds: [(&str, &[f64], Of, [&str; 2]); 2] = [
-        ("position", &seen.q, |l| l.position, ["rad", "m"]),
-        ("velocity", &seen.qd, |l| l.velocity, ["rad/s", "m/s"]),
+        ("position", &rows.q, |l| l.position, ["rad", "m"]),
+        ("velocity", &rows.qd, |l| l.velocity, ["rad/s", "m/s"]),
     ];
     let mut figures = Vec::new();
     for (what, values, limit, units) in kinds {
@@ -60,7 +60,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
                 .zip(LINE_COLOURS.iter().cycle())
                 .map(|(c, dye)| Line {
                     label: info.coordinates.get(*c).unwrap_or(&"?").to_string(),
-                    points: column(&seen.t, values, *c, n),
+                    points: column(&rows.t, values, *c, n),
                     dye: *dye,
                     look: Look::Solid,
                 })
@@ -73,7 +73,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
                 .collect();
             bounds.sort_by(f64::total_cmp);
             bounds.dedup();
-            let ends = seen.t.first().zip(seen.t.last());
+            let ends = rows.t.first().zip(rows.t.last());
             for (k, bound) in bounds.iter().enumerate() {
                 let Some((from, to)) = ends else { break };
                 lines.push(Line {
@@ -90,7 +90,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
             };
             figures.push(Figure {
                 name: format!("{what}-{suffix}"),
-                caption: format!("{what} of the independent coordinates over {}", seen.file),
+                caption: format!("{what} of the independent coordinates over {}", rows.file),
                 svg: charts::lines("t, s", &format!("{what}, {unit}"), 250, &lines)?,
             });
         }
@@ -99,16 +99,16 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
 }
 
 /// Measured and predicted efforts of each independent coordinate, with the residuals below.
-pub(super) fn forces(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
+pub(super) fn forces(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
-    let left: Vec<f64> = seen
+    let residuals: Vec<f64> = rows
         .tau
         .iter()
-        .zip(&seen.predicted)
+        .zip(&rows.predicted)
         .map(|(a, b)| a - b)
         .collect();
-    let times = seen.times();
+    let times = rows.times();
     let mut figures = Vec::with_capacity(dof);
     for (k, c) in info.independent.iter().enumerate() {
         let name = info.coordinates.get(*c).copied().unwrap_or("?");
@@ -124,16 +124,16 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
             look,
         };
         let above = [
-            line("measured", &seen.tau, GREY, Look::Dots),
-            line("predicted", &seen.predicted, BLUE, Look::Solid),
+            line("measured", &rows.tau, GREY, Look::Dots),
+            line("predicted", &rows.predicted, BLUE, Look::Solid),
         ];
-        let below = [line("", &left, ORANGE, Look::Solid)];
+        let below = [line("", &residuals, ORANGE, Look::Solid)];
         let [up, down] = ["effort", "residual"].map(|what| format!("{what}, {unit}"));
         figures.push(Figure {
             name: format!("forces-{}", slug(name)),
             caption: format!(
                 "effort of {name} over {}, and what is left of it",
-                seen.file
+                rows.file
             ),
             svg: charts::two_panels("t, s", [&up, &down], &above, &below)?,
         });
@@ -146,13 +146,13 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figu
 /// model.
 pub(super) fn friction(
     model: &Interpreted<'_>,
-    seen: &LogRows,
+    rows: &LogRows,
     identified: &IdentifiedModel,
 ) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let base = model.base_info().base;
     let (n, dof) = (info.coordinates.len(), info.dof());
-    let times = seen.times();
+    let times = rows.times();
     let mut figures = Vec::new();
     for (k, c) in info.independent.iter().enumerate() {
         let name = info.coordinates.get(*c).copied().unwrap_or("?");
@@ -188,11 +188,11 @@ pub(super) fn friction(
             };
             viscous * v + coulomb * sign
         };
-        let places = seen.places.iter().map(|row| row * n + *c);
-        let own = places.map(|k| seen.qd.get(k).copied().unwrap_or(0.0));
+        let places = rows.places.iter().map(|row| row * n + *c);
+        let own = places.map(|k| rows.qd.get(k).copied().unwrap_or(0.0));
         let velocities = column(&times, &own.collect::<Vec<f64>>(), 0, 1);
-        let tau = column(&times, &seen.tau, k, dof);
-        let predicted = column(&times, &seen.predicted, k, dof);
+        let tau = column(&times, &rows.tau, k, dof);
+        let predicted = column(&times, &rows.predicted, k, dof);
         let cloud: Vec<(f64, f64)> = velocities
             .iter()
             .zip(tau.iter().zip(&predicted))
@@ -233,7 +233,7 @@ pub(super) fn friction(
         };
         figures.push(Figure {
             name: format!("friction-{}", slug(name)),
-            caption: format!("friction of {name} over the velocities of {}", seen.file),
+            caption: format!("friction of {name} over the velocities of {}", rows.file),
             svg: charts::lines(x, y, 260, &lines)?,
         });
     }

@@ -1,4 +1,5 @@
-//! What is left of the efforts: its spectrum, delays, and the samples that were not used.
+//! The residuals of the efforts: their spectra, the delays of the efforts, and the samples that
+//! were not used.
 
 use std::fmt::Write as _;
 
@@ -17,7 +18,7 @@ use crate::gather::{Errors, LogRows};
 use crate::identified::Content;
 use crate::page::{escaped, figure, section, table};
 
-/// The spectra of each effort and of what is left of it; none for logs with few samples.
+/// The spectra of each effort and of its residual; none for logs with few samples.
 pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
@@ -28,12 +29,12 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &LogRows) -> Result<Vec<Fig
             values.iter().skip(k).step_by(dof.max(1)).copied().collect()
         };
         let (measured, predicted) = (own(&seen.tau), own(&seen.predicted));
-        let left: Vec<f64> = measured
+        let residual: Vec<f64> = measured
             .iter()
             .zip(&predicted)
             .map(|(a, b)| a - b)
             .collect();
-        let curves = [&measured, &left].map(|values| amplitude_density(&times, values));
+        let curves = [&measured, &residual].map(|values| amplitude_density(&times, values));
         if curves.iter().all(Vec::is_empty) {
             continue;
         }

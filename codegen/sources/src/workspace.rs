@@ -50,7 +50,7 @@ impl Workspace {
     ///
     /// # Errors
     ///
-    /// A directory that cannot be read, or holds none.
+    /// If the directory cannot be read or contains no spec.
     pub fn robots(&self) -> Result<Vec<PathBuf>, SourceError> {
         let dir = shortened(&self.root.join("robots"));
         let mut found = entries(&dir).map_err(|error| SourceError::io("read", &dir, error))?;
@@ -66,7 +66,7 @@ impl Workspace {
 ///
 /// # Errors
 ///
-/// A directory that cannot be read.
+/// If the directory cannot be read.
 pub fn entries(dir: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = fs::read_dir(dir)?
         .map(|entry| entry.map(|e| e.path()))

@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_printed_is_what_was_read() {
+    fn printing_a_parsed_expression_gives_its_text() {
         for text in [
             "0",
             "-1",
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_expression_has_no_tree() {
+    fn text_that_is_no_expression_does_not_parse() {
         for text in ["?", "a +", "(a", "a b", "", "2 $ 3", "50%"] {
             assert_eq!(Coefficient::parse(text), None, "{text}");
         }

@@ -259,7 +259,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ratio_is_read_off_ties_in_a_row() {
+    fn a_ratio_of_rates_follows_from_a_chain_of_constraints() {
         let n = Number::from_i64;
         // b = -2 a, c = 3 b
         let velocity_constraints = vec![vec![(1, n(1)), (0, n(2))], vec![(2, n(1)), (1, n(-3))]];

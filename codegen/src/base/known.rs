@@ -28,7 +28,7 @@ pub(super) fn substitutions(
     let names = Names::new(field, spec);
     let find = |label: &str| model.parameters.iter().position(|p| p.label == label);
     let body = |label: &str| model.bodies.iter().position(|b| b.label == label);
-    // each form, a sum of factors times columns, is zero; the column named first is removed
+    // each form, a sum of factors times columns, is zero; its preferred column is removed
     let mut forms: Vec<(Option<usize>, Vector)> = Vec::new();
     for group in &spec.base.equal {
         let bodies: Vec<usize> = group.iter().filter_map(|b| body(&b.value)).collect();
@@ -60,7 +60,7 @@ pub(super) fn substitutions(
         forms.push((first, form));
     }
     let mut found: Vec<FieldSubstitution> = Vec::new();
-    for (wish, mut form) in forms {
+    for (preferred, mut form) in forms {
         for earlier in &found {
             if let Some(factor) = form.remove(&earlier.column) {
                 let terms: Vector = earlier.terms.iter().cloned().collect();
@@ -68,7 +68,7 @@ pub(super) fn substitutions(
             }
         }
         // a form that the earlier ones imply removes no parameter
-        let column = wish
+        let column = preferred
             .filter(|c| form.contains_key(c))
             .or_else(|| form.keys().next().copied());
         let Some(column) = column else { continue };

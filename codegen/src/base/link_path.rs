@@ -300,7 +300,7 @@ mod tests {
     use crate::spec::Axis;
 
     #[test]
-    fn a_form_follows_from_ties_that_span_it() {
+    fn constraints_imply_the_forms_in_their_span() {
         let n = Number::from_i64;
         let velocity_constraints = vec![vec![(0, n(1)), (1, n(1))], vec![(1, n(2)), (2, n(-2))]];
         assert!(is_implied_by(
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn links_turn_alike_where_the_ties_say_so_about_the_same_direction() {
+    fn constraints_between_parallel_axes_fix_the_relative_orientation() {
         let n = Number::from_i64;
         let (same, opposite) = (
             vec![vec![(0, n(1)), (1, n(-1))]],

@@ -284,7 +284,7 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
         let mut edges = path(linkage, &tree, from, to);
         edges.reverse();
         let mut at = from;
-        let mut walk = Turning::default();
+        let mut walk = LoopRotations::default();
         let mut planar = true;
         for edge in edges {
             let edge = &linkage.edges[edge];
@@ -303,17 +303,18 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     velocity_constraints
 }
 
-/// The rotations met on the way around a loop.
+/// The sum of the rotations around a loop, as far as it has been followed.
 #[derive(Default)]
-struct Turning {
+struct LoopRotations {
     /// The common direction of the rotations, in the current frame.
     axis: Option<[Element; 3]>,
+    /// The sign with which the rate of each coordinate enters the sum.
     constraint: Vector,
     /// Whether a joint without a coordinate rotates about this direction too.
     free: bool,
 }
 
-impl Turning {
+impl LoopRotations {
     /// Follows a connection; false if it has a rotation about another direction.
     fn follow(&mut self, field: &mut Field, stages: &[Stage], outward: bool) -> bool {
         for stage in stages {
@@ -405,7 +406,7 @@ home: {q1: 0.7, q2: -0.944, q3: 0.244}
 
     /// q2 = -2 q1: friction of q1 and q2 acts only in combination.
     #[test]
-    fn friction_of_coupled_joints_is_told_apart_by_the_ratio_only() {
+    fn friction_of_coupled_joints_combines_by_their_ratio() {
         let (_, base) = combinations(
             "name: geared
 limbs:

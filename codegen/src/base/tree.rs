@@ -14,7 +14,7 @@ use super::span::{Span, Vector, add_scaled, dot, sparse};
 /// Index of the weight of gravity's own twist, behind the six entries w, v of a twist.
 const GRAVITY_WEIGHT: usize = 6;
 
-/// The spans L (`twists`) and A (`values`) of a body of the tree.
+/// The spans of a body of the tree: L in `twists`, A in `values`.
 #[derive(Clone, Debug, Default)]
 struct Reach {
     twists: Span,

@@ -35,7 +35,8 @@ pub struct Closed {
 /// The largest number of closed states that are proposed where home does not close.
 const MAX_PROPOSALS: usize = 3;
 
-/// Whether no cut closes with a half turn between its frames, whose rows vanish there too.
+/// Whether the axes of all cuts agree. The rows of a cut vanish also where axes that should be
+/// parallel are opposite, half a turn off.
 fn is_aligned(g: &mut Graph, frames: &Frames, model: &Model, home: &[f64]) -> bool {
     model.cuts.iter().all(|cut| {
         let cosines = agreement(g, frames, model, cut);
@@ -78,7 +79,7 @@ impl Closed {
                     near,
                 });
             }
-            found => found?,
+            closed => closed?,
         };
         if model.dependent.is_empty() {
             return Ok(Closed {
@@ -183,7 +184,7 @@ impl LoopSolver {
 
     /// The solution Z of `A_e Z = rhs`, dependent coordinates by right-hand sides. It is guarded:
     /// if a pivot of the fixed order is too small when the expressions are evaluated, the system is
-    /// solved anew with pivoting.
+    /// solved again, with pivoting.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
         let Eliminated {

@@ -1,10 +1,10 @@
-//! How far cuts gape where the loops do not close.
+//! The distances and angles by which cuts are open where the loops do not close.
 
 use crate::model::Model;
 
 use super::home::NumericLoops;
 
-/// How far the two sides of a cut are apart.
+/// The distance and the angle between the two sides of an open cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// The cut, by its place in the spec.
@@ -15,7 +15,7 @@ pub struct Gap {
     pub radians: f64,
 }
 
-/// The cuts that gape at a state, the widest first.
+/// The cuts that are open at a state, the widest first.
 pub(super) fn gaps(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Vec<Gap> {
     /// Below this, m and rad, a cut counts as closed.
     const CLOSED: f64 = 1e-6;

@@ -64,7 +64,8 @@ impl<'m> LoopEquations<'m> {
             .collect()
     }
 
-    /// The loop's rows from a viewpoint, in the form that holds on the closure.
+    /// The loop's rows in the axes of a viewpoint's frame, in the form that is valid where the loop
+    /// is closed.
     pub fn seen_from(
         &self,
         g: &mut Graph,
@@ -83,7 +84,7 @@ impl<'m> LoopEquations<'m> {
                 })
             }
         };
-        let mut seen = |side: usize| {
+        let mut view_of = |side: usize| {
             let (path, frame) = (&self.chains[side], &self.cut.sides[side]);
             if view == Viewpoint::Side(side) {
                 View::own(g, frames, path, frame, rates)
@@ -91,7 +92,7 @@ impl<'m> LoopEquations<'m> {
                 View::along(g, frames, path, frame, &start, rates)
             }
         };
-        let views = [seen(0), seen(1)];
+        let views = [view_of(0), view_of(1)];
         let n = self.coordinates;
         cut_equations(
             g,

@@ -88,9 +88,10 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
     }
 }
 
-/// The largest distance of a coordinate from home, rad or m: 0.35 rad, or a fifth of its length, or
-/// the distance to the nearer limit, up to three times that; of a drive, what its joints need for
-/// that.
+/// The largest distance of a coordinate from home, rad or m. Usually it is 0.35 rad for an angle, a
+/// fifth of its value at home for a length (at least a twentieth of the mechanism's length), and
+/// for a drive what its joints' distances amount to. With limits it is the distance to the nearer
+/// one, up to three times the usual distance.
 fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64 {
     let usual = match model.form_of_drive(c) {
         Some(form) => {

@@ -15,8 +15,11 @@ use super::loops::{LoopEquations, Viewpoint};
 
 /// A loop's rows from each of its viewpoints, and the coordinates that they depend on.
 struct LoopViews {
+    /// The dependent coordinates that occur in the rows of this loop alone.
     own: Vec<usize>,
+    /// The other coordinates that occur in its rows.
     shared: Vec<usize>,
+    /// The viewpoints, each with the loop's rows of A over all coordinates.
     from: Vec<(Viewpoint, Vec<Vec<Ex>>)>,
 }
 
@@ -91,17 +94,17 @@ fn loop_views(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
             coordinates.filter(|&c| moves(from, c)).collect()
         })
         .collect();
-    let mut times = vec![0; model.coordinates.len()];
+    let mut uses = vec![0; model.coordinates.len()];
     for &c in touched.iter().flatten() {
-        times[c] += 1;
+        uses[c] += 1;
     }
     for coupling in &model.couplings {
-        times[coupling.key] += 1;
+        uses[coupling.key] += 1;
     }
     all.into_iter()
         .zip(touched)
         .map(|(from, touched)| {
-            let is_own = |c: &usize| times[*c] == 1 && model.dependent.contains(c);
+            let is_own = |c: &usize| uses[*c] == 1 && model.dependent.contains(c);
             let (own, shared) = touched.into_iter().partition(is_own);
             LoopViews { own, shared, from }
         })

@@ -73,12 +73,12 @@ mod tests {
     use crate::diag::Span;
 
     #[test]
-    fn an_empty_sink_finishes_well() {
+    fn an_empty_sink_finishes_without_error() {
         assert_eq!(Sink::new().finish(&Source::new("f", "")), Ok(()));
     }
 
     #[test]
-    fn finish_hands_out_errors_in_the_order_of_the_file() {
+    fn finish_returns_errors_in_the_order_of_the_file() {
         let mut sink = Sink::new();
         sink.push(Diagnostic::new(Span::new(3, 4), "later"));
         sink.push(Diagnostic::new(Span::new(1, 2), "earlier"));

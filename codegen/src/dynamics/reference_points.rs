@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_that_pays_only_for_several_bodies_is_found() {
+    fn a_point_that_pays_only_for_several_bodies_is_found() {
         let mut g = Graph::new();
         let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| g.symbol(name));
         // either six operations that two bodies share, or four for each body
@@ -104,8 +104,8 @@ mod tests {
         let mut g = Graph::new();
         let [a, b] = ["a", "b"].map(|name| g.symbol(name));
         let (ab, sum) = (g.mul(a, b), g.add(a, b));
-        let dear = g.mul(ab, sum);
-        let blocks = [block([dear, ab])];
+        let expensive = g.mul(ab, sum);
+        let blocks = [block([expensive, ab])];
         assert_eq!(cheapest(&g, &blocks, &[true; 10]), [1]);
         assert_eq!(cheapest(&g, &blocks, &[false; 10]), [0]);
     }

@@ -1,5 +1,5 @@
 //! A short summary of a generated module. `generated/digests.txt` has one for each robot whose
-//! module is not checked in, so that a change of the module is seen there.
+//! module is not checked in, so that a change of the module shows up there.
 //!
 //! It is not the digest by which parameter files are matched with models: see [`crate::digest`].
 

@@ -1,4 +1,5 @@
-//! What the sizes of a robot count, by name.
+//! The names of the elements that a robot's sizes count: coordinates, bodies, parameters and
+//! others.
 
 use crate::base::Analysis;
 use crate::robot::Robot;

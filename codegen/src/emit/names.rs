@@ -23,7 +23,7 @@ pub(super) fn identifier(label: &str) -> String {
     }
 }
 
-/// Gives out each identifier only once.
+/// The identifiers in use, so that each value gets its own.
 #[derive(Debug)]
 pub(super) struct Names {
     used: BTreeSet<String>,
@@ -43,12 +43,12 @@ impl Names {
         self.used.insert(name.to_owned());
     }
 
-    /// The name `wish`, with a number appended if it is taken.
-    pub(super) fn unique(&mut self, wish: &str) -> String {
-        let mut name = wish.to_owned();
+    /// The name `preferred`, with a number appended if it is taken.
+    pub(super) fn unique(&mut self, preferred: &str) -> String {
+        let mut name = preferred.to_owned();
         let mut number = 2;
         while !self.used.insert(name.clone()) {
-            name = format!("{wish}_{number}");
+            name = format!("{preferred}_{number}");
             number += 1;
         }
         name

@@ -1,5 +1,5 @@
-//! The plan of a function's body: blocks of steps, the values that blocks hand on, and the names of
-//! all values. It is the same for all languages but for their reserved words and limits.
+//! The plan of a function's body: blocks of steps, the values that blocks export, and the names of
+//! all values. It is the same for all languages except for their reserved words and limits.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -89,7 +89,7 @@ impl Plan {
     }
 
     /// Names the temporaries: by the suggested name if there is one, else by a number that starts
-    /// anew in every block, so that a change in one block does not renumber the others.
+    /// at 1 in every block, so that a change in one block does not renumber the others.
     fn name_temporaries(&mut self, program: &Program, language: &impl Language, names: &mut Names) {
         self.names = vec![String::new(); program.names.len()];
         for (index, block) in self.blocks.iter().enumerate() {
@@ -157,7 +157,7 @@ impl Plan {
     /// Number of consecutive sines and cosines before the step `end` that can be computed together,
     /// if the first of them is step `index`; else 0.
     pub(super) fn angles_from(&self, program: &Program, index: usize, end: usize) -> usize {
-        // a sequence that started before this block starts anew in it
+        // the part of a sequence that lies in another block is computed there
         let begins = self.block_starts.contains(&index) || !is_angle(program, index - 1);
         if !begins {
             return 0;

@@ -68,7 +68,7 @@ impl<'a> Motions<'a> {
         let rows = |v: &[Vector3]| v.iter().map(|x| x.to_vec()).collect::<Vec<_>>();
         let (turning, off_turns) = rank_of(rows(&turns), self.size.0);
         let (moving, off_moves) = rank_of(rows(&moves), self.size.1);
-        let mut seen = ObservedMotion {
+        let mut observed = ObservedMotion {
             freedom: Freedom::General,
             direction: None,
             in_link: None,
@@ -77,24 +77,24 @@ impl<'a> Motions<'a> {
         };
         match turning {
             0 => {
-                seen.freedom = match moving {
+                observed.freedom = match moving {
                     0 => Freedom::Fixed,
                     1 => Freedom::LinearTranslation,
                     2 => Freedom::PlanarTranslation,
                     _ => Freedom::SpatialTranslation,
                 };
-                seen.largest_error = seen.largest_error.max(off_moves);
+                observed.largest_error = observed.largest_error.max(off_moves);
             }
-            1 => self.about_a_direction(link, &turns, &moves, &mut seen),
+            1 => self.about_a_direction(link, &turns, &moves, &mut observed),
             _ => {
                 let (point, off) = self.has_fixed_point(link);
                 if point {
-                    seen.freedom = Freedom::Spherical;
-                    seen.largest_error = seen.largest_error.max(off);
+                    observed.freedom = Freedom::Spherical;
+                    observed.largest_error = observed.largest_error.max(off);
                 }
             }
         }
-        seen
+        observed
     }
 
     fn about_a_direction(
@@ -102,22 +102,22 @@ impl<'a> Motions<'a> {
         link: usize,
         turns: &[Vector3],
         moves: &[Vector3],
-        seen: &mut ObservedMotion,
+        observed: &mut ObservedMotion,
     ) {
         let fastest = turns.iter().max_by(|a, b| dot(a, a).cmp_abs(&dot(b, b)));
         let Some(n) = fastest else { return };
         let along: Vec<Vec<Float320>> = moves.iter().map(|v| vec![dot(v, n)]).collect();
         let (leaves, off) = rank_of(along, self.size.0 * self.size.1);
-        seen.largest_error = seen.largest_error.max(off);
+        observed.largest_error = observed.largest_error.max(off);
         let (screws, off) = self.screw_rank(link);
-        seen.freedom = match (screws, leaves) {
+        observed.freedom = match (screws, leaves) {
             (1, 0) => Freedom::FixedAxisRotation,
             (1, _) => Freedom::Screw,
             (_, 0) => Freedom::PlanarMotion,
             _ => Freedom::Schoenflies,
         };
         if screws == 1 {
-            seen.largest_error = seen.largest_error.max(off);
+            observed.largest_error = observed.largest_error.max(off);
         }
         let length = libm::sqrt(dot(n, n).to_f64());
         // orient the axis so that its largest component is positive
@@ -128,9 +128,9 @@ impl<'a> Motions<'a> {
                 |m, x| if x.abs() > m.abs() + 1e-12 { x } else { m },
             );
         let parts = parts.map(|x| if by_size < 0.0 { -x } else { x });
-        seen.direction = Some(parts);
+        observed.direction = Some(parts);
         let axes = self.states.first().and_then(|s| s.links.get(link));
-        seen.in_link = axes.map(|l| {
+        observed.in_link = axes.map(|l| {
             l.axes.map(|axis| {
                 let axis = axis.map(|x| x.to_f64());
                 axis[0] * parts[0] + axis[1] * parts[1] + axis[2] * parts[2]
@@ -191,8 +191,8 @@ impl<'a> Motions<'a> {
         (rank == 0, off)
     }
 
-    /// The common geometry of a loop's axes: all parallel, all through one point, or without
-    /// rotation.
+    /// The common geometry of a loop's axes. `ends` are the links on both sides of the cut,
+    /// `within` the coordinates of the loop.
     pub(super) fn of_loop(&self, ends: [Option<usize>; 2], within: &[usize]) -> LoopShape {
         let mut shape = LoopShape {
             turning: Turning::InPlane,
@@ -243,7 +243,9 @@ pub(super) enum Turning {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoopShape {
     pub(super) turning: Turning,
+    /// Whether all axes pass through one point, with at least two directions among them.
     pub(super) spherical: bool,
+    /// Whether no joint rotates.
     pub(super) translational: bool,
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Relation {
     coordinate: usize,
     terms: LinearForm,
     /// The largest error at the sampled states, as a fraction of the largest rate.
-    off: f64,
+    largest_error: f64,
 }
 
 /// The linear relations among the coordinates: first those between two coordinates, then those
@@ -39,18 +39,18 @@ pub(super) fn linear_relations(model: &Model, states: &[ClosedState]) -> Vec<Rel
         .copied()
         .collect();
     let mut all: Vec<Relation> = Vec::new();
-    // one representative of all coordinates that are multiples of each other
-    let mut apart: Vec<usize> = Vec::new();
+    // one coordinate of each set of coordinates whose rates are multiples of each other
+    let mut representatives: Vec<usize> = Vec::new();
     for &c in &order {
-        let before = apart.iter().map(|&a| relations(&rows, &[a, c]));
+        let before = representatives.iter().map(|&a| relations(&rows, &[a, c]));
         let mut pairs = before.filter_map(|mut found| found.pop());
         let pair = pairs.find(|r| r.column == c && r.terms.len() < 2);
         match pair.and_then(|pair| Relation::recognised(&pair, &rows, size)) {
             Some(relation) => all.push(relation),
-            None => apart.push(c),
+            None => representatives.push(c),
         }
     }
-    let several = relations(&rows, &apart);
+    let several = relations(&rows, &representatives);
     all.extend(
         several
             .into_iter()
@@ -80,11 +80,11 @@ impl Relation {
         let worst = errors
             .fold(Float320::ZERO, Float320::max)
             .checked_div(size)?;
-        let off = worst.to_f64();
-        (off < super::RELATION_TOLERANCE).then_some(Relation {
+        let largest_error = worst.to_f64();
+        (largest_error < super::RELATION_TOLERANCE).then_some(Relation {
             coordinate: found.column,
             terms,
-            off,
+            largest_error,
         })
     }
 
@@ -100,7 +100,7 @@ impl Relation {
         let evidence = if is_implied_by(velocity_constraints, &form) {
             Evidence::Exact
         } else {
-            Evidence::sampled(states.len(), self.off)
+            Evidence::sampled(states.len(), self.largest_error)
         };
         let name = |c: usize| &model.coordinates[c].name;
         let mut text = String::new();

@@ -131,7 +131,7 @@ pub(super) fn cones(cx: &mut Context<'_>) -> Groups {
     for cone in &cx.model.cones {
         let [a, b] = &cone.sides;
         let (path_a, path_b) = (cx.model.path(a.link), cx.model.path(b.link));
-        // expressed in the frame of the last link that carries both sides
+        // both axes are expressed in the frame of the last link that both sides are mounted on
         let shared = path_a.iter().zip(&path_b).take_while(|(x, y)| x == y);
         let shared = shared.count();
         let mut axis = |path: &[usize], side: &Side| {

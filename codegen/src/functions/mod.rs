@@ -59,7 +59,7 @@ pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
 fn has(cx: &Context<'_>, needs: Needs) -> bool {
     match needs {
         Needs::Nothing => true,
-        // rows of a cut that always holds leave nothing to solve, but they are rows all the same
+        // where the rows always hold there is nothing to solve, but the robot has functions of them
         Needs::Rows => cx.model.is_closed(),
         Needs::Dependent => cx.closed.closure.is_some(),
         Needs::Cones => !cx.model.cones.is_empty(),

@@ -11,8 +11,8 @@ mod rounding;
 
 pub use rounding::{Double, Precision, Rounded, Single};
 
-/// Smallest ratio of a pivot to its usual size at which the fixed order of pivots is trusted; below
-/// it the system is solved anew with pivoting.
+/// If a pivot's ratio to its usual size is at most this, the solution in the fixed order of pivots
+/// is not used, and the system is solved with pivoting.
 pub const PIVOT_BOUND: f64 = 1e-3;
 
 /// A type of numbers with which programs can run.
@@ -27,7 +27,7 @@ pub trait Number:
     /// The number with this value, without derivatives or error.
     fn constant(value: f64) -> Self;
 
-    /// The number without its derivatives.
+    /// The value in double precision, without derivatives or error.
     fn value(self) -> f64;
 
     /// Sine and cosine.
@@ -60,8 +60,8 @@ impl Number for f64 {
     }
 
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
-        let anew = solve_pivoted(matrix.to_vec(), rhs.to_vec());
-        (anew.solution, anew.pivot_ratio)
+        let pivoted = solve_pivoted(matrix.to_vec(), rhs.to_vec());
+        (pivoted.solution, pivoted.pivot_ratio)
     }
 }
 
@@ -97,9 +97,10 @@ impl Number for f32 {
     }
 }
 
-/// Runs a program. Returns its outputs for these arguments, and its condition: the smallest ratio
-/// of a pivot to its usual size (1 if nothing is solved), or the pivot ratio of a system that was
-/// solved anew.
+/// Runs a program. Returns its outputs for these arguments, and its condition, which is 1 if no
+/// system is solved. Otherwise it is the least number over all systems, at most 1: of a system
+/// solved in the fixed order, the smallest ratio of a pivot to its usual size; of a system solved
+/// with pivoting, the ratio of the smallest to the largest pivot.
 ///
 /// Missing arguments and elements count as NaN.
 ///

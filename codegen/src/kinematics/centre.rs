@@ -8,7 +8,7 @@ use crate::sym::{Ex, Graph, V3};
 
 use super::Frames;
 
-/// A point at which joint axes meet, as seen from a link that these joints move.
+/// A point at which joint axes meet, in the frame of a link that these joints move.
 #[derive(Clone, Debug)]
 pub struct Centre {
     /// The vector from the point to the link's origin, in the link's frame, m.

@@ -30,7 +30,8 @@ impl Start {
 pub struct ChainJoint {
     /// Index of the joint's coordinate.
     pub coordinate: usize,
-    /// The velocity of the point `origin`, and of what the joint moves, for a unit rate.
+    /// The angular velocity of the links beyond the joint, and the velocity of their point at
+    /// `origin`, for a unit rate.
     pub twist: Twist,
     /// Origin of the link that the joint moves, a point on the joint's axis.
     pub origin: V3,

@@ -33,9 +33,10 @@ pub struct Turn {
 pub struct LinkFrame {
     /// Parent link; `None` is the world.
     pub parent: Option<usize>,
-    /// The rotations between the parent's and the link's frame.
+    /// The rotations between the parent's and the link's frame; that of the joint is merged with a
+    /// constant one about the same axis before it.
     turns: Vec<Turn>,
-    /// The constant ones of them, before the joint's rotation.
+    /// The constant rotations of the placement alone.
     placed: Vec<Turn>,
     /// The link's origin in the parent's frame, m.
     pub offset: V3,

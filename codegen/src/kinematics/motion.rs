@@ -150,18 +150,18 @@ impl LinkMotion {
         }
     }
 
-    /// The column of eta tilde along the axis about which a link rotates on this one: the
-    /// acceleration, relative to the link's origin, of the point at unit distance along the axis,
-    /// in the link's frame. It is the same on both links, so this link's column need only be
-    /// rotated. `None` if the link does not rotate, or rotates about an axis along none of this
-    /// link's axes.
+    /// The column of the child link's eta tilde along its joint axis, where `self` is the motion of
+    /// its parent: the acceleration, relative to the child's origin, of the point at unit distance
+    /// along the axis, in the child's frame. The point belongs to both links, so that the parent's
+    /// column need only be rotated. `None` if the child does not rotate relative to its parent, if
+    /// its axis is along none of the parent's axes, or if too few operations would be saved.
     fn field_on_axis(&self, g: &mut Graph, frames: &Frames, link: usize) -> Option<OnAxis> {
         let twist = frames.links[link].joint?.twist;
         let axis = twist.e;
         let before = frames.into_parent(g, link, &axis);
-        let moves = before.iter().filter(|e| !e.is_zero()).count() == 1;
+        let is_along_one_axis = before.iter().filter(|e| !e.is_zero()).count() == 1;
         // a link that rotates about an axis of the base has few operations to save
-        if !twist.turns() || !moves || self.w.iter().any(|e| e.is_zero()) {
+        if !twist.turns() || !is_along_one_axis || self.w.iter().any(|e| e.is_zero()) {
             return None;
         }
         let k = axis.iter().position(|e| *e == Ex::ONE)?;

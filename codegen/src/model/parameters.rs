@@ -103,7 +103,7 @@ pub enum ParameterKind {
     PointSpring {
         /// Index in [`Model::point_springs`](super::Model::point_springs).
         spring: usize,
-        /// What it multiplies.
+        /// The part of the spring's force.
         part: SpringPart,
     },
 }

@@ -45,8 +45,9 @@ pub struct PointSpring {
     pub force: SpringForce,
 }
 
-/// What a parameter of a spring between points multiplies. With the distance d of the points, the
-/// effort at each coordinate q is the sum over the parameters of
+/// The part of a point spring's force to which a parameter belongs. With the distance d of the
+/// points, the effort at each coordinate q is the sum over the spring's parameters of the parameter
+/// times the factor given for its part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpringPart {
     /// `k`, the stiffness, N/m: (d - length) dd/dq; without a length, d dd/dq.

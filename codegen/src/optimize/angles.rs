@@ -11,6 +11,7 @@ use super::program::{Op, Operand};
 #[derive(Debug)]
 pub(super) struct Angles {
     needed: Vec<Angle>,
+    /// The sines and cosines for which the program has steps.
     done: FxHashMap<Angle, (Operand, Operand)>,
 }
 
@@ -22,6 +23,7 @@ impl Angles {
         }
     }
 
+    /// Whether the program needs the sine and cosine of this angle, or has steps for them already.
     fn wanted(&self, angle: &Angle) -> bool {
         self.done.contains_key(angle) || self.needed.contains(angle)
     }
@@ -29,18 +31,22 @@ impl Angles {
 
 /// The program to which steps are added.
 pub(super) trait Target {
-    fn known(&mut self) -> &mut Angles;
+    /// The angles that the program needs, and those whose sine and cosine it has.
+    fn angles(&mut self) -> &mut Angles;
+    /// The operand and the name of a symbol.
     fn symbol(&self, id: SymbolId) -> (Operand, String);
+    /// Adds a step with one result, for which a name may be suggested.
     fn step(&mut self, op: Op, name: Option<String>) -> Operand;
+    /// Adds the step for a sine and a cosine, with the suggested names of both.
     fn sin_cos_step(&mut self, argument: Operand, names: (String, String)) -> (Operand, Operand);
 }
 
 /// Adds the steps for the sine and cosine of an angle.
 pub(super) fn lower(target: &mut impl Target, angle: &Angle) -> (Operand, Operand) {
-    if let Some(done) = target.known().done.get(angle) {
+    if let Some(done) = target.angles().done.get(angle) {
         return *done;
     }
-    let result = match split(target.known(), angle) {
+    let result = match split(target.angles(), angle) {
         Some((first, second, sign)) => {
             let (sa, ca) = lower(target, &first);
             let (sb, cb) = if second.terms.is_empty() {
@@ -74,7 +80,7 @@ pub(super) fn lower(target: &mut impl Target, angle: &Angle) -> (Operand, Operan
         }
         None => direct(target, angle),
     };
-    target.known().done.insert(angle.clone(), result);
+    target.angles().done.insert(angle.clone(), result);
     result
 }
 

@@ -65,10 +65,13 @@ const MAX_SHARING_PASSES: usize = 4;
 type Site = (usize, Option<Temp>);
 
 struct Work {
+    /// The expanded computation of each step.
     forms: Vec<Form>,
+    /// The temporaries that each step computes.
     results: Vec<Vec<Temp>>,
     /// New values, by the step before which they are computed.
     before: BTreeMap<usize, Vec<(Temp, Vec<Term>)>>,
+    /// The number of temporaries, new ones included.
     temps: u32,
 }
 
@@ -98,17 +101,18 @@ impl Work {
                 uses[t.0 as usize] += 1;
             }
         }
+        // outputs must stay results of steps: further uses keep their steps from being expanded
         for t in program.outputs.iter().filter_map(|o| match o {
             Operand::Temp(t) => Some(t),
             _ => None,
         }) {
             uses[t.0 as usize] += 2;
         }
-        let mut of = vec![usize::MAX; program.names.len()];
+        let mut step_of = vec![usize::MAX; program.names.len()];
         let mut forms: Vec<Form> = Vec::with_capacity(program.steps.len());
         for (at, step) in program.steps.iter().enumerate() {
             for t in &step.results {
-                of[t.0 as usize] = at;
+                step_of[t.0 as usize] = at;
             }
             let Some(own) = terms(&step.op) else {
                 forms.push(Form::Other(step.op.clone()));
@@ -116,7 +120,7 @@ impl Work {
             };
             let mut sum: Vec<Term> = Vec::new();
             for term in own {
-                sum.extend(expanded(term, &mut forms, &of, &uses));
+                sum.extend(expanded(term, &mut forms, &step_of, &uses));
             }
             forms.push(Form::Sum(sum));
         }
@@ -267,12 +271,13 @@ impl Work {
     fn write(mut self, program: &mut Program) {
         let mut same: BTreeMap<Temp, Key> = BTreeMap::new();
         let mut steps: Vec<Step> = Vec::with_capacity(program.steps.len());
-        let mut number = Vec::with_capacity(program.steps.len() + 1);
+        // for each old step, the index of the first new step written for it
+        let mut new_start = Vec::with_capacity(program.steps.len() + 1);
         let mut names = std::mem::take(&mut program.names);
         names.resize(self.temps as usize, None);
         let forms = std::mem::take(&mut self.forms);
         for (at, form) in forms.into_iter().enumerate() {
-            number.push(steps.len());
+            new_start.push(steps.len());
             let mut out = Writer {
                 steps: &mut steps,
                 names: &mut names,
@@ -287,9 +292,9 @@ impl Work {
                 Form::Other(op) => out.other(op, self.results[at].clone()),
             }
         }
-        number.push(steps.len());
+        new_start.push(steps.len());
         for group in &mut program.groups {
-            group.steps = number[group.steps.start]..number[group.steps.end];
+            group.steps = new_start[group.steps.start]..new_start[group.steps.end];
         }
         let out = Writer {
             steps: &mut steps,
@@ -308,9 +313,9 @@ impl Work {
 
 /// Expands into a term the steps that only this term uses: either the terms of a sum, or the
 /// factors of products.
-fn expanded(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Term> {
+fn expanded(term: Term, forms: &mut [Form], step_of: &[usize], uses: &[u32]) -> Vec<Term> {
     let inner = |k: &Key| match k {
-        Key::Temp(t) if uses[t.0 as usize] == 1 => Some(of[t.0 as usize]),
+        Key::Temp(t) if uses[t.0 as usize] == 1 => Some(step_of[t.0 as usize]),
         _ => None,
     };
     if let [single] = term.factors[..]
@@ -395,7 +400,7 @@ impl Writer<'_> {
         Operand::Temp(t)
     }
 
-    /// The operand that a factor is now, after replacements.
+    /// The operand that stands for a factor after the replacements in `same`.
     fn current_operand(&self, mut key: Key) -> Operand {
         while let Key::Temp(t) = key
             && let Some(other) = self.same.get(&t)
@@ -455,7 +460,7 @@ impl Writer<'_> {
                 let (a, b) = self.pair(&product.factors);
                 self.push(Op::Mul(a, b), own(left))
             }
-            // unreachable: some term is positive, or all signs were reversed
+            // unreachable: some term is positive once the signs are reversed if all were negative
             (None, None, _) => return,
         };
         for term in rest {

@@ -43,7 +43,7 @@ pub fn lower(g: &Graph, request: Request) -> Program {
         angles: Angles::new(g, &uses.angles),
         uses,
         values: FxHashMap::default(),
-        turned: FxHashMap::default(),
+        sines_and_cosines: FxHashMap::default(),
         solutions: FxHashMap::default(),
         steps: Vec::new(),
         names: Vec::new(),
@@ -78,9 +78,11 @@ pub fn lower(g: &Graph, request: Request) -> Program {
     program
 }
 
-/// For each node, how often the nodes that are computed use it.
+/// The uses of nodes and angles by the nodes that are computed.
 struct Uses {
+    /// For each node, how often it is an operand or an output.
     count: Vec<u32>,
+    /// The angles whose sine or cosine is used, each once.
     angles: Vec<crate::sym::AngleId>,
 }
 
@@ -131,8 +133,8 @@ struct Lowering<'g> {
     angles: Angles,
     uses: Uses,
     values: FxHashMap<Ex, Operand>,
-    /// Sines and cosines, by the expression of their angle.
-    turned: FxHashMap<Ex, (Operand, Operand)>,
+    /// Sines and cosines of expressions, by the expression.
+    sines_and_cosines: FxHashMap<Ex, (Operand, Operand)>,
     solutions: FxHashMap<SystemId, Vec<Vec<Operand>>>,
     steps: Vec<Step>,
     names: Vec<Option<String>>,
@@ -298,19 +300,19 @@ impl Lowering<'_> {
 
     fn sin_cos_of(&mut self, ex: Ex) -> (Operand, Operand) {
         use super::angles::Target as _;
-        if let Some(turned) = self.turned.get(&ex) {
-            return *turned;
+        if let Some(sines_and_cosines) = self.sines_and_cosines.get(&ex) {
+            return *sines_and_cosines;
         }
-        let label = self.turned.len() + 1;
+        let label = self.sines_and_cosines.len() + 1;
         let names = (format!("sin_turn_{label}"), format!("cos_turn_{label}"));
-        let turned = self.sin_cos_step(self.values[&ex], names);
-        self.turned.insert(ex, turned);
-        turned
+        let sines_and_cosines = self.sin_cos_step(self.values[&ex], names);
+        self.sines_and_cosines.insert(ex, sines_and_cosines);
+        sines_and_cosines
     }
 }
 
 impl super::angles::Target for Lowering<'_> {
-    fn known(&mut self) -> &mut Angles {
+    fn angles(&mut self) -> &mut Angles {
         &mut self.angles
     }
 

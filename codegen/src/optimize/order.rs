@@ -115,9 +115,9 @@ impl<'a> Schedule<'a> {
         order
     }
 
-    /// The growth of the number of live values with a step: the results that others use, less the
-    /// operands that it is the last to use. The uses of operands in `done` by one other step are
-    /// not counted.
+    /// The growth of the number of live values with a step: the results that other steps use, less
+    /// the operands that this step is the last to use. Values in `done` count as used once less:
+    /// they are the operands of a step that is computed before this one.
     fn growth(&self, at: usize, done: &[Temp]) -> i32 {
         let uses_left = |t: &Temp| self.uses_left[t.0 as usize] - u32::from(done.contains(t));
         let made = self.steps[at].results.iter();
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_are_summed_before_the_next_are_made() {
+    fn each_pair_is_summed_before_the_next_pair_is_computed() {
         // eight doubled values, computed first and then summed in pairs as a tree
         let mut pairs = vec![(0, 0); 8];
         pairs.extend([(1, 2), (3, 4), (5, 6), (7, 8), (9, 10), (11, 12), (13, 14)]);
@@ -206,7 +206,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn every_step_is_kept_and_follows_what_it_works_on(
+        fn every_step_remains_and_follows_its_operands(
             picks in proptest::collection::vec((0_u32..1000, 0_u32..1000), 1..60),
             cut in 0_usize..60,
         ) {

@@ -1,4 +1,4 @@
-//! A straight-line program: the form of a function that is emitted as Rust or interpreted.
+//! A straight-line program: the form of a function that is emitted as Rust or C, or interpreted.
 
 /// A temporary: the number of a value that a step computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -54,7 +54,7 @@ pub enum Op {
 }
 
 /// A linear system that is solved in a fixed order of pivots, with all that is needed to solve it
-/// anew if that order is unfit.
+/// with pivoting where a pivot of that order is too small.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolveStep {
     /// All rows of A.
@@ -231,15 +231,15 @@ impl Program {
             }
         }
         // the new index of a step is the number of kept steps before it
-        let mut number = Vec::with_capacity(keep.len() + 1);
+        let mut new_index = Vec::with_capacity(keep.len() + 1);
         let mut count = 0;
         for kept in &keep {
-            number.push(count);
+            new_index.push(count);
             count += usize::from(*kept);
         }
-        number.push(count);
+        new_index.push(count);
         for group in &mut self.groups {
-            group.steps = number[group.steps.start]..number[group.steps.end];
+            group.steps = new_index[group.steps.start]..new_index[group.steps.end];
         }
         let mut kept = keep.iter();
         self.steps.retain(|_| kept.next().copied().unwrap_or(false));
@@ -271,17 +271,17 @@ impl Program {
         }
         let mut moved: [Vec<Step>; 3] = Default::default();
         // the new index of a step that stays is the number of staying steps before it
-        let mut number = Vec::with_capacity(self.steps.len() + 1);
+        let mut new_index = Vec::with_capacity(self.steps.len() + 1);
         for (step, kind) in self.steps.drain(..).zip(&early) {
-            number.push(moved[0].len());
+            new_index.push(moved[0].len());
             moved[usize::from(*kind)].push(step);
         }
-        number.push(moved[0].len());
+        new_index.push(moved[0].len());
         let [rest, arguments, angles] = moved;
         let first = arguments.len() + angles.len();
         self.steps = arguments.into_iter().chain(angles).chain(rest).collect();
         for group in &mut self.groups {
-            group.steps = first + number[group.steps.start]..first + number[group.steps.end];
+            group.steps = first + new_index[group.steps.start]..first + new_index[group.steps.end];
         }
         let start = self.groups.first().map_or(0, |g| g.outputs.start);
         let all = Group {

@@ -3,7 +3,7 @@
 use super::{Quantity, Spanned, Spec};
 use crate::diag::Span;
 
-/// A replacement in a text: these bytes by this text.
+/// A replacement in a text: the bytes of `span` become `text`.
 struct Change {
     span: Span,
     text: String,
@@ -97,11 +97,11 @@ fn nominal(
     if wanted.is_empty() {
         return;
     }
-    let mut left: Vec<(&str, f64)> = wanted.to_vec();
+    let mut remaining: Vec<(&str, f64)> = wanted.to_vec();
     for (symbol, quantity) in stated {
         let entry = Span::new(symbol.span.start, quantity.span.end);
-        if let Some(k) = left.iter().position(|(s, _)| *s == symbol.value) {
-            let (_, value) = left.remove(k);
+        if let Some(k) = remaining.iter().position(|(s, _)| *s == symbol.value) {
+            let (_, value) = remaining.remove(k);
             changes.push(Change {
                 span: quantity.span,
                 text: number(value),
@@ -110,11 +110,11 @@ fn nominal(
         }
         // an unsigned `Fc` gave the values of both directions
         let signs = ["+", "-"].map(|sign| format!("{}{sign}", symbol.value));
-        let (own, others): (Vec<_>, Vec<_>) = left
+        let (own, others): (Vec<_>, Vec<_>) = remaining
             .iter()
             .partition(|(s, _)| signs.iter().any(|sign| sign == s));
         if !own.is_empty() {
-            left = others;
+            remaining = others;
             changes.push(Change {
                 span: entry,
                 text: own
@@ -125,10 +125,10 @@ fn nominal(
             });
         }
     }
-    if left.is_empty() {
+    if remaining.is_empty() {
         return;
     }
-    let pairs: Vec<String> = left.iter().map(pair).collect();
+    let pairs: Vec<String> = remaining.iter().map(pair).collect();
     let (span, added) = if let Some((symbol, quantity)) = stated.last() {
         let entry = Span::new(symbol.span.start, quantity.span.end);
         let separator = separator(text, &entry);
@@ -218,27 +218,27 @@ pub fn with_bodies(text: &str, block: &str) -> String {
     let mut inside = false;
     let mut placed = false;
     // comments and blank lines before the next key belong to that key, and stay
-    let mut held = String::new();
+    let mut pending = String::new();
     for line in text.split_inclusive('\n') {
         let starts = line.starts_with(|c: char| !c.is_whitespace() && c != '#');
         if line.starts_with("bodies:") {
             inside = true;
             placed = true;
-            held.clear();
+            pending.clear();
             out.push_str(block);
         } else if inside && !starts {
             if line.trim().is_empty() || line.starts_with('#') {
-                held.push_str(line);
+                pending.push_str(line);
             } else {
-                held.clear();
+                pending.clear();
             }
         } else {
             inside = false;
-            out.push_str(&std::mem::take(&mut held));
+            out.push_str(&std::mem::take(&mut pending));
             out.push_str(line);
         }
     }
-    out.push_str(&held);
+    out.push_str(&pending);
     if !placed {
         if !out.ends_with('\n') {
             out.push('\n');

@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rows_of_a_cut_hold_all_that_its_joint_does_not_leave_free() {
+    fn rows_of_a_cut_and_coordinates_of_its_joint_add_up_to_six() {
         for (word, kind, _) in CutKind::ALL {
             assert_eq!(kind.equations() + kind.joint().coordinates(), 6, "{word}");
             assert_eq!(kind.name(), kind.joint().name());

@@ -124,8 +124,8 @@ impl Joint {
         coordinates_of(name, self.kind.value)
     }
 
-    /// The nominal value of one of the joint's parameters; a value of `Fv` or `Fc` applies to both
-    /// directions that have none of their own.
+    /// The nominal value of one of the joint's parameters; a value of `Fv` or `Fc` applies to each
+    /// direction that has none of its own.
     pub fn nominal_value(&self, symbol: &str) -> Option<&Quantity> {
         let find = |wanted: &str| {
             let mut entries = self.nominal.iter();

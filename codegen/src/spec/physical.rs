@@ -1,6 +1,6 @@
 //! Checks whether a rigid body can have an inertia tensor.
 
-/// The reason why no rigid body has an inertia tensor.
+/// The reason why no rigid body can have a given inertia tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flaw {
     /// The tensor is not positive semidefinite: some rotation would have negative kinetic energy.
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn flaws_are_told_apart() {
+    fn each_flaw_is_detected() {
         // a ball, a rod, a rod along (1, 1, 0), a disc
         for sound in [
             [1.0, 0.0, 0.0, 1.0, 0.0, 1.0],

@@ -8,7 +8,7 @@ use crate::sym::Number;
 pub use super::friction::Friction;
 pub use super::springs::{EffortExpr, JointSpring, PointSpring, SpringEnd, SpringForce};
 
-/// A value and the place in the file that it came from.
+/// A value and its place in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spanned<T> {
     /// The value.

@@ -12,7 +12,8 @@ use dashu_int::{Sign, UBig};
 /// Number of bits of a mantissa.
 pub(super) const PRECISION: usize = 320;
 
-/// Two inexact values are equal if their difference is this many bits below the larger one.
+/// Two inexact values count as equal if their difference is at least this many bits below the
+/// larger one.
 ///
 /// The 60 bits between this and [`PRECISION`] absorb the rounding errors of all operations before.
 pub(super) const AGREEMENT: i64 = 260;
@@ -226,7 +227,7 @@ impl BigFloat {
         nearest_f64(self.sign, &self.magnitude, self.exponent, false)
     }
 
-    /// Sine and cosine of the value as an angle in rad; zero where they cannot be told from the
+    /// Sine and cosine of the value as an angle in rad; zero where they are no larger than the
     /// angle's own rounding error.
     pub(super) fn sin_cos(&self) -> (Self, Self) {
         sin_cos(self, true, |scale| {

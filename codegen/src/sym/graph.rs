@@ -64,7 +64,7 @@ impl SystemId {
 /// The operation of a node and its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
-    /// A non-negative constant.
+    /// A non-negative constant, by its id; see [`Graph::number`].
     Constant(u32),
     /// A free symbol.
     Symbol(SymbolId),
@@ -99,7 +99,7 @@ pub enum Node {
 }
 
 /// A linear system `A Z = B`, its solution by elimination in a fixed order of pivots, and all that
-/// is needed to solve it anew if that order is unfit.
+/// is needed to solve it with pivoting where a pivot of that order is too small.
 #[derive(Clone, Debug)]
 pub struct System {
     /// All rows of A, also those that the fixed order leaves out as redundant.
@@ -414,7 +414,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_graph_that_runs_out_of_indices_says_so_and_never_gives_one_twice() {
+    fn a_graph_out_of_indices_is_full_and_reuses_no_index() {
         let mut g = Graph::new();
         let x = g.symbol("x");
         g.max_index = 3;
@@ -423,8 +423,8 @@ mod tests {
         assert_eq!((x.index(), y.index(), g.len()), (2, 3, 4));
         let sum = g.add(x, y);
         assert!(g.is_full());
-        assert_eq!((sum, g.len()), (Ex::ZERO, 4), "no other node is hit");
-        assert_eq!(g.symbol("x"), x, "what is there is still found");
+        assert_eq!((sum, g.len()), (Ex::ZERO, 4), "the sum is replaced by 0");
+        assert_eq!(g.symbol("x"), x, "existing nodes are still found");
         assert!(g.is_full(), "the graph stays full");
     }
 

@@ -256,8 +256,8 @@ impl Number {
     /// `self^exponent`, with `x^0 = 1`; `None` for zero to a negative power and for exponents
     /// beyond 1000.
     pub fn powi(&self, exponent: i64) -> Option<Self> {
-        let mut left = exponent.unsigned_abs();
-        if left > MAX_POWER || (exponent < 0 && self.is_zero()) {
+        let mut remaining = exponent.unsigned_abs();
+        if remaining > MAX_POWER || (exponent < 0 && self.is_zero()) {
             return None;
         }
         let mut square = if exponent < 0 {
@@ -266,12 +266,12 @@ impl Number {
             self.clone()
         };
         let mut result = Self::one();
-        while left > 0 {
-            if left % 2 == 1 {
+        while remaining > 0 {
+            if remaining % 2 == 1 {
                 result = result.mul(&square);
             }
-            left /= 2;
-            if left > 0 {
+            remaining /= 2;
+            if remaining > 0 {
                 square = square.mul(&square);
             }
         }

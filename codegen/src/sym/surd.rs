@@ -394,7 +394,7 @@ pub(super) fn cos_of_pi_times(turn: &RBig) -> Option<Surd> {
     ratio(rational, 4, 1).add(&ratio(sign, 4, 5))
 }
 
-/// An upper bound of the term's logarithm to base two, at most a few too large.
+/// An upper bound of the term's logarithm to base two, too large by at most a few bits.
 fn top_of_term(term: &Term) -> i64 {
     let power = i64::from(term.pi_power);
     let pi_bits = if power >= 0 {

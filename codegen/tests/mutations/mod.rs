@@ -13,7 +13,7 @@ pub(crate) const TOKENS: &[&str] = &[
     "~", "true", "name", "type", "body", "01", "..", ".inf", "\\", "\u{0}", "\u{2028}",
 ];
 
-/// Values that are special for some quantity.
+/// Values that are special for some quantities, and ordinary ones.
 const NUMBERS: &[&str] = &[
     "0", "1", "-1", "2", "0.1", "-0.3", "1e-9", "1e9", "1e-300", "1e300", "1/3", "sqrt(2)", "pi/2",
     "-pi/2", "pi", "2*pi", "1/7*pi",
@@ -68,15 +68,15 @@ pub(crate) fn change() -> impl Strategy<Value = Mutation> {
 
 /// Replaces one of the kinds in the text by another.
 fn other_kind(text: &str, at: Index, kind: &str) -> String {
-    let mut places: Vec<(usize, &str)> = KINDS
+    let mut matches: Vec<(usize, &str)> = KINDS
         .iter()
         .flat_map(|kind| text.match_indices(kind))
         .collect();
-    places.sort_unstable();
-    if places.is_empty() {
+    matches.sort_unstable();
+    if matches.is_empty() {
         return text.to_owned();
     }
-    let (start, old) = places[at.index(places.len())];
+    let (start, old) = matches[at.index(matches.len())];
     format!("{}{kind}{}", &text[..start], &text[start + old.len()..])
 }
 

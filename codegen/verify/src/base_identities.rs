@@ -56,8 +56,10 @@ pub(crate) fn check(
         model.base_inverse_dynamics(q, qd, qdd, &beta, out)
     })?;
     compare("base inverse dynamics = W phi", &tau, &w_phi);
-    // Constant forces in motion are forces at rest as well, but for Fc+ and Fc-. What is both, as an
-    // offset beside asymmetric friction is, counts as friction: that which is eliminated is zero.
+    // Gravity contains the forces at rest, offsets included, and the bias forces contain friction.
+    // Where one null direction contains both (an offset beside asymmetric Coulomb friction), the
+    // base parameters do not determine how much of their sum acts at rest: the functions over base
+    // parameters take the eliminated parameter as zero.
     let mut free = free;
     let is_friction = |column: usize| info.parameters.get(column).map(Parameter::is_friction);
     for (value, row) in free.iter_mut().zip(&base.null) {

@@ -396,19 +396,23 @@ mod tests {
     /// does not have, do not affect the dynamics.
     #[test]
     fn a_wrong_output_of_any_function_is_noticed() {
-        let good = robot("fivebar.yaml");
+        let derived = robot("fivebar.yaml");
         for kind in FunctionKind::ALL {
             if matches!(kind, FunctionKind::DependentJacobian | FunctionKind::Cones) {
                 continue;
             }
-            let mut bad = good.clone();
-            let function = bad.functions.iter_mut().find(|f| f.kind == kind).unwrap();
+            let mut altered = derived.clone();
+            let function = altered
+                .functions
+                .iter_mut()
+                .find(|f| f.kind == kind)
+                .unwrap();
             // The last output that is not a constant.
             let outputs = &mut function.program.outputs;
             let is_computed = |o: &Operand| !matches!(o, Operand::Constant(_));
             let k = outputs.iter().rposition(is_computed).unwrap();
             outputs[k] = Operand::Constant(0.321);
-            assert!(!passes(&bad), "{kind:?}, output {k}");
+            assert!(!passes(&altered), "{kind:?}, output {k}");
         }
     }
 }

@@ -172,17 +172,17 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_fade_away_are_a_doubt() {
-        let fading: Vec<f64> = (0..15).map(|k| 10_f64.powi(-k)).collect();
-        assert!(!Rank::new(fading, 15).certain);
-        let small_truth = Rank::new(vec![1.0, 0.5, 1e-12], 4);
-        assert!(!small_truth.certain, "{small_truth:?}");
+    fn a_gradual_decrease_leaves_the_rank_uncertain() {
+        let decreasing: Vec<f64> = (0..15).map(|k| 10_f64.powi(-k)).collect();
+        assert!(!Rank::new(decreasing, 15).certain);
+        let small_but_nonzero = Rank::new(vec![1.0, 0.5, 1e-12], 4);
+        assert!(!small_but_nonzero.certain, "{small_but_nonzero:?}");
         let two_gaps = Rank::new(vec![1.0, 1e-6, 1e-13], 4);
         assert!(!two_gaps.certain, "{two_gaps:?}");
     }
 
     #[test]
-    fn nothing_has_rank_zero() {
+    fn a_zero_matrix_has_rank_zero() {
         let zero = Numeric::new(&DMatrix::zeros(4, 2)).unwrap();
         assert_eq!(
             (zero.svd.count, zero.qr.count, zero.svd.certain),

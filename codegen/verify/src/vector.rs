@@ -20,8 +20,8 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The largest difference of two vectors, relative to the larger one, or to `scale` if both are
-/// small because their terms cancel.
+/// The largest difference of two vectors, relative to their largest entry, or to `scale` if that is
+/// larger, as where the terms of both cancel.
 pub(crate) fn relative_difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
     let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     difference.fold(0.0, larger) / larger(scale, larger(max_abs(a), max_abs(b)))

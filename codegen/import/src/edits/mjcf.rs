@@ -52,7 +52,7 @@ impl Edits {
         }
     }
 
-    /// Takes an attribute out, with the blanks before it.
+    /// Removes an attribute, with the blanks before it.
     fn remove(&mut self, element: &Element, name: &str) {
         let Some(attribute) = element.attribute(name) else {
             return;

@@ -8,11 +8,12 @@ use crate::layout::Draft;
 use crate::pose::{Pose, about, difference, norm};
 use crate::tree::{Kind, Tree};
 
-/// For each coordinate of the spec, what its value in the file has more: rad or m.
+/// For each coordinate of the spec, its value in the robot file less its value in the spec, rad or
+/// m.
 ///
-/// `None` unless the spec has the frames that the importer chose, turned about or shifted along
-/// the joints' own axes at most. In a spec with frames of its own, an angle about a joint's axis may
-/// as well turn the body's frame; then the zeros are taken as the file's.
+/// `None` unless the spec has the frames that the importer chose, except for rotations about and
+/// shifts along the joints' own axes. In a spec with other frames, an angle about a joint's axis
+/// may belong to the body's frame instead; its zeros are then taken to be those of the file.
 pub(super) fn shifts(model: &Model, tree: &Tree, draft: &Draft) -> Option<Vec<f64>> {
     let mut shifts = vec![0.0; model.coordinates.len()];
     let rest = vec![0.0; model.coordinates.len()];
@@ -48,7 +49,8 @@ pub(super) fn shifts(model: &Model, tree: &Tree, draft: &Draft) -> Option<Vec<f6
     Some(shifts)
 }
 
-/// The motion of a joint that a pose is; `None` if it is none.
+/// The value of a joint's coordinate at which its motion is this pose; `None` if the pose is no
+/// motion of the joint.
 fn along(kind: Kind, axis: char, pose: &Pose) -> Option<f64> {
     let direction = axis_vector(axis);
     let by = if kind == Kind::Prismatic {
@@ -67,8 +69,8 @@ fn along(kind: Kind, axis: char, pose: &Pose) -> Option<f64> {
         Pose::turn(about(direction, by))
     };
     let turned = pose.r.iter().flatten().zip(moved.r.iter().flatten());
-    let apart = turned.fold(norm(difference(pose.p, moved.p)), |most: f64, (a, b)| {
+    let deviation = turned.fold(norm(difference(pose.p, moved.p)), |most: f64, (a, b)| {
         most.max((a - b).abs())
     });
-    (apart <= SAME_MOTION).then_some(by)
+    (deviation <= SAME_MOTION).then_some(by)
 }

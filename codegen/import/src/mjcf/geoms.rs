@@ -68,8 +68,8 @@ impl Reading<'_, '_, '_> {
         }
     }
 
-    /// The inertia of a geom that is a mesh: frame at the centre of mass, mass and tensor; or in
-    /// words why it is not known.
+    /// The inertia of a geom that is a mesh: the frame at the centre of mass, the mass and the
+    /// tensor. The error says why it is not known.
     fn solid_of_mesh(
         &mut self,
         of: Classed<'_>,
@@ -96,7 +96,7 @@ impl Reading<'_, '_, '_> {
         (number("mass"), number("density").unwrap_or(DENSITY))
     }
 
-    /// Whether the body that was read last has mass in meshes that is not known.
+    /// Whether the body that was read last has meshes of unknown mass; the answer is then reset.
     pub(super) fn take_meshes(&mut self) -> bool {
         core::mem::take(&mut self.left_out.meshes)
     }
@@ -158,7 +158,8 @@ enum Geom {
     Solid(Pose, f64, [f64; 6]),
 }
 
-/// Volume, and principal moments of inertia per unit of mass.
+/// The volume, and the principal moments of inertia per unit of mass about the centre; `a`, `b` and
+/// `c` are the sizes in MuJoCo's order (half lengths). `None` for other shapes.
 fn solid(kind: &str, [a, b, c]: V3) -> Option<(f64, V3)> {
     let ellipsoid = |[a, b, c]: V3| {
         let moment = |p: f64, q: f64| (p * p + q * q) / 5.0;

@@ -6,7 +6,7 @@ use crate::mesh::{Solid, Volume, solid, triangles};
 use crate::xml::Element;
 
 impl Reading<'_, '_, '_> {
-    /// The solid of a mesh by its name; in words why it has none.
+    /// The solid of a mesh by its name; the error says why there is none.
     pub(super) fn mesh(&mut self, name: &str) -> Result<Solid, String> {
         if let Some(found) = self.solids.get(name) {
             return found.clone();
@@ -72,7 +72,7 @@ impl Reading<'_, '_, '_> {
     }
 }
 
-/// Whether a mesh has a name; without one it has that of its file.
+/// Whether a mesh has this name; a mesh without a name has that of its file, without extension.
 fn is_called(mesh: &Element, name: &str) -> bool {
     match (mesh.text("name"), mesh.text("file")) {
         (Some(own), _) => own == name,

@@ -245,10 +245,13 @@ impl Tree {
         self.friction.push(law);
         for (symbol, value) in entries(joint, "nominal")? {
             let value = scalar(value, names)?;
-            // A symbol without a sign gives the value of both directions.
-            for sign in ["", "+", "-"] {
+            self.nominal.insert(format!("{symbol}({name})"), value);
+            // A symbol without a sign also gives the value of each direction that has none of its
+            // own.
+            for sign in ["+", "-"] {
                 self.nominal
-                    .insert(format!("{symbol}{sign}({name})"), value);
+                    .entry(format!("{symbol}{sign}({name})"))
+                    .or_insert(value);
             }
         }
         self.coordinates.push(name);

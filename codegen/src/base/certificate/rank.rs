@@ -8,8 +8,8 @@ use super::sparse::Row;
 /// smaller gap leaves the rank open.
 const MIN_GAP: f64 = 1e20;
 
-/// The largest number that may be dropped, as a part of the largest entry: it must be rounding of
-/// 96 digits, since a larger number may be a tiny part of the mechanism.
+/// The largest number that may be dropped, as a part of the largest entry. It must be rounding of
+/// 96 digits: a larger number may be the effect of a tiny part of the mechanism.
 const MAX_DROPPED: f64 = 1e-72;
 
 /// The rank of the parameters' columns over sampled states.
@@ -31,8 +31,8 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// Whether all pivots are far above the rounding of 96 digits, so that the rank is at least what
-    /// it says, even where it may be more.
+    /// Whether all pivots are far above the rounding of 96 digits, so that the true rank is at
+    /// least `rank`; it may be larger.
     pub fn has_sure_pivots(&self) -> bool {
         self.smallest_kept >= MAX_DROPPED
     }
@@ -168,7 +168,7 @@ impl Samples {
     }
 
     /// The columns, taken in the given order, that are linearly independent of the columns before
-    /// them: the base parameters that keep early columns wherever possible.
+    /// them: the choice of base parameters that prefers early columns.
     pub fn independent(&self, order: &[usize]) -> Vec<usize> {
         independent_of(&self.basis.rows, order)
     }
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_left_nothing_is_dropped() {
+    fn a_zero_column_leaves_no_dropped_number() {
         let found = certificate(&[2.0, 0.0]);
         assert_eq!((found.rank, found.largest_dropped.to_bits()), (1, 0));
         assert!(found.is_certain());

@@ -245,8 +245,8 @@ impl<'a> Rows<'a> {
             let rows = states * n.max(1);
             (2 * model.parameters.len()).div_ceil(rows).max(4)
         };
-        // With many coordinates the entries of the mass matrix are far more than the columns. A
-        // part of the entries would not do: some parameters act in one entry alone.
+        // With many coordinates the mass matrix has far more entries than there are columns. A
+        // subset of the entries is not enough, since some parameters act in one entry alone.
         let entries = states * (n * (n + 1) / 2);
         let enough = ROWS_PER_COLUMN * model.parameters.len();
         let momenta = (enough < entries).then(|| enough.div_ceil((states * n).max(1)));
@@ -507,8 +507,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The generalised force of an offset or a spring at the independent coordinate `j`, for a parameter
-/// of 1; 0 for other kinds.
+/// The generalised force of an offset, a spring or an effort term at the independent coordinate
+/// `j`, for a parameter of 1; 0 for other kinds.
 fn force_at_rest(
     state: &State,
     forces: &[Vec<Float320>],

@@ -26,8 +26,8 @@ const MAX_TURN_RAD: f64 = 0.18;
 const MAX_SLIDE_FRACTION: f64 = 0.03;
 /// The least and largest number of steps of a leg.
 const LEG_STEPS: (u32, u32) = (5, 14);
-/// The largest correction by Newton's method, as a fraction of the predicted change of the
-/// dependent coordinates; a larger one could be a jump to another assembly branch.
+/// The largest correction of a joint by Newton's method, as a fraction of the largest predicted
+/// change of any joint; a larger one could be a jump to another assembly branch.
 const MAX_CORRECTION_FRACTION: f64 = 0.25;
 /// Largest closure residual in double precision, as a fraction of the mechanism's size.
 const CLOSURE_TOLERANCE: f64 = 1e-11;
@@ -165,7 +165,7 @@ impl<'a> Walk<'a> {
                     return Some(state);
                 }
             }
-            // the walk is in a corner: restart at home
+            // no leg from here leads to a state: restart at home
             self.q.clone_from(&self.home);
         }
         None
@@ -296,10 +296,10 @@ impl<'a> Walk<'a> {
                     .map(|row| columns.iter().map(|&c| row[c]).collect())
                     .collect()
             };
-            let left = values
+            let residual_log10 = values
                 .iter()
                 .fold(f64::NEG_INFINITY, |m, f| m.max(f.log10()));
-            if left < CLOSURE_TOLERANCE_LOG10 {
+            if residual_log10 < CLOSURE_TOLERANCE_LOG10 {
                 let x = solve(pick(&model.dependent), pick(&model.independent))?;
                 for (&c, row) in model.dependent.iter().zip(x) {
                     j[c] = row.into_iter().map(|x| -x).collect();
@@ -317,7 +317,8 @@ impl<'a> Walk<'a> {
 }
 
 /// The permitted range of a coordinate: its limits, if home is within them; otherwise a range about
-/// home for independent prismatic coordinates, and no bounds for angles and dependent coordinates.
+/// home for independent prismatic joints, and no bounds for angles, drives and dependent
+/// coordinates.
 fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     if let Some([low, high]) = model.coordinates[c].position
         && low < high

@@ -39,7 +39,8 @@ fn largest(values: impl Iterator<Item = Float320>) -> Float320 {
 }
 
 impl Units {
-    /// Units of a mechanism, from its longest offset and its gravity.
+    /// Units of a mechanism, from its gravity and its greatest length: an offset, a coordinate of a
+    /// spring's point, or a prismatic coordinate at home.
     pub(super) fn of(model: &Model, home: &[f64]) -> Units {
         let placements = model.links.iter().map(|l| &l.placement);
         let sides = model.cuts.iter().flat_map(|c| &c.sides);
@@ -118,9 +119,10 @@ impl Units {
         }
     }
 
-    /// Exponent of the unit for the rate of an independent coordinate, from the rates that it gives
-    /// all coordinates (each with whether it is prismatic, then in m). The largest rate is not
-    /// rounding, since that of the coordinate itself is 1.
+    /// Exponent of the unit for the rate of an independent coordinate. `rates` are the rates of all
+    /// coordinates for a unit rate of that coordinate, each with whether its coordinate is
+    /// prismatic (the rate is then in m). The largest rate is never mere rounding, since that of
+    /// the coordinate itself is 1.
     pub(super) fn rate(self, rates: impl Iterator<Item = (bool, Float320)>) -> i32 {
         let lengths = rates.map(|(slides, rate)| {
             if slides {

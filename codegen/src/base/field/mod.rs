@@ -129,7 +129,8 @@ impl Element {
         }
     }
 
-    /// Length of the printed expression; 0 for a constant.
+    /// A measure of the length of the printed expression; 0 for a constant, and the largest number
+    /// if the expression was dropped as too long.
     pub fn weight(&self) -> usize {
         match &self.form {
             Form::Constant => 0,
@@ -205,14 +206,15 @@ impl Field {
         };
         if value.is_zero() {
             if let Some(form) = form.filter(|f| !f.is_zero()) {
-                self.note(&form);
+                self.record_coincidence(&form);
             }
             return Element::zero();
         }
         Element::new(value, form)
     }
 
-    fn note(&mut self, form: &Ratio) {
+    /// Records that an expression is zero at the given geometry, though not for every geometry.
+    fn record_coincidence(&mut self, form: &Ratio) {
         let equation = print::coincidence(form.numerator(), &self.variables);
         self.coincidences.insert(equation);
     }

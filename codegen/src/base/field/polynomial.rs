@@ -200,6 +200,8 @@ impl Polynomial {
         common
     }
 
+    /// The polynomial divided by a monomial that divides every term, as
+    /// [`common_monomial`](Self::common_monomial) does; other terms are dropped.
     pub(super) fn without(&self, monomial: &Monomial) -> Self {
         let mut result = Polynomial::default();
         for (m, c) in &self.terms {
@@ -250,6 +252,7 @@ impl Polynomial {
         powers
     }
 
+    /// The product, in which squares of sines remain.
     fn plain_mul(&self, other: &Self) -> Self {
         let mut result = Polynomial::default();
         for (m1, c1) in &self.terms {
@@ -323,8 +326,7 @@ fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial>
         *budget = budget.checked_sub(1)?;
         if degree(&q) <= 1 {
             // no common factor contains the main variable
-            q = one();
-            p = q.clone();
+            p = one();
             break;
         }
         let r = pseudo_remainder(&p, &q, main, budget)?;
@@ -335,11 +337,11 @@ fn gcd(a: &Polynomial, b: &Polynomial, budget: &mut usize) -> Option<Polynomial>
             primitive(&r, main, budget)?.1
         };
     }
-    let _ = q;
     Some(content.plain_mul(&p))
 }
 
-/// Content and primitive part of a polynomial in one variable.
+/// Content (the common divisor of the coefficients of the powers of `main`) and primitive part (the
+/// polynomial divided by it).
 fn primitive(a: &Polynomial, main: usize, budget: &mut usize) -> Option<(Polynomial, Polynomial)> {
     let mut content = Polynomial::default();
     for coefficient in a.by_powers(main) {

@@ -1,4 +1,4 @@
-//! Lattice reduction in doubles and integers of the machine.
+//! Lattice reduction with doubles and 128-bit integers.
 
 use dashu_int::IBig;
 
@@ -6,32 +6,34 @@ use dashu_int::IBig;
 const STEP_BITS: usize = 24;
 /// Entries beyond this might overflow products.
 const MAX_ENTRY: i128 = 1 << 58;
-/// Fewer values than these have rows with longer entries.
+/// With fewer values than these, the entries of reduced rows are too long for 128-bit integers.
 const MIN_VALUES: usize = 7;
-/// Rounds after which a lattice is given up: many times what occurs.
+/// Rounds after which the reduction of a lattice is given up: far more than occur.
 const MAX_ROUNDS: usize = 100_000;
-/// Coefficients of the orthogonalisation up to this are short: a little above a half, for rounding.
+/// The largest coefficient of a size-reduced row along an orthogonalised row before it: a little
+/// above a half, for rounding.
 const SHORT: f64 = 0.501;
 /// The factor of Lovasz's condition.
 const LOVASZ: f64 = 0.75;
 
 /// A lattice whose rows are integers and their combination of the values, reduced after Lenstra,
-/// Lenstra and Lovasz. Following Nguyen and Stehle (2005), products of rows are exact and only the
-/// orthogonalisation is in doubles. The values enter a few bits at a time (van Hoeij and Novocin,
-/// 2010): rows are short before each step, so that doubles suffice and integers stay small.
+/// Lenstra and Lovasz. Following Nguyen and Stehle (2005), inner products of rows are exact and
+/// only the orthogonalisation is in doubles. The values enter a few bits at a time (van Hoeij and
+/// Novocin, 2010): rows are short before each step, so that doubles suffice and integers stay
+/// small.
 struct Lattice {
     /// Coefficients of the values, and last the combination of their leading bits.
     rows: Vec<Vec<i128>>,
-    /// Products of all pairs of rows.
+    /// Inner products of all pairs of rows.
     gram: Vec<Vec<i128>>,
-    /// For j <= k, the product of row k with the orthogonalised row j.
+    /// For j <= k, the inner product of row k with the orthogonalised row j.
     r: Vec<Vec<f64>>,
     /// For j < k, the coefficient of row k along the orthogonalised row j.
     mu: Vec<Vec<f64>>,
 }
 
 /// The reduced lattice of the values: rows of coefficients, and last the combination of the values.
-/// `None` where integers of the machine do not suffice.
+/// `None` where 128-bit integers do not suffice.
 ///
 /// - `bits`: the largest number of bits of a value.
 pub(super) fn reduced(values: &[IBig], bits: usize) -> Option<Vec<Vec<i128>>> {
@@ -59,15 +61,15 @@ pub(super) fn reduced(values: &[IBig], bits: usize) -> Option<Vec<Vec<i128>>> {
             }
             *row.last_mut()? = sum;
         }
-        lattice.multiply();
+        lattice.compute_gram();
         lattice.reduce()?;
     }
     Some(lattice.rows)
 }
 
 impl Lattice {
-    /// Computes all products.
-    fn multiply(&mut self) {
+    /// Computes the inner products of all pairs of rows.
+    fn compute_gram(&mut self) {
         for (i, a) in self.rows.iter().enumerate() {
             for (j, b) in self.rows.iter().enumerate() {
                 self.gram[i][j] = a.iter().zip(b).map(|(x, y)| x * y).sum();
@@ -82,7 +84,7 @@ impl Lattice {
             if k == n {
                 return Some(());
             }
-            self.shorten(k)?;
+            self.size_reduce(k)?;
             let exchanged = k > 0 && {
                 let (before, slope) = (self.r[k - 1][k - 1], self.mu[k][k - 1]);
                 self.r[k][k] + slope * slope * before < LOVASZ * before
@@ -102,7 +104,7 @@ impl Lattice {
     }
 
     /// Subtracts integer multiples of earlier rows until the row is short along each of them.
-    fn shorten(&mut self, k: usize) -> Option<()> {
+    fn size_reduce(&mut self, k: usize) -> Option<()> {
         for _ in 0..MAX_ROUNDS {
             self.orthogonalise(k);
             let mut changed = false;
@@ -153,7 +155,7 @@ impl Lattice {
         Some(())
     }
 
-    /// Computes the orthogonalisation of a row from the products with the rows before it.
+    /// Computes the orthogonalisation of a row from its inner products with the rows before it.
     fn orthogonalise(&mut self, k: usize) {
         for j in 0..=k {
             #[allow(clippy::cast_precision_loss, reason = "rounded here on purpose")]

@@ -92,7 +92,7 @@ impl<'a> NullCompletion<'a> {
     }
 
     /// Whether a direction is null at the sampled states. Entries beyond the parameters' columns,
-    /// which mark completed directions, are passed over.
+    /// which mark completed directions, are ignored.
     pub(super) fn is_null(&self, direction: &Vector) -> bool {
         let entries = direction.range(..self.samples.certificate().columns);
         let entries = entries.map(|(c, e)| (*c, Float320::from_number(e.value())));
@@ -115,7 +115,7 @@ impl<'a> NullCompletion<'a> {
     ) -> Completed {
         let mut completed = Completed::default();
         let certificate = self.samples.certificate();
-        // a rank that is open says nothing about directions that might be missing
+        // an uncertain rank says nothing about directions that might be missing
         if !certificate.is_certain() || null.len() + certificate.rank >= certificate.columns {
             return completed;
         }
@@ -310,8 +310,8 @@ struct ScaledSamples {
     all_scaled: Vec<(Vec<Number>, Rc<Samples>)>,
     /// Notes on the names that were not varied, or only in proportion, each with the reason.
     unvaried_names: Vec<String>,
-    /// Factors that were recognised, or not, by the leading digits of all their samples: many
-    /// directions have the same ones.
+    /// The results of earlier recognitions, by the leading digits of all samples of the factor:
+    /// many directions have the same factors.
     recognised: RefCell<BTreeMap<Vec<u64>, Factor>>,
 }
 
@@ -446,7 +446,7 @@ mod tests {
 
     /// The mass of a pendulum's body has no effect; its moment of inertia about the axis has.
     #[test]
-    fn directions_that_move_what_is_sampled_are_refuted() {
+    fn directions_that_change_sampled_energies_are_refuted() {
         let text = "name: one\nlimbs: [{name: arm, joints: \
                     [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
         let source = crate::diag::Source::new("one.yaml", text);

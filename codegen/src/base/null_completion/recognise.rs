@@ -163,12 +163,12 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    fn found(exact: &Number) -> Option<Number> {
+    fn recognised(exact: &Number) -> Option<Number> {
         recognise(&Float320::from_number(exact))
     }
 
     #[test]
-    fn fractions_and_roots_are_told_by_their_digits() {
+    fn fractions_and_roots_are_recognised_by_their_digits() {
         let root = |n: i64| Number::from_i64(n).sqrt().unwrap();
         let third = Number::ratio(-1, 3).unwrap();
         let decimal = Number::parse_decimal("12.345").unwrap();
@@ -183,7 +183,7 @@ mod tests {
             // the square of a lead of 0.05 m per turn
             Number::ratio(1, 1600).unwrap().div(&pi_to(2)).unwrap(),
         ] {
-            assert_eq!(found(&exact), Some(exact));
+            assert_eq!(recognised(&exact), Some(exact));
         }
     }
 
@@ -193,9 +193,9 @@ mod tests {
 
     #[test]
     fn other_numbers_are_not_taken_for_fractions() {
-        assert_eq!(found(&pi_to(3)), None);
-        assert_eq!(found(&Number::pi().add(&Number::one())), None);
-        assert_eq!(found(&Number::ratio(3, 10).unwrap().sin_cos().0), None);
+        assert_eq!(recognised(&pi_to(3)), None);
+        assert_eq!(recognised(&Number::pi().add(&Number::one())), None);
+        assert_eq!(recognised(&Number::ratio(3, 10).unwrap().sin_cos().0), None);
     }
 
     #[test]

@@ -28,11 +28,11 @@ pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
     reduced(&leading).into_iter().find_map(|mut row| {
         row.pop();
         let products = row.iter().zip(&leading).map(|(x, v)| x * v);
-        let left = products.fold(IBig::ZERO, |sum, x| sum + x);
+        let residual = products.fold(IBig::ZERO, |sum, x| sum + x);
         let lengths = row.iter().map(BitTest::bit_len);
         let longest = lengths.clone().max().unwrap_or(0);
         let is_short = lengths.sum::<usize>() <= MAX_RELATION_BITS;
-        (is_short && left.bit_len() <= longest + 8).then_some(row)
+        (is_short && residual.bit_len() <= longest + 8).then_some(row)
     })
 }
 
@@ -58,7 +58,7 @@ fn reduced(values: &[IBig]) -> Vec<Vec<IBig>> {
         let wide = |row: Vec<i128>| row.into_iter().map(IBig::from).collect();
         return rows.into_iter().map(wide).collect();
     }
-    // few values have relations too long for the quick way
+    // with few values the entries are too long for the quick method
     let n = values.len();
     let mut basis: Vec<Vec<IBig>> = Vec::new();
     for (i, value) in values.iter().enumerate() {
@@ -95,7 +95,7 @@ fn reduce(basis: &mut [Vec<IBig>]) {
     lattice.orthogonalise();
     let mut k = 1;
     while k < n {
-        lattice.shorten(k, k - 1);
+        lattice.size_reduce(k, k - 1);
         let (d, l) = (&lattice.d, &lattice.lambda[k][k - 1]);
         // Lovasz's condition with 3/4
         if (&d[k + 1] * &d[k - 1] + l * l) * 4 < &d[k] * &d[k] * 3 {
@@ -103,7 +103,7 @@ fn reduce(basis: &mut [Vec<IBig>]) {
             k = (k - 1).max(1);
         } else {
             for l in (0..k - 1).rev() {
-                lattice.shorten(k, l);
+                lattice.size_reduce(k, l);
             }
             k += 1;
         }
@@ -129,7 +129,7 @@ impl Lattice<'_> {
     }
 
     /// Subtracts the nearest integer multiple of an earlier vector.
-    fn shorten(&mut self, k: usize, l: usize) {
+    fn size_reduce(&mut self, k: usize, l: usize) {
         let (of, d) = (&self.lambda[k][l], &self.d[l + 1]);
         if of.abs() * 2 <= *d {
             return;

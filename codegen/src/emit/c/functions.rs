@@ -15,7 +15,7 @@ use super::statements::{C, Precision};
 use super::support::Helpers;
 use super::words::Spelling;
 
-/// What a frame holds besides the values of the function, bytes: saved registers, addresses, and the
+/// Bytes of stack that a function takes besides its values: saved registers, addresses, and the
 /// frames of the helpers for sines, cosines and systems.
 const FRAME: usize = 1536;
 
@@ -171,7 +171,8 @@ fn write(
     }
 }
 
-/// Copies of arrays that compilers keep of a system that is solved anew.
+/// Bytes of the matrices and right-hand sides that a function passes to the pivoting solver, where
+/// the fixed order of pivots is unsuitable; compilers keep copies of them on the stack.
 fn helper_arrays(program: &Program, bytes: usize) -> usize {
     let systems = program.steps.iter().filter_map(|step| match &step.op {
         Op::Solve(solve) => Some(

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-/// Words that are no names in C or C++, macros of compilers, and names that emitted bodies use.
+/// Words that C or C++ does not permit as names, macros of compilers, and names that emitted bodies
+/// use.
 pub(super) const RESERVED: &[&str] = &[
     // C99 to C23
     "alignas",
@@ -148,7 +149,7 @@ pub(super) const RESERVED: &[&str] = &[
     "condition",
 ];
 
-/// Headers of the C library: a file of such a name beside them would be found instead.
+/// Headers of the C library: compilers would include a robot's header of such a name instead.
 const HEADERS: [&str; 29] = [
     "assert",
     "complex",
@@ -200,7 +201,7 @@ pub(super) fn hides_header(stem: &str) -> bool {
     HEADERS.contains(&stem) || matches!(stem, "wchar" | "wctype")
 }
 
-/// A number as C text; exact constants may be too large for a `double`.
+/// A number as C text: `INFINITY` for exact constants that are too large for a `double`.
 pub(super) fn literal(value: f64) -> String {
     if value.is_finite() {
         format!("{value:?}")
@@ -268,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prefixes_are_snake_case_and_reserved_by_nobody() {
+    fn prefixes_are_snake_case_and_not_reserved() {
         for (robot, name) in [
             ("rps3", "rps3"),
             ("HOME", "home"),

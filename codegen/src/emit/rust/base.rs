@@ -9,6 +9,7 @@ use super::super::documentation::certified;
 use super::super::elements::eliminated_labels;
 use super::names::literal;
 
+/// Emits the constants `BASE`, `ZEROS` (if there are any), `FREE` and `BASE_INFO`.
 pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     let base = &analysis.base;
     let kept: Vec<_> = base.parameters.iter().filter(|p| !p.dropped).collect();
@@ -83,7 +84,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     let _ = writeln!(out, "}};");
 }
 
-/// Whether the spec sets linear forms of the parameters to zero.
+/// Whether `base.zero`, `base.equal` or `base.drop` sets linear forms of the parameters to zero.
 pub(super) fn has_zeros(analysis: &Analysis) -> bool {
     !analysis.base.known.is_empty() || analysis.base.parameters.iter().any(|p| p.dropped)
 }
@@ -102,18 +103,18 @@ fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
             literal(value),
         )
     };
-    let rest = |terms: &[crate::base::Term]| -> String {
+    let sum = |terms: &[crate::base::Term]| -> String {
         let each = terms.iter();
         each.map(|t| term(t.column, &t.coefficient.to_string(), t.value.to_f64()))
             .collect()
     };
     // a parameter that equals a combination of others: the combination less the parameter is zero
     let known = base.known.iter().map(|known| {
-        let terms = term(known.column, "-1", -1.0) + &rest(&known.terms);
+        let terms = term(known.column, "-1", -1.0) + &sum(&known.terms);
         (known.column, terms)
     });
     let dropped = base.parameters.iter().filter(|p| p.dropped);
-    let dropped = dropped.map(|p| (p.column, rest(&p.terms)));
+    let dropped = dropped.map(|p| (p.column, sum(&p.terms)));
     let all: Vec<(usize, String)> = known.chain(dropped).collect();
     let _ = writeln!(
         out,

@@ -28,7 +28,8 @@ pub(super) fn parameters(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "];");
 }
 
-/// A parameter as Rust text: its symbol, and the label of its body or the name of its coordinate.
+/// A parameter as Rust text: its symbol, and its owner, which is the label of a body or the name of
+/// a coordinate or spring.
 fn parameter(parameter: &Parameter) -> String {
     let symbol = match parameter.kind {
         ParameterKind::Inertial { entry, .. } => INERTIAL_SYMBOLS[entry].to_owned(),

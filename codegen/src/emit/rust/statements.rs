@@ -158,7 +158,7 @@ impl Language for Rust<'_> {
     }
 
     /// Writes the solution of a system in the fixed order of pivots. The runtime's `solve_guarded`
-    /// solves it anew with pivoting where the smallest pivot is too small.
+    /// solves it again, with pivoting, where the smallest pivot is too small.
     fn solve(&self, text: &mut Text, solve: &Solve<'_>) {
         let mut margins = solve
             .pivots

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn long_expressions_give_way_to_numbers_until_they_are_asked_for() {
+    fn long_expressions_become_numbers_unless_expressions_are_asked_for() {
         let long = format!("-{}a", "b*".repeat(30));
         let half = Number::ratio(-1, 2).unwrap_or_else(Number::zero);
         let instead = signed(&long, half.clone(), Style::Short);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn fractions_of_long_numbers_give_way_to_decimals() {
+    fn fractions_of_long_numbers_become_decimals() {
         let ratio = Number::ratio(632_337_041, 115_162_534).unwrap_or_else(Number::zero);
         let short = signed("632337041/115162534", ratio.clone(), Style::Short);
         assert_eq!(short.factor, Factor::Instead("5.49082".to_owned()));
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn one_is_not_printed_but_what_rounds_to_it_is() {
+    fn one_is_not_printed_but_a_number_that_rounds_to_it_is() {
         let one = signed("-1", Number::from_i64(-1), Style::Numbers);
         assert_eq!((one.negative, one.factor), (true, Factor::One));
         let near = Number::ratio(1_000_001, 1_000_000).unwrap_or_else(Number::zero);

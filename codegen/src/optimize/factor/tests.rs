@@ -119,7 +119,7 @@ fn a_pair_of_factors_that_products_share_is_multiplied_once() {
 }
 
 #[test]
-fn what_another_step_needs_stays_a_step() {
+fn a_value_that_another_step_needs_keeps_its_step() {
     let [a, b, c, d] = [0, 1, 2, 3].map(input);
     let ops = vec![
         Op::Mul(a, b),
@@ -134,7 +134,7 @@ fn what_another_step_needs_stays_a_step() {
 }
 
 #[test]
-fn a_sum_that_is_a_single_operand_gives_its_name_on() {
+fn a_sum_that_is_a_single_operand_passes_its_name_on() {
     let [a, b, ..] = [0, 1, 2, 3].map(input);
     let mut before = program(
         vec![Op::Mul(a, b), Op::Neg(temp(0))],

@@ -133,7 +133,7 @@ fn a_product_with_the_other_sign_is_used() {
 }
 
 #[test]
-fn what_others_need_is_not_counted_as_spared() {
+fn values_that_other_steps_need_are_not_counted_as_saved() {
     // both products are outputs, so that replacing their sum would save nothing
     let ops = vec![
         Op::Add(given(0), given(1)),
@@ -149,7 +149,7 @@ fn what_others_need_is_not_counted_as_spared() {
 }
 
 #[test]
-fn a_small_value_is_not_got_back_from_a_sum_with_a_large_one() {
+fn a_small_value_is_not_recovered_from_a_sum_with_a_large_one() {
     let ops = |large: f64| {
         vec![
             Op::Mul(Operand::Constant(large), given(4)),
@@ -160,7 +160,7 @@ fn a_small_value_is_not_got_back_from_a_sum_with_a_large_one() {
             Op::MulAdd(given(0), given(1), temp(3)),
         ]
     };
-    let spared = |large: f64| {
+    let saves_operations = |large: f64| {
         let outputs = vec![temp(1), temp(2), temp(4)];
         // the sum with the large product comes first, so that only the small sum could be recovered
         let mut program = program(steps(ops(large)), &[3, 2], outputs);
@@ -168,12 +168,12 @@ fn a_small_value_is_not_got_back_from_a_sum_with_a_large_one() {
         relate(&mut program);
         before != counted(&program)
     };
-    assert!(spared(0.1));
-    assert!(!spared(1e6));
+    assert!(saves_operations(0.1));
+    assert!(!saves_operations(1e6));
 }
 
 #[test]
-fn what_had_no_quotient_gets_none() {
+fn a_value_without_a_quotient_is_not_computed_from_one() {
     // x y z = (x / w) (w y z) would be undefined at w = 0
     let ops = vec![
         Op::Div(given(0), given(3)),
@@ -207,7 +207,7 @@ fn values_of_later_groups_are_not_used() {
 
 proptest::proptest! {
     #[test]
-    fn results_stay_what_they_are_for_no_more_operations(
+    fn results_are_unchanged_and_take_no_more_operations(
         picks in proptest::collection::vec((0_u8..7, 0_usize..40, 0_usize..40, 0_usize..40), 1..40),
         cut in 0_usize..40,
         ends in proptest::collection::vec(0_usize..40, 1..6),

@@ -82,7 +82,7 @@ fn absolute_sums(program: &Program) -> Vec<(f64, bool)> {
             Op::Div(a, _) => (bound(a).0, true),
             // the solution of a singular system is undefined, like a quotient
             Op::Solve(_) => (1.0, true),
-            // the square root of a number at most 1 larger: of the size of a length
+            // the root of a small number is larger than the number: assume the size of an input
             Op::Sqrt(a) => (libm::sqrt(bound(a).0).max(1.0), bound(a).1),
             Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) => continue,
         };
@@ -93,7 +93,7 @@ fn absolute_sums(program: &Program) -> Vec<(f64, bool)> {
     absolute_sums
 }
 
-/// The same of an operand.
+/// The entry of [`absolute_sums`] for an operand.
 fn absolute_sum_of(operand: &Operand, absolute_sums: &[(f64, bool)]) -> (f64, bool) {
     match *operand {
         Operand::Input { .. } => (1.0, false),

@@ -53,13 +53,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn trees_and_diamonds_have_no_circle() {
+    fn trees_and_diamonds_have_no_cycle() {
         assert!(cycles(&[vec![1, 2], vec![3], vec![3], vec![]]).is_empty());
         assert!(cycles(&[]).is_empty());
     }
 
     #[test]
-    fn circles_start_at_their_lowest_node() {
+    fn cycles_start_at_their_lowest_node() {
         assert_eq!(cycles(&[vec![], vec![3], vec![1], vec![2]]), [[1, 3, 2]]);
         assert_eq!(cycles(&[vec![0]]), [[0]]);
         assert_eq!(cycles(&[vec![1], vec![0, 2], vec![1]]), [[0, 1], [1, 2]]);

@@ -5,12 +5,14 @@ use super::super::raw::RawSpec;
 use super::Checker;
 use crate::diag::{Diagnostic, Span};
 
-/// Largest number of coordinates. The largest robots that people describe have less than a hundred.
+/// Largest number of coordinates. The largest robots that people describe have fewer than a
+/// hundred.
 pub(super) const MAX_COORDINATES: usize = 256;
 /// Largest number of bodies, including those on fixed joints.
 pub(super) const MAX_BODIES: usize = 384;
-/// Largest number of equations of cuts and couplings. At most as many as there are coordinates can
-/// be independent, but of the five of a planar loop three are redundant.
+/// Largest number of equations of cuts and couplings. It is above the number of coordinates,
+/// although no more equations can be independent: three of the five equations of a planar loop are
+/// redundant.
 pub(super) const MAX_EQUATIONS: usize = 640;
 
 impl Checker<'_> {
@@ -22,7 +24,7 @@ impl Checker<'_> {
         let first = |span: Option<Span>| span.unwrap_or_default();
         let limb = first(raw.limbs.first().map(|limb| limb.name.0.span));
         let cut = first(raw.cuts.iter().flatten().next().map(|cut| cut.name.0.span));
-        let found = [
+        let counts = [
             (coordinates, MAX_COORDINATES, "coordinates", limb),
             (bodies, MAX_BODIES, "bodies", limb),
             (
@@ -33,7 +35,7 @@ impl Checker<'_> {
             ),
         ];
         let mut within = true;
-        for (count, limit, what, span) in found {
+        for (count, limit, what, span) in counts {
             if count > limit {
                 within = false;
                 let message = format!("the robot has {count} {what}; the limit is {limit}");

@@ -34,7 +34,7 @@ pub(in crate::spec) fn effort_term(
         }
         AstKind::Binary(Operator::Pow, a, b) => power(a, b, lookup)?,
         AstKind::Call(Function::Tan, a) => {
-            // the tangent as a quotient, which the graph has
+            // effort expressions have no tangent, so it becomes a quotient
             let part = |function| Ok(Box::new(EffortExpr::Call(function, boxed(a)?)));
             EffortExpr::Div(part(Function::Sin)?, part(Function::Cos)?)
         }
@@ -47,8 +47,8 @@ pub(in crate::spec) fn effort_term(
     })
 }
 
-/// A power of an expression that varies: the exponent is a whole number, negative for a quotient,
-/// or 1/2.
+/// A power of an expression that contains `q` or `qd`. The exponent is a whole number (a negative
+/// one gives a quotient) or 1/2.
 fn power(
     base: &Ast,
     exponent: &Ast,
@@ -84,7 +84,7 @@ fn power(
     })
 }
 
-/// A number that stands for a part of the expression at the place of `ast`.
+/// A constant with the place of `ast`, which it replaces.
 fn number(value: Number, ast: &Ast) -> EffortExpr {
     EffortExpr::Constant(Quantity {
         expr: Expr::Number(value.clone()),

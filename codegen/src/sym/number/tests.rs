@@ -381,8 +381,8 @@ fn roots_and_pi_round_to_the_nearest_double() {
     // 60 digits cancel before the first significant one
     let big = int(10).powi(60).unwrap().mul(&root(2));
     let whole = dec("1414213562373095048801688724209698078569671875376948073176679");
-    let left = big.sub(&whole).to_f64();
-    assert_eq!(left, 0.737_990_732_478_462_1);
+    let difference = big.sub(&whole).to_f64();
+    assert_eq!(difference, 0.737_990_732_478_462_1);
 }
 
 #[test]
@@ -542,12 +542,12 @@ fn angles_next_to_a_multiple_of_pi_keep_their_sine() {
     let angle = dec(
         "3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798214808651",
     );
-    let left = Number::pi().sub(&angle);
-    assert!(!left.is_zero());
-    assert_eq!(angle.sin_cos().0.to_f64(), left.to_f64());
+    let difference = Number::pi().sub(&angle);
+    assert!(!difference.is_zero());
+    assert_eq!(angle.sin_cos().0.to_f64(), difference.to_f64());
     assert_eq!(
         angle.mul(&ratio(3, 2)).sin_cos().1.to_f64(),
-        left.mul(&ratio(-3, 2)).to_f64()
+        difference.mul(&ratio(-3, 2)).to_f64()
     );
 }
 

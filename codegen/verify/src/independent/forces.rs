@@ -62,8 +62,12 @@ impl Subject<'_> {
                 continue;
             };
             // vectors of a robot with other geometry do not satisfy the closure equations here
-            let open = rounding::openness(self.reference, &state.q);
-            worst.note(place, open, rounding::closed(self.reference));
+            let residual = rounding::relative_residual(self.reference, &state.q);
+            worst.note(
+                place,
+                residual,
+                rounding::closed_residual_bound(self.reference),
+            );
             let w = rounding::regressor::<Double>(self.robot, &state);
             let ours = rounding::forces(&w, &given.phi, self.dof());
             let sizes = rounding::terms(&theirs, &given.phi);
@@ -146,12 +150,12 @@ impl Subject<'_> {
             let [q, qd, qdd] = [&state.q, &state.qd, &state.qdd].map(|v| narrow(v));
             let (single, _) = interpret::run(&function.program, &[&q, &qd, &qdd]);
             let wide = |v: &[f32]| -> Vec<f64> { v.iter().map(|x| f64::from(*x)).collect() };
-            let held = State {
+            let rounded_state = State {
                 q: wide(&q),
                 qd: wide(&qd),
                 qdd: wide(&qdd),
             };
-            let bounds = rounding::regressor::<Single>(self.robot, &held);
+            let bounds = rounding::regressor::<Single>(self.robot, &rounded_state);
             for row in 0..dof {
                 let places = (row..bounds.len()).step_by(dof);
                 let values: Vec<f64> = places.clone().map(|k| bounds[k].value).collect();

@@ -31,10 +31,14 @@ impl Subject<'_> {
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate().take(MOTIONS) {
             // the loops must be closed at the start, according to the second derivation
-            let start = rounding::openness(self.reference, &state.q);
-            worst.note(place, start, rounding::closed(self.reference));
-            let coarse = self.open_after(state, COARSE_STEPS);
-            let fine = self.open_after(state, 2 * COARSE_STEPS);
+            let start = rounding::relative_residual(self.reference, &state.q);
+            worst.note(
+                place,
+                start,
+                rounding::closed_residual_bound(self.reference),
+            );
+            let coarse = self.residual_after(state, COARSE_STEPS);
+            let fine = self.residual_after(state, 2 * COARSE_STEPS);
             let rounding = rounding::unit(self.reference, &state.q) * (2 * COARSE_STEPS) as f64;
             worst.note(place, fine, coarse / MIN_ERROR_REDUCTION + rounding);
         }
@@ -42,7 +46,7 @@ impl Subject<'_> {
     }
 
     /// The residuals of the loops and of their rates after the motion, relative to their terms.
-    fn open_after(&self, state: &State, steps: usize) -> f64 {
+    fn residual_after(&self, state: &State, steps: usize) -> f64 {
         let fastest = max_abs(&state.qd).max(max_abs(&state.qdd).sqrt()).max(1.0);
         let h = MAX_TRAVEL / fastest / steps as f64;
         let mut q = state.q.clone();
@@ -75,17 +79,17 @@ impl Subject<'_> {
         } else {
             max_abs(&rates) / scale
         };
-        larger(rounding::openness(self.reference, &q), rate)
+        larger(rounding::relative_residual(self.reference, &q), rate)
     }
 
-    /// All accelerations by the robot's function, with the independent ones given at the start.
+    /// All accelerations by the robot's function, from the independent ones among `qdd`.
     fn accelerations(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Vec<f64> {
-        let wanted: Vec<f64> = self.robot.independent.iter().map(|k| qdd[*k]).collect();
+        let qdd_i: Vec<f64> = self.robot.independent.iter().map(|k| qdd[*k]).collect();
         self.robot
             .function(FunctionKind::Accelerations)
             .map_or_else(
                 || vec![f64::NAN; q.len()],
-                |f| interpret::run(&f.program, &[q, qd, &wanted]).0,
+                |f| interpret::run(&f.program, &[q, qd, &qdd_i]).0,
             )
     }
 }

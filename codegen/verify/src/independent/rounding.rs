@@ -70,7 +70,7 @@ fn chain(reference: &Mechanism) -> f64 {
 }
 
 /// Bound of the closure residual of a state that is closed up to rounding, relative to its terms.
-pub(crate) fn closed(reference: &Mechanism) -> f64 {
+pub(crate) fn closed_residual_bound(reference: &Mechanism) -> f64 {
     chain(reference) * Double::UNIT
 }
 
@@ -81,12 +81,12 @@ pub(crate) fn unit(reference: &Mechanism, q: &[f64]) -> f64 {
         return chain * Double::UNIT;
     }
     // a larger closure residual is an error of the state, and must not widen the bound
-    let open = openness(reference, q).min(closed(reference));
+    let open = relative_residual(reference, q).min(closed_residual_bound(reference));
     chain * (Double::UNIT + open) / reference.conditioning(q)
 }
 
 /// The closure residual at a state, relative to the largest sum of the terms in a row.
-pub(crate) fn openness(reference: &Mechanism, q: &[f64]) -> f64 {
+pub(crate) fn relative_residual(reference: &Mechanism, q: &[f64]) -> f64 {
     let f: Vec<f64> = reference.constraints(q);
     let a = reference.jacobian(q);
     let scale = a

@@ -81,7 +81,7 @@ impl Case {
     }
 
     /// Reverses the sign of one output of a robot's function: the last that is not a constant.
-    fn turn(&mut self, kind: FunctionKind) {
+    fn negate_last_output(&mut self, kind: FunctionKind) {
         let functions = &mut self.robot.functions;
         let function = functions.iter_mut().find(|f| f.kind == kind).unwrap();
         let program = &mut function.program;
@@ -107,14 +107,14 @@ fn sound_robots_pass_every_check() {
 }
 
 #[test]
-fn a_wrong_sign_in_one_entry_of_the_regressor_is_seen_by_every_derivation() {
+fn a_wrong_sign_in_one_entry_of_the_regressor_is_detected_by_every_derivation() {
     let mut case = Case::new("fivebar");
-    case.turn(FunctionKind::Regressor);
+    case.negate_last_output(FunctionKind::Regressor);
     case.fails(&["second_derivation", "peer", "power"]);
 }
 
 #[test]
-fn a_wrong_length_is_seen_by_every_derivation_and_opens_the_loop() {
+fn a_wrong_length_is_detected_by_every_derivation_and_opens_the_loop() {
     let mut case = Case::new("fivebar");
     let wrong = case.text.replace("l1: 0.30", "l1: 0.301");
     assert_ne!(wrong, case.text);
@@ -125,12 +125,12 @@ fn a_wrong_length_is_seen_by_every_derivation_and_opens_the_loop() {
 #[test]
 fn a_wrong_acceleration_opens_the_loop() {
     let mut case = Case::new("fivebar");
-    case.turn(FunctionKind::Accelerations);
+    case.negate_last_output(FunctionKind::Accelerations);
     case.fails(&["drift"]);
 }
 
 #[test]
-fn vectors_with_a_wrong_force_or_of_another_robot_are_seen() {
+fn vectors_with_a_wrong_force_or_of_another_robot_are_detected() {
     let mut case = Case::new("fivebar");
     case.vectors.as_mut().unwrap().states[1].tau[0] *= 1.0 + 1e-9;
     assert_eq!(case.failing(), ["peer"]);
@@ -154,16 +154,16 @@ fn a_wrong_factor_in_a_combination_turns_the_null_space() {
 }
 
 #[test]
-fn a_wrong_way_to_or_from_base_parameters_changes_forces() {
+fn a_wrong_conversion_to_or_from_base_parameters_changes_forces() {
     for kind in [FunctionKind::ToBase, FunctionKind::FromBase] {
         let mut case = Case::new("fivebar");
-        case.turn(kind);
+        case.negate_last_output(kind);
         assert_eq!(case.failing(), ["way_back"], "{kind:?}");
     }
 }
 
 #[test]
-fn a_base_parameter_too_many_or_too_few_is_a_wrong_rank() {
+fn a_certificate_with_another_rank_is_detected() {
     let mut case = Case::new("fivebar");
     let analysis = case.robot.analysis.as_mut().unwrap();
     analysis.certificate.as_mut().unwrap().rank += 1;
@@ -171,7 +171,7 @@ fn a_base_parameter_too_many_or_too_few_is_a_wrong_rank() {
 }
 
 #[test]
-fn numbers_dropped_near_those_kept_and_a_certificate_that_is_not_there_are_seen() {
+fn a_narrow_gap_and_an_incomplete_base_are_detected() {
     let mut case = Case::new("fivebar");
     let analysis = case.robot.analysis.as_mut().unwrap();
     let certificate = analysis.certificate.as_mut().unwrap();
@@ -183,7 +183,7 @@ fn numbers_dropped_near_those_kept_and_a_certificate_that_is_not_there_are_seen(
 
 /// The square of the length 1e25 m overflows single precision, but not double precision.
 #[test]
-fn what_single_precision_cannot_hold_is_seen() {
+fn lengths_beyond_single_precision_are_detected() {
     let text = "\
 name: long
 limbs:

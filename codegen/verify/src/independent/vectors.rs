@@ -48,12 +48,12 @@ impl Vectors {
             && self.independent.iter().eq(independent)
             && self.parameters == robot.labels();
         let n = self.coordinates.len();
-        let long = |state: &State| {
+        let has_all_numbers = |state: &State| {
             [state.q.len(), state.qd.len(), state.qdd.len()] == [n; 3]
                 && state.phi.len() == self.parameters.len()
                 && state.tau.len() == self.independent.len()
         };
-        if names && !self.states.is_empty() && self.states.iter().all(long) {
+        if names && !self.states.is_empty() && self.states.iter().all(has_all_numbers) {
             Ok(())
         } else {
             Err("vectors of another spec".to_owned())

@@ -56,7 +56,7 @@ fn compare_numeric(numeric: &NumericPath, analysis: Option<&Analysis>) -> String
         rows.push(cells);
     };
     let numbers = |r: Rank| Some((r.last_kept, r.first_dropped));
-    let left = numeric
+    let reduced_columns = numeric
         .reduced
         .as_ref()
         .map_or(numeric.columns, |r| r.columns);
@@ -76,12 +76,17 @@ fn compare_numeric(numeric: &NumericPath, analysis: Option<&Analysis>) -> String
         numeric.qr.count,
         numbers(numeric.qr),
     );
-    row("analytic", left, numeric.analytic, None);
+    row("analytic", reduced_columns, numeric.analytic, None);
     if let Some(reduced) = &numeric.reduced {
-        row("SVD", left, reduced.svd.count, numbers(reduced.svd));
+        row(
+            "SVD",
+            reduced_columns,
+            reduced.svd.count,
+            numbers(reduced.svd),
+        );
         row(
             "QR with pivoting",
-            left,
+            reduced_columns,
             reduced.qr.count,
             numbers(reduced.qr),
         );
@@ -238,7 +243,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_told_by_their_exponent() {
+    fn sizes_are_printed_with_their_exponent() {
         assert_eq!(size(2, 0.0), "0");
         assert_eq!(size(2, 1.23e-16), "1.2e-16");
         assert_eq!(size(1, 1.0), "1e0");

@@ -21,7 +21,7 @@ pub struct OfFile {
 }
 
 /// A number rounded up to one digit.
-fn up(value: f64) -> f64 {
+fn rounded_up(value: f64) -> f64 {
     if !value.is_finite() || value <= 0.0 {
         return value;
     }
@@ -40,7 +40,7 @@ fn digits(value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()
     } else {
-        format!("{:.0e}", up(value))
+        format!("{:.0e}", rounded_up(value))
     }
 }
 
@@ -200,8 +200,8 @@ pub fn several_json(all: &[OfFile]) -> String {
                     Row {
                         check: check.what.key,
                         verdict: word(check.verdict),
-                        figure: there.then(|| up(check.worst)),
-                        bound: there.then(|| up(check.bound)),
+                        figure: there.then(|| rounded_up(check.worst)),
+                        bound: there.then(|| rounded_up(check.bound)),
                         note: &check.note,
                     }
                 })
@@ -225,7 +225,7 @@ mod tests {
             (4e-16, "4e-16"),
         ] {
             assert_eq!(digits(value), shown);
-            assert!(up(value) >= value);
+            assert!(rounded_up(value) >= value);
         }
         assert_eq!(digits(f64::NAN), "NaN");
         assert_eq!(

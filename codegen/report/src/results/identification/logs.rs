@@ -1,4 +1,4 @@
-//! What was read of logs, and what of it was left out.
+//! The statistics of the logs that were read, and of the equations that were left out.
 
 use regen_codegen::explain::lines::field;
 use regen_identify::data::FileReport;

@@ -29,8 +29,8 @@ pub(super) fn models_text(title: &str, rows: &[(String, &[LogError])]) -> String
     out
 }
 
-/// The name of a run or a file without directory and extensions; what is said of the part that is
-/// read stays.
+/// The name of a run without the directory and the extension of each file; the part of the files
+/// that is read, named after a comma, stays.
 ///
 /// ```
 /// assert_eq!(regen_report::results::stem("runs/run1.csv"), "run1");

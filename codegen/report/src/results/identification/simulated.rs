@@ -36,6 +36,8 @@ pub struct Rounds {
 #[derive(Clone, Debug, Serialize)]
 struct MotionDeparture {
     name: String,
+    /// The root mean square of the difference, percent of that of the measured motion about its
+    /// mean.
     percent: f64,
 }
 

@@ -112,8 +112,8 @@ impl Float320 {
         (self.negative, UBig::from_le_bytes(&bytes), exponent)
     }
 
-    /// The first 192 bits of the mantissa: equal for numbers that are equal to 57 digits, but for
-    /// those on either side of a short one.
+    /// The first 192 bits of the mantissa. Numbers that agree to 57 digits have the same bits,
+    /// unless a number with fewer bits lies between them (as 1 between 1 - 1e-80 and 1 + 1e-80).
     pub(crate) fn leading_bits(&self) -> [u64; 3] {
         [self.words[4], self.words[3], self.words[2]]
     }

@@ -81,7 +81,7 @@ proptest! {
     }
 
     #[test]
-    fn doubles_survive_the_way_there_and_back(x in any::<f64>()) {
+    fn doubles_are_converted_there_and_back_without_change(x in any::<f64>()) {
         if x.is_normal() {
             prop_assert_eq!(Float320::from_f64(x).to_f64().to_bits(), x.to_bits());
         }
