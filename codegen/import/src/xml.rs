@@ -239,11 +239,19 @@ fn splice(
             );
             continue;
         };
-        if included.contains(&file.value) || included.len() >= MAX_INCLUDED_FILES {
+        if included.contains(&file.value) {
             log.error(
                 file.place,
                 format!("'{}' is included more than once", file.value),
                 "a file may be included once in a model",
+            );
+            continue;
+        }
+        if included.len() >= MAX_INCLUDED_FILES {
+            log.error(
+                file.place,
+                format!("more than {MAX_INCLUDED_FILES} files are included"),
+                "write them into fewer files",
             );
             continue;
         }
