@@ -65,7 +65,7 @@ fn the_same_seed_writes_the_same_file_and_says_which_limits_are_near() {
 const LIMITS: [&str; 2] = ["q1.position=0.5,2.5", "q3.position=0.5,2.5"];
 
 #[test]
-fn what_stands_in_the_way_is_named_with_its_exit_code() {
+fn obstacles_to_a_search_are_reported_with_their_exit_code() {
     // no range, no such coordinate, no such cone: wrong input
     let open = excite(&[]).ended(3);
     assert!(open.err.contains("--limit q1.position="), "{}", open.err);

@@ -214,7 +214,7 @@ fn a_file_that_is_no_text_is_called_so() {
 /// Doubtful numbers are used on request, with or without a message; values that are not numbers are
 /// left out, always with a message.
 #[test]
-fn doubtful_rows_are_kept_on_request_and_told_on_request() {
+fn doubtful_rows_are_used_on_request_and_printed_on_request() {
     let (dir, log) = bench("kept_rows");
     let json = |log: &Log, more: &[&str]| {
         let more = [&["--standstill", "keep", "--format", "json"], more].concat();

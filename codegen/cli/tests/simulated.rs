@@ -176,7 +176,7 @@ fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() 
 }
 
 #[test]
-fn wrong_controllers_of_an_experiment_file_are_told_with_their_place() {
+fn wrong_controllers_of_an_experiment_file_are_reported_with_their_place() {
     let dir = prepared("simulated_wrong");
     let told = |run_of: &str, estimator: &str, code: i32| {
         fs::write(dir.join("runs.yaml"), format!("runs:\n  - {run_of}\n")).unwrap();
@@ -200,7 +200,7 @@ fn wrong_controllers_of_an_experiment_file_are_told_with_their_place() {
 }
 
 #[test]
-fn a_simulated_motion_unlike_the_measured_one_is_told() {
+fn a_simulated_motion_that_departs_from_the_measured_one_is_reported() {
     let dir = prepared("simulated_departure");
     let words = "identify swing.yaml run.csv --estimator didim --format json";
     let known = run(&dir, &format!("{words} --controller gains.yaml")).ended(0);
