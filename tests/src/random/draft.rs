@@ -229,7 +229,7 @@ pub struct Cut {
     pub b: Option<String>,
     /// The displacement of the cut's joint at home: rotations about x, y, z and a translation along
     /// z, of which the joint's own freedoms are used.
-    pub slack: [f64; 4],
+    pub displacement: [f64; 4],
     /// Whether frame A is written second.
     pub swapped: bool,
     /// Further keys: a cone.
