@@ -7,7 +7,7 @@ use regen_identify::experiment_file::ExperimentFile;
 use regen_import::{Options, import as of};
 use regen_runtime::Info;
 
-use crate::description::shown;
+use crate::description::check_report;
 
 /// Checks that a URDF or MJCF file becomes a description that can be read, or is refused.
 ///
@@ -32,7 +32,7 @@ pub fn import(bytes: &[u8]) {
             Err(reports) => {
                 assert!(!reports.is_empty());
                 for report in reports {
-                    shown(&report.source.text.clone(), &report);
+                    check_report(&report.source.text.clone(), &report);
                 }
             }
         }
