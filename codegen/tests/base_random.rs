@@ -215,7 +215,7 @@ fn a_sum_of_roots_keeps_its_sign_in_print() {
 }
 
 #[test]
-fn what_nobody_would_read_is_a_number() {
+fn expressions_too_long_to_read_are_numbers() {
     compare_with_states(&arm(
         "0, 0, -9.81",
         &[

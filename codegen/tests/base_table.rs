@@ -168,7 +168,7 @@ fn model_3_has_equal_legs_and_9_rows() {
 }
 
 #[test]
-fn a_known_linear_form_takes_one_parameter_out() {
+fn a_known_linear_form_removes_one_parameter() {
     let text = file("tests/fixtures/base/model2.yaml");
     let form = "  zero: [Ixy(3) + a/2*my(3)]\n";
     let (model, found) = base(&(text.clone() + form));
@@ -202,7 +202,7 @@ fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
 }
 
 #[test]
-fn no_tree_of_a_parallelogram_rests_on_its_equal_sides() {
+fn no_tree_of_a_parallelogram_depends_on_its_equal_sides() {
     // trees give 8 whether or not opposite sides are equal, so no coincidence is recorded
     let text = file("tests/fixtures/base/fourbar_two_names.yaml");
     let (_, equal) = base(&text);

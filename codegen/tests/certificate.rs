@@ -251,7 +251,7 @@ fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
 }
 
 #[test]
-fn combinations_hold_at_states_that_they_were_not_made_from() {
+fn combinations_are_right_at_states_that_they_were_not_computed_from() {
     let (model, home) = mechanism(&file("robots/3rps_friction.yaml"));
     let samples = certify(&model, &home, 1).unwrap();
     let fresh = certify(&model, &home, 2).unwrap();
@@ -311,7 +311,7 @@ fn the_same_seed_gives_the_same_certificate() {
 }
 
 #[test]
-fn a_closure_that_holds_to_rounding_only_is_refused() {
+fn a_closure_that_is_satisfied_only_to_rounding_is_refused() {
     // a quarter turn of 17 digits on one side of a planar loop, an exact one on the other
     let text = file("robots/fourbar.yaml");
     let rounded = text.replacen("rpy: [pi/2, 0, 0]", "rpy: [1.5707963267948966, 0, 0]", 1);
@@ -324,7 +324,7 @@ fn a_closure_that_holds_to_rounding_only_is_refused() {
 }
 
 #[test]
-fn limits_that_hold_home_in_a_corner_are_said_to() {
+fn limits_that_leave_too_few_states_are_an_error() {
     let text = file("robots/fourbar.yaml");
     let rocker = mechanism(&text).1[2];
     let (low, high) = (rocker - 1e-9, rocker + 1e-9);
@@ -342,7 +342,7 @@ fn limits_that_hold_home_in_a_corner_are_said_to() {
 }
 
 #[test]
-fn a_body_that_stands_still_has_no_base_parameters() {
+fn a_body_that_cannot_move_has_no_base_parameters() {
     let text = "name: still
 limbs:
   - name: a

@@ -250,7 +250,7 @@ fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
 /// A Bennett linkage closes for one ratio of its lengths only, and at angles that cannot be varied:
 /// no factor of it is known as a function of all of them.
 #[test]
-fn factors_that_hold_at_the_given_values_only_are_marked() {
+fn factors_that_are_right_only_at_the_given_values_are_marked() {
     let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
     let base = &analysis.base;
     let held = base.unvaried_names.join("\n");
@@ -278,7 +278,7 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
 
 /// The rocker's frame is rotated by 0.3 rad, whose sine has no short expression.
 #[test]
-fn a_factor_without_short_expression_is_a_number_and_says_so() {
+fn a_factor_without_a_short_expression_is_a_number_and_is_marked() {
     let text = file("mechanisms/parallelogram_cut.yaml")
         .replace(
             "- {name: q3, type: revolute,",
@@ -308,7 +308,7 @@ fn a_factor_without_short_expression_is_a_number_and_says_so() {
 }
 
 #[test]
-fn what_was_completed_can_be_stored() {
+fn completed_parameters_can_be_stored() {
     let source = Source::new("test.yaml", file("mechanisms/parallelogram_cut.yaml"));
     let spec = spec::parse(&source).unwrap();
     let (model, _, analysis) = analysed(&source.text);

@@ -77,7 +77,7 @@ fn rows_that_stay_badly_conditioned_are_given_other_columns() {
 
 /// Eliminating what barely acts is the user's choice, and its price is printed.
 #[test]
-fn a_list_of_parameters_to_eliminate_is_kept_to() {
+fn a_list_of_parameters_to_eliminate_is_followed() {
     let (free, labels) = analysed(&wrist("z", ""));
     let wish = "base: {eliminate: [mx(1)]}\n";
     let (chosen, _) = analysed(&wrist("z", wish));

@@ -17,7 +17,7 @@ fn source(robot: &str) -> Source {
 }
 
 #[test]
-fn bodies_stand_where_the_derived_poses_put_them() {
+fn bodies_are_drawn_at_the_derived_poses() {
     for robot in [
         "3rps",
         "delta",
@@ -68,7 +68,7 @@ fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
 }
 
 #[test]
-fn what_is_joined_to_a_body_is_among_its_points() {
+fn joints_and_cuts_of_a_body_are_among_its_points() {
     // the platform of the 3-RPS: its origin at the first leg, and the corners at its cuts
     let scene = Mechanism::open(&source("3rps")).unwrap().scene();
     let platform = scene.bodies.iter().find(|b| b.label == "3").unwrap();
@@ -136,7 +136,7 @@ fn springs_reach_from_where_the_description_puts_them() {
 }
 
 #[test]
-fn drives_are_forms_of_joints_and_payloads_are_told_apart() {
+fn drives_are_linear_forms_of_joints_and_payloads_are_marked() {
     let scene = fixture("tendons");
     let names: Vec<&str> = scene.drives.iter().map(|d| d.name.as_str()).collect();
     assert_eq!(names, ["flexor", "crossed"]);

@@ -91,7 +91,7 @@ fn worst(angles: [f64; 5]) -> f64 {
 }
 
 #[test]
-fn the_reference_knows_an_angle_near_a_multiple_of_pi() {
+fn the_reference_is_accurate_near_a_multiple_of_pi() {
     // 355 is 3.0e-5 above 113 pi: sin 355 = -3.0144353359488449e-5
     let (sin, cos) = reference(355.0);
     assert!((sin.0 + 3.014_435_335_948_845e-5).abs() < 1e-20);

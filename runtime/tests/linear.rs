@@ -52,7 +52,7 @@ proptest! {
     }
 
     #[test]
-    fn rows_of_nothing_but_rounding_are_left_over(
+    fn rows_of_rounding_errors_do_not_change_the_solution(
         a in matrix::<3, 3>(),
         noise in matrix::<2, 3>(),
         sides in matrix::<2, 1>(),
@@ -134,7 +134,7 @@ proptest! {
     }
 
     #[test]
-    fn single_precision_pivots_alike(a in matrix::<4, 4>(), x in matrix::<4, 1>()) {
+    fn single_precision_solves_with_the_same_pivots(a in matrix::<4, 4>(), x in matrix::<4, 1>()) {
         let narrow = a.map(|row| row.map(|v| v as f32));
         let side = times(&a, &x).map(|row| row.map(|v| v as f32));
         let (found, ratio) = solve_pivoted(&narrow, &side);

@@ -148,7 +148,7 @@ mod dual {
     }
 
     #[test]
-    fn nan_rules_hold() {
+    fn nan_rules_are_satisfied() {
         nan_rules(Dual(Dual64::from_re(0.0)), |x| x.0.re);
     }
 }
@@ -343,7 +343,7 @@ mod lane {
     }
 
     #[test]
-    fn nan_rules_hold() {
+    fn nan_rules_are_satisfied() {
         everywhere(NanRules);
     }
 }

@@ -349,7 +349,7 @@ fn in_a_browser_the_report_has_its_figures_and_no_errors() {
 /// A text of the spec stays a text: `<!-- <script` in a page's script would hide the end of the script, and
 /// the page would be blank.
 #[test]
-fn a_view_keeps_tags_in_texts_apart_from_its_own() {
+fn a_view_escapes_tags_in_the_texts_of_a_spec() {
     let dir = scratch("pages_hostile");
     let evil = "<!-- <script> </script> x";
     let text = fs::read_to_string(robot("fourbar.yaml")).unwrap();

@@ -165,7 +165,7 @@ fn late(dir: &Path) -> f64 {
 }
 
 #[test]
-fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_scale() {
+fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undetermined() {
     let dir = scratch("payload_gains");
     arm(&dir);
     run(

@@ -128,7 +128,7 @@ fn rounds_that_do_not_converge_leave_no_estimate() {
 }
 
 #[test]
-fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() {
+fn an_experiment_file_defines_how_commands_are_read_and_the_controllers() {
     let dir = prepared("simulated_experiment");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
@@ -235,7 +235,7 @@ fn a_simulated_motion_that_departs_from_the_measured_one_is_reported() {
 }
 
 #[test]
-fn what_commands_leave_open_is_named_and_ends_with_code_4() {
+fn undetermined_controller_parameters_are_named_and_exit_with_4() {
     let dir = prepared("simulated_open");
     let gains = "q1: {kp: {estimate: 100}, ki: {estimate: 400}, kd: {estimate: 2}, \
                  offset: {estimate: 0}}\n";
@@ -256,7 +256,7 @@ fn what_commands_leave_open_is_named_and_ends_with_code_4() {
 }
 
 #[test]
-fn what_is_missing_or_wrong_is_answered_with_the_remedy() {
+fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
     let dir = prepared("simulated_wrong");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     fs::write(dir.join("bare.csv"), text.replace("cmd_q1", "target")).unwrap();

@@ -90,7 +90,7 @@ fn the_sequence_of_euler_angles_counts_and_small_letters_move_along() {
 }
 
 #[test]
-fn angles_are_degrees_unless_the_compiler_says_radian() {
+fn angles_are_degrees_unless_the_compiler_setting_is_radian() {
     let joint = "<joint name=\"q\" range=\"-90 45\" ref=\"30\"/>";
     let degrees = single(joint)
         .replace("<compiler angle=\"radian\"/>", "")
@@ -226,7 +226,7 @@ fn balls_are_spherical_joints() {
 }
 
 #[test]
-fn free_joints_are_chains_and_are_told() {
+fn free_joints_become_chains_and_are_reported() {
     for free in [
         "<freejoint name=\"f\"/>",
         "<joint name=\"f\" type=\"free\"/>",
@@ -449,7 +449,7 @@ fn a_capsule_is_a_cylinder_between_half_spheres() {
 }
 
 #[test]
-fn the_compiler_says_which_inertias_count() {
+fn a_compiler_setting_decides_which_inertias_count() {
     let both = single("<joint name=\"q\"/><geom mass=\"6\" size=\"0.5\"/>");
     let by_compiler =
         |setting: &str| spec(&both.replace("<compiler", &format!("<compiler {setting}")));
@@ -468,7 +468,7 @@ fn the_compiler_says_which_inertias_count() {
 }
 
 #[test]
-fn a_body_of_meshes_and_solids_has_no_values_and_is_told() {
+fn a_body_of_meshes_and_solids_has_no_values_and_is_reported() {
     let text =
         solid("<geom type=\"mesh\" mesh=\"m\"/><geom mass=\"1\" size=\"0.5\" pos=\"0 0 1\"/>");
     let made = imported(&text);
@@ -498,7 +498,7 @@ fn unnamed_bodies_and_joints_get_names() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_with_a_remedy() {
+fn unsupported_elements_are_refused_with_a_remedy() {
     for (text, complaint) in [
         (
             single("<joint type=\"screw\"/>"),

@@ -80,7 +80,7 @@ fn without_active_constraints_they_are_those_of_least_squares() {
 
 /// The noise moves the least-squares parameters outside of the physical set.
 #[test]
-fn at_constraints_they_hold_their_value_and_keep_inside() {
+fn intervals_at_constraints_contain_the_value_and_satisfy_them() {
     let mut robot = plain();
     // no friction
     robot.phi[10] = 0.0;

@@ -270,7 +270,7 @@ impl Source for CountingLog {
 }
 
 #[test]
-fn a_log_that_fits_into_memory_is_read_once_whatever_the_passes() {
+fn a_log_that_fits_into_memory_is_read_once_for_all_passes() {
     let mut random = Random(7);
     let (_, _, log) = pendulum(|| 0.05 * random.normal());
     let mut log = CountingLog { log, read: 0 };
