@@ -68,8 +68,8 @@ fn the_generator_and_the_runtime_have_the_same_arguments() {
     assert_eq!(ours, theirs);
 }
 
-/// Derived programs have the arguments and the output that the table states, and exist if the table
-/// says so.
+/// Derived programs have the arguments and the output that the table states, and exist if the robot
+/// has what they need.
 #[test]
 fn every_program_has_the_sizes_of_its_signature() {
     let mut checked = 0;

@@ -207,7 +207,7 @@ fn known_and_dropped_parameters_of_the_spec_are_printed() {
     assert_eq!(base["rank"], rows);
     assert_eq!(base["dropped"][0]["label"], "mz(3)");
     assert_eq!(base["known"].as_array().unwrap().len(), 42);
-    // the numeric method on the remaining columns
+    // the numeric method finds the rank before the dropped parameter is removed
     let run = regen(&dir, &["verify", "c.yaml", "--format", "json"])
         .ended(0)
         .json();

@@ -52,7 +52,7 @@ fn a_wrong_command_line_exits_with_2() {
 
 #[test]
 fn the_nearest_command_is_proposed_for_an_unknown_command() {
-    let dir = scratch("neither");
+    let dir = scratch("unknown-command");
     for (args, text) in [
         (&["chekc", "arm.yaml"][..], "'chekc'; did you mean 'check'?"),
         (&["Info"], "'Info'; did you mean 'info'?"),

@@ -39,7 +39,7 @@ fn predicted_efforts_are_written_for_every_log_and_give_the_printed_error() {
         regen(&dir, &args)
     };
     run("simulate cart.yaml --out log.csv --noise 1e-6,0.02 --bandwidth 6 --runs 2").ended(0);
-    // linear parameters, and those with nonlinear friction
+    // one model has linear parameters only, the other one nonlinear friction too
     run("identify cart.yaml log-1.csv --butterworth 4,10 --out linear.json").ended(0);
     run("identify cart.yaml log-1.csv --butterworth 4,10 --friction --draws 0 --out whole.json")
         .ended(0);

@@ -10,7 +10,7 @@ fn the_oracle_robots_have_the_same_symbolic_and_numeric_base_parameters() {
     let dir = scratch("verify-robots");
     for name in ["3rps", "fivebar", "puma560", "tree_branch"] {
         let file = oracle(&format!("{name}.yaml"));
-        // outside the workspace: `.ci/run` checks whether generated/ is up to date
+        // the copy is outside of the workspace, so that no generated module is checked with it
         fs::copy(&file, dir.join("robot.yaml")).unwrap();
         let run = regen(&dir, &["verify", "robot.yaml", "--format", "json"]).ended(0);
         let report = run.json();

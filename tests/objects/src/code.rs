@@ -23,7 +23,7 @@ impl Code {
     }
 }
 
-/// Reads a section that holds one function.
+/// Reads a section that contains one function.
 pub(crate) fn read(name: &str, bytes: &[u8]) -> Code {
     let instructions: Vec<Instruction> = Decoder::with_ip(64, bytes, 0, DecoderOptions::NONE)
         .into_iter()

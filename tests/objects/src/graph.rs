@@ -227,6 +227,6 @@ fn refer(
 }
 
 fn demangled(name: &str) -> String {
-    // without the hash
+    // the alternate form leaves out the hash
     format!("{:#}", rustc_demangle::demangle(name))
 }

@@ -236,7 +236,7 @@ pub struct Cut {
     pub more: &'static str,
 }
 
-/// A coupling. Its constant is computed so that it holds at home.
+/// A coupling. Its constant is computed so that the coupling is satisfied at home.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coupling {
     /// The coordinate that the coupling determines.

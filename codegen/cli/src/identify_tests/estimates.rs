@@ -85,7 +85,7 @@ fn noise_is_estimated_and_errors_agree_with_their_standard_deviations() {
             let (set, _) = observe(model, EquationKind::Forces, &mut source).unwrap();
             let found = Estimate::new(&set, Weighting::PerEffort).unwrap();
             for (effort, sigma) in found.efforts.iter().zip([0.05, 0.20]) {
-                // 800 samples: five standard deviations of a standard deviation
+                // the estimate from 800 samples is within five of its standard deviations
                 assert!((effort.sigma / sigma - 1.0).abs() < 5.0 / 1600_f64.sqrt());
             }
             for k in 0..n {
@@ -99,7 +99,7 @@ fn noise_is_estimated_and_errors_agree_with_their_standard_deviations() {
             // the mean of 40 runs is within four of its standard deviations
             assert!(mean[k].abs() < 4.0 * (variance[k] / f64::from(runs)).sqrt());
         }
-        // errors are as large as their deviations state: 440 correlated squares around 1
+        // errors are as large as their deviations state: the mean of 440 correlated squares is 1
         assert!((standard - 1.0).abs() < 0.35, "{standard}");
     });
 }
@@ -142,7 +142,7 @@ fn hubers_weights_limit_the_effect_of_outliers() {
             error(&plain)
         );
         for effort in &robust.estimate.efforts {
-            // a tenth of outliers counts as noise of 1.345 sigma: 15 % more
+            // a tenth of outliers, each bounded to 1.345 sigma, adds 15 % to the mean of squares
             assert!((effort.sigma / 0.05 - 1.0).abs() < 0.3, "{}", effort.sigma);
         }
         for (k, exact) in beta.iter().enumerate() {

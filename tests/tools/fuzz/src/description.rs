@@ -46,7 +46,7 @@ fn read(text: &str) -> Option<Spec> {
 /// Checks that a description is read or refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the reader panics, or its report has places outside of the text.
 pub fn yaml(bytes: &[u8]) {
     if let Some(text) = text(bytes) {
         let _ = read(text);
@@ -78,7 +78,7 @@ fn with_expression(text: &str) -> String {
 /// form of parameters.
 ///
 /// # Panics
-/// When it has neither.
+/// When the reader panics, or a value is not finite.
 pub fn expression(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let robot = "name: r\ngeometry: {a: 3, b: -1/2}\n\
@@ -117,7 +117,7 @@ fn derived(bytes: &[u8]) -> Option<Robot> {
 /// Checks that a description becomes a robot whose functions can be run, or is refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the derivation or a function panics, or an output has another size than stated.
 pub fn derive(bytes: &[u8]) {
     let Some(robot) = derived(bytes) else { return };
     for function in &robot.functions {

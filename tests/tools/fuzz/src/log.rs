@@ -107,7 +107,7 @@ const RECORDINGS: [&[u8]; 2] = [b"\x89MCAP0\r\n", b"SQLite format 3\0"];
 /// Checks that a CSV log gives equations or an error.
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn csv(bytes: &[u8]) {
     log(bytes);
 }
@@ -116,7 +116,7 @@ pub fn csv(bytes: &[u8]) {
 /// Parquet are left to [`csv`].
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn parquet(bytes: &[u8]) {
     if bytes.starts_with(b"PAR1") {
         log(bytes);
@@ -127,7 +127,7 @@ pub fn parquet(bytes: &[u8]) {
 /// begin as one are left to [`csv`].
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn bag(bytes: &[u8]) {
     if RECORDINGS.iter().any(|magic| bytes.starts_with(magic)) {
         log(bytes);

@@ -12,7 +12,7 @@ use crate::description::check_report;
 /// Checks that a URDF or MJCF file becomes a description that can be read, or is refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the importer panics, or its description cannot be read.
 pub fn import(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
@@ -43,7 +43,7 @@ pub fn import(bytes: &[u8]) {
 /// again as they were read.
 ///
 /// # Panics
-/// When it does not.
+/// When the reader panics, or factors change by being written and read.
 pub fn factors(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
@@ -61,7 +61,7 @@ pub fn factors(bytes: &[u8]) {
 /// Checks that an experiment file is read, or refused with mistakes that are in the text.
 ///
 /// # Panics
-/// When it is neither.
+/// When the reader panics, or a mistake is outside of the text.
 pub fn experiment(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
