@@ -116,7 +116,7 @@ fn a_target_ends_the_search_with_the_same_null_space() {
 }
 
 #[test]
-fn gravity_along_the_axes_leaves_a_four_bar_4() {
+fn gravity_along_the_axes_leaves_a_four_bar_4_base_parameters() {
     let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
     assert_eq!(rank(&text), 4);
 }

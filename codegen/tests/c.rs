@@ -90,7 +90,7 @@ fn words_of_c_and_of_cpp_name_robots_and_coordinates() {
 
 /// At a state where the planned pivot vanishes, the system is solved with other pivots.
 #[test]
-fn a_vanishing_pivot_is_met_with_other_pivots_in_c() {
+fn a_vanishing_pivot_is_replaced_by_other_pivots_in_c() {
     if !has("gcc") {
         return;
     }

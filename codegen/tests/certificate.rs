@@ -68,7 +68,7 @@ fn trees_and_loops_have_their_known_ranks() {
 }
 
 #[test]
-fn a_six_legged_platform_has_82() {
+fn a_six_legged_platform_has_82_base_parameters() {
     assert_eq!(rank(&file("tests/fixtures/mechanisms/hexapod.yaml")), 82);
 }
 
@@ -89,7 +89,7 @@ fn where_a_loop_is_cut_does_not_matter() {
 }
 
 #[test]
-fn a_parallelogram_stays_on_its_branch_and_has_3() {
+fn a_parallelogram_stays_on_its_branch_and_has_3_base_parameters() {
     assert_eq!(
         rank(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml")),
         3
@@ -110,7 +110,7 @@ fn friction_and_rotors_of_the_3_rps_are_independent_of_its_25() {
 }
 
 #[test]
-fn gravity_along_the_axes_leaves_a_four_bar_4() {
+fn gravity_along_the_axes_leaves_a_four_bar_4_base_parameters() {
     let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
     assert_eq!(rank(&text), 4);
 }
@@ -246,7 +246,7 @@ fn absurd_scales_do_not_change_a_rank() {
 }
 
 #[test]
-fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
+fn a_platform_that_never_rotates_has_fewer_base_parameters_than_its_trees_yield() {
     assert_eq!(rank(&file("tests/fixtures/mechanisms/delta.yaml")), 34);
 }
 

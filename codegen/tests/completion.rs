@@ -109,7 +109,7 @@ fn combination(model: &Model, analysis: &Analysis, kept: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_parallelogram_has_3() {
+fn a_parallelogram_has_3_base_parameters() {
     let path = "mechanisms/parallelogram_cut.yaml";
     let (model, analysis) = complete(path, &file(path), 3, 5);
     assert_eq!(
@@ -188,7 +188,7 @@ home: {q1: 0.3}
 }
 
 #[test]
-fn a_translational_delta_has_34() {
+fn a_translational_delta_has_34_base_parameters() {
     let path = "mechanisms/delta.yaml";
     let (model, analysis) = complete(path, &file(path), 34, 9);
     // its platform never rotates: only its mass has an effect
@@ -201,13 +201,13 @@ fn a_translational_delta_has_34() {
 }
 
 #[test]
-fn a_four_bar_on_a_turntable_has_one_direction_more_than_its_trees() {
+fn a_four_bar_on_a_turntable_has_one_null_direction_more_than_its_trees_yield() {
     let path = "pairs/turntable/pin.yaml";
     complete(path, &file(path), 21, 1);
 }
 
 #[test]
-fn a_four_bar_on_a_rotating_base_has_19() {
+fn a_four_bar_on_a_rotating_base_has_19_base_parameters() {
     let text = "name: rotating
 geometry: {crank: 0.12, coupler: 0.35, rocker: 0.30, ground: 0.40, h: 0.1}
 limbs:

@@ -51,7 +51,7 @@ fn bodies_are_drawn_at_the_derived_poses() {
 }
 
 #[test]
-fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
+fn the_frames_of_cuts_coincide_at_home_and_separate_elsewhere() {
     let source = source("3rps");
     let scene = Mechanism::open(&source).unwrap().scene();
     let derived = derive_with(&source, BaseSource::Skip).unwrap();

@@ -49,7 +49,7 @@ fn the_table_of_base_parameters_has_the_payload_s_behind_the_robot_s() {
 }
 
 #[test]
-fn runs_say_whether_they_carry_the_payload() {
+fn runs_must_state_whether_they_carry_the_payload() {
     let dir = scratch("payload_identify");
     arm(&dir);
     for line in [

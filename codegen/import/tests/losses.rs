@@ -329,7 +329,7 @@ fn a_floating_base_is_proposed_for_a_body_without_a_parent_joint() {
 }
 
 #[test]
-fn notes_that_say_the_same_are_one() {
+fn equal_notes_are_merged() {
     let text = ARM
         .replace("1.57075", "1.5708")
         .replace("3.14159265359", "1.5708");

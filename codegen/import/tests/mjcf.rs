@@ -102,7 +102,7 @@ fn angles_are_degrees_unless_the_compiler_setting_is_radian() {
 }
 
 #[test]
-fn classes_of_defaults_give_what_elements_lack() {
+fn classes_of_defaults_complete_the_elements() {
     let classes = r#"<default><joint axis="1 0 0" damping="0.5"/>
         <default class="outer"><joint damping="2" armature="0.1"/>
           <default class="inner"><joint axis="0 1 0"/></default></default></default><worldbody>"#;
@@ -185,7 +185,7 @@ fn included_files_are_read_in_place() {
 }
 
 #[test]
-fn frames_between_bodies_count() {
+fn frames_between_bodies_move_their_contents() {
     assert_same(
         &single(
             "<frame pos=\"0 0 1\" euler=\"1.5708 0 0\"><joint name=\"q\" pos=\"0 1 0\" axis=\"0 1 0\"/></frame>",
@@ -354,7 +354,7 @@ fn motors_are_where_actuators_and_tendons_pull() {
 }
 
 #[test]
-fn gravity_and_the_models_name_come_along() {
+fn gravity_and_the_models_name_are_imported() {
     let text = single("<joint name=\"q\"/>");
     assert_has(&spec(&text), "name: m\n");
     assert_has(&spec(&text), "gravity: [0, 0, -9.81]");

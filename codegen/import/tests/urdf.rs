@@ -100,7 +100,7 @@ fn the_rotation_of_an_inertial_frame_is_applied() {
 }
 
 #[test]
-fn limits_and_friction_come_along() {
+fn limits_and_friction_are_imported() {
     let text = single(
         "revolute",
         r#"<limit lower="-1" upper="2" effort="30" velocity="4"/>
@@ -305,7 +305,7 @@ fn a_joint_that_mimics_is_coupled() {
 }
 
 #[test]
-fn transmissions_say_where_the_motors_are() {
+fn transmissions_determine_the_motors() {
     let text = robot(&[
         massive("a"),
         massive("b"),

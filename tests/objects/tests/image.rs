@@ -57,7 +57,11 @@ fn robots() -> BTreeMap<String, Vec<usize>> {
     let table = |module: &String| {
         let name = format!("regen_image::robots::{}", module.to_uppercase());
         let found = IMAGE.find(|n| n == name);
-        assert_eq!(found.len(), 1, "tests/image/src/robots.rs names {module}");
+        assert_eq!(
+            found.len(),
+            1,
+            "tests/image/src/robots.rs must name {module} once"
+        );
         (module.clone(), found)
     };
     let mut robots: BTreeMap<_, _> = modules().iter().map(table).collect();
@@ -97,8 +101,8 @@ fn robots_call_nothing_but_each_other_and_copies_of_memory() {
     }
 }
 
-/// The methods of the traits in a robot's table: those that it implements, and the named ones that
-/// the traits provide for it.
+/// The methods of the traits in a robot's table, both those that the robot implements and those
+/// that the traits provide.
 fn methods(roots: &[usize]) -> Vec<usize> {
     let reached = IMAGE.reach(roots);
     let is_method = |at: &&usize| {

@@ -99,7 +99,7 @@ fn a_known_last_column_is_subtracted_from_the_right_side() {
 }
 
 #[test]
-fn rows_of_an_effort_that_is_none_are_refused_with_its_number() {
+fn rows_of_an_unknown_effort_are_refused_with_its_number() {
     let origin = Origin {
         robot: "none".to_owned(),
         model: "0".to_owned(),

@@ -188,7 +188,7 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
 
 /// Towards a reference the fit of poor data does not get worse.
 #[test]
-fn the_reference_costs_nothing() {
+fn the_reference_does_not_worsen_the_fit() {
     for seed in 0..12 {
         let Problem {
             layout,

@@ -36,7 +36,7 @@ fn state(completed: Completed) -> regen_runtime::State {
 }
 
 #[test]
-fn measured_in_any_order_and_number_exact_values_give_the_state() {
+fn exact_values_measured_in_any_order_and_number_give_the_state() {
     let model = model();
     let mut closure = LoopClosure::new(&model).unwrap();
     for measured in [&[0][..], &[2], &[1], &[2, 0], &[1, 2], &[2, 1, 0]] {
@@ -100,7 +100,7 @@ fn contradictions_are_weighed_by_the_deviations() {
 /// The slider's position alone does not determine the side of the crank: the completion takes the
 /// side of the last sample, or of home after a restart.
 #[test]
-fn a_restarted_completion_is_as_a_new_one() {
+fn a_restarted_completion_behaves_like_a_new_one() {
     let model = model();
     let mut used = Completion::new(&model, &[2], &[0.001]).unwrap();
     let complete = |completion: &mut Completion<'_, _>, crank: f64| {

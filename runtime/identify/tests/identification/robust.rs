@@ -215,7 +215,7 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
 
 /// A bound that no residual exceeds gives ordinary least squares, for any weights of the rows.
 #[test]
-fn a_bound_beyond_all_residuals_is_none() {
+fn a_bound_beyond_all_residuals_has_no_effect() {
     let mut random = Random(5);
     let (_, y, _) = pendulum(|| 0.05 * random.normal());
     let mut log = Recorded::new();
