@@ -202,7 +202,7 @@ fn two_joints_on_one_axis_need_more_states_than_rows_suggest() {
 }
 
 #[test]
-fn a_sum_of_roots_keeps_its_sign_in_print() {
+fn a_sum_of_roots_is_printed_with_its_sign() {
     compare_with_states(&arm(
         "0, 0, -9.81",
         &[
@@ -215,7 +215,7 @@ fn a_sum_of_roots_keeps_its_sign_in_print() {
 }
 
 #[test]
-fn a_coefficient_too_long_to_read_is_a_number() {
+fn expressions_too_long_to_read_are_numbers() {
     compare_with_states(&arm(
         "0, 0, -9.81",
         &[

@@ -80,7 +80,7 @@ fn sums_over_trees_reach_the_known_ranks_of_loops() {
 }
 
 #[test]
-fn directions_that_trees_do_not_give_are_completed() {
+fn null_directions_that_no_tree_yields_are_completed_to_the_certified_rank() {
     for (path, _, sum, known) in LOOPS {
         let source = Source::new(path, file(path));
         let robot = derive(&source).unwrap_or_else(|e| panic!("{e}"));
@@ -116,13 +116,13 @@ fn a_target_ends_the_search_with_the_same_null_space() {
 }
 
 #[test]
-fn gravity_along_the_axes_leaves_a_four_bar_4() {
+fn gravity_along_the_axes_leaves_a_four_bar_4_base_parameters() {
     let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
     assert_eq!(rank(&text), 4);
 }
 
 #[test]
-fn identical_legs_leave_the_known_numbers() {
+fn identical_legs_reduce_the_ranks_to_the_known_numbers() {
     let with = |path: &str, groups: &str| {
         let text = file(path);
         let text = text.split("\nbase:").next().unwrap();

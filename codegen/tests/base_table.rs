@@ -137,7 +137,7 @@ fn model_2_drops_ten_rows_and_keeps_15() {
 }
 
 #[test]
-fn without_a_column_there_are_16_where_without_its_row_there_are_15() {
+fn a_zero_parameter_leaves_16_base_parameters_and_a_zero_row_15() {
     // setting the parameter Ixy(3) to zero leaves a/2 my(3) of row 7
     let text = file("tests/fixtures/base/model2.yaml");
     let text = text.replace("mx(2), Ixy(3), ", "mx(2), ") + "  zero: [Ixy(3)]\n";
@@ -168,7 +168,7 @@ fn model_3_has_equal_legs_and_9_rows() {
 }
 
 #[test]
-fn a_known_linear_form_takes_one_parameter_out() {
+fn a_known_linear_form_removes_one_parameter() {
     let text = file("tests/fixtures/base/model2.yaml");
     let form = "  zero: [Ixy(3) + a/2*my(3)]\n";
     let (model, found) = base(&(text.clone() + form));

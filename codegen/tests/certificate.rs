@@ -68,7 +68,7 @@ fn trees_and_loops_have_their_known_ranks() {
 }
 
 #[test]
-fn a_six_legged_platform_has_82() {
+fn a_six_legged_platform_has_82_base_parameters() {
     assert_eq!(rank(&file("tests/fixtures/mechanisms/hexapod.yaml")), 82);
 }
 
@@ -89,7 +89,7 @@ fn where_a_loop_is_cut_does_not_matter() {
 }
 
 #[test]
-fn a_parallelogram_stays_on_its_branch_and_has_3() {
+fn a_parallelogram_stays_on_its_branch_and_has_3_base_parameters() {
     assert_eq!(
         rank(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml")),
         3
@@ -110,7 +110,7 @@ fn friction_and_rotors_of_the_3_rps_are_independent_of_its_25() {
 }
 
 #[test]
-fn gravity_along_the_axes_leaves_a_four_bar_4() {
+fn gravity_along_the_axes_leaves_a_four_bar_4_base_parameters() {
     let text = file("robots/fourbar.yaml").replace("[0, 0, -9.81]", "[0, -9.81, 0]");
     assert_eq!(rank(&text), 4);
 }
@@ -246,12 +246,12 @@ fn absurd_scales_do_not_change_a_rank() {
 }
 
 #[test]
-fn a_platform_that_never_rotates_has_fewer_than_its_trees_give() {
+fn a_platform_that_never_rotates_has_fewer_base_parameters_than_its_trees_yield() {
     assert_eq!(rank(&file("tests/fixtures/mechanisms/delta.yaml")), 34);
 }
 
 #[test]
-fn combinations_hold_at_states_that_they_were_not_made_from() {
+fn combinations_are_right_at_states_that_they_were_not_computed_from() {
     let (model, home) = mechanism(&file("robots/3rps_friction.yaml"));
     let samples = certify(&model, &home, 1).unwrap();
     let fresh = certify(&model, &home, 2).unwrap();
@@ -311,7 +311,7 @@ fn the_same_seed_gives_the_same_certificate() {
 }
 
 #[test]
-fn a_closure_that_holds_to_rounding_only_is_refused() {
+fn a_closure_that_is_satisfied_only_to_rounding_is_refused() {
     // a quarter turn of 17 digits on one side of a planar loop, an exact one on the other
     let text = file("robots/fourbar.yaml");
     let rounded = text.replacen("rpy: [pi/2, 0, 0]", "rpy: [1.5707963267948966, 0, 0]", 1);
@@ -324,7 +324,7 @@ fn a_closure_that_holds_to_rounding_only_is_refused() {
 }
 
 #[test]
-fn limits_too_narrow_to_move_from_home_are_an_error() {
+fn limits_that_leave_too_few_states_are_an_error() {
     let text = file("robots/fourbar.yaml");
     let rocker = mechanism(&text).1[2];
     let (low, high) = (rocker - 1e-9, rocker + 1e-9);
@@ -342,7 +342,7 @@ fn limits_too_narrow_to_move_from_home_are_an_error() {
 }
 
 #[test]
-fn a_body_that_stands_still_has_no_base_parameters() {
+fn a_body_that_cannot_move_has_no_base_parameters() {
     let text = "name: still
 limbs:
   - name: a

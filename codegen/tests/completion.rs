@@ -109,7 +109,7 @@ fn combination(model: &Model, analysis: &Analysis, kept: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_parallelogram_has_3() {
+fn a_parallelogram_has_3_base_parameters() {
     let path = "mechanisms/parallelogram_cut.yaml";
     let (model, analysis) = complete(path, &file(path), 3, 5);
     assert_eq!(
@@ -188,7 +188,7 @@ home: {q1: 0.3}
 }
 
 #[test]
-fn a_translational_delta_has_34() {
+fn a_translational_delta_has_34_base_parameters() {
     let path = "mechanisms/delta.yaml";
     let (model, analysis) = complete(path, &file(path), 34, 9);
     // its platform never rotates: only its mass has an effect
@@ -201,13 +201,13 @@ fn a_translational_delta_has_34() {
 }
 
 #[test]
-fn a_four_bar_on_a_turntable_has_one_direction_more_than_its_trees() {
+fn a_four_bar_on_a_turntable_has_one_null_direction_more_than_its_trees_yield() {
     let path = "pairs/turntable/pin.yaml";
     complete(path, &file(path), 21, 1);
 }
 
 #[test]
-fn a_four_bar_on_a_rotating_base_has_19() {
+fn a_four_bar_on_a_rotating_base_has_19_base_parameters() {
     let text = "name: rotating
 geometry: {crank: 0.12, coupler: 0.35, rocker: 0.30, ground: 0.40, h: 0.1}
 limbs:
@@ -250,7 +250,7 @@ fn spherical_and_planar_loops_of_any_plane_need_no_completion() {
 /// A Bennett linkage closes for one ratio of its lengths only, and at angles that cannot be varied:
 /// no factor of it is known as a function of all of them.
 #[test]
-fn factors_that_hold_at_the_given_values_only_are_marked() {
+fn factors_that_are_right_only_at_the_given_values_are_marked() {
     let (_, _, analysis) = analysed(&file("base/bennett.yaml"));
     let base = &analysis.base;
     let unvaried = base.unvaried_names.join("\n");
@@ -278,7 +278,7 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
 
 /// The rocker's frame is rotated by 0.3 rad, whose sine has no short expression.
 #[test]
-fn a_factor_without_short_expression_is_a_number_with_a_note() {
+fn a_factor_without_a_short_expression_is_a_number_and_is_marked() {
     let text = file("mechanisms/parallelogram_cut.yaml")
         .replace(
             "- {name: q3, type: revolute,",
@@ -308,7 +308,7 @@ fn a_factor_without_short_expression_is_a_number_with_a_note() {
 }
 
 #[test]
-fn completed_directions_can_be_stored() {
+fn completed_parameters_can_be_stored() {
     let source = Source::new("test.yaml", file("mechanisms/parallelogram_cut.yaml"));
     let spec = spec::parse(&source).unwrap();
     let (model, _, analysis) = analysed(&source.text);

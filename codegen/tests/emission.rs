@@ -149,7 +149,7 @@ fn twelve_legs() -> String {
 }
 
 #[test]
-fn no_scope_of_the_repositorys_robots_holds_many_variables() {
+fn no_scope_of_the_repositorys_robots_has_many_variables() {
     let folders = [
         "robots",
         "tests/fixtures/oracle",
@@ -165,7 +165,7 @@ fn no_scope_of_the_repositorys_robots_holds_many_variables() {
 }
 
 #[test]
-fn large_robots_keep_their_values_in_arrays() {
+fn large_robots_store_their_values_in_arrays() {
     // the arguments of the first and the results of a solve of the second are too many for separate
     // variables
     for (spec, part) in [(chain(), ", phi["), (twelve_legs(), "let (solved, found)")] {
@@ -202,7 +202,7 @@ fn many_zeros_are_one_fill() {
 }
 
 #[test]
-fn text_does_not_depend_on_what_was_derived_before() {
+fn generated_code_does_not_depend_on_earlier_derivations() {
     let paths = files("tests/fixtures/oracle");
     let specs: Vec<String> = paths
         .iter()

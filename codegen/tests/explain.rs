@@ -53,7 +53,7 @@ fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str
 }
 
 #[test]
-fn a_screw_is_said_to_move_along_its_axis_in_proportion() {
+fn a_screw_is_described_as_moving_along_its_axis_in_proportion() {
     let found = explained(&file("tests/fixtures/mechanisms/screw_jack.yaml"));
     let screw = (Freedom::Screw, Evidence::Exact);
     assert_eq!(freedom(&found, "spindle"), screw);
@@ -142,7 +142,7 @@ fn gravity_along_the_axes_is_named() {
 }
 
 #[test]
-fn special_loops_are_told_apart() {
+fn special_loops_are_distinguished() {
     let spherical = explained(&file("tests/fixtures/base/spherical_fourbar.yaml"));
     assert!(
         spherical
@@ -212,7 +212,7 @@ fn limits_and_cones_close_to_home_are_named() {
 }
 
 #[test]
-fn drives_beside_the_mobility_are_named() {
+fn the_number_of_drives_is_compared_with_the_mobility() {
     let found = explained(&file("tests/fixtures/mechanisms/fivebar_redundant.yaml"));
     let all: Vec<&str> = found
         .coordinate_facts
@@ -262,7 +262,7 @@ fn rotors_explain_only_the_moments_that_they_took_over() {
 }
 
 #[test]
-fn offsets_are_explained_beside_friction_weights_and_other_offsets() {
+fn offsets_that_act_like_friction_weights_or_other_offsets_are_explained() {
     let of = |joints: &str, more: &str| {
         explained(&format!(
             "name: r\nlimbs:\n  - name: a\n    joints:\n{joints}{more}"
@@ -305,7 +305,7 @@ fn springs_of_coupled_joints_are_explained_as_linearly_dependent() {
 }
 
 #[test]
-fn rows_of_a_cut_that_always_holds_are_counted_as_redundant() {
+fn rows_of_a_cut_that_is_always_satisfied_are_counted_as_redundant() {
     let text = file("tests/fixtures/random/kept/cut_that_holds_by_itself.yaml");
     let found = explained(&text);
     let all = format!("{found:?}");

@@ -78,7 +78,7 @@ fn rows_that_stay_badly_conditioned_are_given_other_columns() {
 /// Users can eliminate a parameter that the choice would keep, which increases the condition
 /// number.
 #[test]
-fn parameters_listed_for_elimination_are_eliminated() {
+fn a_list_of_parameters_to_eliminate_is_followed() {
     let (free, labels) = analysed(&wrist("z", ""));
     let list = "base: {eliminate: [mx(1)]}\n";
     let (chosen, _) = analysed(&wrist("z", list));

@@ -72,7 +72,7 @@ fn no_line_of_a_table_is_too_long() {
 }
 
 #[test]
-fn common_factors_are_collected_and_symbols_are_defined() {
+fn common_factors_are_collected_and_symbols_are_explained() {
     let path = files("robots");
     let path = path.iter().find(|p| p.ends_with("3rps.yaml")).unwrap();
     let latex = table(path);

@@ -158,7 +158,7 @@ fn sources() -> Vec<(String, Vec<String>)> {
 }
 
 #[test]
-fn no_room_names_what_it_must_not_know() {
+fn no_room_uses_the_names_forbidden_to_it() {
     for (room, texts) in sources() {
         for text in texts {
             let found = trespasses(&room, &text);
@@ -190,7 +190,7 @@ fn rooms_name_only_rooms_above_them() {
 }
 
 #[test]
-fn a_trespass_is_noticed() {
+fn a_forbidden_name_is_found() {
     assert_eq!(trespasses("sym", "use crate::spec::Spec;"), ["spec"]);
     assert_eq!(
         trespasses(
@@ -231,7 +231,7 @@ const EXACT: [&str; 16] = [
 ];
 
 #[test]
-fn layers_1_and_2_hold_no_double() {
+fn layers_1_and_2_contain_no_double() {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/base");
     let holds = |file: &str| {
         let text = std::fs::read_to_string(base.join(file)).unwrap();

@@ -17,7 +17,7 @@ fn source(robot: &str) -> Source {
 }
 
 #[test]
-fn frames_of_bodies_agree_with_the_derived_poses() {
+fn bodies_are_drawn_at_the_derived_poses() {
     for robot in [
         "3rps",
         "delta",
@@ -51,7 +51,7 @@ fn frames_of_bodies_agree_with_the_derived_poses() {
 }
 
 #[test]
-fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
+fn the_frames_of_cuts_coincide_at_home_and_separate_elsewhere() {
     let source = source("3rps");
     let scene = Mechanism::open(&source).unwrap().scene();
     let derived = derive_with(&source, BaseSource::Skip).unwrap();
@@ -68,7 +68,7 @@ fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
 }
 
 #[test]
-fn joints_at_a_body_are_among_its_points() {
+fn joints_and_cuts_of_a_body_are_among_its_points() {
     // the platform of the 3-RPS: its origin at the first leg, and the corners at its cuts
     let scene = Mechanism::open(&source("3rps")).unwrap().scene();
     let platform = scene.bodies.iter().find(|b| b.label == "3").unwrap();
@@ -136,7 +136,7 @@ fn springs_are_drawn_between_their_described_points() {
 }
 
 #[test]
-fn drives_have_their_terms_and_payloads_are_marked() {
+fn drives_are_linear_forms_of_joints_and_payloads_are_marked() {
     let scene = fixture("tendons");
     let names: Vec<&str> = scene.drives.iter().map(|d| d.name.as_str()).collect();
     assert_eq!(names, ["flexor", "crossed"]);

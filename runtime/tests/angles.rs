@@ -91,7 +91,7 @@ fn worst(angles: [f64; 5]) -> f64 {
 }
 
 #[test]
-fn the_reference_knows_an_angle_near_a_multiple_of_pi() {
+fn the_reference_is_accurate_near_a_multiple_of_pi() {
     // 355 is 3.0e-5 above 113 pi: sin 355 = -3.0144353359488449e-5
     let (sin, cos) = reference(355.0);
     assert!((sin.0 + 3.014_435_335_948_845e-5).abs() < 1e-20);
@@ -102,7 +102,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4000))]
 
     #[test]
-    fn each_is_within_one_ulp_up_to_two_to_the_twentieth(
+    fn sine_and_cosine_are_within_one_ulp_up_to_two_to_the_twentieth(
         small in -FRAC_PI_4..FRAC_PI_4,
         usual in -10.0..10.0_f64,
         wide in -1_048_576.0..1_048_576.0_f64,
@@ -117,7 +117,7 @@ proptest! {
 }
 
 #[test]
-fn beyond_its_reach_it_is_the_standard_library() {
+fn beyond_their_range_sine_and_cosine_are_those_of_the_standard_library() {
     let angles = [1e22, -3e7, 0.5, f64::MAX];
     for (found, x) in f64::sin_cos_all(angles).iter().zip(angles) {
         assert_eq!(*found, x.sin_cos());

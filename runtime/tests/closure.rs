@@ -64,7 +64,7 @@ const PARALLELOGRAM: Loop = Loop {
 
 proptest! {
     #[test]
-    fn both_branches_are_kept_over_any_path(
+    fn both_branches_are_followed_over_any_path(
         offset in -0.5..0.5_f64,
         start in -3.0..3.0_f64,
         target in -30.0..30.0_f64,
@@ -112,7 +112,7 @@ proptest! {
     }
 
     #[test]
-    fn tracking_gives_what_solving_gives(angles in prop::collection::vec(-4.0..4.0_f64, 1..20)) {
+    fn tracking_gives_the_states_of_solving(angles in prop::collection::vec(-4.0..4.0_f64, 1..20)) {
         let model = slider_crank(1.0, 1.6, 0.3, 0.4, -1.0);
         let (mut tracked, mut solved) = (LoopClosure::new(&model).unwrap(), LoopClosure::new(&model).unwrap());
         for angle in angles {

@@ -52,7 +52,7 @@ proptest! {
     }
 
     #[test]
-    fn rows_of_nothing_but_rounding_are_left_over(
+    fn rows_of_rounding_errors_do_not_change_the_solution(
         a in matrix::<3, 3>(),
         noise in matrix::<2, 3>(),
         sides in matrix::<2, 1>(),
@@ -95,7 +95,7 @@ proptest! {
     }
 
     #[test]
-    fn units_of_rows_and_columns_do_not_hurt(
+    fn scaling_rows_and_columns_does_not_change_the_solution(
         a in matrix::<4, 4>(),
         powers in prop::collection::vec(-5..5_i32, 8),
     ) {
@@ -114,7 +114,7 @@ proptest! {
     }
 
     #[test]
-    fn a_lower_rank_gives_no_pivot(u in matrix::<5, 3>(), v in matrix::<3, 5>()) {
+    fn a_rank_deficient_matrix_has_a_vanishing_pivot_ratio(u in matrix::<5, 3>(), v in matrix::<3, 5>()) {
         let (_, ratio) = solve_pivoted(&times(&u, &v), &[[1.0]; 5]);
         prop_assert!(ratio < 1e-11, "{ratio:e}");
     }
@@ -134,7 +134,7 @@ proptest! {
     }
 
     #[test]
-    fn single_precision_pivots_alike(a in matrix::<4, 4>(), x in matrix::<4, 1>()) {
+    fn single_precision_solves_with_the_same_pivots(a in matrix::<4, 4>(), x in matrix::<4, 1>()) {
         let narrow = a.map(|row| row.map(|v| v as f32));
         let side = times(&a, &x).map(|row| row.map(|v| v as f32));
         let (found, ratio) = solve_pivoted(&narrow, &side);
@@ -160,7 +160,7 @@ fn the_smallest_and_largest_numbers_are_solved() {
 }
 
 #[test]
-fn no_right_hand_side_still_gives_the_ratio() {
+fn the_pivot_ratio_needs_no_right_hand_side() {
     let (_, ratio) = solve_pivoted(&[[1.0_f64, 0.0], [0.0, 3.0]], &[[], []]);
     assert!((ratio - 1.0 / 3.0).abs() < EPS);
 }

@@ -133,6 +133,6 @@ fn the_checks_of_lengths_cannot_panic() {
 }
 
 #[test]
-fn an_unchecked_index_is_seen_as_a_panic() {
+fn an_unchecked_index_is_detected_as_a_panic() {
     assert!(!panics(&assembly("control", CONTROL)).is_empty());
 }

@@ -63,7 +63,7 @@ fn values() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn double_precision_is_the_standard_library(x in values(), y in values()) {
+    fn double_precision_gives_the_results_of_the_standard_library(x in values(), y in values()) {
         assert_like(&operations(x, y), x, y, f64::EPSILON);
     }
 
@@ -76,7 +76,7 @@ proptest! {
     }
 
     #[test]
-    fn comparisons_choose(x in values(), y in values()) {
+    fn comparisons_select_a_value(x in values(), y in values()) {
         prop_assert_eq!(f64::select(x.less(y), 1.0, 2.0), if x < y { 1.0 } else { 2.0 });
         prop_assert_eq!(f64::all(x.less(y)), x < y);
     }
@@ -148,7 +148,7 @@ mod dual {
     }
 
     #[test]
-    fn nan_rules_hold() {
+    fn nan_rules_are_satisfied() {
         nan_rules(Dual(Dual64::from_re(0.0)), |x| x.0.re);
     }
 }
@@ -326,7 +326,7 @@ mod lane {
         }
 
         #[test]
-        fn angles_at_once_are_as_one_by_one(
+        fn angles_computed_together_are_those_computed_one_by_one(
             mut x in prop::collection::vec(-1e5..1e5_f64, 24),
             far in prop::option::of(0..24_usize),
         ) {
@@ -343,7 +343,7 @@ mod lane {
     }
 
     #[test]
-    fn nan_rules_hold() {
+    fn nan_rules_are_satisfied() {
         everywhere(NanRules);
     }
 }

@@ -35,10 +35,10 @@ use regen_runtime::{Arguments, BaseFunction, BaseKernel};
 const STATES: usize = 1024;
 const ROUNDS: usize = 300;
 
-/// Keeps nothing: the compiled model's registers are its result.
-struct Keep;
+/// Stores nothing: the registers of the compiled model count as its result.
+struct Discard;
 
-impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Keep {
+impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Discard {
     #[inline(always)]
     fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, COLUMNS>) {
         black_box(block);
@@ -83,7 +83,7 @@ fn compare<K, const N: usize, const DOF: usize, const COLUMNS: usize>(
     let (mut compiled, mut executed) = (Duration::MAX, Duration::MAX);
     for _ in 0..ROUNDS {
         let start = Instant::now();
-        base_regressors::<K, _, N, DOF, COLUMNS>(black_box(&samples), &mut Keep);
+        base_regressors::<K, _, N, DOF, COLUMNS>(black_box(&samples), &mut Discard);
         compiled = compiled.min(start.elapsed());
         let start = Instant::now();
         let function = BaseFunction::BaseRegressor;

@@ -11,8 +11,8 @@ const HEIGHT: f64 = 0.6;
 
 /// The spec of a level platform on `legs` legs, each of a universal, an actuated prismatic and a
 /// spherical joint, cut at the spherical joints of all but the first leg. Six coordinates are
-/// independent: the lengths of the legs, then, for fewer than six legs, coordinates of the first
-/// leg.
+/// independent: the lengths of up to six legs, then, for fewer than six legs, coordinates of the
+/// first leg.
 ///
 /// ```
 /// use regen_tests::platform;

@@ -7,7 +7,7 @@ use crate::engine::check_engine;
 use crate::random_spec;
 use crate::reference::Mechanism;
 
-/// Random trees, then random loops, each with the number that its states are drawn from.
+/// Random trees, then random loops, each with the seed of its random states.
 ///
 /// # Errors
 /// When a loop cannot be drawn.
@@ -87,10 +87,10 @@ pub fn has_numeric_rank(
     let Some(found) = agreement(derivation, &random.text, seed, bound)? else {
         return Ok(());
     };
-    // a loop that hardly moves has no gap in its singular values that tells the rank
-    let tells = random.is_tree || found.gap > 1e3;
+    // the singular values of a loop that hardly moves have no gap from which a rank follows
+    let is_decisive = random.is_tree || found.gap > 1e3;
     let kept = derivation.kept().len();
-    if tells && kept != found.rank {
+    if is_decisive && kept != found.rank {
         return Err(format!("{kept} kept, {found:?}\n{}", random.text));
     }
     Ok(())

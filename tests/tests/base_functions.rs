@@ -129,11 +129,11 @@ fn check_compiled(model: &dyn BaseModel<f64>) {
     let q = info.home;
     let n = q.len();
     let mut tau = vec![0.0; dof];
-    let mut still = vec![0.0; dof];
-    let _ = model.base_gravity(q, &beta, &mut still).unwrap();
+    let mut base_gravity = vec![0.0; dof];
+    let _ = model.base_gravity(q, &beta, &mut base_gravity).unwrap();
     let mut gravity = vec![0.0; dof];
     let _ = model.gravity(q, &phi, &mut gravity).unwrap();
-    assert_close(&still, &gravity, info.name);
+    assert_close(&base_gravity, &gravity, info.name);
     let mut velocities = vec![0.0; n];
     let _ = model
         .velocities(q, &vec![0.4; dof], &mut velocities)
@@ -153,7 +153,7 @@ fn check_compiled(model: &dyn BaseModel<f64>) {
 }
 
 #[test]
-fn compiled_models_compute_with_their_base() {
+fn compiled_models_agree_with_their_base_parameters() {
     check_compiled(&Rps3);
     check_compiled(&Rps3Friction);
     check_compiled(&Fivebar);

@@ -9,8 +9,8 @@ use regen_tests::random_checks::agreement;
 use regen_tests::reference::Mechanism;
 use regen_tests::{files, random_spec};
 
-/// Mechanisms that have fewer base parameters than the analysis of trees finds: the file, the
-/// number by trees and the true number.
+/// Mechanisms with fewer base parameters than the analysis of spanning trees finds: the file, the
+/// number that it finds and the true number.
 const SPECIAL: [(&str, usize, usize); 15] = [
     ("delta.yaml", 43, 34),
     ("linear_delta.yaml", 37, 28),
@@ -77,7 +77,7 @@ fn combinations_reproduce_the_regressor_and_kept_columns_are_independent() {
 
 #[test]
 fn completed_bases_reproduce_the_regressor_with_independent_columns() {
-    let mut seen = 0;
+    let mut checked = 0;
     for path in all_files() {
         let text = text_of(&path);
         let name = path.file_name().unwrap().to_string_lossy();
@@ -89,7 +89,7 @@ fn completed_bases_reproduce_the_regressor_with_independent_columns() {
         let Some((_, _, rank)) = special else {
             continue;
         };
-        seen += 1;
+        checked += 1;
         let mechanism = Mechanism::from_yaml(&text).unwrap();
         let derivation = Derivation::completed(&text).unwrap();
         let states = mechanism.random_states(4, states_for(&mechanism)).unwrap();
@@ -101,7 +101,7 @@ fn completed_bases_reproduce_the_regressor_with_independent_columns() {
         assert!(found.error < 1e-10, "{file}: {found:?}");
         assert!(found.independence > 1e-9, "{file}: {found:?}");
     }
-    assert!(seen >= SPECIAL.len());
+    assert!(checked >= SPECIAL.len());
 }
 
 /// A file, its number of base parameters, and three sets of replacements in its geometry.
@@ -111,7 +111,7 @@ type Variations = (
     [&'static [(&'static str, &'static str)]; 3],
 );
 
-/// Replacements keep the relations among values that the base parameters depend on.
+/// The replacements preserve the relations among values on which the base parameters depend.
 const OTHER_GEOMETRIES: [Variations; 7] = [
     (
         "oracle/3rps.yaml",
@@ -185,7 +185,7 @@ const OTHER_GEOMETRIES: [Variations; 7] = [
 ];
 
 #[test]
-fn one_derivation_holds_at_other_geometries() {
+fn one_derivation_is_right_at_other_geometries() {
     for (file, count, variations) in OTHER_GEOMETRIES {
         let text = text_of(&files::fixtures().join(file));
         let derivation = Derivation::new(&text).unwrap();
@@ -221,10 +221,10 @@ fn one_derivation_holds_at_other_geometries() {
     }
 }
 
-/// Factors that were recognised as functions of the geometry's names are right at other values of
-/// these.
+/// Factors that were recognised as expressions in the geometry's names are right at other values of
+/// these names.
 #[test]
-fn completed_factors_hold_at_other_geometries() {
+fn completed_factors_are_right_at_other_geometries() {
     let cases: [(&str, usize, [&str; 2]); 5] = [
         (
             "mechanisms/parallelogram_cut.yaml",
@@ -275,7 +275,7 @@ fn completed_factors_hold_at_other_geometries() {
 }
 
 #[test]
-fn the_texts_of_coefficients_have_their_values() {
+fn the_texts_of_coefficients_evaluate_to_their_values() {
     for path in all_files() {
         let text = text_of(&path);
         let derivation = Derivation::new(&text).unwrap();
@@ -294,8 +294,9 @@ fn the_texts_of_coefficients_have_their_values() {
     }
 }
 
-/// Checks on random specs that the derived combinations are right.
-fn judge(specs: impl Iterator<Item = String>, complete: bool) {
+/// Checks on random specs that the derived combinations are right and, if these are complete, that
+/// the kept columns are independent.
+fn check_random(specs: impl Iterator<Item = String>, complete: bool) {
     for (seed, text) in (0..).zip(specs) {
         let derivation = Derivation::new(&text).unwrap();
         let found = agreement(&derivation, &text, seed, 1e-10).unwrap_or_else(|e| panic!("{e}"));
@@ -307,22 +308,22 @@ fn judge(specs: impl Iterator<Item = String>, complete: bool) {
 }
 
 #[test]
-fn combinations_hold_on_random_trees_and_kept_columns_are_independent() {
-    judge((0..25).map(random_spec::tree), true);
+fn combinations_are_right_on_random_trees_and_kept_columns_are_independent() {
+    check_random((0..25).map(random_spec::tree), true);
 }
 
 #[test]
-fn combinations_hold_on_random_loops() {
-    judge(
+fn combinations_are_right_on_random_loops() {
+    check_random(
         (0..12).map(|seed| random_spec::closed_loop(seed).unwrap()),
         false,
     );
 }
 
 #[test]
-fn combinations_hold_on_random_screws() {
-    judge((0..8).map(random_spec::screw_tree), true);
-    judge(
+fn combinations_are_right_on_random_screws() {
+    check_random((0..8).map(random_spec::screw_tree), true);
+    check_random(
         (0..6).map(|seed| random_spec::screw_loop(seed).unwrap()),
         false,
     );
@@ -332,7 +333,8 @@ fn combinations_hold_on_random_screws() {
 /// `tests/records/base.md`.
 const SMALL: usize = 40;
 
-fn holds(seed: u64) -> Result<(), String> {
+/// Derives the base of a random loop, and fails unless it is certified and right.
+fn check_loop(seed: u64) -> Result<(), String> {
     let text = random_spec::closed_loop(seed)?;
     match judge_analysis(&text, seed)? {
         Verdict::Holds(_) => Ok(()),
@@ -349,23 +351,24 @@ fn bases_of_random_loops_are_complete_and_reproduce_the_regressor() {
     let failed: Vec<String> = (0..200)
         .filter(small)
         .take(16)
-        .filter_map(|seed| holds(seed).err())
+        .filter_map(|seed| check_loop(seed).err())
         .collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 
-/// Seeds that failed once: prismatic joints that a tree passes in reverse, with one-sided friction.
+/// These seeds have prismatic joints with asymmetric friction that a spanning tree passes in
+/// reverse.
 #[test]
-fn random_loops_that_failed_hold() {
+fn random_loops_that_failed_once_pass() {
     for seed in [87, 94] {
-        holds(seed).unwrap();
+        check_loop(seed).unwrap();
     }
 }
 
 /// The cut's frame is written with sixteen digits, so it meets a joint's axis only to these digits:
-/// the rates of the other joints are rounding errors, and no base can be certain.
+/// the rates of the other joints are rounding errors, and no base can be certified.
 #[test]
-fn a_loop_that_is_special_to_its_digits_only_is_not_certified() {
+fn a_loop_that_is_special_only_to_sixteen_digits_is_not_certified() {
     let text = random_spec::closed_loop(228).unwrap();
     let verdict = judge_analysis(&text, 228).unwrap();
     assert!(matches!(verdict, Verdict::Uncertified(_)), "{verdict:?}");

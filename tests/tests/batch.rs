@@ -33,11 +33,11 @@ fn states() -> [Series; 3] {
             (0..COUNT).map(draw).collect()
         })
     };
-    let still = [0.0; N];
+    let zero = [0.0; N];
     [
         series(0.1, &rps3::HOME),
-        series(1.0, &still),
-        series(5.0, &still),
+        series(1.0, &zero),
+        series(5.0, &zero),
     ]
 }
 
@@ -50,7 +50,7 @@ fn borrowed(all: &Series) -> [&[f64]; N] {
 }
 
 /// The regressors and conditions of all samples, computed one by one.
-fn alone([q, qd, qdd]: &[Series; 3]) -> Vec<(Regressor, f64)> {
+fn one_by_one([q, qd, qdd]: &[Series; 3]) -> Vec<(Regressor, f64)> {
     let at = |all: &Series, sample: usize| all.each_ref().map(|series| series[sample]);
     let one = |s: usize| {
         let mut w = [[0.0; DOF]; P];
@@ -62,9 +62,9 @@ fn alone([q, qd, qdd]: &[Series; 3]) -> Vec<(Regressor, f64)> {
 
 /// Collects index, regressor and condition of every sample.
 #[derive(Default)]
-struct All(Vec<(usize, Regressor, f64)>);
+struct Collected(Vec<(usize, Regressor, f64)>);
 
-impl Consumer<DOF, P> for All {
+impl Consumer<DOF, P> for Collected {
     #[inline(always)]
     fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, P>) {
         for i in 0..block.len {
@@ -74,7 +74,7 @@ impl Consumer<DOF, P> for All {
     }
 }
 
-fn assert_like(found: &[(usize, Regressor, f64)], expected: &[(Regressor, f64)]) {
+fn assert_close(found: &[(usize, Regressor, f64)], expected: &[(Regressor, f64)]) {
     assert_eq!(found.len(), expected.len());
     for (s, ((number, w, pivot), (expected, condition))) in found.iter().zip(expected).enumerate() {
         assert_eq!(*number, s);
@@ -92,26 +92,26 @@ fn assert_like(found: &[(usize, Regressor, f64)], expected: &[(Regressor, f64)])
 }
 
 #[test]
-fn lanes_give_what_one_after_the_other_gives() {
+fn lanes_give_the_results_of_single_evaluations() {
     let states = states();
-    let expected = alone(&states);
-    let mut found = All::default();
+    let expected = one_by_one(&states);
+    let mut found = Collected::default();
     base_regressors::<Rps3, _, N, DOF, P>(&samples(&states), &mut found);
-    assert_like(&found.0, &expected);
-    let mut found = All::default();
+    assert_close(&found.0, &expected);
+    let mut found = Collected::default();
     task::<Rps3, _, N, DOF, P>(&samples(&states), &mut found).with_simd(pulp::Scalar);
-    assert_like(&found.0, &expected);
+    assert_close(&found.0, &expected);
 }
 
 #[test]
-fn threads_take_parts_in_order_and_more_threads_than_samples_do_no_harm() {
+fn threads_take_parts_in_order_even_with_more_threads_than_samples() {
     let states = states();
-    let expected = alone(&states);
+    let expected = one_by_one(&states);
     for threads in [1, 2, 3, COUNT + 5] {
-        let mut parts: Vec<All> = (0..threads).map(|_| All::default()).collect();
+        let mut parts: Vec<Collected> = (0..threads).map(|_| Collected::default()).collect();
         base_regressors_on_threads::<Rps3, _, N, DOF, P>(&samples(&states), &mut parts);
         let all: Vec<_> = parts.into_iter().flat_map(|part| part.0).collect();
-        assert_like(&all, &expected);
+        assert_close(&all, &expected);
     }
 }
 
@@ -124,7 +124,7 @@ fn normal_equations_are_the_sums_of_products_of_columns() {
     let weights = [1.0, 0.25, 4.0];
     let mut found = Normal::new(tau.each_ref().map(Vec::as_slice), weights);
     base_regressors::<Rps3, _, N, DOF, P>(&samples(&states), &mut found);
-    let all = alone(&states);
+    let all = one_by_one(&states);
     // entries that nearly vanish are accurate to the rounding of the largest ones
     let entries = all.iter().flat_map(|(w, _)| w.iter().flatten());
     let largest = entries.fold(1.0_f64, |m, x| m.max(x.abs()));

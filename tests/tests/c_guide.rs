@@ -1,5 +1,5 @@
-//! The guide's examples in C and C++ compile against a robot's files and its identified constants, and
-//! close its loops. Left out, with a word, where no compiler is.
+//! The guide's examples in C and C++ compile against a robot's files and its identified constants,
+//! and close its loops. Tests are left out with a message where no compiler is installed.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ fn model() -> &'static dyn BaseModel<f64> {
 
 /// Writes the robot's files, its constants and the blocks of the pages, which begin with the names of
 /// their files; returns these names.
-fn written(folder: &Path) -> Vec<String> {
+fn write_files(folder: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(files::robots().join("fivebar.yaml")).unwrap();
     let robot = derive(&Source::new("fivebar.yaml", &text)).unwrap();
     let own = c::files(&robot);
@@ -68,17 +68,17 @@ fn compile(folder: &Path, compiler: &str, arguments: &[&str]) -> Output {
     let mut command = Command::new(compiler);
     command.args(WARNINGS).args(arguments).current_dir(folder);
     let stubs = files::fixtures().join("stubs").canonicalize().unwrap();
-    // warnings of a product's headers are not the example's
+    // without warnings from the headers of other products
     command.arg("-isystem").arg(stubs).output().unwrap()
 }
 
 #[track_caller]
-fn passes(output: &Output) {
+fn assert_success(output: &Output) {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
 }
 
-fn has(program: &str) -> bool {
+fn is_installed(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok();
     if !found {
         eprintln!("left out: there is no {program}");
@@ -94,22 +94,22 @@ fn folder(name: &str) -> PathBuf {
 
 #[test]
 fn the_guide_s_controllers_compile_and_close_the_loops() {
-    if !has("gcc") {
+    if !is_installed("gcc") {
         return;
     }
     let folder = folder("c-guide");
-    let names = written(&folder);
+    let names = write_files(&folder);
     assert_eq!(names.len(), 5, "{names:?}");
     for name in &names {
         let ends = std::path::Path::new(name).extension();
         if ends.is_some_and(|end| end == "c") {
-            passes(&compile(
+            assert_success(&compile(
                 &folder,
                 "gcc",
                 &["-std=c99", "-fsyntax-only", name],
             ));
-        } else if ends.is_some_and(|end| end == "cpp") && has("g++") {
-            passes(&compile(
+        } else if ends.is_some_and(|end| end == "cpp") && is_installed("g++") {
+            assert_success(&compile(
                 &folder,
                 "g++",
                 &["-std=c++17", "-fsyntax-only", name],
@@ -133,7 +133,7 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
         "fivebar.c",
         "-lm",
     ];
-    passes(&compile(&folder, "gcc", &arguments));
+    assert_success(&compile(&folder, "gcc", &arguments));
     let output = Command::new(folder.join("close")).output().unwrap();
     let printed = String::from_utf8(output.stdout).unwrap();
     let mut numbers = printed.split(' ').map(|x| x.parse::<f64>().unwrap());
@@ -152,9 +152,9 @@ fn the_guide_s_controllers_compile_and_close_the_loops() {
 fn constants_of_another_model_are_refused() {
     let right = digest(model());
     let wrong = "0123456789abcdef";
-    if has("gcc") {
+    if is_installed("gcc") {
         let folder = folder("c-refused");
-        written(&folder);
+        write_files(&folder);
         let path = folder.join("fivebar_identified.h");
         let header = std::fs::read_to_string(&path).unwrap();
         for part in [
@@ -181,7 +181,7 @@ fn constants_of_another_model_are_refused() {
         rust.contains("// Logs: run1, run */ 2 .\n// Date: 2026-11-23.\n"),
         "{rust}"
     );
-    if has("python3") {
+    if is_installed("python3") {
         let python = python_constants(model(), &identified()).unwrap();
         let number = u64::from_str_radix(&right, 16).unwrap();
         let script = format!(
@@ -194,7 +194,7 @@ fn constants_of_another_model_are_refused() {
             .args(["-c", &script])
             .output()
             .unwrap();
-        passes(&output);
+        assert_success(&output);
         let printed = String::from_utf8_lossy(&output.stdout);
         assert!(printed.contains("identify again"), "{printed}");
     }

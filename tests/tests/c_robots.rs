@@ -237,7 +237,7 @@ fn compile(folder: &Path, robots: &[Compared]) {
 }
 
 #[test]
-fn every_robot_computes_in_c_what_compiled_rust_does() {
+fn every_robot_gives_the_same_results_in_c_and_in_compiled_rust() {
     if Command::new("gcc").arg("--version").output().is_err() {
         eprintln!("left out: there is no gcc");
         return;

@@ -71,13 +71,13 @@ fn few_parameters_of_model_1_and_twelve_of_models_3_and_4_are_well_identified() 
 }
 
 #[test]
-fn the_reduction_finds_a_set_as_good_as_model_4_without_being_told() {
+fn the_automatic_reduction_predicts_as_well_as_model_4() {
     let all = states();
-    // identification uses the first half of the trajectory, the second half is the other one
+    // identification uses the first half of the trajectory, and the second half validates
     let (first, second) = all.split_at(all.len() / 2);
     let found = Automatic::new(first, second, 1);
-    let [own, told] = found.errors;
-    assert!(own < 1.1 * told, "{own} {told}");
+    let [automatic, fourth] = found.errors;
+    assert!(automatic < 1.1 * fourth, "{automatic} {fourth}");
     assert!(found.kept.len() >= 12, "{:?}", found.kept);
 }
 

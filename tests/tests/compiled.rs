@@ -28,7 +28,8 @@ fn robots() -> Vec<Compared> {
         .collect()
 }
 
-fn judge(models: Vec<Compared>) {
+/// Compares every model with the second derivation; the assertion lists all that differ.
+fn check_all(models: Vec<Compared>) {
     let mut failures = Vec::new();
     for (file, model) in models {
         let mechanism = files::mechanism(&files::fixtures().join(file)).unwrap();
@@ -42,17 +43,17 @@ fn judge(models: Vec<Compared>) {
 
 #[test]
 fn models_of_the_macro_agree_with_the_second_derivation() {
-    judge(compiled());
+    check_all(compiled());
 }
 
 #[test]
 fn shipped_robots_agree_with_the_second_derivation() {
-    judge(robots());
+    check_all(robots());
 }
 
 #[test]
-fn shipped_robots_meet_the_published_vectors() {
-    let mut met = 0;
+fn shipped_robots_agree_with_the_published_vectors() {
+    let mut checked = 0;
     for (file, model) in robots() {
         let name = file
             .trim_start_matches("../../robots/")
@@ -60,15 +61,15 @@ fn shipped_robots_meet_the_published_vectors() {
         // Not every robot has published vectors.
         if files::oracle().join(format!("{name}.json")).exists() {
             check_oracle(&Compiled(model), name).unwrap();
-            met += 1;
+            checked += 1;
         }
     }
     let vectors = files::list(&files::oracle(), "json").unwrap();
-    assert_eq!(met, vectors.len(), "a robot for every file of vectors");
+    assert_eq!(checked, vectors.len(), "a robot for every file of vectors");
 }
 
 #[test]
-fn no_spec_is_left_out() {
+fn every_spec_is_compiled() {
     let mut specs = files::list(&files::mechanisms(), "yaml").unwrap();
     for folder in files::folders(&files::pairs()).unwrap() {
         specs.extend(files::list(&folder, "yaml").unwrap());

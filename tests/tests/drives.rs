@@ -43,7 +43,7 @@ fn wrist_by_couplings() -> String {
 }
 
 #[test]
-fn a_robot_with_drives_is_that_with_massless_joints_and_couplings() {
+fn a_robot_with_drives_equals_one_with_massless_joints_and_couplings() {
     let (direct, coupled) = (fixture("differential_wrist.yaml"), wrist_by_couplings());
     let [direct, coupled] =
         [&direct, &coupled].map(|text| Derived::new("wrist.yaml", text).unwrap());
@@ -91,7 +91,7 @@ fn a_robot_with_drives_is_that_with_massless_joints_and_couplings() {
 }
 
 #[test]
-fn the_row_of_a_geared_joint_is_that_by_hand() {
+fn the_regressor_of_a_geared_joint_is_that_computed_by_hand() {
     let text = "\
 name: geared
 gravity: [0, -9.81, 0]
@@ -110,7 +110,7 @@ drives:
         .matrix(FunctionKind::Regressor, &[&q, &qd, &qdd])
         .unwrap();
     let at = |label: &str| w[(0, names.parameters.iter().position(|p| p == label).unwrap())];
-    // the motor's own columns are those of a joint, the joint's reach it divided by the ratio
+    // the motor's own columns are like those of a joint; the joint's are divided by the gear ratio
     let expected = [
         ("Izz(arm)", 0.5 / 50.0),
         ("Fv(q)", -0.2 / 50.0),
@@ -125,8 +125,8 @@ drives:
     }
 }
 
-/// Replaces the actuated joints of a random spec by drives: each moves one coordinate and, except
-/// the first, a part of the one before.
+/// Replaces the actuated joints of a random spec by drives. The form of each contains one of the
+/// coordinates `moved` and, except for the first drive, the coordinate before it.
 fn with_drives(text: &str, moved: &[String]) -> String {
     let mechanism = Mechanism::from_yaml(text).unwrap();
     let lines = text
@@ -168,6 +168,7 @@ fn with_drives(text: &str, moved: &[String]) -> String {
     out
 }
 
+/// A random tree and a random loop with drives.
 fn random(seed: u64) -> [String; 2] {
     let tree = random_spec::tree(seed);
     let all = Mechanism::from_yaml(&tree).unwrap().coordinates;
@@ -188,25 +189,25 @@ fn random_mechanisms_with_drives_agree_with_the_second_derivation() {
             assert_eq!(mechanism.independent, mechanism.drives);
             let derived = Derived::without_base("random.yaml", &text)
                 .unwrap_or_else(|e| panic!("{e}\n{text}"));
-            let judged = check_engine(&derived, &mechanism, seed, 2);
-            judged.unwrap_or_else(|e| panic!("{e}\n{text}"));
+            let checked = check_engine(&derived, &mechanism, seed, 2);
+            checked.unwrap_or_else(|e| panic!("{e}\n{text}"));
         }
     }
 }
 
 #[test]
 fn the_base_of_random_mechanisms_with_drives_is_certified_and_right() {
-    let mut held = 0;
+    let mut certified = 0;
     for seed in 0..6 {
         for text in random(seed) {
             match judge(&text, seed).unwrap_or_else(|e| panic!("{e}\n{text}")) {
-                Verdict::Holds(_) => held += 1,
+                Verdict::Holds(_) => certified += 1,
                 Verdict::Uncertified(_) => {}
                 Verdict::Fails(why) => panic!("{why}\n{text}"),
             }
         }
     }
-    assert!(held >= 8, "{held}");
+    assert!(certified >= 8, "{certified}");
 }
 
 #[test]
@@ -255,7 +256,7 @@ home: {q1: 0.4}
     }
 }
 
-/// The first line of the error about a spec whose joints are q1 and q2.
+/// The report of the mistakes of a spec whose joints are q1 and q2.
 fn refused(drives: &str) -> String {
     let text = format!(
         "name: r\nlimbs:\n  - name: arm\n    joints:\n      \

@@ -29,7 +29,7 @@ fn settings() -> Settings {
     settings
 }
 
-fn seek(settings: &Settings, stop: bool) -> Outcome {
+fn search(settings: &Settings, stop: bool) -> Outcome {
     let stop = AtomicBool::new(stop);
     let watch = Monitor {
         stop: &stop,
@@ -103,31 +103,35 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
                 "{criterion:?} {what}: {exact} {difference}"
             );
         };
-        agree(along(&here.gradient), &|sight| sight.objective, "objective");
+        agree(
+            along(&here.gradient),
+            &|evaluation| evaluation.objective,
+            "objective",
+        );
         let count = problem.limits().len();
         for (k, slope) in here.slopes.iter().enumerate() {
             let what = problem.limits()[k % count].to_string();
-            agree(along(slope), &|sight| sight.values[k], &what);
+            agree(along(slope), &|evaluation| evaluation.values[k], &what);
         }
     }
 }
 
 #[test]
-fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
+fn a_trajectory_respects_every_limit_between_samples_and_starts_at_rest() {
     let settings = Settings {
         at_rest: true,
         ..settings()
     };
-    let found = found(seek(&settings, false));
+    let found = found(search(&settings, false));
     let info = Model::<f64>::info(&Rps3);
     let phi = settings.nominal.clone().unwrap();
     let mut closure = LoopClosure::new(&Rps3).unwrap();
     let (mut nearest, steps) = (f64::INFINITY, 3001_u16);
     let mut inside = |value: f64, range: Option<[f64; 2]>| {
         if let Some([lowest, highest]) = range {
-            let left = (value - lowest).min(highest - value) / (0.5 * (highest - lowest));
-            assert!(left >= 0.0, "{value} {lowest} {highest}");
-            nearest = nearest.min(left);
+            let margin = (value - lowest).min(highest - value) / (0.5 * (highest - lowest));
+            assert!(margin >= 0.0, "{value} {lowest} {highest}");
+            nearest = nearest.min(margin);
         }
     };
     for step in 0..steps {
@@ -178,15 +182,15 @@ fn the_result_is_the_same_on_any_number_of_threads_and_better_than_its_start() {
         threads: 2,
         ..settings()
     };
-    let searched = found(seek(&one, false));
-    assert_eq!(searched, found(seek(&two, false)));
+    let searched = found(search(&one, false));
+    assert_eq!(searched, found(search(&two, false)));
     let other = Settings {
         seed: 2,
         ..settings()
     };
-    assert_ne!(searched.series, found(seek(&other, false)).series);
+    assert_ne!(searched.series, found(search(&other, false)).series);
     // if stopped at once, the search returns the first start
-    let start = found(seek(&one, true));
+    let start = found(search(&one, true));
     let (before, after) = (start.figures, searched.figures);
     assert!(
         after.scaled_condition < 0.5 * before.scaled_condition,
@@ -195,13 +199,13 @@ fn the_result_is_the_same_on_any_number_of_threads_and_better_than_its_start() {
 }
 
 #[test]
-fn a_limit_that_no_motion_keeps_is_named() {
+fn a_limit_that_no_motion_respects_is_reported() {
     let mut settings = settings();
     settings.starts = 1;
     let q7 = Model::<f64>::info(&Rps3).index_of("q7").unwrap();
     // the weight of the platform alone is larger
     settings.limits[q7].effort = Some([-5.0, 5.0]);
-    match seek(&settings, false) {
+    match search(&settings, false) {
         Outcome::Infeasible { limit, excess, .. } => {
             assert_eq!(
                 (limit.quantity, limit.name.as_str()),
@@ -214,7 +218,7 @@ fn a_limit_that_no_motion_keeps_is_named() {
 }
 
 #[test]
-fn a_variable_that_is_no_number_is_an_error_wherever_it_stands() {
+fn every_variable_that_is_not_finite_is_an_error() {
     let settings = settings();
     let mut problem = ScaledProblem::new(&Rps3, &Rps3, &settings).unwrap();
     let good = problem.stationary(&[0.6, 0.61, 0.59]);

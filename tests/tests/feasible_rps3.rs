@@ -98,7 +98,7 @@ fn factor(states: &[State], beta: &[f64], sigma: f64, seed: u64) -> QrFactor {
 }
 
 #[test]
-fn with_noise_least_squares_is_of_no_robot_and_the_constrained_fit_costs_little() {
+fn with_noise_least_squares_is_not_physical_and_the_constrained_fit_costs_little() {
     let (layout, combinations) = (layout(), combinations());
     let beta = combinations.apply(&nominal()).unwrap();
     let factor = factor(&states(300, 0.3), &beta, 5.0, 1);
@@ -126,7 +126,7 @@ fn with_noise_least_squares_is_of_no_robot_and_the_constrained_fit_costs_little(
 }
 
 #[test]
-fn exact_data_keep_their_parameters_and_the_verdict_is_feasible() {
+fn exact_data_give_their_parameters_and_a_feasible_verdict() {
     let (layout, combinations) = (layout(), combinations());
     let beta = combinations.apply(&nominal()).unwrap();
     let factor = factor(&states(120, 0.3), &beta, 0.0, 1);
@@ -176,13 +176,13 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
     let kept: Vec<usize> = (0..beta.len())
         .filter(|k| !["Fv(q2)", "Fc(q2)"].contains(&combinations.labels()[*k].as_str()))
         .collect();
-    let seen = combinations.select(&kept).unwrap();
+    let selected = combinations.select(&kept).unwrap();
     let places = ["q1", "q2"].map(|name| model().info().index_of(name).unwrap());
     let laws = [
         [40.0, 90.0, 0.05, 1.2, 30.0],
         [150.0, 300.0, 0.03, 1.4, 2500.0],
     ];
-    let mut data = FrictionData::new(seen.labels(), &joints, 3).unwrap();
+    let mut data = FrictionData::new(selected.labels(), &joints, 3).unwrap();
     for state in &states(200, 0.3) {
         let (w, _) = equations(state, &beta);
         let columns: Vec<f64> = kept
@@ -217,11 +217,11 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
         .iter()
         .map(|l| layout.find(l).unwrap())
         .collect();
-    let rows = seen.rows().iter();
+    let rows = selected.rows().iter();
     let rows = rows
         .map(|row| columns.iter().map(|c| row[*c]).collect())
         .collect();
-    let narrowed = BaseMap::new(seen.labels().to_vec(), rows).unwrap();
+    let narrowed = BaseMap::new(selected.labels().to_vec(), rows).unwrap();
     let found = fit(&data, &narrowed, &plain, &Options::default()).unwrap();
     println!(
         "{} programmes, {:e} of {:e}",

@@ -258,7 +258,7 @@ fn check(feature: &str, without: &str, with: &str) {
 }
 
 #[test]
-fn every_feature_of_limbs_and_scalars_counts() {
+fn every_feature_of_limbs_and_scalars_changes_the_results() {
     for (feature, without, with) in TREE_FEATURES {
         assert!(TREE.contains(without), "{feature}");
         let mut text = TREE.replacen(without, with, 1);
@@ -277,7 +277,7 @@ fn every_feature_of_limbs_and_scalars_counts() {
 }
 
 #[test]
-fn every_kind_of_cut_counts() {
+fn every_kind_of_cut_changes_the_results() {
     let open = "name: chain\nlimbs: [{name: limb1, joints: [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
     let specs: Vec<(&str, String)> = CUTS
         .iter()
@@ -292,7 +292,7 @@ fn every_kind_of_cut_counts() {
 }
 
 #[test]
-fn every_feature_of_cuts_and_of_home_counts() {
+fn every_feature_of_cuts_and_of_home_changes_the_results() {
     let freedoms = |kind: &str| CUTS.iter().find(|c| c.0 == kind).unwrap().1;
     for (feature, cut) in CUT_FEATURES {
         let kind = if cut.contains("universal") {
@@ -374,7 +374,7 @@ fn every_value_for_simulation_is_read() {
 
 /// Choices about the base parameters change only these.
 #[test]
-fn every_choice_about_base_parameters_counts() {
+fn every_choice_about_base_parameters_changes_them() {
     let labels = |choice: &str| -> Vec<String> {
         let text = TREE.replacen("limbs:", &format!("{choice}limbs:"), 1);
         let derived = Derived::new("base.yaml", &text).unwrap();

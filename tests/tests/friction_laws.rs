@@ -14,7 +14,7 @@ use regen_interpreted::Interpreted;
 use regen_runtime::{BaseModel, Friction, JointFriction, Model};
 use regen_tests::reference;
 
-/// What both tables state about a law: case, word, symbols, whether it is linear in them.
+/// A law's entry in both tables: its variant, its word, its symbols, whether it is linear in them.
 type Stated = (String, &'static str, &'static [&'static str], bool);
 
 #[test]
@@ -32,7 +32,7 @@ fn the_generator_and_the_runtime_have_the_same_laws() {
     assert_eq!(ours.collect::<Vec<_>>(), theirs.collect::<Vec<_>>());
 }
 
-/// One joint that turns, with values for every symbol of its law.
+/// A robot of one revolute joint, with values for every symbol of its law.
 fn arm(law: spec::Friction) -> String {
     let mut nominal = String::new();
     for (k, symbol) in law.symbols().iter().enumerate() {
@@ -67,7 +67,7 @@ fn every_law_has_the_effort_of_the_second_derivation() {
             );
             moving += usize::from(effort != 0.0);
         }
-        // at rest alone there is none
+        // the effort is zero at rest only
         assert_eq!(
             moving,
             if law.symbols().is_empty() { 0 } else { 6 },
@@ -76,9 +76,9 @@ fn every_law_has_the_effort_of_the_second_derivation() {
     }
 }
 
-/// A value that the description leaves out is no value that is 0.
+/// Without values for its symbols a law has no effort, instead of an effort of 0.
 #[test]
-fn a_missing_value_is_no_effort() {
+fn a_law_without_values_has_no_effort() {
     let bare = arm(spec::Friction::None).replace("friction: none", "friction: stribeck");
     let reference = reference::Mechanism::from_yaml(&bare).unwrap();
     assert_eq!(reference.friction_effort(0, 1.0), None);
@@ -150,7 +150,7 @@ fn lugre_friction_is_identified_from_a_simulation() {
     for (k, t) in log.t.iter().enumerate() {
         let of = |all: &[f64]| all[n * k..n * (k + 1)].to_vec();
         let (q, qd, qdd) = (of(&log.q), of(&log.qd), of(&log.qdd));
-        // where a crank turns round, the simulation's friction is a smooth function of velocity
+        // near a reversal, the simulation replaces the sign of the velocity by a smooth function
         if info.actuated.iter().all(|c| qd[*c].abs() > 2e-3) {
             rows.push(*t, &q, &qd, &qdd, &log.effort[m * k..m * (k + 1)]);
         }

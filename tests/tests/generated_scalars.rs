@@ -46,7 +46,7 @@ fn parameters() -> [f64; P] {
     clippy::inline_always,
     reason = "lanes need the instruction set of the function that dispatches"
 )]
-fn ask<T: Scalar>([q, qd, qdd]: &[[T; N]; 3]) -> Answer<T> {
+fn evaluate<T: Scalar>([q, qd, qdd]: &[[T; N]; 3]) -> Answer<T> {
     let proto = q[0];
     let phi = parameters().map(|x| proto.splat(x));
     let qd_i = rps3::INDEPENDENT.map(|c| qd[c]);
@@ -113,7 +113,7 @@ fn states(count: usize) -> Vec<State> {
 
 /// A state with leg 2 horizontal, where a pivot of the fixed order vanishes. It is not closed; the
 /// functions take states as given.
-fn lying() -> State {
+fn state_with_zero_pivot() -> State {
     let [mut q, qd, qdd] = states(1)[0];
     let q6 = rps3::COORDINATES
         .iter()
@@ -165,30 +165,30 @@ fn violation(q: &[f64; N], velocities: &[f64; N]) -> f64 {
 }
 
 #[test]
-fn where_the_fixed_pivots_fail_the_state_is_solved_anew() {
+fn where_the_fixed_order_of_pivots_fails_the_fallback_solves() {
     let usual = states(1)[0];
     let (margin, velocities) = fixed_order(&usual);
     assert!(margin > 100.0 * PIVOT_BOUND);
     assert!(violation(&usual[0], &velocities) < 1e-13);
-    let lying = lying();
-    let (margin, velocities) = fixed_order(&lying);
+    let zero_pivot = state_with_zero_pivot();
+    let (margin, velocities) = fixed_order(&zero_pivot);
     assert!(margin < 1e-10);
-    assert!(violation(&lying[0], &velocities) > 1e-3);
-    for state in [usual, lying] {
-        let answer = ask(&state);
+    assert!(violation(&zero_pivot[0], &velocities) > 1e-3);
+    for state in [usual, zero_pivot] {
+        let answer = evaluate(&state);
         assert!(answer.conditions.iter().all(|c| *c > PIVOT_BOUND));
         assert!(violation(&state[0], &answer.velocities) < 1e-13);
     }
 }
 
 #[test]
-fn single_precision_keeps_five_digits() {
+fn single_precision_has_five_digits() {
     for state in states(20) {
         let narrow = state.map(|values| values.map(|x| x as f32));
         // the same rounded arguments, so that only the arithmetic differs
         let wide = narrow.map(|values| values.map(f64::from));
-        let found = ask(&narrow).map(f64::from);
-        let error = difference(&found, &ask(&wide));
+        let found = evaluate(&narrow).map(f64::from);
+        let error = difference(&found, &evaluate(&wide));
         assert!(error < 1e-5, "{error:e}");
         assert!(error > 0.0);
     }
@@ -206,16 +206,16 @@ fn single_precision_stays_within_its_computed_bound() {
     let (mut largest, mut widest) = (0.0_f64, 0.0_f64);
     for state in states(20) {
         let narrow = state.map(|values| values.map(|x| x as f32));
-        let found = ask(&narrow);
+        let found = evaluate(&narrow);
         let exact = |k: usize| narrow[k].map(|x| Rounded::<Single>::exact(f64::from(x)));
         let arguments = [exact(0), exact(1), exact(2)];
         let (bounds, _) = interpret::run(program, &[&arguments[0], &arguments[1], &arguments[2]]);
         let entries = found.regressor.iter().flatten();
         assert_eq!(bounds.len(), P * DOF);
         for (entry, bound) in entries.zip(&bounds) {
-            let missed = (f64::from(*entry) - bound.value).abs();
-            assert!(missed <= bound.error * (1.0 + 1e-6), "{missed:e} {bound:?}");
-            largest = largest.max(missed);
+            let error = (f64::from(*entry) - bound.value).abs();
+            assert!(error <= bound.error * (1.0 + 1e-6), "{error:e} {bound:?}");
+            largest = largest.max(error);
             widest = widest.max(bound.error);
         }
     }
@@ -227,13 +227,13 @@ fn single_precision_stays_within_its_computed_bound() {
 
 #[test]
 fn dual_numbers_carry_the_derivatives_of_the_inverse_dynamics() {
-    let tau = |[q, qd, qdd]: &State| ask(&[*q, *qd, *qdd]).tau;
+    let tau = |[q, qd, qdd]: &State| evaluate(&[*q, *qd, *qdd]).tau;
     for state in states(4) {
-        let plain = ask(&state);
+        let plain = evaluate(&state);
         for c in 0..N {
             let mut seeded = state.map(|values| values.map(|x| Dual(Dual64::from_re(x))));
             seeded[0][c].0.eps = 1.0;
-            let answer = ask(&seeded);
+            let answer = evaluate(&seeded);
             assert!(difference(&answer.map(|x| x.0.re), &plain) < 1e-13);
             // fourth-order differences: a truncation error of order h^4, and rounding over h
             let h = 1e-3;
@@ -270,7 +270,7 @@ impl WithSimd for Together<'_> {
             }
         };
         let state = [0, 1, 2].map(|part| std::array::from_fn(|c| load(part, c)));
-        let answer = ask(&state);
+        let answer = evaluate(&state);
         let take = |lane: Lane<S>, at: usize| bytemuck::cast_slice::<S::f64s, f64>(&[lane.v])[at];
         (0..lanes).map(|at| answer.map(|x| take(x, at))).collect()
     }
@@ -280,21 +280,21 @@ fn check_lanes(run: impl Fn(&[State]) -> Vec<Answer<f64>>) {
     let usual = states(8);
     let together = run(&usual);
     for (found, state) in together.iter().zip(&usual) {
-        let alone = ask(state);
-        assert!(difference(found, &alone) < 1e-12);
-        for (x, y) in found.conditions.iter().zip(&alone.conditions) {
+        let single = evaluate(state);
+        assert!(difference(found, &single) < 1e-12);
+        for (x, y) in found.conditions.iter().zip(&single.conditions) {
             assert!((x - y).abs() < 1e-12);
         }
     }
     // each lane in turn gets the state that the fixed pivots cannot solve
     for place in 0..together.len() {
         let mut mixed = usual.clone();
-        mixed[place] = lying();
+        mixed[place] = state_with_zero_pivot();
         let answers = run(&mixed);
         for (at, found) in answers.iter().enumerate() {
             if at == place {
-                let alone = ask(&mixed[at]);
-                assert!(difference(found, &alone) < 1e-11);
+                let single = evaluate(&mixed[at]);
+                assert!(difference(found, &single) < 1e-11);
                 assert!(violation(&mixed[at][0], &found.velocities) < 1e-13);
             } else {
                 // the other lanes are unchanged
@@ -306,7 +306,7 @@ fn check_lanes(run: impl Fn(&[State]) -> Vec<Answer<f64>>) {
 }
 
 #[test]
-fn each_lane_holds_its_own_state_and_falls_back_alone() {
+fn each_lane_evaluates_its_own_state_and_falls_back_separately() {
     check_lanes(|states| Arch::new().dispatch(Together(states)));
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -316,6 +316,6 @@ fn each_lane_holds_its_own_state_and_falls_back_alone() {
 }
 
 #[test]
-fn a_processor_without_lanes_gives_the_same() {
+fn a_processor_without_lanes_gives_the_same_results() {
     check_lanes(|states| Together(states).with_simd(pulp::Scalar));
 }

@@ -1,21 +1,21 @@
-//! Homes whose dependent coordinates are guessed badly: the loops close, or the error has a line
-//! that closes. `tests/records/home.md` records a run over two hundred mechanisms.
+//! Homes with badly guessed dependent coordinates: the loops close, or the error proposes a home
+//! with which they close. `tests/records/home.md` records a run over two hundred mechanisms.
 
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::Mechanism;
 use regen_tests::random::{self, Sample};
 use regen_tests::reference::Random;
 
-/// What the derivation makes of a home whose dependent coordinates were disturbed.
+/// The result of closing the loops from a home whose dependent coordinates were disturbed.
 #[derive(Debug, PartialEq)]
-enum End {
-    /// The loops close in the state in which they closed before.
+enum Closing {
+    /// The loops close in the undisturbed state.
     Same,
     /// The loops close in another state; whether a dependent coordinate has another sign there.
     Elsewhere(bool),
     /// The loops do not close from this home, and the error proposes other homes, of which the first
-    /// closes; whether one of them is the state before.
-    Line(bool),
+    /// closes; whether one of them is the undisturbed state.
+    Proposal(bool),
     /// The loops close neither from this home nor from the first one that the error proposes.
     Lost,
 }
@@ -36,7 +36,7 @@ fn close(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// Disturbs home's dependent coordinates by up to 1 rad or 1 m, and closes.
-fn disturb(sample: &Sample, seed: u64) -> End {
+fn disturb(sample: &Sample, seed: u64) -> Closing {
     let before = close(&sample.text).unwrap();
     let names = sample.mechanism.coordinates.clone();
     let mut random = Random::new(seed);
@@ -54,24 +54,24 @@ fn disturb(sample: &Sample, seed: u64) -> End {
         all.all(|(x, y)| (x - y).abs() < 1e-5)
     };
     match close(&text) {
-        Ok(q) if same(&q) => End::Same,
+        Ok(q) if same(&q) => Closing::Same,
         Ok(q) => {
             let mut all = q.iter().zip(&given);
-            End::Elsewhere(all.any(|(x, y)| y.abs() > 0.1 && x.abs() > 0.1 && x * y < 0.0))
+            Closing::Elsewhere(all.any(|(x, y)| y.abs() > 0.1 && x.abs() > 0.1 && x * y < 0.0))
         }
         Err(error) => {
             let lines = error.split('`').filter(|part| part.starts_with("home:"));
             let closed: Vec<_> = lines.map(|line| close(&with_home(&text, line))).collect();
             match closed.first() {
-                Some(Ok(_)) => End::Line(closed.iter().flatten().any(|q| same(q))),
-                _ => End::Lost,
+                Some(Ok(_)) => Closing::Proposal(closed.iter().flatten().any(|q| same(q))),
+                _ => Closing::Lost,
             }
         }
     }
 }
 
-/// The ends of the first mechanisms with loops.
-fn ends(count: usize) -> Vec<(u64, End)> {
+/// The results for the first mechanisms with loops, each with its seed.
+fn closings(count: usize) -> Vec<(u64, Closing)> {
     let mut found = Vec::new();
     for seed in 0.. {
         let Some(sample) = random::sample(seed).sample else {
@@ -89,33 +89,37 @@ fn ends(count: usize) -> Vec<(u64, End)> {
 }
 
 #[test]
-fn homes_guessed_badly_close_or_get_a_line_that_closes() {
-    let ends = ends(12);
-    let lost = ends.iter().filter(|(_, end)| *end == End::Lost);
-    assert_eq!(lost.count(), 0, "{ends:?}");
+fn badly_guessed_homes_close_or_get_a_proposal_that_closes() {
+    let closings = closings(12);
+    let lost = closings.iter().filter(|(_, end)| *end == Closing::Lost);
+    assert_eq!(lost.count(), 0, "{closings:?}");
     // with Newton's method from home alone, some of them do not close
-    assert!(ends.iter().any(|(_, end)| *end != End::Same), "{ends:?}");
+    assert!(
+        closings.iter().any(|(_, end)| *end != Closing::Same),
+        "{closings:?}"
+    );
 }
 
 /// `cargo test --release -p regen-tests --test all two_hundred -- --ignored --nocapture`
 #[test]
 #[ignore = "two hundred mechanisms; tests/records/home.md has the result"]
-fn two_hundred_homes_close_or_get_a_line_that_closes() {
-    let ends = ends(200);
-    let count = |wanted: &dyn Fn(&End) -> bool| ends.iter().filter(|(_, e)| wanted(e)).count();
-    let lost: Vec<&u64> = ends
+fn two_hundred_homes_close_or_get_a_proposal_that_closes() {
+    let closings = closings(200);
+    let count =
+        |wanted: &dyn Fn(&Closing) -> bool| closings.iter().filter(|(_, e)| wanted(e)).count();
+    let lost: Vec<&u64> = closings
         .iter()
-        .filter(|(_, e)| *e == End::Lost)
+        .filter(|(_, e)| *e == Closing::Lost)
         .map(|(s, _)| s)
         .collect();
     println!(
         "of 200: {} close where they did, {} elsewhere, {} of these beyond 0; {} get lines that \
          close, {} of these the one they had; lost: {lost:?}",
-        count(&|e| *e == End::Same),
-        count(&|e| matches!(e, End::Elsewhere(_))),
-        count(&|e| *e == End::Elsewhere(true)),
-        count(&|e| matches!(e, End::Line(_))),
-        count(&|e| *e == End::Line(true)),
+        count(&|e| *e == Closing::Same),
+        count(&|e| matches!(e, Closing::Elsewhere(_))),
+        count(&|e| *e == Closing::Elsewhere(true)),
+        count(&|e| matches!(e, Closing::Proposal(_))),
+        count(&|e| *e == Closing::Proposal(true)),
     );
     assert!(lost.len() <= 4, "{lost:?}");
 }

@@ -49,7 +49,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
 }
 
 #[test]
-fn the_top_level_holds_what_was_agreed() {
+fn the_top_level_contains_only_the_agreed_names() {
     let found = names(&files::package().join(".."));
     let extra: Vec<_> = found
         .iter()
@@ -62,7 +62,7 @@ fn the_top_level_holds_what_was_agreed() {
 }
 
 #[test]
-fn the_folder_of_robots_holds_robots() {
+fn the_folder_of_robots_contains_only_robots() {
     for name in names(&files::robots()) {
         let known = [
             "README.md",
@@ -80,7 +80,7 @@ fn the_folder_of_robots_holds_robots() {
 }
 
 #[test]
-fn every_folder_of_fixtures_and_tools_has_its_row() {
+fn every_folder_of_fixtures_and_tools_is_in_the_table() {
     let page = std::fs::read_to_string(files::package().join("README.md")).unwrap();
     let rows: Vec<&str> = page
         .lines()

@@ -38,7 +38,7 @@ fn states(model: &dyn Model<f64>) -> Vec<State> {
 
 /// With encoders at all joints, exact values give the exact state for any standard deviations.
 #[test]
-fn exact_values_of_all_coordinates_are_the_state() {
+fn exact_values_of_all_coordinates_give_the_exact_state() {
     for model in ROBOTS {
         let info = model.info();
         let n = info.coordinates.len();
@@ -67,14 +67,13 @@ fn exact_values_of_all_coordinates_are_the_state() {
     }
 }
 
-/// Measurements of fewer coordinates than degrees of freedom, or of coordinates that do not move
-/// with all of them.
+/// Fewer measured coordinates than degrees of freedom, and one coordinate twice.
 #[test]
-fn too_little_is_refused_and_what_does_not_tell_is_unmeasured() {
+fn too_few_or_repeated_measured_coordinates_are_refused() {
     let info = Model::<f64>::info(&Stewart);
     let few = &info.independent[1..];
     assert!(Completion::new(&Stewart as &dyn Model<f64>, few, &vec![0.1; few.len()]).is_err());
-    // one half of the arm moves without the other
+    // one crank of a five-bar does not determine the other
     let model: &dyn Model<f64> = &Fivebar;
     let info = model.info();
     assert_eq!(info.dof(), 2);

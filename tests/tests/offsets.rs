@@ -24,7 +24,7 @@ couplings: {m: 3*x}
 ";
 
 #[test]
-fn the_row_of_a_geared_pair_is_that_by_hand() {
+fn the_regressor_of_a_geared_pair_is_that_computed_by_hand() {
     let engine = Derived::new("geared.yaml", GEARED).unwrap();
     let names = engine.names();
     let parameters = &names.parameters;

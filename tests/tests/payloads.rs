@@ -1,4 +1,4 @@
-//! Payloads: bodies that are carried in some runs only, so that runs with and without them tell
+//! Payloads: bodies that are carried in some runs only, so that runs with and without them separate
 //! their parameters from the robot's.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -50,8 +50,8 @@ fn analysed(text: &str, payloads: Payloads) -> (Robot, Analysis) {
     (mechanism.robot(&[]).unwrap(), analysis)
 }
 
-/// A base parameter by labels and values.
-fn written(robot: &Robot, parameter: &BaseParameter) -> Vec<(String, f64)> {
+/// The labels and coefficients of a base parameter, sorted by label.
+fn labelled_terms(robot: &Robot, parameter: &BaseParameter) -> Vec<(String, f64)> {
     let terms = parameter.terms.iter();
     let mut terms: Vec<(String, f64)> = terms
         .map(|t| (robot.parameters[t.column].label.clone(), t.value.to_f64()))
@@ -114,7 +114,7 @@ fn base_parameters_have_the_rank_of_runs_with_and_without_the_payload() {
 }
 
 #[test]
-fn the_robot_s_own_base_is_that_without_the_payload() {
+fn the_base_of_the_robot_alone_is_that_without_the_payload() {
     for (name, text, _) in robots() {
         let (apart, with) = analysed(&text, Payloads::Apart);
         let (absent, without) = analysed(&text, Payloads::Absent);
@@ -122,10 +122,10 @@ fn the_robot_s_own_base_is_that_without_the_payload() {
         let own = with.base.parameters.iter();
         let own: Vec<_> = own
             .filter(|p| apart.payload_of(p.column).is_none())
-            .map(|p| written(&apart, p))
+            .map(|p| labelled_terms(&apart, p))
             .collect();
         let alone = without.base.parameters.iter();
-        let alone: Vec<_> = alone.map(|p| written(&absent, p)).collect();
+        let alone: Vec<_> = alone.map(|p| labelled_terms(&absent, p)).collect();
         assert_eq!(own.len(), alone.len(), "{name}");
         for (a, b) in own.iter().zip(&alone) {
             let same = a.len() == b.len()
@@ -134,7 +134,7 @@ fn the_robot_s_own_base_is_that_without_the_payload() {
                     .all(|(x, y)| x.0 == y.0 && (x.1 - y.1).abs() <= 1e-12 * x.1.abs());
             assert!(same, "{name}: {a:?} {b:?}");
         }
-        // always carried, the payload is a body like all others
+        // a payload that is always carried is a body like all others
         let (_, carried) = analysed(&text, Payloads::Carried);
         let (_, unmarked) = analysed(&text.replace(", payload: true", ""), Payloads::Apart);
         assert_eq!(carried.base, unmarked.base, "{name}");
@@ -163,7 +163,7 @@ fn converted_parameters_of_robot_and_payload_do_not_mix() {
     let parameters = &derived.robot.analysis.as_ref().unwrap().base.parameters;
     for ((a, b), parameter) in with.iter().zip(&without).zip(parameters) {
         let payload = derived.robot.payload_of(parameter.column).is_some();
-        // exactly: no coefficient joins the two groups
+        // exactly, since no coefficient joins the two groups
         let expected = if payload { 0.0 } else { *a };
         assert_eq!(b.to_bits(), expected.to_bits(), "{parameter:?}");
     }

@@ -23,7 +23,7 @@ fn sample(seed: u64) -> Sample {
 
 /// Checks every fourth seed, so that the four tests run in parallel; a failing spec is shrunk and
 /// printed.
-fn judge(first: u64) {
+fn check_seeds(first: u64) {
     for seed in (first..seeds()).step_by(4) {
         let sample = sample(seed);
         if let Err(error) = random::judge(&sample, seed, 1) {
@@ -35,22 +35,22 @@ fn judge(first: u64) {
 
 #[test]
 fn random_mechanisms_agree_with_the_second_derivation_1() {
-    judge(0);
+    check_seeds(0);
 }
 
 #[test]
 fn random_mechanisms_agree_with_the_second_derivation_2() {
-    judge(1);
+    check_seeds(1);
 }
 
 #[test]
 fn random_mechanisms_agree_with_the_second_derivation_3() {
-    judge(2);
+    check_seeds(2);
 }
 
 #[test]
 fn random_mechanisms_agree_with_the_second_derivation_4() {
-    judge(3);
+    check_seeds(3);
 }
 
 #[test]
@@ -61,15 +61,15 @@ fn bad_variants_of_random_mechanisms_give_errors_at_the_mistake() {
 }
 
 /// Checks the specs of a folder of `fixtures/random/`.
-fn judge_folder(folder: &str) {
+fn check_folder(folder: &str) {
     let folder = files::fixtures().join("random").join(folder);
     for path in files::list(&folder, "yaml").unwrap() {
         let text = std::fs::read_to_string(&path).unwrap();
         let mechanism = Mechanism::from_yaml(&text).unwrap();
         // A number at the end of the file's name is a seed for which states or paths failed.
         let stem = path.file_stem().unwrap().to_str().unwrap();
-        let drawn = stem.rsplit('_').next().unwrap().parse::<u64>().ok();
-        for seed in (0..2).chain(drawn) {
+        let failed_seed = stem.rsplit('_').next().unwrap().parse::<u64>().ok();
+        for seed in (0..2).chain(failed_seed) {
             random::judge_text(&text, &mechanism, seed, 1)
                 .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         }
@@ -78,24 +78,24 @@ fn judge_folder(folder: &str) {
 
 #[test]
 fn every_kind_of_part_is_drawn() {
-    let mut seen = BTreeSet::new();
+    let mut drawn = BTreeSet::new();
     for seed in 0..300 {
         let sample = sample(seed);
         let (draft, mechanism) = (&sample.draft, &sample.mechanism);
-        seen.insert(draft.topology.to_owned());
-        seen.insert(draft.group.to_owned());
+        drawn.insert(draft.topology.to_owned());
+        drawn.insert(draft.group.to_owned());
         for joint in draft.joints() {
-            seen.insert(format!("joint {}", joint.kind.word()));
-            seen.insert(format!("friction {}", joint.friction));
-            seen.insert(format!("body {}", joint.body.is_some()));
+            drawn.insert(format!("joint {}", joint.kind.word()));
+            drawn.insert(format!("friction {}", joint.friction));
+            drawn.insert(format!("body {}", joint.body.is_some()));
         }
         for cut in &draft.cuts {
             let moving = cut.a.body.is_some() && cut.b.is_some();
-            seen.insert(format!("cut {} {moving}", cut_word(cut.kind)));
+            drawn.insert(format!("cut {} {moving}", cut_word(cut.kind)));
         }
-        seen.insert(format!("couplings {}", !draft.couplings.is_empty()));
+        drawn.insert(format!("couplings {}", !draft.couplings.is_empty()));
         let (motors, freedoms) = (mechanism.actuated.len(), mechanism.dof());
-        seen.insert(format!("motors {:?}", motors.cmp(&freedoms)));
+        drawn.insert(format!("motors {:?}", motors.cmp(&freedoms)));
     }
     let mut expected: BTreeSet<String> = TOPOLOGIES.map(String::from).into();
     let groups = ["space", "plane", "sphere", "translation", "schoenflies"];
@@ -129,23 +129,23 @@ fn every_kind_of_part_is_drawn() {
             expected.insert(format!("cut {cut} {place}"));
         }
     }
-    for than in ["Less", "Equal", "Greater"] {
-        expected.insert(format!("motors {than}"));
+    for order in ["Less", "Equal", "Greater"] {
+        expected.insert(format!("motors {order}"));
     }
-    let missing: Vec<_> = expected.difference(&seen).collect();
+    let missing: Vec<_> = expected.difference(&drawn).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }
 
 /// Specs that failed once, with a comment on the failure.
 #[test]
-fn what_failed_once_is_kept_and_holds() {
-    judge_folder("kept");
+fn specs_that_failed_once_agree_with_the_second_derivation() {
+    check_folder("kept");
 }
 
 /// Specs made by hand: nested loops, passive spin, gears in a loop on an arm.
 #[test]
 fn nasty_mechanisms_agree_with_the_second_derivation() {
-    judge_folder("nasty");
+    check_folder("nasty");
 }
 
 /// A mechanism with a cut's joint in the tree and a rigid cut behind it is the same mechanism: for

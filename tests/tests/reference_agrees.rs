@@ -28,7 +28,7 @@ fn newton_euler_equation_1_lagrange_and_energy_agree_on_every_mechanism() {
 }
 
 #[test]
-fn homes_as_written_are_closed_and_the_independent_coordinates_fit_the_mobility() {
+fn homes_close_and_the_independent_coordinates_fit_the_mobility() {
     for file in every_file() {
         let mechanism = files::mechanism(&file).unwrap();
         let home = mechanism.home().unwrap();

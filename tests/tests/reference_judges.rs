@@ -61,7 +61,8 @@ impl Engine for Wrong<'_> {
                 *x *= 0.7;
             }
         } else if kind == FunctionKind::AdaptiveRegressor && !resting(inputs[3]) {
-            // Wrong at zero reference rates, so that the split is wrong and not the sum.
+            // only results at zero reference accelerations are wrong, so that C is wrong and Y on
+            // the motion is right
         } else if let Shape::Vector(_) = kind.signature().shape {
             for value in &mut values {
                 *value += part * value.abs().max(1e-3);
@@ -75,17 +76,18 @@ impl Engine for Wrong<'_> {
     }
 }
 
-fn judge(mechanism: &Mechanism, mistake: &'static str) -> Result<(), String> {
+/// Checks the reference with a mistake.
+fn check(mechanism: &Mechanism, mistake: &'static str) -> Result<(), String> {
     let right = Naive::new(mechanism)?;
     check_engine(&Wrong { right, mistake }, mechanism, 2, 2).map(|_| ())
 }
 
 #[test]
-fn each_wrong_answer_is_refused_by_name() {
+fn each_wrong_result_is_refused_by_name() {
     let mechanism = files::mechanism(&files::robots().join("3rps_friction.yaml")).unwrap();
-    judge(&mechanism, "none").unwrap();
+    check(&mechanism, "none").unwrap();
     for (mistake, comparison) in MISTAKES {
-        let reason = judge(&mechanism, mistake).expect_err(mistake);
+        let reason = check(&mechanism, mistake).expect_err(mistake);
         assert!(reason.contains(comparison), "{mistake}: {reason}");
     }
 }
@@ -93,6 +95,6 @@ fn each_wrong_answer_is_refused_by_name() {
 #[test]
 fn names_in_another_order_are_refused() {
     let mechanism = files::mechanism(&files::robots().join("fivebar.yaml")).unwrap();
-    let reason = judge(&mechanism, "names").expect_err("swapped labels");
+    let reason = check(&mechanism, "names").expect_err("swapped labels");
     assert!(reason.contains("parameters"), "{reason}");
 }

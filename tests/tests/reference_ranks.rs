@@ -1,4 +1,4 @@
-//! The numbers of base parameters of these mechanisms are the known ones.
+//! Mechanisms with known numbers of base parameters: the reference's regressor has these ranks.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use nalgebra::DMatrix;
@@ -30,7 +30,7 @@ fn rank(m: &Mechanism) -> (usize, f64) {
     }
     let mut values: Vec<f64> = w.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
-    // The widest gap among the values near rounding.
+    // values below this bound are rounding errors; the gap is the ratio on both sides of it
     let bound = 1e-9 * values[0];
     let kept = values.iter().filter(|v| **v > bound).count();
     let gap = values

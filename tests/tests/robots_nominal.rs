@@ -65,13 +65,13 @@ fn rps3_friction_has_the_parameters_of_model_1() {
 }
 
 #[test]
-fn every_body_has_a_nominal_inertia_that_can_exist() {
+fn every_body_has_a_physical_nominal_inertia() {
     let mut bodies = 0;
     for file in files::list(&files::robots(), "yaml").unwrap() {
         let m = files::mechanism(&file).unwrap();
         for body in &m.bodies {
-            let none = || panic!("{}: body {} has no nominal inertia", m.name, body.label);
-            let p = body.nominal.unwrap_or_else(none);
+            let missing = || panic!("{}: body {} has no nominal inertia", m.name, body.label);
+            let p = body.nominal.unwrap_or_else(missing);
             bodies += 1;
             let half = (p[0] + p[3] + p[5]) / 2.0;
             // The pseudo-inertia of a physical body is positive definite.
@@ -120,7 +120,7 @@ fn arms_agree_with_pinocchio_in_the_frames_of_their_sources() {
 }
 
 #[test]
-fn the_puma_weighs_what_its_paper_measured() {
+fn the_gravity_of_the_puma_is_that_measured_in_its_paper() {
     // Armstrong, Khatib, Burdick (1986): the printed constants of gravity, N m, and its terms.
     let [g1, g2, g3, g4, g5] = [-37.2, -8.44, 1.02, 0.249, -0.0282];
     let m = robot("puma560");
@@ -155,13 +155,13 @@ fn the_puma_weighs_what_its_paper_measured() {
 
 #[test]
 fn actuators_can_hold_every_robot_at_home() {
-    let mut held = 0;
+    let mut limits = 0;
     for file in files::list(&files::robots(), "yaml").unwrap() {
         let m = files::mechanism(&file).unwrap();
         let home = m.home().unwrap();
         let zero = vec![0.0; m.n()];
         let phi = DVector::from_vec(m.nominal_parameters().unwrap());
-        let still = m.regressor(&home, &zero, &zero).unwrap() * phi;
+        let gravity = m.regressor(&home, &zero, &zero).unwrap() * phi;
         let text = std::fs::read_to_string(&file).unwrap();
         let spec: serde_json::Value = serde_saphyr::from_str(&text).unwrap();
         for limb in spec["limbs"].as_array().unwrap() {
@@ -173,15 +173,15 @@ fn actuators_can_hold_every_robot_at_home() {
                 let at = |k: &usize| m.coordinates[*k] == name;
                 let row = m.independent.iter().position(at).expect(name);
                 let bound = |i: usize| efforts[i].as_f64().unwrap();
-                held += 1;
+                limits += 1;
                 assert!(
-                    (bound(0)..=bound(1)).contains(&still[row]),
+                    (bound(0)..=bound(1)).contains(&gravity[row]),
                     "{}: {name} needs {}",
                     m.name,
-                    still[row]
+                    gravity[row]
                 );
             }
         }
     }
-    assert!(held >= 50, "only {held} limits of efforts");
+    assert!(limits >= 50, "only {limits} limits of efforts");
 }

@@ -9,7 +9,7 @@ use regen_runtime::{BaseFunction, Function};
 use regen_tests::derived::Derived;
 use regen_tests::files;
 
-/// The entry of a function in both tables: case, name, names of arguments, shape, whether it
+/// The entry of a function in both tables: variant, name, names of arguments, shape, whether it
 /// reports a condition.
 type Row = (String, &'static str, Vec<&'static str>, String, bool);
 
@@ -68,17 +68,17 @@ fn the_generator_and_the_runtime_have_the_same_arguments() {
     assert_eq!(ours, theirs);
 }
 
-/// Derived programs have the arguments and the output that the table states, and exist if the table
-/// says so.
+/// Derived programs have the arguments and the output that the table states, and exist if the robot
+/// has what they need.
 #[test]
 fn every_program_has_the_sizes_of_its_signature() {
-    let mut seen = 0;
+    let mut checked = 0;
     for folder in [files::robots(), files::mechanisms()] {
         for path in files::list(&folder, "yaml").unwrap() {
             let robot = Derived::from_file(&path).unwrap().robot;
             for kind in FunctionKind::ALL {
                 let signature = kind.signature();
-                let has = match signature.needs {
+                let is_expected = match signature.needs {
                     Needs::Nothing => true,
                     Needs::Rows => robot.rows > 0,
                     Needs::Dependent => !robot.dependent.is_empty(),
@@ -86,7 +86,7 @@ fn every_program_has_the_sizes_of_its_signature() {
                     Needs::Base => robot.length(signature::Size::Base) > 0,
                 };
                 let what = format!("{}: {}", robot.name, signature.name);
-                assert_eq!(robot.function(kind).is_some(), has, "{what}");
+                assert_eq!(robot.function(kind).is_some(), is_expected, "{what}");
                 let Some(function) = robot.function(kind) else {
                     continue;
                 };
@@ -105,16 +105,16 @@ fn every_program_has_the_sizes_of_its_signature() {
                 assert_eq!(program.outputs.len(), entries, "{what}");
                 // exactly the programs that solve equations report a condition
                 assert!(signature.has_condition || !program.solves(), "{what}");
-                seen += 1;
+                checked += 1;
             }
         }
     }
-    assert!(seen > 500, "{seen}");
+    assert!(checked > 500, "{checked}");
 }
 
-/// The sizes of the runtime equal those of the generator.
+/// The lengths that the two compute for a robot are compared.
 #[test]
-fn both_sides_count_alike() {
+fn the_generator_and_the_runtime_have_the_same_sizes() {
     let robot = Derived::from_file(&files::robots().join("3rps_friction.yaml"));
     let robot = robot.unwrap().robot;
     let model = regen_interpreted::Interpreted::new(&robot);

@@ -40,7 +40,7 @@ fn apart(ours: &[f64], theirs: &[f64]) -> f64 {
     pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / size
 }
 
-fn agrees(model: &dyn Model) {
+fn assert_agrees(model: &dyn Model) {
     let info = model.info();
     let vectors = vectors(info.name);
     let names: Vec<&str> = vectors["coordinates"]
@@ -61,10 +61,10 @@ fn agrees(model: &dyn Model) {
         let mut reduced = vec![0.0; dof];
         let _ = model.generalized_forces(&q, &effort, &mut reduced).unwrap();
         let mut qdd_i = vec![0.0; dof];
-        let freed = forward
+        let outcome = forward
             .accelerations(&q, &qd, &reduced, &mut qdd_i)
             .unwrap();
-        assert!(matches!(freed, ForwardOutcome::Solved(_)));
+        assert!(matches!(outcome, ForwardOutcome::Solved(_)));
         let mut ours = vec![0.0; n];
         let _ = model.accelerations(&q, &qd, &qdd_i, &mut ours).unwrap();
         worst = worst.max(apart(&ours, &theirs));
@@ -107,10 +107,10 @@ fn agrees(model: &dyn Model) {
 
 #[test]
 fn a_spatial_platform_moves_as_in_another_engine() {
-    agrees(&rps3::Rps3);
+    assert_agrees(&rps3::Rps3);
 }
 
 #[test]
 fn a_planar_linkage_moves_as_in_another_engine() {
-    agrees(&fivebar::Fivebar);
+    assert_agrees(&fivebar::Fivebar);
 }

@@ -26,7 +26,7 @@ springs:
 ";
 
 #[test]
-fn the_columns_of_a_lamp_are_those_by_hand() {
+fn the_columns_of_a_lamp_are_those_computed_by_hand() {
     let engine = Derived::new("lamp.yaml", LAMP).unwrap();
     let parameters = engine.names().parameters;
     let labels: Vec<&str> = parameters[10..].iter().map(String::as_str).collect();
@@ -56,7 +56,8 @@ fn the_columns_of_a_lamp_are_those_by_hand() {
         let found = w[(0, 10 + k)];
         assert!((found - expected).abs() < 1e-14, "{}: {found}", labels[k]);
     }
-    // at rest all but the drag remain, and of the mixed term q^2; velocities cause the rest
+    // gravity includes every effort at rest: all but the drag, and q^2 of the mixed term; the bias
+    // forces are the rest
     let phi: Vec<f64> = (0..18).map(|k| if k < 10 { 0.0 } else { 1.0 }).collect();
     let gravity = engine.call(FunctionKind::Gravity, &[&[q], &phi]).unwrap()[0];
     let bias = engine
@@ -67,8 +68,8 @@ fn the_columns_of_a_lamp_are_those_by_hand() {
     assert!((bias - by_hand[2] - qd * q * q).abs() < 1e-13, "{bias}");
 }
 
-/// Adds springs and effort terms to a random spec: terms and springs at joints with rotors, and
-/// springs between the world and some bodies.
+/// Adds springs and effort terms to a random spec: both at all joints that move, and springs
+/// between the world and some bodies and between two bodies.
 fn with_springs(text: &str, rates: bool) -> String {
     let drag = if rates { ", drag: abs(qd)*qd*q" } else { "" };
     let keys = format!(

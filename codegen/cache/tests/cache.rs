@@ -54,7 +54,7 @@ fn a_damaged_entry_is_ignored_removed_and_replaced() {
 }
 
 #[test]
-fn writers_and_readers_at_once_see_whole_entries_only() {
+fn simultaneous_writers_and_readers_get_complete_entries_only() {
     let folder = scratch("concurrent");
     let contents = |writer: u8| vec![writer; 200_000];
     std::thread::scope(|scope| {
@@ -128,7 +128,7 @@ fn pendulum(joint: &str) -> Source {
 }
 
 #[test]
-fn only_what_takes_time_is_kept() {
+fn only_expensive_derivations_are_stored() {
     let derive = |cache: Cache| {
         let folder = cache.folder().to_owned();
         let mechanism = Mechanism::open(&pendulum("q1")).unwrap();
@@ -171,7 +171,7 @@ fn another_text_other_payloads_and_other_functions_are_other_entries() {
 
 /// Loops, completed and numeric factors, solves and friction come back to the last bit.
 #[test]
-fn a_kept_robot_is_the_derived_one() {
+fn a_stored_robot_equals_the_derived_one() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let cache = Arc::new(Cache::at(scratch("robots")).with_min_time(Duration::ZERO));
     let base: &[FunctionKind] = &[];

@@ -6,8 +6,8 @@ use crate::exit::Failure;
 use regen_identify::files::MotionState;
 use regen_interpreted::Interpreted;
 
-/// Solves the dependent coordinates, velocities and accelerations of a motion of the independent
-/// ones; the inner error says why the loops do not close.
+/// Solves the loop closure for the dependent coordinates, velocities and accelerations, given those
+/// of the independent ones; the inner error says why the loops do not close.
 pub(crate) fn close(
     closure: &mut LoopClosure<'_, Interpreted<'_>>,
     independent: &MotionState,

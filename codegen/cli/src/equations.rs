@@ -10,8 +10,8 @@ use crate::{load, terminal};
 /// Runs the command.
 pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let read = spec::parse(&source).map_err(|report| Failure::Spec(vec![report]))?;
-    let geometry = read.geometry.iter();
+    let parsed = spec::parse(&source).map_err(|report| Failure::Spec(vec![report]))?;
+    let geometry = parsed.geometry.iter();
     let lengths: Vec<(String, f64)> = geometry
         .map(|(name, value)| (name.value.clone(), value.value.to_f64()))
         .collect();

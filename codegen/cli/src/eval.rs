@@ -29,7 +29,7 @@ struct Evaluated {
     base_regressor: Vec<Vec<f64>>,
 }
 
-/// The hint for a file that is valid but holds something else than a list of states.
+/// The hint for valid JSON that is not a list of states.
 const NO_LIST: &str =
     r#"such as [{"q": [...], "qd": [...], "qdd": [...]}]; see `regen eval --help`"#;
 
@@ -83,12 +83,12 @@ fn evaluate(
     model.jacobian(&q, &mut jacobian)?;
     let mut bias = vec![0.0; info.rows];
     model.bias(&q, &qd, &mut bias)?;
-    let mut columns = vec![0.0; dof * info.parameters.len()];
-    let condition = model.regressor(&q, &qd, &qdd, &mut columns)?;
+    let mut full = vec![0.0; dof * info.parameters.len()];
+    let condition = model.regressor(&q, &qd, &qdd, &mut full)?;
     let mut base = vec![0.0; dof * model.rank()];
     let _condition = model.base_regressor(&q, &qd, &qdd, &mut base)?;
 
-    let results = [&residual, &jacobian, &bias, &columns, &base];
+    let results = [&residual, &jacobian, &bias, &full, &base];
     let finite = results.iter().all(|r| r.iter().all(|x| x.is_finite()));
     match condition.status() {
         Status::Regular if finite => {}
@@ -109,8 +109,8 @@ fn evaluate(
             )));
         }
     }
-    let rows = |columns: &[f64]| -> Vec<Vec<f64>> {
-        let row = |r: usize| columns.iter().skip(r).step_by(dof.max(1)).copied();
+    let rows = |column_major: &[f64]| -> Vec<Vec<f64>> {
+        let row = |r: usize| column_major.iter().skip(r).step_by(dof.max(1)).copied();
         (0..dof).map(|r| row(r).collect()).collect()
     };
     Ok(Evaluated {
@@ -120,7 +120,7 @@ fn evaluate(
             .map(<[f64]>::to_vec)
             .collect(),
         bias,
-        regressor: rows(&columns),
+        regressor: rows(&full),
         base_regressor: rows(&base),
         q,
         qd,

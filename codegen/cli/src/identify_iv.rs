@@ -12,7 +12,7 @@ use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, Session};
 use regen_interpreted::Interpreted;
 
-/// Identifies by instrumental variables: the model, its JSON and the bandwidth, in samples.
+/// Instrumental variables: the model, its JSON, and in how many samples scores count as correlated.
 pub(crate) fn run(
     args: &IdentifyArgs,
     session: &Session<'_, Interpreted<'_>>,
@@ -53,7 +53,7 @@ pub(crate) fn run(
 
 impl From<InstrumentError> for Failure {
     fn from(error: InstrumentError) -> Self {
-        let refused = |why: String| {
+        let not_simulated = |why: String| {
             Self::Numeric(format!(
                 "--iv: the robot cannot be simulated with the present estimate: {why}; leave out \
                  --reference, then the measured motion is used"
@@ -62,10 +62,10 @@ impl From<InstrumentError> for Failure {
         match error {
             InstrumentError::Data(error) => error.into(),
             InstrumentError::Unsmoothed(_) => Self::Input(format!("--iv: {error}")),
-            InstrumentError::Loop(LoopError::Untuned(why)) => refused(why.to_string()),
-            InstrumentError::Loop(LoopError::Refused(why)) => refused(why.to_string()),
+            InstrumentError::Loop(LoopError::Untuned(why)) => not_simulated(why.to_string()),
+            InstrumentError::Loop(LoopError::Refused(why)) => not_simulated(why.to_string()),
             InstrumentError::Loop(LoopError::Termination(how)) => {
-                refused(reason(how).unwrap_or_default())
+                not_simulated(reason(how).unwrap_or_default())
             }
             other => Self::Input(other.to_string()),
         }

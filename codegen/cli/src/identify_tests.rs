@@ -55,18 +55,18 @@ fn series(model: &Interpreted<'_>, reach: f64, random: &mut Random) -> Fourier {
     Fourier::new(FREQUENCY, &signals).unwrap()
 }
 
-/// True parameters: nominal values where the spec has them, random ones elsewhere.
+/// True full and base parameters: the nominal values if the spec has all of them, else random ones.
 fn truth(model: &Interpreted<'_>, random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     let info = model.info();
-    let made = info.parameters.iter().map(|_| 1.0 + 0.5 * random.signed());
-    let phi: Vec<f64> = info.nominal_parameters().unwrap_or_else(|| made.collect());
+    let drawn = info.parameters.iter().map(|_| 1.0 + 0.5 * random.signed());
+    let phi: Vec<f64> = info.nominal_parameters().unwrap_or_else(|| drawn.collect());
     let mut beta = vec![0.0; model.rank()];
     model.to_base(&phi, &mut beta).unwrap();
     (phi, beta)
 }
 
-/// A state along the series, with its efforts.
-struct Made {
+/// A state along the series, with the efforts of inverse dynamics.
+struct Sample {
     time: f64,
     q: Vec<f64>,
     qd: Vec<f64>,
@@ -74,13 +74,14 @@ struct Made {
     tau: Vec<f64>,
 }
 
-fn made(
+/// States along a series at a fixed step, s, with the efforts that parameters `phi` give.
+fn sampled(
     model: &Interpreted<'_>,
     series: &Fourier,
     phi: &[f64],
     samples: usize,
     step: f64,
-) -> Vec<Made> {
+) -> Vec<Sample> {
     let dof = model.info().dof();
     let mut closure = LoopClosure::new(model).unwrap();
     (0..samples)
@@ -94,7 +95,7 @@ fn made(
             let _ = model
                 .inverse_dynamics(&state.q, &state.qd, &state.qdd, phi, &mut tau)
                 .unwrap();
-            Made {
+            Sample {
                 time,
                 q: state.q,
                 qd: state.qd,
@@ -105,7 +106,7 @@ fn made(
         .collect()
 }
 
-fn recorded(rows: &[Made]) -> Recorded {
+fn recorded(rows: &[Sample]) -> Recorded {
     let mut out = Recorded::new();
     for row in rows {
         out.push(row.time, &row.q, &row.qd, &row.qdd, &row.tau);
@@ -113,7 +114,7 @@ fn recorded(rows: &[Made]) -> Recorded {
     out
 }
 
-/// The largest relative error of a parameter. Values below a thousandth of the largest are compared
+/// The largest relative error of a parameter; values below a thousandth of the largest are compared
 /// with that thousandth instead.
 fn worst(found: &[f64], exact: &[f64]) -> f64 {
     let largest = exact.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -129,7 +130,7 @@ fn exact_data_give_exact_parameters(name: &str, reach: f64) {
     let mut random = Random::new(1);
     let series = series(&model, reach, &mut random);
     let (phi, beta) = truth(&model, &mut random);
-    let rows = made(&model, &series, &phi, 400, 0.0125);
+    let rows = sampled(&model, &series, &phi, 400, 0.0125);
     let found = identify(
         &model,
         EquationKind::Forces,
@@ -167,7 +168,7 @@ fn exact_data_give_exact_parameters_of_a_7r_arm() {
 }
 
 /// A CSV log with the columns of a robot that measures its actuators only.
-fn csv(model: &Interpreted<'_>, rows: &[Made]) -> String {
+fn csv(model: &Interpreted<'_>, rows: &[Sample]) -> String {
     let info = model.info();
     let names: Vec<&str> = info
         .independent
@@ -212,7 +213,7 @@ fn a_log_of_actuators_gives_the_parameters(name: &str, reach: f64) {
     let mut random = Random::new(2);
     let series = series(&model, reach, &mut random);
     let (phi, beta) = truth(&model, &mut random);
-    let rows = made(&model, &series, &phi, 500, 0.01);
+    let rows = sampled(&model, &series, &phi, 500, 0.01);
     let path = scratch(&format!("{name}.csv"), &csv(&model, &rows));
     let settings = Settings {
         method: Method::Fourier {
@@ -245,7 +246,7 @@ fn a_log_of_the_delta_gives_its_parameters() {
     a_log_of_actuators_gives_the_parameters("delta", 0.2);
 }
 
-/// A five-bar with a log of it, for tests.
+/// A five-bar, and logs of it along one series.
 struct Bench {
     robot: Robot,
 }
@@ -261,14 +262,14 @@ impl Bench {
         &self,
         samples: usize,
         step: f64,
-        run: impl FnOnce(&Interpreted<'_>, Vec<Made>, &[f64]) -> R,
+        run: impl FnOnce(&Interpreted<'_>, Vec<Sample>, &[f64]) -> R,
     ) -> R {
         let terms = BaseTerms::new(&self.robot);
         let model = Interpreted::with_terms(&self.robot, &terms);
         let mut random = Random::new(2);
         let series = series(&model, 0.12, &mut random);
         let (phi, beta) = truth(&model, &mut random);
-        let rows = made(&model, &series, &phi, samples, step);
+        let rows = sampled(&model, &series, &phi, samples, step);
         run(&model, rows, &beta)
     }
 }
@@ -317,8 +318,7 @@ fn data_that_do_not_determine_the_parameters_name_them() {
             *rank < 11 && labels.iter().any(|l| l.starts_with("Izz")),
             "{error}"
         );
-        // the sums along and across the loop are determined except where the loop keeps them
-        // constant
+        // gravity acts through the first moments, so those are determined
         assert!(!labels.iter().any(|l| l.starts_with("mx")), "{error}");
         let short = identify(
             model,

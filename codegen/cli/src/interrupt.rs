@@ -34,7 +34,7 @@ pub(crate) fn listen() {
 }
 
 /// From now on the first interrupt only sets the returned flag, and the caller ends by itself; the
-/// second one ends the process. In a call of another program the flag is the call's.
+/// second one ends the process. In a call from another program the flag is that of the call.
 pub(crate) fn flag() -> Arc<AtomicBool> {
     call::flag().unwrap_or_else(|| {
         ENDS_BY_ITSELF.store(true, Ordering::Relaxed);

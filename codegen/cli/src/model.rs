@@ -42,14 +42,14 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     let source = place(&dir, &robot.name)?;
     let lines = module.text.lines().count();
     let entries = compare_modules(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
-    let mut same = true;
+    let mut is_current = true;
     for entry in &entries {
         generate::put(entry)?;
-        same &= entry.is_current()?;
+        is_current &= entry.is_current()?;
     }
     let changed = entries.iter().any(|entry| entry.state != State::Current);
 
-    let verified = verify::checked(&robot, Some(same))?;
+    let verified = verify::checked(&robot, Some(is_current))?;
     terminal::print(&match args.format {
         Format::Human => format!(
             "{}{}\n{} {} ({lines} lines)\n\n{}",

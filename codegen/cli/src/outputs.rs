@@ -76,7 +76,7 @@ pub(crate) fn spec(
         }
     }
     let mut bodies = bodies_yaml(&layout, phi)?;
-    // the values of payloads that were not carried stay
+    // bodies that the model lacks are payloads that were not carried: the spec's values stay
     for (label, inertia) in &written.bodies {
         if !info.bodies.contains(&label.value.as_str()) {
             bodies.push_str(&body_as_given(&label.value, inertia));
@@ -90,21 +90,21 @@ pub(crate) fn spec(
             source.name
         ))
     };
-    let read = Source {
+    let filled = Source {
         name: source.name.clone(),
         text: text.clone(),
     };
     // names and nominal values suffice: no function is derived
-    let robot = load::loaded(&read, payload)
+    let robot = load::loaded(&filled, payload)
         .and_then(|mechanism| Ok(mechanism.robot(&[])?))
         .map_err(|failure| wrong(failure.to_string()))?;
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // values that one joint cannot state separately for its coordinates were noted above
-    let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
+    // the notes name values that a joint of several coordinates cannot state for each of them
+    let is_noted = |label: &str| notes.iter().any(|note| note.starts_with(label));
     for (k, (parameter, exact)) in info.parameters.iter().zip(phi).enumerate() {
         let value = robot.nominal.get(k).copied().flatten();
         let skipped =
-            parameter.owner.contains('.') && several(&format!("{} of ", parameter.name()));
+            parameter.owner.contains('.') && is_noted(&format!("{} of ", parameter.name()));
         if !skipped
             && !value.is_some_and(|v| (v - exact).abs() <= MAX_RELATIVE_DIFFERENCE * largest)
         {

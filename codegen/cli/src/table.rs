@@ -8,7 +8,7 @@ pub(crate) use regen_codegen::explain::lines::{columns, field};
 pub(crate) use regen_identify::text::{figure, figure_of};
 use regen_report::documents::Versioned;
 
-/// An object as JSON text, with the version of its form in front.
+/// An object as JSON text, which starts with the version of its schema.
 pub(crate) fn document<T: Serialize>(value: &T) -> String {
     json(&Versioned::new(value))
 }

@@ -45,7 +45,7 @@ pub(crate) fn complain(failure: &Failure) {
 
 /// Whether messages are coloured: on a terminal that supports it, unless `NO_COLOR` is set.
 fn colored() -> bool {
-    let unset = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let able = std::env::var_os("TERM").is_none_or(|term| term != "dumb");
-    unset && able && io::stderr().is_terminal()
+    let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let supported = std::env::var_os("TERM").is_none_or(|term| term != "dumb");
+    wanted && supported && io::stderr().is_terminal()
 }

@@ -25,7 +25,7 @@ pub(crate) static TERMINAL: Terminal = Terminal {
 };
 
 impl Terminal {
-    /// Changes the bar; does nothing if another thread panicked while it changed the bar.
+    /// Changes the bar, unless another thread panicked while it did so; unwinds a stopped call.
     fn with(&self, change: impl FnOnce(&mut Option<ShownBar>)) {
         call::leave_if_stopped();
         if let Ok(mut shown) = self.shown.lock() {

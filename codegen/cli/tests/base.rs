@@ -17,9 +17,9 @@ fn base_json(file: &str, code: i32) -> Value {
     run.ended(code).json()
 }
 
-/// The text without the numbers of the certificate, which depend on the sampled states.
+/// The text with `#` for numbers such as 1.2e-30: those of the certificate depend on random states.
 fn masked(text: &str) -> String {
-    let figure = |word: &str| {
+    let is_figure = |word: &str| {
         let word = word.trim_end_matches("\\par");
         let digits = word.trim_end_matches([',', '.', '\\']).split_once("e-");
         digits.is_some_and(|(_, e)| !e.is_empty() && e.bytes().all(|b| b.is_ascii_digit()))
@@ -27,7 +27,7 @@ fn masked(text: &str) -> String {
     let mut out = String::new();
     for piece in text.split_inclusive([' ', '\n']) {
         let word = piece.trim_end();
-        out.push_str(if figure(word) { "#" } else { word });
+        out.push_str(if is_figure(word) { "#" } else { word });
         out.push_str(&piece[word.len()..]);
     }
     out
@@ -161,7 +161,7 @@ fn a_base_without_certificate_is_headed_incomplete_in_every_format() {
 }
 
 #[test]
-fn directions_that_trees_miss_are_completed_and_marked() {
+fn null_directions_that_no_tree_yields_are_completed_and_marked() {
     let base = base_json(&mechanism("parallelogram_cut.yaml"), 0);
     assert_eq!(base["complete"], true);
     assert_eq!(base["rank"], 3);
@@ -183,7 +183,7 @@ fn chosen(choices: &str) -> String {
 }
 
 #[test]
-fn what_the_spec_knows_and_leaves_out_is_said() {
+fn known_and_dropped_parameters_of_the_spec_are_printed() {
     let dir = scratch("base-known");
     let choices = "  equal: [[1, 4, 6], [2, 5, 7]]\n  zero: [mx(1), Ixy(3) + a/2*my(3)]\n  \
                    drop: [mz(3)]\n";
@@ -207,7 +207,7 @@ fn what_the_spec_knows_and_leaves_out_is_said() {
     assert_eq!(base["rank"], rows);
     assert_eq!(base["dropped"][0]["label"], "mz(3)");
     assert_eq!(base["known"].as_array().unwrap().len(), 42);
-    // the numeric method on the remaining columns
+    // the numeric method finds the rank before the dropped parameter is removed
     let run = regen(&dir, &["verify", "c.yaml", "--format", "json"])
         .ended(0)
         .json();
@@ -216,7 +216,7 @@ fn what_the_spec_knows_and_leaves_out_is_said() {
 }
 
 #[test]
-fn names_that_are_equal_only_by_value_are_told() {
+fn lengths_that_are_equal_only_by_value_are_reported() {
     let dir = scratch("base-coincidence");
     let arm = |b: &str| {
         format!(
@@ -302,7 +302,7 @@ fn eval_gives_the_regressor_of_the_base_parameters() {
 }
 
 #[test]
-fn a_stored_base_is_told_of_and_the_same_every_time() {
+fn a_stored_base_is_reported_and_has_the_same_bytes_every_time() {
     let dir = scratch("base-store");
     fs::copy(oracle("fivebar.yaml"), dir.join("f.yaml")).unwrap();
     let print = ["base", "f.yaml", "--store"];
@@ -315,7 +315,7 @@ fn a_stored_base_is_told_of_and_the_same_every_time() {
     assert_eq!(fs::read(dir.join("f.base")).unwrap(), first);
 }
 
-/// What is kept is found again, and gives the same bytes; a run that may not use it keeps nothing.
+/// A run from the cache prints the same bytes as the derivation, and `--no-cache` stores nothing.
 #[test]
 fn the_cache_changes_no_output() {
     let dir = scratch("base-cache");
@@ -335,11 +335,11 @@ fn the_cache_changes_no_output() {
     assert_eq!(run(&without), derived);
     assert_eq!(entries(), 0);
     assert_eq!(run(&base), derived);
-    let kept = entries();
-    assert!(kept > 0);
+    let stored = entries();
+    assert!(stored > 0);
     assert_eq!(run(&base), derived);
-    assert_eq!(entries(), kept);
-    // what is damaged is derived again, and replaced
+    assert_eq!(entries(), stored);
+    // a damaged entry is derived again and replaced
     for entry in fs::read_dir(&cache).unwrap().flatten() {
         fs::write(entry.path(), "no entry").unwrap();
     }

@@ -35,7 +35,7 @@ fn a_mechanism_is_explained_in_80_columns() {
 }
 
 #[test]
-fn the_json_says_on_what_each_statement_rests() {
+fn the_json_gives_the_evidence_of_each_statement() {
     let dir = scratch("check-json");
     let run = regen(
         &dir,

@@ -32,7 +32,7 @@ fn motors_of_a_differential_are_identified_from_their_own_logs() {
         &dir,
         "simulate wrist.yaml --trajectory t.json --noise 1e-4,1e-4 --seed 3 --out log.csv",
     );
-    // a log has the motors, and not the joints
+    // the log has columns of the motors and none of the joints
     let log = fs::read_to_string(dir.join("log.csv")).unwrap();
     let header = log.lines().find(|line| line.starts_with('t')).unwrap();
     assert_eq!(header, "t,m4,m5,m6,tau_m4,tau_m5,tau_m6");
@@ -59,7 +59,7 @@ fn motors_of_a_differential_are_identified_from_their_own_logs() {
             "{label}: {value} {sigma}"
         );
     }
-    // nominal values stand where the motors are described
+    // the identified values replace the nominal ones in the entries of the motors
     let found = fs::read_to_string(dir.join("found.yaml")).unwrap();
     let motor = found
         .lines()
@@ -74,7 +74,7 @@ fn motors_of_a_differential_are_identified_from_their_own_logs() {
 }
 
 #[test]
-fn every_command_knows_drives() {
+fn every_command_supports_drives() {
     let dir = scratch("drives_commands");
     wrist(&dir);
     let info: Value = serde_json::from_str(&run(&dir, "info wrist.yaml --format json")).unwrap();
@@ -90,7 +90,7 @@ fn every_command_knows_drives() {
     );
     let verified = run(&dir, "verify wrist.yaml");
     assert!(!verified.contains("FAILS"), "{verified}");
-    // states of the motors: one turn of both motors turns q5 alone
+    // equal turns of both motors turn q5 alone
     fs::write(
         dir.join("states.json"),
         r#"[{"independent": {"q": [1.0471975511965976, 6.4, 6.4], "qd": [0, 0, 0], "qdd": [0, 0, 0]}}]"#,
@@ -105,7 +105,7 @@ fn every_command_knows_drives() {
     let page = run(&dir, "view wrist.yaml --out wrist.html");
     assert!(!page.contains("error"), "{page}");
     let page = fs::read_to_string(dir.join("wrist.html")).unwrap();
-    // motors are swept, and stand nowhere
+    // the page sweeps the motors but draws no joint for them
     assert!(
         page.contains("\"m5\"") && !page.contains("\"name\":\"m5\",\"kind\""),
         "motors"

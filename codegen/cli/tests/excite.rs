@@ -34,7 +34,7 @@ fn excite(more: &[&str]) -> common::Run {
 }
 
 #[test]
-fn the_same_seed_writes_the_same_file_and_says_which_limits_are_near() {
+fn the_same_seed_writes_the_same_file_and_prints_which_limits_are_near() {
     let dir = std::env::temp_dir().join(format!("regen-excite-{}", std::process::id()));
     let limits = ["--limit", LIMITS[0], "--limit", LIMITS[1], "--threads"];
     let run = |threads: &str, name: &str| {
@@ -65,7 +65,7 @@ fn the_same_seed_writes_the_same_file_and_says_which_limits_are_near() {
 const LIMITS: [&str; 2] = ["q1.position=0.5,2.5", "q3.position=0.5,2.5"];
 
 #[test]
-fn what_stands_in_the_way_is_named_with_its_exit_code() {
+fn obstacles_to_a_search_are_reported_with_their_exit_code() {
     // no range, no such coordinate, no such cone: wrong input
     let open = excite(&[]).ended(3);
     assert!(open.err.contains("--limit q1.position="), "{}", open.err);
@@ -114,7 +114,7 @@ fn interrupted(dir: &Path, seconds: u64) -> (Option<i32>, String) {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_search_ends_by_itself_and_keeps_what_it_found() {
+fn an_interrupted_search_ends_by_itself_and_writes_its_best_trajectory() {
     let dir = common::scratch("excite_interrupted");
     // On a busy machine the search may not have begun: it is repeated with more time.
     let ended = [2, 8, 32]

@@ -51,8 +51,8 @@ fn a_wrong_command_line_exits_with_2() {
 }
 
 #[test]
-fn a_word_that_is_neither_a_command_nor_a_file_is_told_the_nearest_command() {
-    let dir = scratch("neither");
+fn the_nearest_command_is_proposed_for_an_unknown_command() {
+    let dir = scratch("unknown-command");
     for (args, text) in [
         (&["chekc", "arm.yaml"][..], "'chekc'; did you mean 'check'?"),
         (&["Info"], "'Info'; did you mean 'info'?"),
@@ -113,7 +113,7 @@ fn a_wrong_spec_exits_with_3_and_shows_the_place() {
 }
 
 #[test]
-fn the_errors_of_all_files_are_told_at_once() {
+fn the_errors_of_all_files_are_reported_at_once() {
     let dir = workspace("all-errors", &["a", "b"]);
     for name in ["a", "b"] {
         let path = dir.join(format!("robots/{name}.yaml"));
@@ -183,7 +183,7 @@ fn a_directory_that_cannot_be_written_exits_with_5() {
 }
 
 #[test]
-fn no_workspace_upward_is_explained() {
+fn a_missing_workspace_is_explained() {
     // A workspace cannot be next to the root of the file system.
     let run = regen(std::path::Path::new("/"), &["generate"]).ended(3);
     assert!(
@@ -194,7 +194,7 @@ fn no_workspace_upward_is_explained() {
 }
 
 #[test]
-fn a_reader_that_leaves_is_no_error() {
+fn a_closed_pipe_at_standard_output_is_no_error() {
     let dir = scratch("pipe");
     let mut child = command(&dir, &["info", &oracle("3rps.yaml")])
         .stdout(Stdio::piped())
@@ -240,7 +240,7 @@ fn help_documents_every_exit_code_in_80_columns() {
 }
 
 #[test]
-fn completions_know_the_subcommands() {
+fn completions_contain_the_subcommands() {
     let dir = scratch("completions");
     for shell in ["bash", "zsh", "fish"] {
         let run = regen(&dir, &["completions", shell]).ended(0);

@@ -195,7 +195,7 @@ fn mistakes_are_shown_in_the_file_before_the_robot_is_derived() {
 }
 
 #[test]
-fn what_a_command_cannot_use_is_refused_with_its_place_and_a_remedy() {
+fn entries_that_a_command_cannot_use_are_refused_with_their_place_and_a_remedy() {
     let text = RUNS.replace("gain: 0.12", "gain: unknown").replace(
         "use: validate}",
         "use: validate, payload: {m: 2.8, com: unknown}}",

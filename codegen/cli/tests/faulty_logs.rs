@@ -76,7 +76,7 @@ fn places() -> Vec<usize> {
 }
 
 #[test]
-fn logs_without_a_fault_are_read_without_a_word() {
+fn logs_without_a_fault_are_read_without_a_message() {
     let (dir, log) = bench("clean_logs");
     let other = Log::read(&root().join("runtime/guide/fivebar/run2.csv"));
     for log in [log, other] {
@@ -136,7 +136,7 @@ fn stuck_encoders_are_found_with_their_rows() {
 }
 
 #[test]
-fn a_clock_that_is_set_is_found_with_its_row() {
+fn a_jump_of_the_clock_is_found_with_its_row() {
     let (dir, log) = bench("clocks");
     for start in places() {
         for jump in [-0.4, 0.4] {
@@ -199,7 +199,7 @@ fn consecutive_rows_are_listed_as_one() {
 }
 
 #[test]
-fn a_file_that_is_no_text_is_called_so() {
+fn a_file_that_is_no_text_is_reported_as_such() {
     let (dir, log) = bench("no_text");
     let wide: Vec<u8> = log
         .text()
@@ -214,7 +214,7 @@ fn a_file_that_is_no_text_is_called_so() {
 /// Doubtful numbers are used on request, with or without a message; values that are not numbers are
 /// left out, always with a message.
 #[test]
-fn doubtful_rows_are_kept_on_request_and_told_on_request() {
+fn doubtful_rows_are_used_on_request_and_printed_on_request() {
     let (dir, log) = bench("kept_rows");
     let json = |log: &Log, more: &[&str]| {
         let more = [&["--standstill", "keep", "--format", "json"], more].concat();
@@ -357,7 +357,7 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
 }
 
 #[test]
-fn json_has_the_suspicion_too() {
+fn the_json_contains_the_suspicion() {
     let (dir, log) = bench("swapped_json");
     let identify =
         |dir: &Path, text: &str, more: &[&str]| identify(dir, text, &[&SOME[..], more].concat());

@@ -5,8 +5,8 @@ use std::fs;
 
 use crate::common::{pendulum, regen, root, scratch, workspace};
 
-/// The modules that are checked in, and the digests of the others, were written by another process,
-/// optimised, at another time.
+/// An optimised build wrote the checked-in modules and digests at an earlier time: equal bytes also
+/// show that the output depends on neither the build nor the time.
 #[test]
 fn the_checked_in_modules_are_what_is_written_now() {
     let run = regen(&root(), &["generate", "--check"]).ended(0);
@@ -14,7 +14,7 @@ fn the_checked_in_modules_are_what_is_written_now() {
 }
 
 #[test]
-fn what_was_generated_passes_the_check_and_is_left_untouched() {
+fn generated_files_pass_the_check_and_are_not_rewritten() {
     let dir = workspace("fresh", &["one", "two"]);
     regen(&dir, &["generate"]).ended(0);
     let module = dir.join("generated/src/one.rs");
@@ -32,7 +32,7 @@ fn what_was_generated_passes_the_check_and_is_left_untouched() {
 }
 
 #[test]
-fn the_check_names_the_first_line_that_differs_and_the_command_that_mends_it() {
+fn the_check_prints_the_first_line_that_differs_and_the_command_that_repairs_it() {
     let dir = workspace("differs", &["arm"]);
     regen(&dir, &["generate"]).ended(0);
     let module = dir.join("generated/src/arm.rs");
@@ -82,7 +82,7 @@ fn a_missing_last_newline_and_other_line_ends_are_differences() {
 }
 
 #[test]
-fn missing_and_stale_modules_are_reported_and_mended() {
+fn missing_and_stale_modules_are_reported_and_repaired() {
     let dir = workspace("set", &["old", "kept"]);
     regen(&dir, &["generate"]).ended(0);
     fs::rename(dir.join("robots/old.yaml"), dir.join("robots/new.yaml")).unwrap();
@@ -112,7 +112,7 @@ fn missing_and_stale_modules_are_reported_and_mended() {
     assert!(!dir.join("generated/src/old.rs").exists());
     assert!(
         dir.join("generated/src/own.rs").exists(),
-        "files of others stay"
+        "a file of another origin was removed"
     );
 }
 
@@ -130,13 +130,13 @@ fn naming_files_leaves_the_other_modules_alone() {
 }
 
 #[test]
-fn of_robots_that_are_no_sources_a_digest_is_held() {
+fn robots_without_a_checked_in_module_have_a_checked_in_digest() {
     let dir = workspace("digests", &["one", "two", "three"]);
     fs::write(dir.join("generated/sources.txt"), "# read by people\ntwo\n").unwrap();
     regen(&dir, &["generate"]).ended(0);
     regen(&dir, &["generate", "--check"]).ended(0);
-    let there = |name: &str| dir.join(format!("generated/src/{name}.rs")).exists();
-    assert_eq!(["one", "two", "three"].map(there), [false, true, false]);
+    let exists = |name: &str| dir.join(format!("generated/src/{name}.rs")).exists();
+    assert_eq!(["one", "two", "three"].map(exists), [false, true, false]);
     let list = fs::read_to_string(dir.join("generated/src/lib.rs")).unwrap();
     assert!(list.contains("two;") && !list.contains("one;"), "{list}");
 
@@ -168,10 +168,10 @@ fn of_robots_that_are_no_sources_a_digest_is_held() {
     regen(&dir, &["generate", "robots/one.yaml"]).ended(0);
     regen(&dir, &["verify", "robots/one.yaml"]).ended(0);
     regen(&dir, &["generate", "--check"]).ended(0);
-    let mended = fs::read_to_string(&file).unwrap();
+    let corrected = fs::read_to_string(&file).unwrap();
     let three = |text: &str| text.split_once("three:").map(|(_, three)| three.to_owned());
-    assert_ne!(mended, good);
-    assert_eq!(three(&mended), three(&good));
+    assert_ne!(corrected, good);
+    assert_eq!(three(&corrected), three(&good));
 
     fs::write(dir.join("generated/sources.txt"), "two\nfour\n").unwrap();
     let run = regen(&dir, &["generate"]).ended(3);
@@ -207,7 +207,7 @@ fn two_robots_of_one_name_are_refused() {
 }
 
 #[test]
-fn the_list_of_files_can_be_had_as_json() {
+fn the_list_of_files_is_printed_as_json() {
     let dir = workspace("json-list", &["arm"]);
     let files = regen(&dir, &["generate", "--check", "--format", "json"])
         .ended(1)
@@ -243,7 +243,7 @@ fn the_same_bytes_come_from_every_directory() {
 }
 
 #[test]
-fn files_in_c_are_kept_up_to_date_as_modules_are() {
+fn c_files_are_checked_and_rewritten_as_modules_are() {
     let dir = workspace("c-files", &["one", "two"]);
     let all = ["generate", "--target", "c", "--out", "c"];
     regen(&dir, &all).ended(0);
@@ -272,7 +272,7 @@ fn files_in_c_are_kept_up_to_date_as_modules_are() {
     fs::write(&source, "int main(void) { return 0; }\n").unwrap();
     let run = regen(&dir, &all).ended(3);
     assert!(run.err.contains("was not written by regen"), "{}", run.err);
-    // without a directory the files of one robot are written here, those of all nowhere
+    // without --out, files of one robot go to the current directory, and all robots are refused
     regen(&dir, &["generate", "robots/one.yaml", "--target", "c"]).ended(0);
     assert_eq!(fs::read_to_string(dir.join("one.c")).unwrap(), good);
     let run = regen(&dir, &["generate", "--target", "c"]).ended(2);
@@ -280,7 +280,7 @@ fn files_in_c_are_kept_up_to_date_as_modules_are() {
 }
 
 #[test]
-fn robots_whose_names_meet_in_c_are_refused() {
+fn robots_whose_names_collide_in_c_are_refused() {
     let dir = workspace("c-names", &["arm", "arm_base", "math"]);
     let c = ["--target", "c"];
     let pair = ["generate", "robots/arm.yaml", "robots/arm_base.yaml"];

@@ -11,18 +11,18 @@ use crate::common::{regen, root, scratch};
 fn commands(page: &str) -> Vec<String> {
     let mut inside = false;
     let mut found: Vec<String> = Vec::new();
-    let mut goes_on = false;
+    let mut is_continued = false;
     for line in page.lines() {
         match line {
             "```sh run" => inside = true,
             "```" => inside = false,
             _ if inside => {
                 let words = line.trim_end_matches('\\');
-                match found.last_mut().filter(|_| goes_on) {
+                match found.last_mut().filter(|_| is_continued) {
                     Some(command) => command.push_str(words),
                     None => found.push(words.to_owned()),
                 }
-                goes_on = line.ends_with('\\');
+                is_continued = line.ends_with('\\');
             }
             _ => {}
         }
@@ -31,7 +31,7 @@ fn commands(page: &str) -> Vec<String> {
 }
 
 /// Copies the files of the repository that the pages name.
-fn clone(dir: &Path) {
+fn copy_inputs(dir: &Path) {
     for folder in [
         "robots",
         "runtime/guide/fivebar",
@@ -51,11 +51,11 @@ fn clone(dir: &Path) {
     }
 }
 
-/// Runs a page's commands; every file that a command writes must exist and not be empty.
-fn follow(page: &str) -> Vec<String> {
+/// Runs a page's commands and returns them; files named by `--out` and `--report` must then exist.
+fn run_page(page: &str) -> Vec<String> {
     let text = fs::read_to_string(root().join(format!("runtime/guide/pages/{page}.md"))).unwrap();
     let dir = scratch(&format!("guide_{page}"));
-    clone(&dir);
+    copy_inputs(&dir);
     let commands = commands(&text);
     for command in &commands {
         let mut words = command.split_whitespace();
@@ -75,7 +75,7 @@ fn follow(page: &str) -> Vec<String> {
 
 #[test]
 fn a_urdf_arm_has_its_base_table_in_under_ten_commands() {
-    let commands = follow("model");
+    let commands = run_page("model");
     let table = commands
         .iter()
         .position(|c| c == "regen base arm.yaml")
@@ -84,22 +84,22 @@ fn a_urdf_arm_has_its_base_table_in_under_ten_commands() {
 }
 
 #[test]
-fn the_table_and_what_makes_it_certain_print_as_told() {
+fn the_commands_of_the_table_trust_and_controller_pages_run() {
     assert_eq!(
-        follow("table").len() + follow("trust").len() + follow("controller").len(),
+        run_page("table").len() + run_page("trust").len() + run_page("controller").len(),
         4
     );
 }
 
 #[test]
-fn a_robot_in_c_and_equations_are_written_as_told() {
-    assert_eq!(follow("c").len(), 1);
-    assert_eq!(follow("equations").len(), 5);
+fn the_commands_of_the_c_and_equations_pages_run() {
+    assert_eq!(run_page("c").len(), 1);
+    assert_eq!(run_page("equations").len(), 5);
 }
 
 #[test]
 fn every_recipe_is_run_and_has_at_most_forty_lines() {
-    let run = follow("recipes").concat();
+    let run = run_page("recipes").concat();
     for entry in fs::read_dir(root().join("runtime/guide/recipes")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
@@ -116,7 +116,7 @@ fn every_recipe_is_run_and_has_at_most_forty_lines() {
 #[test]
 fn the_stewart_platforms_table_is_a_latex_document() {
     let dir = scratch("guide_latex");
-    clone(&dir);
+    copy_inputs(&dir);
     let regen = Path::new(env!("CARGO_BIN_EXE_regen")).parent().unwrap();
     let paths = std::env::var_os("PATH").unwrap_or_default();
     let paths = [regen.to_path_buf()]
@@ -137,15 +137,15 @@ fn the_stewart_platforms_table_is_a_latex_document() {
 
 #[test]
 fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
-    assert!(follow("experiment").len() < 10);
-    assert!(follow("identify").len() < 10);
-    assert_eq!(follow("inspect").len(), 3);
-    assert_eq!(follow("logs").len(), 4);
-    assert_eq!(follow("loads").len(), 7);
-    assert_eq!(follow("response").len(), 4);
-    assert_eq!(follow("rehearse").len(), 3);
+    assert!(run_page("experiment").len() < 10);
+    assert!(run_page("identify").len() < 10);
+    assert_eq!(run_page("inspect").len(), 3);
+    assert_eq!(run_page("logs").len(), 4);
+    assert_eq!(run_page("loads").len(), 7);
+    assert_eq!(run_page("response").len(), 4);
+    assert_eq!(run_page("rehearse").len(), 3);
     let dir = scratch("guide_report");
-    clone(&dir);
+    copy_inputs(&dir);
     let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \
                 --against runtime/guide/fivebar/run2.csv --format json";
     let args: Vec<_> = args.split_whitespace().collect();
@@ -153,18 +153,18 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     // The log has 1 % of noise; parameters fitted to one log must fit the other one too.
     assert!(json["relative_absolute"].as_f64().unwrap() < 3.0, "{json}");
     assert_eq!(json["parameters"].as_array().unwrap().len(), 15);
-    // The pages quote figures of this report.
+    // The pages show the figures of this report.
     let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \
                 --against runtime/guide/fivebar/run2.csv --report report.html --figures figures";
     let args: Vec<_> = args.split_whitespace().collect();
     regen(&dir, &args).ended(0);
     for entry in fs::read_dir(root().join("runtime/guide/pages/figures")).unwrap() {
         let entry = entry.unwrap();
-        let made = fs::read_to_string(dir.join("figures").join(entry.file_name())).unwrap();
-        let kept = fs::read_to_string(entry.path()).unwrap();
+        let drawn = fs::read_to_string(dir.join("figures").join(entry.file_name())).unwrap();
+        let shown = fs::read_to_string(entry.path()).unwrap();
         // Labels, curves and bars are the same; coordinates may be rounded differently on other
         // machines.
         let shape = |text: &str| text.replace(|c: char| c.is_ascii_digit(), "");
-        assert_eq!(shape(&made), shape(&kept), "{}", entry.path().display());
+        assert_eq!(shape(&drawn), shape(&shown), "{}", entry.path().display());
     }
 }

@@ -64,7 +64,7 @@ fn lines(count: usize, line: impl Fn(usize) -> String) -> String {
 }
 
 /// A robot with an expression as a length.
-fn with(expression: &str) -> String {
+fn with_length(expression: &str) -> String {
     format!("name: r\ngeometry: {{a: \"{expression}\"}}\nlimbs: [{{name: l, {JOINT}}}]\n")
 }
 
@@ -84,6 +84,7 @@ fn chain(joints: usize, kind: &str) -> String {
     text
 }
 
+/// YAML aliases that each repeat the one before nine times, which gives 9^25 nodes.
 fn bomb() -> String {
     let mut text = "a: &a [x,x,x,x,x,x,x,x,x]\n".to_owned();
     for (before, name) in ('a'..'y').zip('b'..) {
@@ -131,49 +132,57 @@ fn descriptions_made_to_break_the_reader_are_answered() {
     let fixed = "  - {type: fixed, dh: {a: 1}, body: ".to_owned();
     let bodies: String = lines(900, |k| format!("{fixed}b{k}}}\n"));
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
-        ("exponent", with("1e999999999").into(), "out of range"),
+        (
+            "exponent",
+            with_length("1e999999999").into(),
+            "out of range",
+        ),
         (
             "small exponent",
-            with("1e-999999999").into(),
+            with_length("1e-999999999").into(),
             "out of range",
         ),
         (
             "exponent of digits",
-            with(&format!("1e{}", "9".repeat(9000))).into(),
+            with_length(&format!("1e{}", "9".repeat(9000))).into(),
             "out of range",
         ),
         (
             "a million digits",
-            with(&"7".repeat(1_000_000)).into(),
+            with_length(&"7".repeat(1_000_000)).into(),
             "the limit",
         ),
         (
             "nine thousand digits",
-            with(&"7".repeat(9000)).into(),
+            with_length(&"7".repeat(9000)).into(),
             "out of range",
         ),
         (
             "decimals",
-            with(&format!("0.{}", "7".repeat(9000))).into(),
+            with_length(&format!("0.{}", "7".repeat(9000))).into(),
             "out of range",
         ),
-        ("tower", with("9^9^9^9^9^9").into(), "exponent"),
-        ("power", with("(1+1e-300)^1000^3").into(), "exponent"),
+        ("tower", with_length("9^9^9^9^9^9").into(), "exponent"),
+        ("power", with_length("(1+1e-300)^1000^3").into(), "exponent"),
         (
             "parentheses",
-            with(&("(".repeat(4000) + "1" + &")".repeat(4000))).into(),
+            with_length(&("(".repeat(4000) + "1" + &")".repeat(4000))).into(),
             "nested",
         ),
-        ("signs", with(&("-".repeat(9999) + "1")).into(), "nested"),
+        (
+            "signs",
+            with_length(&("-".repeat(9999) + "1")).into(),
+            "nested",
+        ),
         (
             "calls",
-            with(&("sqrt(".repeat(1600) + "2" + &")".repeat(1600))).into(),
+            with_length(&("sqrt(".repeat(1600) + "2" + &")".repeat(1600))).into(),
             "nested",
         ),
-        ("roots", with(&roots(480)).into(), ""),
+        ("roots", with_length(&roots(480)).into(), ""),
         (
             "a quotient of roots",
-            with(&format!("1/({})", roots(40))).into(),
+            with_length(&format!("1/({})", roots(40))).into(),
             "",
         ),
         ("aliases", bomb().into(), "nodes"),
@@ -241,10 +250,10 @@ fn descriptions_made_to_break_the_reader_are_answered() {
         ),
     ];
     let dir = scratch("hostile_specs");
-    for (name, text, told) in cases {
+    for (name, text, message) in cases {
         fs::write(dir.join("r.yaml"), text).unwrap();
         let (_, err) = answer(&dir, name, &["info", "r.yaml"]);
-        assert!(err.contains(told), "{name}: {told}\n{err}");
+        assert!(err.contains(message), "{name}: {message}\n{err}");
         assert!(err.len() < 60_000, "{name}: {} bytes", err.len());
     }
     fs::write(dir.join("r.yaml"), chain(160, "revolute")).unwrap();

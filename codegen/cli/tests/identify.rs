@@ -87,10 +87,9 @@ fn run(dir: &Path, args: &[&str]) -> Run {
     regen(dir, &all)
 }
 
-/// Equations are thinned out after the filter, but instruments are computed at every state before
-/// it.
+/// Equations are decimated after the filter, but instruments are computed at every state before it.
 #[test]
-fn instruments_are_found_for_equations_that_are_thinned() {
+fn instruments_are_computed_for_decimated_equations() {
     let dir = scratch("thinned");
     let guide = root().join("runtime/guide/fivebar");
     for name in ["fivebar.yaml", "run1.csv"] {
@@ -122,14 +121,14 @@ fn instruments_are_found_for_equations_that_are_thinned() {
 /// A log without motion gives no predictions if states at rest are left out: the message contains
 /// the remedy.
 #[test]
-fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
+fn for_a_log_at_rest_the_message_says_why_nothing_is_predicted() {
     let dir = scratch("rest");
     // equations of a joint without friction are used at rest too, so this joint gets friction
-    let held = CART.replace(
+    let with_friction = CART.replace(
         "body: rod, actuated: true",
         "body: rod, actuated: true, friction: linear",
     );
-    fs::write(dir.join("cart.yaml"), held).unwrap();
+    fs::write(dir.join("cart.yaml"), with_friction).unwrap();
     fs::write(dir.join("a.csv"), log(&dir, 400, 1.3)).unwrap();
     let mut still = "t,x,q,tau_x,tau_q\n".to_owned();
     for k in 0..400 {
@@ -141,16 +140,16 @@ fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
         let args = ["validate", "cart.yaml", "p.json", "still.csv"];
         regen(&dir, &[&args[..], more].concat()).ended(0)
     };
-    let left = validate(&[]);
+    let dropped = validate(&[]);
     assert!(
-        left.err.contains("still.csv: all 398 samples rest"),
+        dropped.err.contains("still.csv: all 398 samples rest"),
         "{}",
-        left.err
+        dropped.err
     );
     assert!(
-        left.err.contains("--standstill keep predicts them"),
+        dropped.err.contains("--standstill keep predicts them"),
         "{}",
-        left.err
+        dropped.err
     );
     let kept = validate(&["--standstill", "keep", "--format", "json"]);
     assert!(!kept.err.contains("rest"), "{}", kept.err);
@@ -198,7 +197,7 @@ fn logs_become_parameters_that_predict_other_logs() {
         (unit("Fv(x)").as_str(), unit("Fc(x)").as_str()),
         ("N s/m", "N")
     );
-    // friction changes its sign with the velocity, between samples: nearby rows are left out
+    // friction changes its sign with the velocity between samples, so rows near it are left out
     let taken = found["equations"].as_u64().unwrap();
     let left = found["left_out"]["resting"].as_array().unwrap();
     let left: u64 = left.iter().map(|n| n.as_u64().unwrap()).sum();
@@ -270,7 +269,7 @@ fn logs_become_parameters_that_predict_other_logs() {
 }
 
 #[test]
-fn what_is_wrong_with_logs_and_factors_is_said() {
+fn mistakes_in_logs_and_factors_are_reported() {
     let dir = scratch("identify-errors");
     fs::write(dir.join("cart.yaml"), CART).unwrap();
     let good = log(&dir, 200, 1.3);
@@ -320,8 +319,8 @@ fn what_is_wrong_with_logs_and_factors_is_said() {
         let _ = writeln!(still, "{},0.1,0.3,0,{}", f64::from(k) * 0.02, 1.0);
     }
     fs::write(dir.join("still.csv"), still).unwrap();
-    let open = regen(&dir, &["identify", "cart.yaml", "still.csv"]).ended(4);
-    assert!(open.err.contains("undetermined: "), "{}", open.err);
+    let still = regen(&dir, &["identify", "cart.yaml", "still.csv"]).ended(4);
+    assert!(still.err.contains("undetermined: "), "{}", still.err);
 
     // QR factors of another geometry
     run(&dir, &["observe", "cart.yaml", "a.csv", "--out", "a.json"]).ended(0);
@@ -336,8 +335,9 @@ fn what_is_wrong_with_logs_and_factors_is_said() {
     assert!(part.err.contains("values are missing for"), "{}", part.err);
 }
 
-/// The closed five-bar with encoder noise of 0.1 mrad, differentiated twice at 200 Hz: the error of
-/// least squares is tens of standard deviations, that of `--iv` is not, with the reference too.
+/// A five-bar with encoder noise of 0.1 mrad, differentiated twice at 200 Hz: the error of least
+/// squares is more than five standard deviations, that of `--iv` is less, with measured and with
+/// simulated instruments.
 #[test]
 fn instrumental_variables_are_not_biased_by_noise_of_positions() {
     let dir = scratch("identify-iv");
@@ -373,7 +373,7 @@ fn instrumental_variables_are_not_biased_by_noise_of_positions() {
         assert_eq!(found["method"], "instrumental variables");
         let (least, ours) = (worst(&found["least_squares"]), worst(&found["parameters"]));
         assert!(least > 5.0, "{more:?}: {least}");
-        // the largest of eleven deviations: beyond 3.5 once in 200 logs
+        // the largest of eleven errors is beyond 3.5 standard deviations in one of 200 logs
         assert!(ours < 3.5, "{more:?}: {ours}");
         let instruments = &found["instruments"];
         assert!(

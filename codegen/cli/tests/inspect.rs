@@ -1,4 +1,4 @@
-//! What logs hold, before anything is fitted.
+//! `regen inspect`: what logs contain, before anything is fitted.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
@@ -10,7 +10,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use serde_json::Value;
 
-/// The guide's five-bar, and a log of it.
+/// The path of a file of the guide's five-bar.
 fn guide(name: &str) -> String {
     let path = root().join("runtime/guide/fivebar").join(name);
     path.display().to_string()
@@ -29,7 +29,7 @@ fn changed(text: &str) -> String {
 }
 
 #[test]
-fn the_spec_may_stand_before_the_logs() {
+fn the_spec_may_be_given_before_the_logs() {
     let dir = scratch("inspect_spec_first");
     let run = |args: &[&str]| regen(&dir, args).ended(0).out;
     let (spec, log) = (guide("fivebar.yaml"), guide("run1.csv"));
@@ -72,11 +72,11 @@ fn a_first_experiment_file_is_proposed_that_identify_accepts() {
     assert!(page.contains("What these logs can identify") && page.contains("<svg"));
     let fit = run(&[&["identify", &spec, "runs.yaml"], &json[..]].concat()).json();
     assert!(fit["parameters"].as_array().unwrap().len() > 5);
-    // the file stands for the log, with and without the robot
+    // the experiment file can be inspected in place of its log, here without the spec
     let again = run(&["inspect", "runs.yaml", "--format", "json"]).json();
     assert_eq!(again["logs"][0]["joints"], found["logs"][0]["joints"]);
     assert_eq!(again["prediction"], Value::Null);
-    // it is not replaced
+    // an existing experiment file is not overwritten
     let second = regen(&dir, &args).ended(5);
     assert!(
         second.err.contains("runs.yaml") && second.err.contains("--out"),
@@ -107,7 +107,7 @@ fn predicted_deviations_are_those_of_the_fit() {
 }
 
 #[test]
-fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
+fn exchanged_and_reversed_efforts_of_a_log_without_header_are_reported() {
     let dir = scratch("inspect_exchanged");
     let text = fs::read_to_string(guide("run1.csv")).unwrap();
     fs::write(dir.join("raw.csv"), changed(&text)).unwrap();
@@ -128,7 +128,7 @@ fn exchanged_and_reversed_efforts_of_a_log_without_header_are_told() {
 }
 
 #[test]
-fn with_the_robot_its_weights_tell_which_effort_is_reversed() {
+fn with_the_spec_a_reversed_effort_is_reported_with_its_remedy() {
     let dir = scratch("inspect_doubts");
     let text = fs::read_to_string(guide("run1.csv")).unwrap();
     let flipped = |line: &str| {
@@ -153,7 +153,7 @@ fn with_the_robot_its_weights_tell_which_effort_is_reversed() {
 }
 
 #[test]
-fn what_is_no_log_is_refused_with_its_place() {
+fn files_that_are_no_logs_are_refused_with_their_place() {
     let dir = scratch("inspect_wrong");
     fs::write(dir.join("short.csv"), "t,q1\n0,1\n0.1,x\n").unwrap();
     fs::write(
@@ -209,7 +209,7 @@ fn as_parquet(text: &str, path: &std::path::Path) {
 }
 
 #[test]
-fn a_log_holds_the_same_as_csv_and_as_parquet() {
+fn a_log_is_inspected_alike_as_csv_and_as_parquet() {
     let dir = scratch("inspect_parquet");
     let text = fs::read_to_string(guide("run1.csv")).unwrap();
     fs::write(dir.join("run.csv"), &text).unwrap();

@@ -19,7 +19,7 @@ fn parameters(dir: &Path, spec: &str, log: &str, options: &[&str]) -> Vec<Value>
 /// Simulates a motion without noise, and compares each interval and each status with the true
 /// value.
 #[track_caller]
-fn every_interval_holds_the_truth(
+fn assert_intervals_contain_the_truth(
     robot: &str,
     motion: &str,
     simulated: &[&str],
@@ -42,8 +42,8 @@ fn every_interval_holds_the_truth(
         .iter()
         .map(|p| (p["label"].as_str().unwrap(), p["value"].as_f64().unwrap()))
         .collect();
-    // simulated friction changes its sign smoothly, which biases the result from an exact log a
-    // little
+    // simulated friction changes its sign smoothly, which biases the result from the exact log
+    // slightly, so the simulated coefficients are used
     truth.extend(friction.iter().copied());
     for options in readings {
         for found in parameters(&dir, &spec, "log.csv", options) {
@@ -66,8 +66,8 @@ fn every_interval_holds_the_truth(
 }
 
 #[test]
-fn intervals_of_a_platform_hold_the_truth_without_noise() {
-    every_interval_holds_the_truth(
+fn intervals_of_a_platform_contain_the_true_values_without_noise() {
+    assert_intervals_contain_the_truth(
         "robots/3rps.yaml",
         r#"{"format": "regen-trajectory", "robot": "rps3", "coordinates": ["q2", "q7", "q9"],
             "base_frequency": 0.13333, "harmonics": 5, "offset": [0.5908, 0.5963, 0.5927],
@@ -84,8 +84,8 @@ fn intervals_of_a_platform_hold_the_truth_without_noise() {
 }
 
 #[test]
-fn intervals_of_a_five_bar_with_friction_hold_the_truth_without_noise() {
-    every_interval_holds_the_truth(
+fn intervals_of_a_five_bar_with_friction_contain_the_true_values_without_noise() {
+    assert_intervals_contain_the_truth(
         "runtime/guide/fivebar/fivebar.yaml",
         r#"{"format": "regen-trajectory", "robot": "picker", "coordinates": ["q1", "q3"],
             "base_frequency": 0.2, "harmonics": 5, "offset": [2.2022, 0.9745],

@@ -215,13 +215,13 @@ fn the_human_tables_fit_80_columns() {
     let dir = workspace("tables", &[]);
     let file = oracle("fivebar.yaml");
     let states = r#"[{"independent": {"q": [], "qd": [], "qdd": []}}]"#;
-    let home = regen(&dir, &["info", &file]).ended(0);
+    let info = regen(&dir, &["info", &file]).ended(0);
     let main = regen(&dir, &[&file, "--out", "."]).ended(0);
     let wrong = regen_with(&dir, &["eval", &file, "--states", "-"], states).ended(3);
     assert!(wrong.err.contains("has 0 entries"), "{}", wrong.err);
     assert!(main.out.contains("11 base parameters"), "{}", main.out);
     assert!(main.out.contains("in 96 digits"), "{}", main.out);
-    for line in home.out.lines().chain(main.out.lines()) {
+    for line in info.out.lines().chain(main.out.lines()) {
         assert!(line.chars().count() <= 80, "{line}");
     }
 }

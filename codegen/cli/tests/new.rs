@@ -39,7 +39,7 @@ fn every_kind_of_new_spec_is_a_robot_with_certified_base_parameters() {
     }
 }
 
-/// The chain of a first hour, on a motion that is short to search for.
+/// The commands of a first hour, with a short search for the motion.
 #[test]
 fn every_kind_goes_from_a_new_spec_to_a_report_without_an_edit() {
     let dir = scratch("new_chain");
@@ -56,7 +56,7 @@ fn every_kind_goes_from_a_new_spec_to_a_report_without_an_edit() {
         run("simulate KIND.yaml --trajectory KIND.json --bandwidth 6 --out KIND.csv");
         let fit =
             run("identify KIND.yaml KIND.csv --butterworth 4,20 --out KIND.p.json --format json");
-        // without noise, what is left is the filter's and the sampling's error
+        // without noise, the remaining error is that of the filter and of the sampling
         let error = fit.json()["relative_absolute"].as_f64().unwrap();
         assert!(error < 3.0, "{kind}: {error} %");
         run("validate KIND.yaml KIND.p.json KIND.csv --butterworth 4,20");
@@ -92,8 +92,8 @@ fn a_table_of_denavit_and_hartenberg_becomes_an_arm_that_is_identified() {
     .unwrap();
     regen(&dir, &["new", "arm", "--from-dh", "table.csv", "--classic"]).ended(0);
     let base = regen(&dir, &["base", "arm.yaml", "--format", "json"]).ended(0);
-    // Ixx of the first link does not count, nor does any rotation about another axis: 15, and
-    // linear friction of three joints
+    // the first link turns about a fixed axis, so it has one base parameter, the others have seven
+    // each; linear friction has two for each of three joints
     assert_eq!(base.json()["certificate"]["rank"], 15 + 6);
     let run = regen(
         &dir,
@@ -143,7 +143,7 @@ fn a_name_that_no_module_can_have_is_refused_and_nothing_is_written() {
 }
 
 #[test]
-fn manual_pages_tell_of_every_command() {
+fn manual_pages_list_every_command() {
     let dir = scratch("man");
     let page = regen(&dir, &["man"]).ended(0).out;
     for command in ["new", "identify", "base", "completions"] {

@@ -129,7 +129,7 @@ fn the_view_is_one_page_that_needs_nothing_else_and_is_the_same_each_time() {
 }
 
 #[test]
-fn a_mechanism_that_does_not_close_is_shown_and_the_error_told() {
+fn a_mechanism_that_does_not_close_is_drawn_with_its_error() {
     let dir = scratch("pages_wrong");
     let text = fs::read_to_string(robot("3rps.yaml")).unwrap();
     let wrong = text.replace("dh: {alpha: pi/2}", "dh: {alpha: pi/3}");
@@ -259,7 +259,7 @@ pub(crate) fn element<'a>(dom: &'a str, id: &str) -> &'a str {
 }
 
 #[test]
-fn in_a_browser_errors_of_a_page_are_seen() {
+fn in_a_browser_errors_of_a_page_are_detected() {
     let Some(browser) = browser() else { return };
     let dir = scratch("pages_broken");
     let page = dir.join("broken.html");
@@ -318,7 +318,7 @@ fn red(browser: &Path, page: &Path, part: &str) -> String {
 }
 
 #[test]
-fn in_a_browser_loops_that_close_do_not_gape_between_samples() {
+fn in_a_browser_loops_stay_closed_between_samples() {
     let Some(browser) = browser() else { return };
     let dir = scratch("pages_gaps");
     // two large turns with few samples: between the samples, the drawn loops are open by one part
@@ -349,7 +349,7 @@ fn in_a_browser_the_report_has_its_figures_and_no_errors() {
 /// A text of the spec stays a text: `<!-- <script` in a page's script would hide the end of the script, and
 /// the page would be blank.
 #[test]
-fn a_view_keeps_tags_in_texts_apart_from_its_own() {
+fn a_view_escapes_tags_in_the_texts_of_a_spec() {
     let dir = scratch("pages_hostile");
     let evil = "<!-- <script> </script> x";
     let text = fs::read_to_string(robot("fourbar.yaml")).unwrap();

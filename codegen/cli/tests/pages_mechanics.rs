@@ -7,7 +7,7 @@ use crate::common::{regen, root, scratch};
 use crate::pages::{browser, element, is_self_contained, is_well_formed, rendered};
 
 #[test]
-fn the_legend_names_what_the_picture_has_and_nothing_else() {
+fn the_legend_lists_exactly_what_the_picture_shows() {
     let dir = scratch("pages_mechanics");
     const SPRINGS: [&str; 3] = [
         "spring between points",
@@ -16,7 +16,7 @@ fn the_legend_names_what_the_picture_has_and_nothing_else() {
     ];
     const DRIVEN: &str = "joint that a drive moves";
     const LOAD: &str = "payload, carried in some runs";
-    for (name, there, drives) in [
+    for (name, expected, drives) in [
         ("springs", &SPRINGS[..], ""),
         ("tendons", &[DRIVEN][..], "flexor= 0.008 q1 + 0.006 q2"),
         ("payload", &[LOAD][..], ""),
@@ -29,14 +29,14 @@ fn the_legend_names_what_the_picture_has_and_nothing_else() {
         is_well_formed(&text);
         is_self_contained(&text);
         let Some(browser) = browser() else { continue };
-        let (dom, told) = rendered(&browser, &page, "#t=0.1");
-        assert!(told.is_empty(), "{told:?}");
+        let (dom, errors) = rendered(&browser, &page, "#t=0.1");
+        assert!(errors.is_empty(), "{errors:?}");
         let from = dom.find("id=\"legend\"").unwrap();
         let legend = &dom[from..from + dom[from..].find("</ul>").unwrap()];
         for words in SPRINGS.iter().chain(&[DRIVEN, LOAD]) {
             assert_eq!(
                 legend.contains(words),
-                there.contains(words),
+                expected.contains(words),
                 "{name}: {words}"
             );
         }

@@ -49,7 +49,7 @@ fn the_table_of_base_parameters_has_the_payload_s_behind_the_robot_s() {
 }
 
 #[test]
-fn runs_say_whether_they_carry_the_payload() {
+fn runs_must_state_whether_they_carry_the_payload() {
     let dir = scratch("payload_identify");
     arm(&dir);
     for line in [
@@ -165,7 +165,7 @@ fn late(dir: &Path) -> f64 {
 }
 
 #[test]
-fn gains_and_loads_are_identified_validated_and_refused_where_nothing_tells_the_scale() {
+fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undetermined() {
     let dir = scratch("payload_gains");
     arm(&dir);
     run(

@@ -39,7 +39,7 @@ fn predicted_efforts_are_written_for_every_log_and_give_the_printed_error() {
         regen(&dir, &args)
     };
     run("simulate cart.yaml --out log.csv --noise 1e-6,0.02 --bandwidth 6 --runs 2").ended(0);
-    // linear parameters, and those with nonlinear friction
+    // one model has linear parameters only, the other one nonlinear friction too
     run("identify cart.yaml log-1.csv --butterworth 4,10 --out linear.json").ended(0);
     run("identify cart.yaml log-1.csv --butterworth 4,10 --friction --draws 0 --out whole.json")
         .ended(0);
@@ -66,7 +66,7 @@ fn predicted_efforts_are_written_for_every_log_and_give_the_printed_error() {
             assert!((rms - printed).abs() < 1e-6 * printed, "{rms} {printed}");
         }
     }
-    // one log: no number of the run; a folder that is not there is made, as for other files
+    // one log needs no `run` column; a missing folder is created
     run("validate cart.yaml linear.json log-1.csv --butterworth 4,10 --predict new/one.csv")
         .ended(0);
     let one = fs::read_to_string(dir.join("new/one.csv")).unwrap();

@@ -13,7 +13,7 @@ fn fixture(name: &str) -> PathBuf {
     root().join("tests/fixtures/bags").join(name)
 }
 
-/// Reads a run of a robot with these joints, of which columns have other names.
+/// Reads a run for a robot with these joints; `columns` are assignments as `--column` takes them.
 fn read(run: &Run, joints: &[&str], columns: &[&str]) -> Result<Vec<Track>, DataError> {
     let all: Vec<usize> = (0..joints.len()).collect();
     let info = Info {
@@ -30,13 +30,14 @@ fn read(run: &Run, joints: &[&str], columns: &[&str]) -> Result<Vec<Track>, Data
     tracks(run, &info, &settings, &[]).map(|(tracks, _)| tracks)
 }
 
+/// The only track of a run that has no gaps.
 fn only(run: &Run, joints: &[&str], columns: &[&str]) -> Track {
     let tracks = read(run, joints, columns).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(tracks.len(), 1, "gaps");
     tracks.into_iter().next().unwrap()
 }
 
-/// Times of so many steps of 10 ms.
+/// The times, s, of `count` samples 10 ms apart.
 fn times(count: u32) -> Vec<f64> {
     (0..count)
         .map(|k| f64::from(k * 10_000_000) * 1e-9)
@@ -72,14 +73,14 @@ fn columns_are_found_by_the_names_of_joints() {
     let commands: Vec<f64> = positions(0, 8).iter().map(|q| q + 1.0).collect();
     assert_eq!(track.commands[1], (1, commands));
     assert_eq!((track.efforts.len(), track.efforts[0].1[3]), (1, 4.0));
-    // efforts that are empty in all messages are no columns
+    // efforts that are empty in all messages give no columns
     let states = Run::from(fixture("states.mcap"));
     let track = only(&states, &["elbow"], &[]);
     assert_eq!((track.velocities.len(), track.efforts.len()), (1, 0));
 }
 
 #[test]
-fn joints_of_publishers_of_their_own_are_joined_by_time() {
+fn joints_of_separate_publishers_are_joined_by_time() {
     let run = Run::from(fixture("publishers.mcap"));
     let track = only(&run, &["shoulder", "gripper"], &[]);
     // from the gripper's first message to its last one, which are at 15 ms and 115 ms
@@ -97,17 +98,17 @@ fn joints_of_publishers_of_their_own_are_joined_by_time() {
 }
 
 #[test]
-fn faults_of_messages_are_told_as_those_of_rows() {
+fn faulty_messages_are_reported_as_faulty_rows_are() {
     let run = Run::from(fixture("faulty.mcap"));
     let Err(DataError::Problems { problems, .. }) = read(&run, &["shoulder", "elbow"], &[]) else {
         panic!("nothing is refused");
     };
-    let told: Vec<(u64, &str)> = problems
+    let reported: Vec<(u64, &str)> = problems
         .first
         .iter()
         .map(|p| (p.row, p.what.kind()))
         .collect();
-    assert_eq!(told, [(6, "not a number"), (10, "unsorted time")]);
+    assert_eq!(reported, [(6, "not a number"), (10, "unsorted time")]);
     let joined = Run {
         files: vec![fixture("states.mcap"), fixture("faulty.mcap")],
         topic: None,
@@ -158,7 +159,7 @@ fn episodes_of_lerobot_are_read_by_the_names_of_their_features() {
     );
 }
 
-/// Every fourth row of a log of the guide, of which its recording was made.
+/// Every fourth row of a log of the guide; the recording `run1.mcap` was made of these rows.
 fn quarter() -> String {
     let text = fs::read_to_string(root().join("runtime/guide/fivebar/run1.csv")).unwrap();
     let mut out = String::new();
@@ -213,7 +214,7 @@ fn parts_that_must_be_named_are_listed_with_the_option() {
         "{error}"
     );
     assert!(error.contains("--topic"), "{error}");
-    // the topic is there, the joints are others
+    // the topic exists, but has other joints
     let error = refused("several.mcap", &["--topic", "/joint_states"]);
     assert!(
         error.contains("missing: q1 q3; columns: t, t_received, shoulder"),

@@ -41,12 +41,12 @@ fn run(dir: &Path, words: &str) -> Run {
     regen(dir, &args)
 }
 
-/// The rehearsal that the tests change.
+/// The command line to which the tests add options.
 const CRANE: &str = "rehearse crane.yaml --trajectory m.json --noise 1e-5,0.02 --perturb 0.1 --duration 4 --bandwidth 6 \
                      --butterworth 4,15";
 
 #[test]
-fn a_setting_that_fits_passes_and_every_figure_is_consistent() {
+fn a_rehearsal_of_a_correct_model_passes_with_consistent_numbers() {
     let dir = prepared("rehearse_passes");
     let words = format!("{CRANE} --seeds 10 --score 75");
     let text = run(&dir, &format!("{CRANE} --seeds 1")).ended(0).out;
@@ -71,7 +71,7 @@ fn a_setting_that_fits_passes_and_every_figure_is_consistent() {
         assert!(of(row, "bias").abs() < 2.0, "{row}");
         assert_eq!(row["is_low"], false, "{row}");
     }
-    // a fresh run has its noise, which the truth explains no better
+    // the error in a fresh run is its noise, so the true parameters predict it no better
     let [ours, truth] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
     assert!(truth > 0.01 && ours < 1.1 * truth, "{ours} {truth}");
     // the true values are those of the log that `simulate` writes from the same seed
@@ -99,7 +99,7 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_setting_that_does_not_fit_ends_with_code_1() {
+fn a_rehearsal_with_unsuitable_settings_exits_with_1() {
     let dir = prepared("rehearse_fails");
     let stribeck = run(
         &dir,
@@ -112,7 +112,7 @@ fn a_setting_that_does_not_fit_ends_with_code_1() {
     let bare = CRANE.replace("--butterworth 4,15", "--quantum 1e-3");
     let bare = run(&dir, &format!("{bare} --seeds 4 --format json")).ended(1);
     assert_eq!(bare.json()["passed"], false);
-    // a loop that is tuned to the estimate, not to what the robot was tuned to
+    // simulated controllers tuned to the estimate, not to the parameters the robot was tuned to
     let tuned = CRANE.replace("--butterworth 4,15", "--estimator didim --loop-bandwidth 6");
     let tuned = run(&dir, &format!("{tuned} --seeds 2 --format json")).ended(1);
     assert!(
@@ -120,7 +120,7 @@ fn a_setting_that_does_not_fit_ends_with_code_1() {
         "{}",
         tuned.out
     );
-    // a filter so low that no equation is left: every seed fails, and is counted
+    // a cutoff so low that no equation is left: every seed fails and is counted
     let low = CRANE.replace("4,15", "4,0.5");
     let low = run(&dir, &format!("{low} --seeds 2 --format json")).ended(1);
     assert_eq!(low.json()["failed"].as_array().unwrap().len(), 2);
@@ -142,13 +142,13 @@ fn every_estimator_is_rehearsed() {
         let json = run(&dir, &words).ended(0).json();
         assert_eq!(json["estimator"], name, "{more}");
         assert_eq!(json["failed"], serde_json::json!([]), "{more}");
-        // most parameters, whatever one seed may give
+        // one seed may miss some parameters, but not most of them
         assert!(json["within"].as_f64().unwrap() >= 50.0, "{more}: {json}");
     }
 }
 
 #[test]
-fn a_closed_loop_is_found_in_every_seed() {
+fn a_five_bar_passes_with_every_seed() {
     let dir = scratch("rehearse_loop");
     let spec = root().join("runtime/guide/fivebar/fivebar.yaml");
     fs::copy(spec, dir.join("fivebar.yaml")).unwrap();
@@ -165,7 +165,7 @@ fn a_closed_loop_is_found_in_every_seed() {
 }
 
 #[test]
-fn an_experiment_says_how_long_runs_are_with_or_without_their_logs() {
+fn an_experiment_file_gives_the_durations_of_runs_with_and_without_logs() {
     let dir = prepared("rehearse_planned");
     let runs = "rate: 250\nprocess:\n  filter: {butterworth: {order: 4, cutoff: 15}}\n  delay: auto\n\
                 columns: {x: {column: 2, unit: mm}}\nruns:\n  - {files: a.csv, rows: [1, 751]}\n  \
@@ -185,7 +185,7 @@ fn an_experiment_says_how_long_runs_are_with_or_without_their_logs() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_the_remedy() {
+fn mistakes_of_a_rehearsal_are_reported_with_the_remedy() {
     let dir = prepared("rehearse_wrong");
     let plain = SPEC
         .replace(" friction: linear,", "")
@@ -199,7 +199,7 @@ fn what_is_wrong_is_said_with_the_remedy() {
         );
     fs::write(dir.join("plain.yaml"), plain).unwrap();
     fs::write(dir.join("bare.yaml"), SPEC.split("bodies:").next().unwrap()).unwrap();
-    for (words, code, says) in [
+    for (words, code, message) in [
         ("rehearse crane.yaml --seeds 0", 2, "at least 1"),
         (
             "rehearse crane.yaml --score 120",
@@ -245,11 +245,11 @@ fn what_is_wrong_is_said_with_the_remedy() {
         ("rehearse crane.yaml none.csv --runs 2", 2, "--runs"),
     ] {
         let found = run(&dir, words).ended(code);
-        assert!(found.err.contains(says), "{words}: {}", found.err);
+        assert!(found.err.contains(message), "{words}: {}", found.err);
     }
 }
 
-/// A crane whose rod carries a load in the second run, both efforts as currents.
+/// A crane whose rod carries a load in the second run; both efforts are logged as currents.
 #[test]
 fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     let dir = prepared("rehearse_loads");
@@ -276,13 +276,13 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
             "{row}"
         );
     }
-    // the load was drawn with the rest, the mass is the one that is known
+    // the load is perturbed like the other bodies, but its mass is given
     let centre = row("cz of load").unwrap();
     let truth = of(centre, "truth");
     assert!((truth + 0.05).abs() < 0.03, "{centre}");
     assert!((of(centre, "mean") - truth).abs() < 0.02, "{centre}");
     assert!(row("m of load").is_none());
-    // with the mass the moment of the load about its hook is half of cz
+    // the mass is 0.5 kg, so the first moment of the load about its hook is half of cz
     let moment = row("mz(load)").unwrap();
     assert!(
         (of(moment, "truth") - 0.5 * truth).abs() < 1e-12,

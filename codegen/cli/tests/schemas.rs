@@ -1,7 +1,7 @@
-//! `regen schema --of COMMAND`, and that it describes what commands print.
+//! `regen schema --of COMMAND`: the schemas describe what commands print.
 //!
-//! Every run of every test of this program whose output is JSON is held against its schema, see
-//! `common::Run`. A new key of an output is described in `codegen/report/src/documents`.
+//! Every run of a test of this program with JSON as its output is checked against its schema by
+//! `common::regen`. A new key of an output is described in `codegen/report/src/documents`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
@@ -43,7 +43,7 @@ fn each_command_with_json_has_a_schema_and_each_schema_a_command() {
 
 /// The commands that no other test of this program runs with JSON, or not with these options.
 #[test]
-fn what_commands_print_fits_their_schemas() {
+fn printed_json_fits_the_schemas_of_the_commands() {
     let dir = scratch("schemas_printed");
     fs::write(dir.join("arm.yaml"), pendulum("arm")).unwrap();
     let guide = root().join("runtime/guide/fivebar");
@@ -81,9 +81,9 @@ fn what_commands_print_fits_their_schemas() {
         (vec!["inspect", "run1.csv", "--spec", five], &[]),
     ] {
         let words = [&words[..], options, &["--format", "json"]].concat();
-        // the runs themselves compare
+        // `regen` of these tests compares the output with its schema
         let printed = regen(&dir, &words).ended(0).json();
-        // a physical model, and no other, says how far it may be from its optimum
+        // only the fit of a physical model prints how far it may be from its optimum
         let gap = printed["gap"].as_f64();
         assert_eq!(gap.is_some(), words.contains(&"--feasible"), "{words:?}");
         assert!(gap.is_none_or(|gap| (0.0..1e-6).contains(&gap)), "{gap:?}");
@@ -91,7 +91,7 @@ fn what_commands_print_fits_their_schemas() {
 }
 
 #[test]
-fn what_does_not_fit_a_schema_is_found() {
+fn misfits_of_a_schema_are_reported() {
     let schema: Value = serde_json::from_str(Document::Info.schema()).unwrap();
     let dir = scratch("schemas_misfits");
     fs::write(dir.join("arm.yaml"), pendulum("arm")).unwrap();
@@ -102,7 +102,7 @@ fn what_does_not_fit_a_schema_is_found() {
         change(&mut value);
         misfits(&schema, &value)
     };
-    for (found, told) in [
+    for (found, expected) in [
         (wrong(&|v| v["dof"] = json!(1.5)), "$.dof: 1.5 is no"),
         (wrong(&|v| v["robot"] = json!(null)), "$.robot: null is no"),
         (wrong(&|v| v["more"] = json!(1)), "$.more is not described"),
@@ -118,6 +118,6 @@ fn what_does_not_fit_a_schema_is_found() {
         ),
     ] {
         assert_eq!(found.len(), 1, "{found:?}");
-        assert!(found[0].starts_with(told), "{found:?}");
+        assert!(found[0].starts_with(expected), "{found:?}");
     }
 }

@@ -103,7 +103,7 @@ impl Served {
         self.raw(&[head.as_bytes(), body.as_bytes()].concat())
     }
 
-    /// Gives texts, and what comes of them once nothing is computed any more.
+    /// Posts texts, and returns the server's state once their computation has ended.
     fn texts(&self, texts: &[&str]) -> Value {
         let edit = self
             .post("/texts", &json!({"texts": texts}).to_string())
@@ -153,7 +153,7 @@ fn only_requests_of_its_own_page_are_answered() {
     }
     assert_eq!(with(&format!("/nothing?token={token}"), &own), 404);
     assert_eq!(with(&format!("/../arm.yaml?token={token}"), &own), 404);
-    // no answer may be read, framed or kept by another site
+    // no other site may read or frame an answer, and no cache may store it
     let page = served.get("/");
     for header in [
         "Content-Security-Policy: default-src 'none'; script-src 'self';",
@@ -173,7 +173,7 @@ fn only_requests_of_its_own_page_are_answered() {
 }
 
 #[test]
-fn what_is_not_a_request_ends_its_connection_alone() {
+fn a_malformed_request_ends_only_its_own_connection() {
     let (_dir, served) = pendulum_served("serve_bad");
     let Served { host, token, .. } = &served;
     let long = format!(
@@ -202,7 +202,7 @@ fn what_is_not_a_request_ends_its_connection_alone() {
         served.post("/save", "{\"file\": 7, \"text\": \"\"}").status,
         404
     );
-    // clients that say half of a request, and clients that only connect, keep nobody waiting
+    // clients that send half of a request or only connect do not delay others
     let idle: Vec<TcpStream> = (0..20).map(|_| served.connect()).collect();
     let mut half = served.connect();
     half.write_all(b"GET / HTTP/1.1\r\nHos").unwrap();
@@ -210,9 +210,9 @@ fn what_is_not_a_request_ends_its_connection_alone() {
     assert_eq!(served.get("/").status, 200);
     assert!(begun.elapsed() < Duration::from_secs(5));
     drop(idle);
-    let mut told = String::new();
-    half.read_to_string(&mut told).unwrap();
-    assert!(told.starts_with("HTTP/1.1 408 "), "{told}");
+    let mut answer = String::new();
+    half.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
 }
 
 #[test]
@@ -238,7 +238,7 @@ fn a_thousand_requests_are_answered() {
             });
         }
     });
-    // the last text counts
+    // the parts are those of the last text
     let state = served.texts(&[&pendulum("last")]);
     assert_eq!(state["failures"], json!([]));
     let words = served.get("/part/check").json()["text"]
@@ -272,7 +272,7 @@ fn each_text_gives_its_mistakes_or_its_parts() {
     );
     assert_eq!(served.get("/part/report").status, 404);
 
-    // a mistake has its place, and the tables of the text before stay
+    // a mistake is reported with its place, and the tables of the previous text remain
     let wrong = good.replace("revolute", "revolut");
     let state = served.texts(&[&wrong]);
     let mistake = &state["mistakes"][0];
@@ -298,7 +298,7 @@ fn each_text_gives_its_mistakes_or_its_parts() {
     assert_eq!(state["parts"]["base"]["current"], false);
     assert_eq!(served.get("/part/view").status, 200);
 
-    // whatever is typed, the server goes on
+    // no text ends the server
     let nested = "a: ".to_owned() + &"[".repeat(20_000);
     let huge = good.replace("body: 1", "body: 1, dh: {a: 1e999999999}");
     let many = format!("{good}  {}", "- {name: x}\n  ".repeat(50_000));
@@ -313,9 +313,11 @@ fn each_text_gives_its_mistakes_or_its_parts() {
         "name: [1e400]",
     ] {
         let state = served.texts(&[bad]);
-        let told = [&state["mistakes"], &state["failures"]];
+        let reported = [&state["mistakes"], &state["failures"]];
         assert!(
-            told.iter().any(|list| !list.as_array().unwrap().is_empty()),
+            reported
+                .iter()
+                .any(|list| !list.as_array().unwrap().is_empty()),
             "{bad:.30}"
         );
     }
@@ -390,7 +392,7 @@ fn an_experiment_file_gives_a_report_beside_the_robot() {
 }
 
 #[test]
-fn what_cannot_be_served_is_told_before_anything_listens() {
+fn a_missing_file_and_a_used_port_are_reported_at_the_start() {
     let dir = scratch("serve_start");
     let run = crate::common::regen(&dir, &["serve", "absent.yaml"]).ended(5);
     assert!(run.err.contains("cannot read absent.yaml"), "{}", run.err);
@@ -406,7 +408,7 @@ fn what_cannot_be_served_is_told_before_anything_listens() {
 }
 
 #[test]
-fn a_long_computation_is_stopped_and_the_next_text_computed() {
+fn a_computation_beyond_the_limit_is_stopped_and_the_server_goes_on() {
     let dir = scratch("serve_long");
     let stewart = fs::read_to_string(root().join("robots/stewart.yaml")).unwrap();
     fs::write(dir.join("stewart.yaml"), &stewart).unwrap();

@@ -57,11 +57,11 @@ fn turn_the_camera(page: &mut Driven) {
             std::thread::sleep(Duration::from_millis(50));
         }
     }
-    panic!("the view never says where its camera is: {:?}", page.told);
+    panic!("the view never says where its camera is: {:?}", page.errors);
 }
 
 #[test]
-fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_back() {
+fn in_a_browser_a_mistake_is_shown_at_its_line_and_correcting_it_restores_the_tables() {
     let Some(browser) = browser() else { return };
     let dir = scratch("serve_page");
     let (_served, mut page) = opened(&browser, &dir, 1200);
@@ -138,7 +138,7 @@ fn in_a_browser_a_mistake_is_shown_at_its_line_and_mending_it_brings_the_tables_
     let now = fs::read_to_string(dir.join("fivebar.yaml")).unwrap();
     assert_eq!(now, format!("# mine\n{before}"));
     // neither the page nor the view in its frame was refused anything
-    assert!(page.told.is_empty(), "{:?}", page.told);
+    assert!(page.errors.is_empty(), "{:?}", page.errors);
 }
 
 #[test]
@@ -162,5 +162,5 @@ fn in_a_browser_nothing_of_a_text_runs_as_part_of_the_page() {
     // at 400 pixels nothing is cut off at the side
     let width = "document.documentElement.scrollWidth <= innerWidth";
     assert_eq!(page.value(width), true);
-    assert!(page.told.is_empty(), "{:?}", page.told);
+    assert!(page.errors.is_empty(), "{:?}", page.errors);
 }

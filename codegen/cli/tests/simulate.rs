@@ -209,7 +209,7 @@ fn runs_differ_in_noise_and_the_same_seed_gives_the_same_files() {
 }
 
 #[test]
-fn exact_logs_hold_every_coordinate_with_its_rates() {
+fn exact_logs_contain_every_coordinate_with_its_rates() {
     let dir = scratch("simulate_exact");
     let spec = robot("3rps.yaml");
     let args = ["simulate", &spec, "--out", "log.csv", "--duration", "0.2"];
@@ -228,7 +228,7 @@ fn exact_logs_hold_every_coordinate_with_its_rates() {
 }
 
 #[test]
-fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
+fn a_simulation_that_fails_is_reported_and_writes_no_file() {
     let dir = scratch("simulate_wrong");
     let spec = robot("fivebar.yaml");
     let says = |args: &[&str], code: i32, text: &str| {

@@ -128,7 +128,7 @@ fn rounds_that_do_not_converge_leave_no_estimate() {
 }
 
 #[test]
-fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() {
+fn an_experiment_file_defines_how_commands_are_read_and_the_controllers() {
     let dir = prepared("simulated_experiment");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
@@ -176,7 +176,7 @@ fn an_experiment_file_says_how_commands_are_read_and_what_the_controllers_are() 
 }
 
 #[test]
-fn wrong_controllers_of_an_experiment_file_are_told_with_their_place() {
+fn wrong_controllers_of_an_experiment_file_are_reported_with_their_place() {
     let dir = prepared("simulated_wrong");
     let told = |run_of: &str, estimator: &str, code: i32| {
         fs::write(dir.join("runs.yaml"), format!("runs:\n  - {run_of}\n")).unwrap();
@@ -200,7 +200,7 @@ fn wrong_controllers_of_an_experiment_file_are_told_with_their_place() {
 }
 
 #[test]
-fn a_simulated_motion_unlike_the_measured_one_is_told() {
+fn a_simulated_motion_that_departs_from_the_measured_one_is_reported() {
     let dir = prepared("simulated_departure");
     let words = "identify swing.yaml run.csv --estimator didim --format json";
     let known = run(&dir, &format!("{words} --controller gains.yaml")).ended(0);
@@ -235,7 +235,7 @@ fn a_simulated_motion_unlike_the_measured_one_is_told() {
 }
 
 #[test]
-fn what_commands_leave_open_is_named_and_ends_with_code_4() {
+fn undetermined_controller_parameters_are_named_and_exit_with_4() {
     let dir = prepared("simulated_open");
     let gains = "q1: {kp: {estimate: 100}, ki: {estimate: 400}, kd: {estimate: 2}, \
                  offset: {estimate: 0}}\n";
@@ -256,7 +256,7 @@ fn what_commands_leave_open_is_named_and_ends_with_code_4() {
 }
 
 #[test]
-fn what_is_missing_or_wrong_is_answered_with_the_remedy() {
+fn missing_and_wrong_inputs_of_simulated_fits_are_reported_with_the_remedy() {
     let dir = prepared("simulated_wrong");
     let text = fs::read_to_string(dir.join("run.csv")).unwrap();
     fs::write(dir.join("bare.csv"), text.replace("cmd_q1", "target")).unwrap();

@@ -81,7 +81,7 @@ fn springs_are_recovered_from_a_simulated_log_and_balance_its_energy() {
             );
         }
     }
-    // what was found goes back into the description, also of springs
+    // `--bodies` writes the identified values into the spec, also those of springs
     run(
         &dir,
         "identify r.yaml log.csv --feasible --out p.json --bodies found.yaml",

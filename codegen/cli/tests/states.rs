@@ -3,7 +3,7 @@
 
 use crate::common::{oracle, regen, regen_with, scratch};
 
-fn complaint(test: &str, states: &str) -> String {
+fn error_of(test: &str, states: &str) -> String {
     let dir = scratch(test);
     let run = regen_with(
         &dir,
@@ -18,11 +18,11 @@ fn complaint(test: &str, states: &str) -> String {
 const SIX: &str = "[1, 2, 3, 4, 5, 6]";
 
 #[test]
-fn every_wrong_length_is_told_with_line_and_column() {
+fn every_wrong_length_is_reported_with_line_and_column() {
     let text = format!(
         "[{{\"q\": {SIX}, \"qd\": {SIX}, \"qdd\": {SIX}}},\n {{\"q\": [1],\n  \"qd\": {SIX}, \"qdd\": []}}]"
     );
-    let err = complaint("lengths", &text);
+    let err = error_of("lengths", &text);
     for part in [
         "state 2, `q`: has 1 entries, the robot has 6 coordinates",
         "<stdin>:2:8",
@@ -34,7 +34,7 @@ fn every_wrong_length_is_told_with_line_and_column() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused() {
+fn values_that_are_not_finite_numbers_are_refused() {
     for (bad, column) in [
         ("NaN", 7),
         ("Infinity", 7),
@@ -43,7 +43,7 @@ fn numbers_that_are_none_are_refused() {
         ("null", 7),
     ] {
         let text = format!("[{{\"q\":[{bad}, 2, 3, 4, 5, 6], \"qd\": {SIX}, \"qdd\": {SIX}}}]");
-        let err = complaint("numbers", &text);
+        let err = error_of("numbers", &text);
         let place = (column..column + 10).any(|c| err.contains(&format!("<stdin>:1:{c}\n")));
         assert!(place, "{bad}: {err}");
     }
@@ -51,9 +51,9 @@ fn numbers_that_are_none_are_refused() {
 
 #[test]
 fn text_that_is_no_json_is_refused_at_its_place() {
-    let err = complaint("no-json", "[\n  {\"q\": [1, 2,}\n]");
+    let err = error_of("no-json", "[\n  {\"q\": [1, 2,}\n]");
     assert!(err.contains("<stdin>:2:15"), "{err}");
-    let err = complaint("empty", "");
+    let err = error_of("empty", "");
     assert!(err.contains("<stdin>:1:1"), "{err}");
 }
 
@@ -83,16 +83,16 @@ fn unknown_missing_doubled_and_mixed_keys_are_refused() {
             "state 1, `independent`: unknown field `tau`",
         ),
     ] {
-        let err = complaint(test, &format!("[{{{state}}}]"));
+        let err = error_of(test, &format!("[{{{state}}}]"));
         assert!(err.contains(part), "no {part:?} in\n{err}");
         assert!(err.contains("<stdin>:1:"), "{err}");
     }
 }
 
 #[test]
-fn what_is_no_list_of_states_is_refused() {
+fn json_that_is_no_list_of_states_is_refused() {
     for (test, text) in [("object", "{}"), ("number", "[3]"), ("nested", "[[]]")] {
-        let err = complaint(test, text);
+        let err = error_of(test, text);
         assert!(err.contains("<stdin>:1:"), "{err}");
     }
 }

@@ -6,11 +6,11 @@ use std::fs;
 use crate::common::{mechanism, oracle, regen, root, scratch, workspace};
 
 #[test]
-fn the_oracles_robots_are_verified_beside_the_numeric_path() {
+fn the_oracle_robots_have_the_same_symbolic_and_numeric_base_parameters() {
     let dir = scratch("verify-robots");
     for name in ["3rps", "fivebar", "puma560", "tree_branch"] {
         let file = oracle(&format!("{name}.yaml"));
-        // outside the workspace: `.ci/run` checks whether generated/ is up to date
+        // the copy is outside of the workspace, so that no generated module is checked with it
         fs::copy(&file, dir.join("robot.yaml")).unwrap();
         let run = regen(&dir, &["verify", "robot.yaml", "--format", "json"]).ended(0);
         let report = run.json();
@@ -31,16 +31,19 @@ fn the_oracles_robots_are_verified_beside_the_numeric_path() {
 fn the_guide_shows_the_evidence_for_every_robot() {
     let run = regen(&root(), &["verify", "--all", "--format", "markdown"]).ended(0);
     let page = root().join("runtime/guide/pages/evidence-table.md");
-    let kept = fs::read_to_string(page).unwrap();
+    let shown = fs::read_to_string(page).unwrap();
     assert_eq!(
-        run.out, kept,
-        "mend it with: regen verify --all --format markdown > runtime/guide/pages/evidence-table.md"
+        run.out, shown,
+        "update it with: regen verify --all --format markdown > runtime/guide/pages/evidence-table.md"
     );
     let robots = fs::read_dir(root().join("robots")).unwrap();
     let is_spec = |e: &fs::DirEntry| e.path().extension().is_some_and(|e| e == "yaml");
     let count = robots.filter(|e| is_spec(e.as_ref().unwrap())).count();
-    assert_eq!(kept.lines().count(), count + 2);
-    assert!(!kept.contains("open") && !kept.contains("none"), "{kept}");
+    assert_eq!(shown.lines().count(), count + 2);
+    assert!(
+        !shown.contains("open") && !shown.contains("none"),
+        "{shown}"
+    );
 }
 
 #[test]
@@ -78,7 +81,7 @@ fn the_evidence_of_ones_own_spec_fits_80_columns_and_is_json_too() {
 }
 
 #[test]
-fn evidence_that_fails_ends_with_1_and_says_what() {
+fn failed_evidence_exits_with_1_and_is_named() {
     let dir = scratch("verify-evidence-fails");
     fs::create_dir(dir.join("vectors")).unwrap();
     let text = fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();
@@ -100,7 +103,7 @@ fn evidence_that_fails_ends_with_1_and_says_what() {
 }
 
 #[test]
-fn the_report_fits_80_columns_and_names_every_way() {
+fn the_report_fits_80_columns_and_names_every_method() {
     let dir = scratch("verify-human");
     let run = regen(&dir, &["verify", &oracle("3rps.yaml")]).ended(0);
     for part in [

@@ -157,7 +157,7 @@ fn limited(dir: &Path, blocks: u32, args: &[&str]) -> Option<(i32, String)> {
 
 #[cfg(unix)]
 #[test]
-fn a_full_disk_is_told_and_leaves_the_old_file() {
+fn a_full_disk_is_reported_and_leaves_the_old_file() {
     let dir = scratch("full");
     fs::write(dir.join("a.yaml"), weighed("a")).unwrap();
     for (args, out) in [
@@ -181,7 +181,7 @@ fn a_full_disk_is_told_and_leaves_the_old_file() {
 
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_written_to_and_stays_what_it_is() {
+fn devices_links_and_permissions_are_preserved_by_writing() {
     let dir = scratch("devices");
     fs::write(dir.join("a.yaml"), pendulum("a")).unwrap();
     let full = Path::new("/dev/full");
@@ -219,12 +219,12 @@ fn what_is_no_file_is_written_to_and_stays_what_it_is() {
 
 #[cfg(unix)]
 #[test]
-fn a_place_that_cannot_be_written_is_told() {
-    let dir = scratch("unwritable");
+fn a_path_that_cannot_be_written_is_reported() {
+    let dir = scratch("unwritable-paths");
     fs::write(dir.join("a.yaml"), pendulum("a")).unwrap();
     fs::write(dir.join("file"), "old").unwrap();
     fs::create_dir(dir.join("taken.html")).unwrap();
-    let told = |out: &str| {
+    let assert_refused = |out: &str| {
         let run = regen(&dir, &["view", "a.yaml", "--out", out]).ended(5);
         assert!(
             run.err.contains(&format!("cannot write {out}: ")),
@@ -233,11 +233,11 @@ fn a_place_that_cannot_be_written_is_told() {
         );
     };
     // below a file, at the place of a directory, in a directory without write permission
-    told("file/m.html");
-    told("taken.html");
+    assert_refused("file/m.html");
+    assert_refused("taken.html");
     assert_eq!(fs::read_to_string(dir.join("file")).unwrap(), "old");
     if Path::new("/proc/self").exists() {
-        told("/proc/m.html");
+        assert_refused("/proc/m.html");
     }
     use std::os::unix::fs::PermissionsExt;
     let closed = dir.join("closed");
@@ -247,7 +247,7 @@ fn a_place_that_cannot_be_written_is_told() {
     if fs::write(closed.join("probe"), "").is_ok() {
         eprintln!("left out: permissions do not bind this user");
     } else {
-        told("closed/m.html");
+        assert_refused("closed/m.html");
     }
     assert_eq!(fs::read_to_string(closed.join("m.html")).unwrap(), "old");
     fs::set_permissions(&closed, fs::Permissions::from_mode(0o755)).unwrap();

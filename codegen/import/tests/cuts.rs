@@ -90,7 +90,7 @@ fn without_a_second_frame_the_loop_is_closed_at_zero() {
 }
 
 #[test]
-fn where_nobody_says_it_the_motor_is_at_what_is_independent() {
+fn without_named_motors_the_independent_joint_is_actuated() {
     let options = Options {
         actuated: Vec::new(),
         ..with_cut("pin:revolute:coupler@0.35,0,0:rocker@0.30,0,0")
@@ -101,7 +101,7 @@ fn where_nobody_says_it_the_motor_is_at_what_is_independent() {
 }
 
 #[test]
-fn frames_of_a_cut_may_be_turned_and_stand_on_the_world() {
+fn frames_of_a_cut_may_be_rotated_and_fixed_to_the_world() {
     let options = with_cut("s:universal:coupler@0.35,0,0,0,pi/2,-2*pi/3:rocker@0.3,0,0");
     assert_has(
         &imported_with(TREE, &options).spec,

@@ -27,7 +27,7 @@ fn rows_of(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn alpha_and_a_of_classic_rows_stand_one_row_later() {
+fn alpha_and_a_of_classic_rows_move_to_the_next_row() {
     let classic = "joint;type;alpha;a;theta;d\nq1;R;pi/2;0;q1;0.4\nq2;R;0;0.3;q2 + pi/2;0\nq3;P;pi/2;0.1;0;d3\n";
     let modified =
         "joint;type;alpha;a;theta;d\nq1;R;0;0;q1;0.4\nq2;R;pi/2;0;q2 + pi/2;0\nq3;P;0;0.3;0;q3\n";

@@ -108,7 +108,7 @@ fn assert_round_trip(file: &str) {
 }
 
 #[test]
-fn files_of_others_keep_every_byte_but_the_numbers() {
+fn exported_files_differ_from_the_original_only_in_the_numbers() {
     // upkie has frames rotated against the links' frames, ur5e rotated inertial frames,
     // trifingerpro tensors with all nine entries
     assert_round_trip("upkie-description/upkie.urdf");
@@ -148,7 +148,7 @@ fn plain() -> BodyParameters {
 }
 
 #[test]
-fn numbers_are_replaced_where_they_stand() {
+fn numbers_are_replaced_in_place() {
     let spec = imported(ARM).spec;
     let expected = ARM
         .replace("xyz=\"0 0 0.1\"", "xyz=\"0 0.01 0.2\"")
@@ -163,7 +163,7 @@ fn numbers_are_replaced_where_they_stand() {
 }
 
 #[test]
-fn what_an_inertia_lacks_is_written() {
+fn missing_elements_of_an_inertia_are_written() {
     let spec = imported(ARM).spec;
     for lacking in [
         ARM.replace("<origin rpy=\"0 0 0\" xyz=\"0 0 0.1\"/>", ""),
@@ -180,7 +180,7 @@ fn what_an_inertia_lacks_is_written() {
 }
 
 #[test]
-fn friction_is_replaced_or_written_and_the_rest_of_it_kept() {
+fn friction_is_replaced_or_added_and_its_other_parts_are_unchanged() {
     let spec = imported(ARM).spec;
     let friction = |viscous, coulomb| Parameters {
         bodies: Vec::new(),
@@ -244,7 +244,7 @@ fn a_spec_of_another_robot_is_refused() {
 }
 
 #[test]
-fn what_no_body_can_have_is_refused() {
+fn values_that_no_body_can_have_are_refused() {
     let spec = imported(ARM).spec;
     let with = |change: &dyn Fn(&mut BodyParameters)| {
         let mut values = plain();
@@ -269,7 +269,7 @@ fn what_no_body_can_have_is_refused() {
 }
 
 #[test]
-fn friction_that_stays_or_has_no_joint_is_told() {
+fn friction_that_is_unchanged_or_has_no_joint_is_reported() {
     let spec = imported(ARM).spec;
     let given = |name: &str, viscous, coulomb| Parameters {
         bodies: Vec::new(),
@@ -398,7 +398,7 @@ fn bodies_rotors_and_springs_are_written_into_mjcf() {
 }
 
 #[test]
-fn mjcf_that_changes_what_is_written_is_refused() {
+fn mjcf_settings_that_would_change_the_written_values_are_refused() {
     let spec = imported(MJCF).spec;
     let setting =
         |text: &str| MJCF.replace("angle=\"radian\"", &format!("angle=\"radian\" {text}"));
@@ -431,7 +431,7 @@ fn mjcf_that_changes_what_is_written_is_refused() {
 }
 
 #[test]
-fn parameters_without_a_place_are_told_and_unknown_ones_refused() {
+fn parameters_without_a_place_are_reported_and_unknown_ones_refused() {
     let spec = imported(ARM).spec;
     let springy = spec.replace(
         "friction: viscous,",

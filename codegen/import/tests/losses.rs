@@ -204,7 +204,7 @@ fn a_link_with_the_mass_of_its_meshes_is_a_body_without_values() {
 }
 
 #[test]
-fn an_equality_of_a_tendon_couples_its_joints() {
+fn a_tendon_of_fixed_length_couples_its_joints() {
     let inside = format!(
         "<joint name=\"q\"/><body name=\"b\">{INERTIAL}<joint name=\"r\" ref=\"0.5\"/></body>"
     );
@@ -250,7 +250,7 @@ fn exact_keeps_all_digits_and_angles_near_right_ones_are_noted() {
 }
 
 #[test]
-fn joints_are_locked_at_the_given_values() {
+fn joints_are_locked_at_the_given_positions() {
     let locked = |text: &str, joints: &[&str]| {
         let options = Options {
             lock: joints.iter().map(|&j| j.to_owned()).collect(),
@@ -311,7 +311,7 @@ fn limits_that_contradict_the_joint_followed_are_named() {
 }
 
 #[test]
-fn a_floating_base_is_proposed_where_no_joint_carries_the_mass() {
+fn a_floating_base_is_proposed_for_a_body_without_a_parent_joint() {
     let text = "<robot name=\"q\"><link name=\"a\"><inertial><mass value=\"1\"/></inertial></link></robot>";
     assert_has(&refused(text), "base floating");
     // the mass of meshes counts too

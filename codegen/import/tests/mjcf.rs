@@ -90,7 +90,7 @@ fn the_sequence_of_euler_angles_counts_and_small_letters_move_along() {
 }
 
 #[test]
-fn angles_are_degrees_unless_the_compiler_says_radian() {
+fn angles_are_degrees_unless_the_compiler_setting_is_radian() {
     let joint = "<joint name=\"q\" range=\"-90 45\" ref=\"30\"/>";
     let degrees = single(joint)
         .replace("<compiler angle=\"radian\"/>", "")
@@ -102,7 +102,7 @@ fn angles_are_degrees_unless_the_compiler_says_radian() {
 }
 
 #[test]
-fn classes_of_defaults_give_what_elements_lack() {
+fn classes_of_defaults_complete_the_elements() {
     let classes = r#"<default><joint axis="1 0 0" damping="0.5"/>
         <default class="outer"><joint damping="2" armature="0.1"/>
           <default class="inner"><joint axis="0 1 0"/></default></default></default><worldbody>"#;
@@ -192,7 +192,7 @@ fn included_files_are_read_in_place() {
 }
 
 #[test]
-fn frames_between_bodies_count() {
+fn frames_between_bodies_move_their_contents() {
     assert_same(
         &single(
             "<frame pos=\"0 0 1\" euler=\"1.5708 0 0\"><joint name=\"q\" pos=\"0 1 0\" axis=\"0 1 0\"/></frame>",
@@ -233,7 +233,7 @@ fn balls_are_spherical_joints() {
 }
 
 #[test]
-fn free_joints_are_chains_and_are_told() {
+fn free_joints_become_chains_and_are_reported() {
     for free in [
         "<freejoint name=\"f\"/>",
         "<joint name=\"f\" type=\"free\"/>",
@@ -361,7 +361,7 @@ fn motors_are_where_actuators_and_tendons_pull() {
 }
 
 #[test]
-fn gravity_and_the_models_name_come_along() {
+fn gravity_and_the_models_name_are_imported() {
     let text = single("<joint name=\"q\"/>");
     assert_has(&spec(&text), "name: m\n");
     assert_has(&spec(&text), "gravity: [0, 0, -9.81]");
@@ -456,7 +456,7 @@ fn a_capsule_is_a_cylinder_between_half_spheres() {
 }
 
 #[test]
-fn the_compiler_says_which_inertias_count() {
+fn a_compiler_setting_decides_which_inertias_count() {
     let both = single("<joint name=\"q\"/><geom mass=\"6\" size=\"0.5\"/>");
     let by_compiler =
         |setting: &str| spec(&both.replace("<compiler", &format!("<compiler {setting}")));
@@ -475,7 +475,7 @@ fn the_compiler_says_which_inertias_count() {
 }
 
 #[test]
-fn a_body_of_meshes_and_solids_has_no_values_and_is_told() {
+fn a_body_of_meshes_and_solids_has_no_values_and_is_reported() {
     let text =
         solid("<geom type=\"mesh\" mesh=\"m\"/><geom mass=\"1\" size=\"0.5\" pos=\"0 0 1\"/>");
     let made = imported(&text);
@@ -505,7 +505,7 @@ fn unnamed_bodies_and_joints_get_names() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_with_a_remedy() {
+fn unsupported_elements_are_refused_with_a_remedy() {
     for (text, complaint) in [
         (
             single("<joint type=\"screw\"/>"),

@@ -100,7 +100,7 @@ fn the_rotation_of_an_inertial_frame_is_applied() {
 }
 
 #[test]
-fn limits_and_friction_come_along() {
+fn limits_and_friction_are_imported() {
     let text = single(
         "revolute",
         r#"<limit lower="-1" upper="2" effort="30" velocity="4"/>
@@ -120,7 +120,7 @@ fn limits_and_friction_come_along() {
 }
 
 #[test]
-fn limits_that_limit_nothing_are_left_out() {
+fn limits_without_effect_are_left_out() {
     let text = single(
         "revolute",
         r#"<limit lower="0" upper="0" effort="0" velocity="inf"/>"#,
@@ -260,7 +260,7 @@ fn branches_start_from_bodies_and_chains_are_long() {
 }
 
 #[test]
-fn a_massless_link_that_branches_is_a_body_and_is_told() {
+fn a_massless_link_that_branches_is_a_body_and_is_reported() {
     let text = robot(&[
         "<link name=\"hub\"/>".to_owned(),
         massive("b"),
@@ -305,7 +305,7 @@ fn a_joint_that_mimics_is_coupled() {
 }
 
 #[test]
-fn transmissions_say_where_the_motors_are() {
+fn transmissions_determine_the_motors() {
     let text = robot(&[
         massive("a"),
         massive("b"),
@@ -340,7 +340,7 @@ fn floating_and_planar_joints_are_chains() {
 }
 
 #[test]
-fn the_base_floats_or_stands_as_wanted() {
+fn the_base_floats_or_is_fixed_as_requested() {
     let base = |base: Base| Options {
         base: Some(base),
         ..Options::default()
@@ -376,7 +376,7 @@ fn the_base_floats_or_stands_as_wanted() {
 }
 
 #[test]
-fn names_are_kept_or_mended_and_told() {
+fn names_that_are_no_identifiers_are_replaced_and_reported() {
     let text = single("continuous", "").replace("\"a\"", "\"arm-link 1\"");
     let imported = imported(&text);
     assert_has(&imported.spec, "body: arm_link_1");
@@ -466,7 +466,7 @@ fn wrong_files_are_refused_with_the_place_and_a_remedy() {
 }
 
 #[test]
-fn inertias_that_no_body_has_are_refused_or_told() {
+fn inertias_that_are_not_physical_are_refused_or_reported() {
     let with = |ixx: &str| single("continuous", "").replace("ixx=\"0.03\"", ixx);
     let complaint = refused(&with("ixx=\"-0.03\""));
     assert_has(&complaint, "robot.xml:3:1: no body has the inertia of 'a'");
@@ -479,7 +479,7 @@ fn inertias_that_no_body_has_are_refused_or_told() {
 }
 
 #[test]
-fn all_errors_are_told_at_once() {
+fn all_errors_are_reported_at_once() {
     let text = single("continuous", "<axis xyz=\"0 0\"/><origin xyz=\"0 a 0\"/>");
     assert_eq!(refused(&text).lines().count(), 2);
 }

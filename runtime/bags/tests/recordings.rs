@@ -217,7 +217,7 @@ impl Drop for Scratch {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_refused_with_the_place_and_what_can_be_kept() {
+fn a_file_cut_anywhere_is_refused_with_the_place_and_the_usable_part() {
     for name in ["states.mcap", "big_endian.mcap"] {
         let bytes = fs::read(fixture(name)).unwrap();
         let cut = Scratch::new(name);
@@ -280,7 +280,7 @@ fn a_changed_byte_is_refused_or_changes_nothing_but_numbers() {
 }
 
 #[test]
-fn what_is_no_recording_is_named_with_a_remedy() {
+fn files_that_are_no_recordings_are_named_with_a_remedy() {
     let said = |name: &str, bytes: &[u8]| {
         let file = Scratch::new(name);
         fs::write(&file.0, bytes).unwrap();

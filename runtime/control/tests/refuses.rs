@@ -49,7 +49,7 @@ fn an_open_home_is_an_error() {
 }
 
 #[test]
-fn what_cannot_be_reached_leaves_the_state_closed() {
+fn an_unreachable_target_leaves_the_state_closed() {
     // longer than the legs allow: the branch ends before
     let mut closure = <closure!(fourbar::Fourbar, f64)>::new(&Fourbar).unwrap();
     let home = *closure.q();

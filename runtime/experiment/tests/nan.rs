@@ -16,7 +16,7 @@ const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const PHI: [f64; 2] = [0.02, 0.1];
 
 #[test]
-fn forward_dynamics_gives_no_number_for_what_is_none() {
+fn forward_dynamics_gives_no_finite_result_for_nan_or_infinity() {
     let accelerations = |phi: [f64; 2], [q, qd, effort]: [f64; 3]| {
         let mut out = [0.5];
         let freed = Forward::new(&Pendulum, &phi)
@@ -116,7 +116,7 @@ fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
 
 /// A robot without loops has none to keep closed: it grew beyond all bounds.
 #[test]
-fn an_open_chain_that_runs_away_is_not_told_of_loops() {
+fn the_error_of_a_diverging_open_chain_does_not_mention_loops() {
     let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
     let settings = Settings {
         duration: 20.0,

@@ -198,7 +198,7 @@ fn the_delay_of_efforts_is_found_within_its_deviation() {
 }
 
 #[test]
-fn exchanged_and_reversed_efforts_are_told_by_friction() {
+fn exchanged_and_reversed_efforts_are_found_by_their_friction() {
     let swapped = Facts {
         exchanged: true,
         ..PLAIN
@@ -223,7 +223,7 @@ fn exchanged_and_reversed_efforts_are_told_by_friction() {
 }
 
 #[test]
-fn saturation_and_rest_are_told_with_their_shares() {
+fn saturation_and_rest_are_reported_with_their_shares() {
     let facts = Facts {
         bound: 8.0,
         rest: 8.0,

@@ -370,7 +370,7 @@ proptest! {
 }
 
 #[test]
-fn a_singular_matrix_is_told_with_its_pivot_and_leaves_the_right_side() {
+fn a_singular_matrix_is_reported_with_its_pivot_and_the_right_side_is_unchanged() {
     let mut a = [1.0, 2.0, 2.0, 4.0];
     let mut b = [3.0, 5.0];
     let (mut pivots, mut info) = ([0; 2], 0);

@@ -50,16 +50,22 @@ fn tree(package: &str, flags: &[&str]) -> Vec<String> {
         .collect()
 }
 
-fn holds(tree: &[String], name: &str) -> bool {
+fn contains(tree: &[String], name: &str) -> bool {
     tree.iter().any(|p| p == name)
 }
 
 #[track_caller]
 fn assert_light(package: &str, flags: &[&str]) {
     let tree = tree(package, flags);
-    assert!(holds(&tree, package), "the tree is of {package}: {tree:?}");
+    assert!(
+        contains(&tree, package),
+        "the tree is of {package}: {tree:?}"
+    );
     for heavy in HEAVY {
-        assert!(!holds(&tree, heavy), "{package} {flags:?} builds {heavy}");
+        assert!(
+            !contains(&tree, heavy),
+            "{package} {flags:?} builds {heavy}"
+        );
     }
 }
 
@@ -73,21 +79,21 @@ fn the_macro_and_what_it_emits_never_build_the_heavy_crates() {
     assert_light("regen-runtime", &["--features", "macros"]);
 }
 
-/// The check finds a crate that is built.
+/// The check can fail: it finds crates that are built.
 #[test]
 fn a_crate_that_is_built_is_found() {
-    assert!(holds(&tree("regen-macros", &[]), "syn"));
-    assert!(holds(&tree("regen-generated", &[]), "libm"));
-    assert!(holds(
+    assert!(contains(&tree("regen-macros", &[]), "syn"));
+    assert!(contains(&tree("regen-generated", &[]), "libm"));
+    assert!(contains(
         &tree("regen-runtime", &["--features", "macros"]),
         "regen-codegen"
     ));
     let identify = tree("regen-identify", &[]);
     for part in ["clarabel", "nalgebra", "regen-lapack"] {
-        assert!(holds(&identify, part), "{part}");
+        assert!(contains(&identify, part), "{part}");
     }
-    assert!(holds(&tree("regen-cli", &[]), "clap"));
-    assert!(holds(&tree("regen-cli", &[]), "serde_json"));
+    assert!(contains(&tree("regen-cli", &[]), "clap"));
+    assert!(contains(&tree("regen-cli", &[]), "serde_json"));
 }
 
 /// The solver needs no system library, and none that a build script downloads or compiles.
@@ -101,7 +107,7 @@ fn the_conic_solver_needs_no_system_lapack() {
         "accelerate-src",
         "cc",
     ] {
-        assert!(!holds(&tree, library), "identification builds {library}");
+        assert!(!contains(&tree, library), "identification builds {library}");
     }
 }
 

@@ -140,12 +140,12 @@ fn every_licence_is_among_those_that_are_allowed() {
         assert!(meets(None), "{name}: {written}");
         needed.extend(allowed.iter().filter(|id| !meets(Some(id))));
     }
-    // Every allowed licence is that of some crate.
+    // every allowed licence is needed by some crate
     assert_eq!(needed, allowed.iter().collect());
 }
 
 #[test]
-fn every_crate_comes_from_the_registry_or_from_here() {
+fn every_crate_comes_from_the_registry_or_this_workspace() {
     let sources: BTreeSet<&str> = PACKAGES
         .iter()
         .filter_map(|p| p["source"].as_str())
@@ -158,7 +158,7 @@ fn every_crate_comes_from_the_registry_or_from_here() {
 }
 
 #[test]
-fn crates_in_several_versions_are_those_that_are_explained() {
+fn every_crate_in_several_versions_is_explained() {
     let mut versions: BTreeMap<&str, usize> = BTreeMap::new();
     for package in PACKAGES.iter() {
         *versions.entry(text(package, "name")).or_default() += 1;
@@ -226,7 +226,7 @@ fn trees_are_no_larger_than_stated() {
 }
 
 #[test]
-fn what_users_build_holds_no_crate_twice() {
+fn what_users_build_contains_no_crate_twice() {
     for (package, features) in [
         ("regen-macros", ""),
         ("regen-generated", ""),

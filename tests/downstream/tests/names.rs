@@ -39,7 +39,7 @@ fn spec(name: &str, rest: &str) -> String {
 }
 
 /// The names that a module imports and the constants that it defines.
-fn taken(module: &str) -> BTreeSet<String> {
+fn names_in_scope(module: &str) -> BTreeSet<String> {
     let uses = module.split("use ::regen_runtime::{").skip(1);
     let uses = uses.flat_map(|rest| rest.split('}').next().unwrap().split(','));
     let constants = module.lines().filter_map(|line| {
@@ -71,12 +71,13 @@ fn robot_name(type_name: &str) -> String {
 }
 
 #[test]
-fn robots_named_like_what_modules_import_or_the_prelude_has_compile_as_source_and_by_the_macro() {
-    let root = root().canonicalize().unwrap();
+fn robots_named_like_imports_or_prelude_items_compile_as_source_and_by_the_macro() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let root = root.canonicalize().unwrap();
     let closed = fs::read_to_string(root.join("robots/fourbar.yaml")).unwrap();
     let closed = closed.replace("name: fourbar\n", "");
-    let of_tree = taken(&module("plain", SLIDE).unwrap());
-    let of_loop = taken(&module("plain", &closed).unwrap());
+    let of_tree = names_in_scope(&module("plain", SLIDE).unwrap());
+    let of_loop = names_in_scope(&module("plain", &closed).unwrap());
     for name in [
         "Joint",
         "SwingLimit",

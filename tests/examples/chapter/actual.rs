@@ -30,8 +30,8 @@ pub(crate) struct Measured {
 pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let info = Model::<f64>::info(&Rps3Friction);
     let nominal = info.nominal_parameters().expect("nominal values");
-    let mut robot = regen_experiment::simulate::Noise::new(5);
-    let mut phi = perturb_parameters(&info, &nominal, 0.05, &mut robot);
+    let mut draws = regen_experiment::simulate::Noise::new(5);
+    let mut phi = perturb_parameters(&info, &nominal, 0.05, &mut draws);
     for (parameter, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
         if parameter.is_rotor() {
             *value = *nominal;
@@ -89,8 +89,8 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
         fit.push(t, &legs).expect("finite");
     }
     let series = fit.finish().expect("a whole period");
-    // second order, with a cutoff well above the eleventh harmonic; the period is repeated on both
-    // sides
+    // of second order, with a cutoff far above the eleventh harmonic; the period is repeated before
+    // and after itself, so that the filter settles
     let filter = Butterworth::new(2, 8.0, settings.period).expect("a filter");
     let smooth = [0, 1, 2].map(|i| {
         let once: Vec<f64> = (0..rows)

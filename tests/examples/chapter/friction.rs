@@ -6,7 +6,7 @@ use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
 use regen_runtime::{Friction, JointFriction, State};
 
 use super::robot::{
-    Equations, JOINTS, cad, friction_forces, model, perturb_parameters, places, relative_absolute,
+    Equations, JOINTS, cad, friction_forces, model, places, relative_absolute, with_noise,
 };
 
 /// The inertia of rotor and screw from Table 5, kg.
@@ -36,18 +36,23 @@ pub(crate) fn original(states: &[State]) -> Vec<f64> {
 
 /// Three fits of the same data, as in the rows of Tables 3 and 4.
 pub(crate) struct Fits {
+    /// The columns of the first two fits.
     linear: Equations,
+    /// The first fit: linear friction by least squares.
     pub(crate) plain: Vec<f64>,
+    /// The second fit: linear friction, among physical parameters.
     pub(crate) feasible: Vec<f64>,
+    /// The columns of the third fit, without friction.
     bodies: Equations,
+    /// The third fit, among physical parameters: its columns' parameters.
     pub(crate) rigid: Vec<f64>,
+    /// The third fit: its Stribeck friction at each of [`JOINTS`].
     pub(crate) laws: [JointFriction; 6],
 }
 
 impl Fits {
-    /// - The first two fits have asymmetric Coulomb and viscous friction at all of [`JOINTS`], by
-    ///   least squares and among physical parameters; the third has Stribeck friction, among
-    ///   physical parameters.
+    /// Fits the forces at these states. All fits have friction at all of [`JOINTS`]: the first two
+    /// viscous and asymmetric Coulomb friction, the third Stribeck friction.
     pub(crate) fn new(states: &[State], forces: &[f64]) -> Self {
         let linear = Equations::new(&["Fv", "Fc+", "Fc-", "J"], 6);
         let factor = linear.factor(states, forces);
@@ -108,7 +113,7 @@ impl Fits {
 pub(crate) fn table3(states: &[State], seed: u64) -> [[f64; 2]; 3] {
     let exact = original(states);
     let sigma = noise_size(&exact);
-    let measured = perturb_parameters(&exact, sigma, &mut Noise::new(seed));
+    let measured = with_noise(&exact, sigma, &mut Noise::new(seed));
     let fits = Fits::new(states, &measured);
     let (a, b) = (fits.errors(states, &measured), fits.errors(states, &exact));
     [[a[0], b[0]], [a[1], b[1]], [a[2], b[2]]]

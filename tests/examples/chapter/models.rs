@@ -77,9 +77,9 @@ pub(crate) struct Row {
     pub(crate) relative_absolute: f64,
     /// eps_AV as a fraction (Eq. 34), over parameters that are not zero.
     pub(crate) average: f64,
-    /// The number of parameters; `well` is the number of those with sigma below 15 % and a possible
-    /// sign.
+    /// The number of parameters.
     pub(crate) parameters: usize,
+    /// The number of parameters with sigma below 15 % and a possible sign.
     pub(crate) well: usize,
     pub(crate) estimate: Estimate,
 }
@@ -169,16 +169,16 @@ pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
     let model = super::robot::model();
     let mut closure = LoopClosure::new(model).expect("a model");
     let places = LEGS.map(|leg| model.info().index_of(leg).expect("a leg"));
-    let mut near = |state: &State| {
-        let mut seen =
+    let mut with_noise = |state: &State| {
+        let mut measured =
             |values: &[f64], sigma: f64| places.map(|k| values[k] + sigma * noise.normal());
         // 20 um of position, 0.5 mm/s and 10 mm/s^2: the noise of filtered encoders
-        let q = seen(&state.q, 2e-5);
-        let qd = seen(&state.qd, 5e-4);
-        let qdd = seen(&state.qdd, 1e-2);
+        let q = measured(&state.q, 2e-5);
+        let qd = measured(&state.qd, 5e-4);
+        let qdd = measured(&state.qdd, 1e-2);
         closure.solve_state(&q, &qd, &qdd).expect("finite")
     };
-    states.iter().map(&mut near).collect()
+    states.iter().map(&mut with_noise).collect()
 }
 
 /// The standard deviation of the noise on forces, N.
@@ -208,8 +208,8 @@ impl Table6 {
 
     /// Fits the models to data with noise of one seed; `sigma`: of the forces, N.
     pub(crate) fn new(states: &[State], sigma: f64, seed: u64) -> Self {
-        let (seen, forces) = noisy_data(states, sigma, seed);
-        Self::of(&seen, &forces)
+        let (measured, forces) = noisy_data(states, sigma, seed);
+        Self::of(&measured, &forces)
     }
 
     /// The five rows of the table with their names.
@@ -230,7 +230,7 @@ pub(crate) fn noisy_data(states: &[State], sigma: f64, seed: u64) -> (Vec<State>
     let plain = equations(false);
     let mut noise = Noise::new(seed);
     let forces = plain.forces(states, &exact(&plain));
-    let forces = super::robot::perturb_parameters(&forces, sigma, &mut noise);
+    let forces = super::robot::with_noise(&forces, sigma, &mut noise);
     (noisy(states, &mut noise), forces)
 }
 
@@ -249,9 +249,9 @@ impl Automatic {
     pub(crate) fn new(states: &[State], others: &[State], seed: u64) -> Self {
         let plain = equations(false);
         let exact = exact(&plain);
-        let (seen, forces) = noisy_data(states, FORCE_NOISE, seed);
-        let factor = plain.factor(&seen, &forces);
-        let (seen, forces) = noisy_data(others, FORCE_NOISE, seed + 1000);
+        let (measured, forces) = noisy_data(states, FORCE_NOISE, seed);
+        let factor = plain.factor(&measured, &forces);
+        let (measured, forces) = noisy_data(others, FORCE_NOISE, seed + 1000);
         let (combinations, layout) = plain.combinations();
         let checks = Checks {
             exact: Some(&exact),
@@ -264,15 +264,15 @@ impl Automatic {
             for (place, value) in kept.iter().zip(values) {
                 all[*place] = *value;
             }
-            relative_absolute(&forces, &plain.forces(&seen, &all))
+            relative_absolute(&forces, &plain.forces(&measured, &all))
         };
         let fourth: Vec<usize> = models(&plain)[3].groups.concat();
-        let told = factor.select(&fourth).expect("columns").solve();
+        let solved = factor.select(&fourth).expect("columns").solve();
         Self {
             kept: last.estimate.labels.clone(),
             errors: [
                 error(&last.kept, &last.estimate.values),
-                error(&fourth, &told.expect("determined")),
+                error(&fourth, &solved.expect("determined")),
             ],
             average: last.average_relative.unwrap_or(f64::NAN),
         }

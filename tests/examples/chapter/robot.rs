@@ -223,8 +223,8 @@ pub(crate) fn relative_absolute(actual: &[f64], predicted: &[f64]) -> f64 {
     100.0 * error / spread
 }
 
-/// Adds normal noise of standard deviation `sigma`.
-pub(crate) fn perturb_parameters(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
+/// The values with normal noise of standard deviation `sigma`.
+pub(crate) fn with_noise(values: &[f64], sigma: f64, noise: &mut Noise) -> Vec<f64> {
     values.iter().map(|v| v + sigma * noise.normal()).collect()
 }
 

@@ -1,9 +1,9 @@
-//! What a controller without the standard library would link: every function of every robot for
+//! The code that a controller without the standard library links: every function of every robot for
 //! `f64`, and the runtime's loop closure.
 //!
-//! The functions of robots are generic, so nothing of them is compiled before somebody names a
-//! number type. This package does, behind the features `robots` and `closure`. The tests of
-//! `regen-objects` build it in release, read the object files, and run the tests that are here.
+//! The functions of robots are generic, so they are compiled only where a number type is chosen.
+//! This package chooses one, behind the features `robots` and `closure`. The tests of
+//! `regen-objects` build it in release, read the object files, and run the tests of this package.
 #![no_std]
 
 #[cfg(feature = "closure")]

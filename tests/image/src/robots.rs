@@ -1,8 +1,8 @@
-//! Every robot as a trait object: its table of methods refers to all that was generated for it.
+//! Every robot as a trait object, whose table of methods refers to all functions of the robot.
 
 use regen_runtime::BaseModel;
 
-/// A robot that handles `T`.
+/// A robot for the number type `T`.
 pub type Robot<T> = &'static (dyn BaseModel<T> + Sync);
 
 macro_rules! images {
@@ -12,7 +12,7 @@ macro_rules! images {
             pub static $name: Robot<f64> = &regen_robots::$module::$type;
         )*
 
-        /// All of them, by the names of their modules.
+        /// All robots for `f64`, with the names of their modules.
         pub fn all() -> impl Iterator<Item = (&'static str, Robot<f64>)> {
             [$((stringify!($module), $name)),*].into_iter()
         }

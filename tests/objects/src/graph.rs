@@ -1,4 +1,4 @@
-//! Object files as a graph: sections, and what each of them refers to.
+//! Object files as a graph of sections and the references between them.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
@@ -8,11 +8,12 @@ use object::{Object, ObjectSection, ObjectSymbol, RelocationTarget, SectionKind,
 
 use crate::code::{self, Code};
 
-/// A section of one object file: with a section for each function, a function or a constant.
+/// A section of an object file: one function or one constant, as compilers give each its own
+/// section.
 pub struct Section {
     /// The symbol at its start, demangled, or the section's own name.
     pub name: String,
-    /// What the instructions do, if it holds any.
+    /// What the instructions do, if it contains any.
     pub code: Option<Code>,
     /// Sections that it refers to, and whether the reference is to a symbol's start there.
     targets: BTreeSet<(usize, bool)>,
@@ -23,7 +24,7 @@ pub struct Section {
 /// All sections of some object files, with references between them resolved.
 #[derive(Default)]
 pub struct Graph {
-    /// In the order of files; their places are what the methods take and give.
+    /// The sections in the order of the files; methods take and return their indices.
     pub sections: Vec<Section>,
 }
 
@@ -43,7 +44,7 @@ impl Graph {
             let bytes = std::fs::read(library).unwrap();
             for member in ArchiveFile::parse(&*bytes).unwrap().members() {
                 let data = member.unwrap().data(&*bytes).unwrap();
-                // rlibs hold the crate's metadata too
+                // rlibs contain the crate's metadata too
                 if let Ok(file) = object::File::parse(data) {
                     graph.add(&file, &mut defined, &mut references);
                 }
@@ -85,7 +86,7 @@ impl Graph {
                     | SectionKind::UninitializedData
             );
             let name = section.name().unwrap_or_default().to_owned();
-            // How to unwind, not what is called.
+            // tables for unwinding refer to functions without calling them
             if (code || data) && !name.starts_with(".eh_frame") {
                 places.insert(section.index().0, self.sections.len());
                 self.sections.push(Section {
@@ -125,7 +126,7 @@ impl Graph {
                     panic!("{}: a relocation without symbol", self.sections[from].name);
                 };
                 let reference = refer(file, at, relocation.addend(), &places, &starts);
-                // Loops and tables of jumps lead past the function's start.
+                // a reference past the function's start is a loop or a table of jumps, not a call
                 let own = matches!(
                     reference,
                     Reference::Local { section, start: true } if section == from
@@ -148,26 +149,27 @@ impl Graph {
             .collect()
     }
 
-    /// All that can be reached from some sections, each with the section that led there.
+    /// All sections that can be reached from some, each with the section that refers to it.
     pub fn reach(&self, from: &[usize]) -> BTreeMap<usize, Option<usize>> {
-        let mut seen: BTreeMap<usize, Option<usize>> = from.iter().map(|at| (*at, None)).collect();
+        let mut reached: BTreeMap<usize, Option<usize>> =
+            from.iter().map(|at| (*at, None)).collect();
         let mut queue: VecDeque<usize> = from.iter().copied().collect();
         while let Some(at) = queue.pop_front() {
             for (to, _) in &self.sections[at].targets {
-                if !seen.contains_key(to) {
-                    seen.insert(*to, Some(at));
+                if !reached.contains_key(to) {
+                    reached.insert(*to, Some(at));
                     queue.push_back(*to);
                 }
             }
         }
-        seen
+        reached
     }
 
-    /// How a section was reached, outermost first.
-    pub fn path(&self, seen: &BTreeMap<usize, Option<usize>>, to: usize) -> String {
+    /// The chain of references by which [`Graph::reach`] reached a section, outermost first.
+    pub fn path(&self, reached: &BTreeMap<usize, Option<usize>>, to: usize) -> String {
         let mut names = vec![self.sections[to].name.as_str()];
         let mut at = to;
-        while let Some(Some(before)) = seen.get(&at) {
+        while let Some(Some(before)) = reached.get(&at) {
             names.push(&self.sections[*before].name);
             at = *before;
         }
@@ -175,19 +177,19 @@ impl Graph {
         names.join(" -> ")
     }
 
-    /// The functions that a function calls, or holds the address of by way of constants.
+    /// The functions that a function calls, or whose address it takes, also through constants.
     pub fn callees(&self, at: usize) -> BTreeSet<usize> {
         let mut found = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        let mut open = vec![at];
-        while let Some(from) = open.pop() {
+        let mut constants = BTreeSet::new();
+        let mut pending = vec![at];
+        while let Some(from) = pending.pop() {
             for (to, start) in &self.sections[from].targets {
                 if self.sections[*to].code.is_none() {
-                    if seen.insert(*to) {
-                        open.push(*to);
+                    if constants.insert(*to) {
+                        pending.push(*to);
                     }
                 } else if *start && *to != at {
-                    // Tables of jumps refer to the middle of a function.
+                    // tables of jumps refer to the middle of a function
                     found.insert(*to);
                 }
             }
@@ -200,6 +202,7 @@ impl Graph {
     }
 }
 
+/// The target of a relocation.
 fn refer(
     file: &object::File<'_>,
     symbol: SymbolIndex,
@@ -211,7 +214,7 @@ fn refer(
     let place = symbol.section_index().and_then(|at| places.get(&at.0));
     match place {
         Some(&section) => {
-            // A reference relative to the next instruction is four bytes short.
+            // the addend of a reference relative to the next instruction is four bytes less
             let at = |shift: i64| symbol.address().checked_add_signed(addend + shift);
             let start = [0, 4]
                 .iter()
@@ -224,6 +227,6 @@ fn refer(
 }
 
 fn demangled(name: &str) -> String {
-    // without the hash
+    // the alternate form leaves out the hash
     format!("{:#}", rustc_demangle::demangle(name))
 }

@@ -1,10 +1,10 @@
-//! Object files, read as what the machine would run: which functions call which, what they need
-//! that no file defines, and how much of the stack they take.
+//! Reads from object files which functions call which, which symbols no file defines, and how much
+//! stack the functions take.
 //!
-//! A compiler puts every function and every constant into a section of its own, and refers from
-//! one to the other by relocations. Sections and relocations are therefore a graph that misses
-//! no call: an address that comes from anywhere else was handed in by the caller. Frames are read
-//! from x86-64 instructions.
+//! A compiler puts every function and every constant into a section of its own, and refers from one
+//! to the other by relocations. Sections and relocations are therefore a graph with every call
+//! except those of function pointers that a caller passes in. Frames are read from x86-64
+//! instructions.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

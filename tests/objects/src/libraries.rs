@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The workspace.
+/// The folder of the workspace.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -16,7 +16,7 @@ pub fn image(features: &str) -> Vec<PathBuf> {
         .args(["build", "--package", "regen-image", "--features", features])
         .args(["--message-format", "json-render-diagnostics", "--profile"])
         .arg(profile)
-        // as in a user's workspace; this one builds its command without
+        // the default of a user's workspace, while the release profile of this one turns it off
         .env("CARGO_PROFILE_RELEASE_LTO", "false")
         // The macro reads what the tests' build derived: its own speed does not count here.
         .args([
@@ -33,7 +33,7 @@ pub fn image(features: &str) -> Vec<PathBuf> {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
     let text = String::from_utf8(output.stdout).unwrap();
-    // One message a line; names of files stand in quotes, with no need to escape them here.
+    // the messages are JSON, in which file names are quoted strings; these need no escapes
     let libraries: Vec<PathBuf> = text
         .split('"')
         .map(PathBuf::from)
@@ -55,7 +55,7 @@ pub fn image(features: &str) -> Vec<PathBuf> {
     libraries
 }
 
-/// A library made of one file's text, optimised, in a directory for such things.
+/// Compiles the text of one file, optimised, to a library in `dir`.
 pub fn fixture(dir: &Path, name: &str, source: &str) -> PathBuf {
     let (file, library) = (
         dir.join(format!("{name}.rs")),

@@ -4,15 +4,16 @@ use std::collections::BTreeMap;
 
 use crate::Graph;
 
-/// Functions that call one another in a circle, among those that can be reached, if there are any.
+/// A circle of calls among the functions that can be reached, if there is one.
 pub fn cycle(graph: &Graph, from: &[usize]) -> Option<String> {
     Walk::new(graph).run(from).err()
 }
 
-/// The most bytes of stack below a function, its own frame included, and the chain of calls.
+/// The largest stack that a call of a function takes, bytes, its own frame included, and the chain
+/// of calls that takes it.
 ///
 /// # Errors
-/// When there is no such bound: a circle, as [`cycle`] finds it.
+/// A circle of calls as from [`cycle`]: the stack has no bound.
 pub fn deepest(graph: &Graph, from: usize) -> Result<(u64, String), String> {
     let depths = Walk::new(graph).run(&[from])?;
     let mut chain = vec![graph.sections[from].name.clone()];
@@ -27,8 +28,9 @@ pub fn deepest(graph: &Graph, from: usize) -> Result<(u64, String), String> {
 /// A walk through calls, depth first.
 struct Walk<'g> {
     graph: &'g Graph,
-    /// The depth of each function that is done, and the callee that it is due to.
+    /// The stack of each function that was visited, bytes, and the callee that takes most of it.
     done: BTreeMap<usize, (u64, Option<usize>)>,
+    /// The present chain of calls.
     open: Vec<usize>,
 }
 

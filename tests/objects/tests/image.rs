@@ -1,7 +1,7 @@
-//! What the machine runs when a controller calls a robot's functions, read from object files:
-//! they cannot panic, never call themselves, and need no more stack than stated.
+//! The machine code of a robot's functions, read from object files: they cannot panic, never
+//! recurse, and need no more stack than stated.
 //!
-//! `REGEN_IMAGE_PROFILE=dev` reads what another profile makes of them; see `RECORD.md`.
+//! With `REGEN_IMAGE_PROFILE=dev` the code of another profile is read; see `RECORD.md`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(all(target_arch = "x86_64", target_os = "linux"))]
 
@@ -12,11 +12,11 @@ use std::sync::LazyLock;
 
 use regen_objects::{Graph, cycle, deepest, fixture, image, root};
 
-/// What a compiler may call on its own accord; every target has them.
+/// The functions to which a compiler may turn copies and comparisons; every target has them.
 const MEMORY: [&str; 4] = ["memcpy", "memmove", "memset", "memcmp"];
 
-/// What `Vec` calls, with the two ends of a program that is out of memory; and what frees vectors
-/// if a model that somebody else wrote unwinds, which `panic = "abort"` leaves out.
+/// The functions that `Vec` calls, with the two that end a program without memory, and the one that
+/// frees vectors if a user's own model unwinds, which `panic = "abort"` leaves out.
 const ALLOCATOR: [&str; 8] = [
     "_Unwind_Resume",
     "__rustc::__rust_alloc",
@@ -52,12 +52,16 @@ fn modules() -> Vec<String> {
     names
 }
 
-/// The table of methods of each robot; its module's name.
+/// The names of the modules, each with the section of the robot's table of methods.
 fn robots() -> BTreeMap<String, Vec<usize>> {
     let table = |module: &String| {
         let name = format!("regen_image::robots::{}", module.to_uppercase());
         let found = IMAGE.find(|n| n == name);
-        assert_eq!(found.len(), 1, "tests/image/src/robots.rs names {module}");
+        assert_eq!(
+            found.len(),
+            1,
+            "tests/image/src/robots.rs must name {module} once"
+        );
         (module.clone(), found)
     };
     let mut robots: BTreeMap<_, _> = modules().iter().map(table).collect();
@@ -67,14 +71,15 @@ fn robots() -> BTreeMap<String, Vec<usize>> {
     robots
 }
 
-/// What is called that no object file of ours has, beyond `known`, and by what way.
+/// The functions that are called, defined in no object file and not `known`, each with the chain of
+/// calls that leads to it.
 fn externals(graph: &Graph, roots: &[usize], known: &[&str]) -> BTreeMap<String, String> {
-    let seen = graph.reach(roots);
+    let reached = graph.reach(roots);
     let mut found = BTreeMap::new();
-    for at in seen.keys() {
+    for at in reached.keys() {
         for name in &graph.sections[*at].externals {
             if !known.contains(&name.as_str()) {
-                found.insert(name.clone(), graph.path(&seen, *at));
+                found.insert(name.clone(), graph.path(&reached, *at));
             }
         }
     }
@@ -82,7 +87,7 @@ fn externals(graph: &Graph, roots: &[usize], known: &[&str]) -> BTreeMap<String,
 }
 
 /// Panics, formatting, allocation and unwinding are all in `core`, `alloc` and beyond: code that
-/// calls nothing there has no way to any of them.
+/// calls nothing there can do none of them.
 #[test]
 fn robots_call_nothing_but_each_other_and_copies_of_memory() {
     for (robot, roots) in robots() {
@@ -96,10 +101,10 @@ fn robots_call_nothing_but_each_other_and_copies_of_memory() {
     }
 }
 
-/// The methods of the traits in a robot's table: those that it implements, and the named ones that
-/// the traits provide for it.
+/// The methods of the traits in a robot's table, both those that the robot implements and those
+/// that the traits provide.
 fn methods(roots: &[usize]) -> Vec<usize> {
-    let seen = IMAGE.reach(roots);
+    let reached = IMAGE.reach(roots);
     let is_method = |at: &&usize| {
         let section = &IMAGE.sections[**at];
         let name = &section.name;
@@ -113,22 +118,22 @@ fn methods(roots: &[usize]) -> Vec<usize> {
         ];
         section.code.is_some() && traits.into_iter().any(of)
     };
-    seen.keys().filter(is_method).copied().collect()
+    reached.keys().filter(is_method).copied().collect()
 }
 
 #[test]
-fn the_closure_ends_early_only_where_memory_does() {
+fn the_closure_can_fail_only_for_lack_of_memory() {
     let roots = IMAGE.find(|name| name.starts_with("regen_image::closure::"));
     assert_eq!(roots.len(), 6);
     let known = [&MEMORY[..], &ALLOCATOR].concat();
     let found = externals(&IMAGE, &roots, &known);
     assert!(found.is_empty(), "{found:#?}");
-    // It does allocate: what it may call is not there by mistake.
+    // the closure does allocate, so the list of allowed functions is needed
     assert!(!externals(&IMAGE, &roots, &MEMORY).is_empty());
 }
 
 #[test]
-fn neither_robots_nor_the_closure_recurse() {
+fn no_function_of_robots_or_of_the_closure_recurses() {
     for (robot, roots) in robots() {
         assert_eq!(cycle(&IMAGE, &roots), None, "{robot}");
     }
@@ -149,7 +154,7 @@ fn stated() -> BTreeMap<String, u64> {
     .collect()
 }
 
-/// The figure is the machine's and the compiler's: what is stated leaves room for others.
+/// The size depends on the machine and the compiler, so the stated bound leaves a margin.
 #[test]
 fn the_stack_of_each_robot_is_within_what_is_stated() {
     let stated = stated();
@@ -165,7 +170,7 @@ fn the_stack_of_each_robot_is_within_what_is_stated() {
             let _ = writeln!(rows, "{robot}: {bytes} by {chain}");
             continue;
         };
-        // A bound that is far off states nothing.
+        // a bound far above the actual size is refused too
         fits &= bytes <= bound && bound <= 2 * bytes + 4096;
         let _ = writeln!(rows, "{robot}: {bytes} of {bound} by {chain}");
     }
@@ -176,9 +181,9 @@ fn the_stack_of_each_robot_is_within_what_is_stated() {
     );
 }
 
-/// In release, and with the robots built above: what `tests/image/tests/` says about numbers.
+/// Runs the tests in `tests/image/tests/` in release, with the robots built above.
 #[test]
-fn results_show_what_is_no_number_and_what_is_singular() {
+fn results_show_nan_infinity_and_singularities_in_release() {
     let output = std::process::Command::new(env!("CARGO"))
         .args(["test", "--release", "--package", "regen-image"])
         .args(["--features", "robots,closure", "--test", "numbers"])
@@ -186,18 +191,18 @@ fn results_show_what_is_no_number_and_what_is_singular() {
         .current_dir(root())
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
+    let printed = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}{errors}");
-    let tests = said
+    assert!(output.status.success(), "{printed}{errors}");
+    let tests = printed
         .lines()
         .filter(|line| line.starts_with("test ") && line.ends_with(" ok"));
-    assert!(tests.count() >= 5, "{said}");
+    assert!(tests.count() >= 5, "{printed}");
 }
 
-/// What must be found is found, where it is.
+/// A check of the checks: a panic, circles of calls and large frames are found where they are.
 #[test]
-fn a_panic_a_circle_and_a_large_frame_are_seen() {
+fn a_panic_a_circle_of_calls_and_a_large_frame_are_found() {
     let library = fixture(
         Path::new(env!("CARGO_TARGET_TMPDIR")),
         "seen",

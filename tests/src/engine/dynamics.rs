@@ -144,8 +144,8 @@ fn matrices(
         ROW_TOLERANCE,
     );
 
-    let still = engine.call(FunctionKind::BiasForces, &[q, qd, phi])?;
-    let bias: Vec<f64> = still.iter().zip(&gravity).map(|(c, g)| c + g).collect();
+    let coriolis = engine.call(FunctionKind::BiasForces, &[q, qd, phi])?;
+    let bias: Vec<f64> = coriolis.iter().zip(&gravity).map(|(c, g)| c + g).collect();
     let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
     let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
     figures.record(

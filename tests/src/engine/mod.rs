@@ -36,7 +36,7 @@ pub struct Names {
     pub coordinates: Vec<String>,
     /// The independent coordinates, in the order of the regressor's rows.
     pub independent: Vec<String>,
-    /// The actuated coordinates, in the order that `efforts` takes.
+    /// The actuated coordinates, in the order of the actuators' efforts.
     pub actuated: Vec<String>,
     /// The labels of the regressor's columns.
     pub parameters: Vec<String>,

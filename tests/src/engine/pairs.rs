@@ -18,7 +18,8 @@ pub type Side<'a> = (&'a dyn Engine, &'a crate::reference::Mechanism);
 /// coordinates.
 ///
 /// # Errors
-/// When the specs disagree, have different independent coordinates or no column in common.
+/// When the specs disagree, have different independent coordinates, or no column or no body in
+/// common.
 pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures, String> {
     let who = format!("{} and {}", a.1.name, b.1.name);
     let (names_a, names_b) = (a.0.names(), b.0.names());

@@ -8,12 +8,12 @@ use nalgebra::{DMatrix, DVector};
 use super::draft::{Actuation, Draft, Placement, cut_word, home_text, side_text};
 use crate::reference::{CutKind, Mechanism, Random, evaluate};
 
-/// Singular values of A at home below this fraction of the largest are zero ...
+/// Singular values of A at home below this fraction of the largest count as zero.
 const ZERO_PART: f64 = 1e-10;
-/// ... and above this fraction they are not. If one is between the two, home is too close to a
-/// singularity.
+/// Singular values above this fraction of the largest count towards the rank. If one is between
+/// both fractions, home is too close to a singularity.
 const REGULAR_PART: f64 = 1e-3;
-/// If all singular values of A are below this, its entries are rounding.
+/// If all singular values of A are below this, its entries are rounding errors.
 const ENTRY_ROUNDING: f64 = 1e-12;
 /// The smallest accepted ratio of the smallest to the largest singular value of A_e at home.
 const MIN_CONDITIONING: f64 = 0.02;
@@ -131,7 +131,7 @@ pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
             CutKind::Helical => evaluate(cut.pitch, &lookup(draft)).map_err(|_| Reject::Unfit)?,
             _ => 0.0,
         };
-        for motion in slack(cut.kind, pitch, cut.slack) {
+        for motion in joint_motions(cut.kind, pitch, cut.displacement) {
             frame = product(&frame, &motion);
         }
         let second = placement_text(&relative(&b, &frame));
@@ -227,13 +227,13 @@ fn neighbourhood(
     for _ in 0..3 {
         let a = mechanism.jacobian(home);
         // The part of a random motion that the rows allow.
-        let wish = DVector::from_vec(random.vector(mechanism.n(), 1.0));
+        let drawn = DVector::from_vec(random.vector(mechanism.n(), 1.0));
         let svd = a.clone().svd(true, true);
         let bound = ZERO_PART * svd.singular_values.max();
-        let kept = svd
-            .solve(&(&a * &wish), bound)
+        let blocked = svd
+            .solve(&(&a * &drawn), bound)
             .map_err(|_| Reject::SingularHome)?;
-        let motion = wish - kept;
+        let motion = drawn - blocked;
         let step = 0.05 / motion.amax().max(1e-9);
         let mut q: Vec<f64> = home
             .iter()
@@ -269,7 +269,7 @@ fn choose(
     let rank = n - mobility;
     let a = open.jacobian(home);
     let mut random = Random::new(draft.choice);
-    let keyed: Vec<usize> = (0..n)
+    let coupled: Vec<usize> = (0..n)
         .filter(|k| {
             draft
                 .couplings
@@ -279,14 +279,14 @@ fn choose(
         .collect();
     for _ in 0..30 {
         // Coupled coordinates first: they are never independent.
-        let mut order: Vec<usize> = (0..n).filter(|k| !keyed.contains(k)).collect();
+        let mut order: Vec<usize> = (0..n).filter(|k| !coupled.contains(k)).collect();
         for i in (1..order.len()).rev() {
             #[allow(clippy::cast_sign_loss, reason = "not negative")]
             let j = random.uniform(0.0, (i + 1) as f64) as usize;
             order.swap(i, j.min(i));
         }
         let mut dependent: Vec<usize> = Vec::new();
-        for k in keyed.iter().chain(&order) {
+        for k in coupled.iter().chain(&order) {
             if dependent.len() == rank {
                 break;
             }
@@ -295,8 +295,8 @@ fn choose(
                 dependent.pop();
             }
         }
-        if dependent.len() == rank && keyed.iter().all(|k| dependent.contains(k)) {
-            // In a random order, which is the order of the regressor's rows.
+        if dependent.len() == rank && coupled.iter().all(|k| dependent.contains(k)) {
+            // the random order becomes that of the regressor's rows
             let rest = order.iter().filter(|k| !dependent.contains(k));
             let mut names: Vec<usize> = rest.copied().collect();
             if draft.actuation == Actuation::Independent {
@@ -332,7 +332,7 @@ fn check_every_motion_moves_mass(mechanism: &Mechanism, q: &[f64]) -> Result<(),
         .mass_matrix(q, &still, &phi)
         .map_err(|_| Reject::SingularHome)?;
     let values = mass.symmetric_eigenvalues();
-    // Bodies of at least half a kilogram with arms of centimetres are far above this bound.
+    // the inertias of bodies of at least half a kilogram on arms of centimetres are far above this
     if values.min() > 1e-6 * values.max().max(1.0) {
         Ok(())
     } else {
@@ -340,10 +340,11 @@ fn check_every_motion_moves_mass(mechanism: &Mechanism, q: &[f64]) -> Result<(),
     }
 }
 
+/// A pose without displacement: the rotation row by row, then the origin.
 const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
-/// The motions that the joint of a cut allows.
-fn slack(kind: CutKind, pitch: f64, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]> {
+/// The displacement of a cut's joint, as a product of the motions that the joint allows.
+fn joint_motions(kind: CutKind, pitch: f64, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]> {
     match kind {
         CutKind::Spherical => vec![turn(2, z), turn(1, y), turn(0, x)],
         CutKind::Universal => vec![turn(0, x), turn(1, y)],
@@ -355,6 +356,7 @@ fn slack(kind: CutKind, pitch: f64, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]
     }
 }
 
+/// A rotation about an axis, rad.
 fn turn(axis: usize, angle: f64) -> [f64; 12] {
     let (s, c) = if angle == 0.0 {
         (0.0, 1.0)
@@ -371,6 +373,7 @@ fn turn(axis: usize, angle: f64) -> [f64; 12] {
     out
 }
 
+/// A translation along z, m.
 fn lift(z: f64) -> [f64; 12] {
     let mut out = IDENTITY;
     out[11] = z;

@@ -229,14 +229,14 @@ pub struct Cut {
     pub b: Option<String>,
     /// The displacement of the cut's joint at home: rotations about x, y, z and a translation along
     /// z, of which the joint's own freedoms are used.
-    pub slack: [f64; 4],
+    pub displacement: [f64; 4],
     /// Whether frame A is written second.
     pub swapped: bool,
     /// Further keys: a cone.
     pub more: &'static str,
 }
 
-/// A coupling. Its constant is computed so that it holds at home.
+/// A coupling. Its constant is computed so that the coupling is satisfied at home.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coupling {
     /// The coordinate that the coupling determines.

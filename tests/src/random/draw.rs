@@ -56,6 +56,7 @@ pub(super) struct Drawing {
     joints: usize,
     /// The probability that a number is special.
     special: f64,
+    /// The probability that a joint before the last one of a chain carries no body.
     massless: f64,
 }
 

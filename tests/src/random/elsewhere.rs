@@ -16,7 +16,7 @@ use crate::reference::{CutKind, Mechanism};
 pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanism), Reject> {
     let mut draft = sample.draft.clone();
     let opened = &mut draft.cuts[cut];
-    let [x, y, z, slide] = opened.slack;
+    let [x, y, z, slide] = opened.displacement;
     let (kind, home) = match opened.kind {
         CutKind::Spherical => (Kind::Spherical, vec![z, y, x]),
         CutKind::Universal => (Kind::Universal, vec![x, y]),
@@ -45,7 +45,7 @@ pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanis
     };
     opened.a.body = Some("extra".into());
     opened.kind = CutKind::Fixed;
-    opened.slack = [0.0; 4];
+    opened.displacement = [0.0; 4];
     opened.more = "";
     draft.limbs.push(limb);
     let mut text = closed_text(&draft)? + &home_text(&draft.home_pairs());

@@ -33,7 +33,7 @@ pub fn judge_text(
     let figures = check_engine(&derived, mechanism, seed, states)?;
     differences(&derived, mechanism, seed)?;
     closure(&derived, mechanism, seed)?;
-    written(&derived)?;
+    check_source(&derived)?;
     Ok(figures)
 }
 
@@ -66,21 +66,21 @@ pub fn differences(engine: &dyn Engine, mechanism: &Mechanism, seed: u64) -> Res
         engine.matrix(FunctionKind::Jacobian, &[&ahead])?,
         engine.matrix(FunctionKind::Jacobian, &[&behind])?,
     );
-    let turned = along(&((a_ahead - a_behind) / (2.0 * h)));
+    let jacobian_rate = along(&((a_ahead - a_behind) / (2.0 * h)));
     let bias = engine.call(FunctionKind::Bias, &[&q, &v])?;
     for row in 0..mechanism.rows() {
         let difference = (f_ahead[row] - f_behind[row]) / (2.0 * h);
-        let size = 1.0 + rate.amax() + turned.amax();
+        let size = 1.0 + rate.amax() + jacobian_rate.amax();
         if (difference - rate[row]).abs() > 1e-7 * size {
             return Err(format!(
                 "row {row}: A qd = {}, f moves {difference}",
                 rate[row]
             ));
         }
-        if (turned[row] + bias[row]).abs() > 1e-7 * size {
+        if (jacobian_rate[row] + bias[row]).abs() > 1e-7 * size {
             return Err(format!(
                 "row {row}: b = {}, dA/dt qd = {}",
-                bias[row], turned[row]
+                bias[row], jacobian_rate[row]
             ));
         }
     }
@@ -167,12 +167,12 @@ fn reached_slowly(mechanism: &Mechanism, home: &[f64], to: &[f64]) -> bool {
     let steps = 40;
     for step in 1..=steps {
         let part = f64::from(step) / f64::from(steps);
-        let there: Vec<f64> = from
+        let target: Vec<f64> = from
             .iter()
             .zip(to)
             .map(|(a, b)| a + part * (b - a))
             .collect();
-        match mechanism.follow(&q, &there) {
+        match mechanism.follow(&q, &target) {
             Ok(next) if mechanism.conditioning(&next) > bound => q = next,
             _ => return false,
         }
@@ -181,7 +181,7 @@ fn reached_slowly(mechanism: &Mechanism, home: &[f64], to: &[f64]) -> bool {
 }
 
 /// Checks that the source can be written and contains no NaN or infinity.
-fn written(derived: &Derived) -> Result<(), String> {
+fn check_source(derived: &Derived) -> Result<(), String> {
     let source = module(&derived.robot, &Options::default());
     match ["NaN", "inf)", "inf,"]
         .iter()

@@ -44,9 +44,9 @@ fn smaller(draft: &Draft) -> Vec<Draft> {
     for limb in 0..draft.limbs.len() {
         // Without the limb, and without all cuts and limbs on its bodies.
         with(&|d| {
-            let gone = d.limbs.remove(limb);
+            let removed = d.limbs.remove(limb);
             let on = |body: Option<&String>| {
-                let carried = gone.joints.iter().any(|j| j.body.as_ref() == body);
+                let carried = removed.joints.iter().any(|j| j.body.as_ref() == body);
                 body.is_some() && carried
             };
             d.cuts
@@ -82,7 +82,7 @@ fn smaller(draft: &Draft) -> Vec<Draft> {
         with(&|d| d.limbs[limb].from = None);
     }
     for cut in 0..draft.cuts.len() {
-        with(&|d| d.cuts[cut].slack = [0.0; 4]);
+        with(&|d| d.cuts[cut].displacement = [0.0; 4]);
         with(&|d| d.cuts[cut].a.placement = Placement::none());
     }
     with(&|d| d.off_home = 0.0);

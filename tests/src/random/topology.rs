@@ -177,7 +177,7 @@ fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: O
     let free = matches!(group, Group::Space | Group::Sphere);
     let hinge = free || matches!(group, Group::Plane | Group::Schoenflies);
     let slides = !matches!(group, Group::Plane | Group::Sphere) || kind == CutKind::Prismatic;
-    let slack = [
+    let displacement = [
         if free { x } else { 0.0 },
         if free { y } else { 0.0 },
         if hinge { z } else { 0.0 },
@@ -196,7 +196,7 @@ fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: O
         pitch: "",
         a: Side { body: a, placement },
         b,
-        slack,
+        displacement,
         swapped,
         more: if cone { ", limits: {cone: 1.4}" } else { "" },
     });

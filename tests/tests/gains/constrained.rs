@@ -1,4 +1,5 @@
-//! Gains and a payload under physical constraints, against another route to the same optimum.
+//! Gains and a payload under physical constraints, compared with another computation of the
+//! optimum.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{BaseMap, Options, ParameterLayout, identify};
@@ -45,9 +46,9 @@ impl<'m> Setting<'m> {
     }
 }
 
-/// The least squared residuals of physical parameters at a gain of the first joint, by a convex
-/// programme for that gain, in units of the efforts' noise.
-fn least(setting: &Setting<'_>, efforts: &[QrFactor], gains: &[f64]) -> (f64, Vec<f64>) {
+/// The smallest sum of squared residuals of physical parameters at given gains, in units of the
+/// efforts' noise, and the base parameters that have it, by one convex programme.
+fn optimum_at(setting: &Setting<'_>, efforts: &[QrFactor], gains: &[f64]) -> (f64, Vec<f64>) {
     let mut whole = QrFactor::new(efforts[0].labels().to_vec());
     for (factor, gain) in efforts.iter().zip(gains) {
         let r = factor.r().iter().map(|x| x / gain).collect();
@@ -61,11 +62,11 @@ fn least(setting: &Setting<'_>, efforts: &[QrFactor], gains: &[f64]) -> (f64, Ve
 }
 
 #[test]
-fn the_physical_gain_is_that_of_the_best_programme_at_any_gain() {
+fn the_physical_gain_minimises_the_residual_of_programmes_at_fixed_gains() {
     let robot = arm();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    // no body has Izz > Ixx + Iyy, nor products beyond them
+    // the load of the simulated robot is not physical: Izz > Ixx + Iyy, and Ixy is too large
     let twin = Twin::new(&model, &[8.0, 1.0, 1.0]).with_load(&[("Izz", 0.3), ("Ixy", 0.1)]);
     let plan = Plan {
         unknown_gains: twin.names()[..1].to_vec(),
@@ -93,7 +94,7 @@ fn the_physical_gain_is_that_of_the_best_programme_at_any_gain() {
         assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{a} {b}");
     }
 
-    // the rows again, from the model's functions alone; each effort over its noise
+    // the same equations from the model's functions, each effort divided by its noise
     let labels: Vec<String> = setting.map.labels().to_vec();
     let (n, dof) = (labels.len(), twin.gains.len());
     let mut efforts = vec![QrFactor::new(labels); dof];
@@ -118,7 +119,7 @@ fn the_physical_gain_is_that_of_the_best_programme_at_any_gain() {
         })
         .unwrap();
     }
-    let at = |gain: f64| least(&setting, &efforts, &[gain, 1.0, 1.0]);
+    let at = |gain: f64| optimum_at(&setting, &efforts, &[gain, 1.0, 1.0]);
     // golden section
     let (mut low, mut high) = (0.9 * gain, 1.1 * gain);
     let part = 0.5 * (5.0_f64.sqrt() - 1.0);
@@ -166,9 +167,9 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
         });
         for (value, truth, interval) in values.chain(gains) {
             assert!(interval.low <= value && value <= interval.high);
-            let slack = 4.0 * interval.sigma + 1e-9;
+            let tolerance = 4.0 * interval.sigma + 1e-9;
             assert!(
-                (value - truth).abs() < slack,
+                (value - truth).abs() < tolerance,
                 "{value} {truth} {interval:?}"
             );
             all += 1;
@@ -180,7 +181,7 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
         let (_, found) = setting.fit(&plan, 40, &mut twin.runs(seed)).unwrap();
         count(&found, &twin);
     }
-    // one gain is known, and the centre of mass of the load
+    // one gain and the centre of mass of the load are known
     let mut other = twin.clone();
     other.gains[2] = 1.0;
     let plan = of(
@@ -200,7 +201,7 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
     }
     assert!(outside * 8 < all, "{outside} of {all}");
 
-    // a load that is known wholly tells the gains, and is as it was given
+    // a fully known load determines the gains, and has exactly its given values
     let whole = KnownPayload {
         com: Some(com),
         inertia,
@@ -222,7 +223,7 @@ fn physical_intervals_of_gains_and_payload_contain_the_truth() {
         GainError::InertiaAlone("load".to_owned())
     );
 
-    // on a known robot only the load is sought
+    // on a known robot only the load is identified
     let plan = Plan {
         unknown_gains: twin.names(),
         payloads: vec![known(None)],

@@ -10,7 +10,7 @@ use super::{LOAD, Twin, arm, carried, judge, known};
 const BOUND: f64 = 1.345;
 
 #[test]
-fn outliers_of_currents_hardly_move_huber_s_gains_and_payload() {
+fn outliers_hardly_change_hubers_gains_and_payload() {
     let robot = arm();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);

@@ -7,7 +7,7 @@ fn specs_that_are_wrong_are_shown_with_their_place() {
 }
 
 #[test]
-fn specs_that_are_not_found_are_said_to_be_looked_for() {
+fn specs_that_are_not_found_are_reported_with_the_folders_searched() {
     trybuild::TestCases::new().compile_fail("ui/path/*.rs");
 }
 

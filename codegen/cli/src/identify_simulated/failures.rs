@@ -1,4 +1,4 @@
-//! What failed, with the options that help.
+//! Failures of the fits to simulated motions, with the options that help.
 
 use regen_response::{DidimError, ResponseError, TrackError};
 

@@ -11,7 +11,7 @@ use regen_identify::session::cross;
 use regen_runtime::Friction;
 use serde_json::Value;
 
-use super::{Bench, FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};
+use super::{Bench, FREQUENCY, HARMONICS, Sample, csv, normal, sampled, scratch, series, truth};
 use crate::args::{Cli, Command};
 use crate::exit::Failure;
 use crate::{export, identify, load, observe, parameters, validate};
@@ -67,7 +67,7 @@ fn noisy(name: &str, seed: u64, sigma: f64) -> PathBuf {
 }
 
 #[test]
-fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
+fn feasible_parameters_are_written_and_read_back_as_the_same_numbers() {
     let log = noisy("feasible.csv", 3, 0.05);
     let spec = fivebar();
     let file = |name: &str| scratch(name, "");
@@ -90,7 +90,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
     let (labels, phi) = physical(&written);
     let layout = ParameterLayout::new(&labels).unwrap();
     assert!(layout.check(&phi, Scale::default()).unwrap().is_physical());
-    // a deviation belongs to its own value or is missing; those of least squares are present
+    // every least-squares value has a standard deviation; a feasible value has its own or none
     let least = written["least_squares"].as_array().unwrap();
     for (row, least) in written["parameters"].as_array().unwrap().iter().zip(least) {
         assert!(number(&least["sigma"]) > 0.0 && row["unit"].is_string());
@@ -165,7 +165,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
 }
 
 #[test]
-fn known_masses_totals_bounds_and_twins_are_kept() {
+fn feasible_parameters_satisfy_known_masses_totals_bounds_and_identical_bodies() {
     let log = noisy("known.csv", 4, 0.05);
     let out = scratch("known.json", "");
     let line = format!(
@@ -220,7 +220,7 @@ fn a_reduction_leaves_well_identified_parameters_that_predict_another_log() {
 }
 
 /// Adds Stribeck friction at the cranks of the five-bar.
-fn with_friction(rows: &mut [Made], places: [usize; 2], laws: &[JointFit; 2]) {
+fn with_friction(rows: &mut [Sample], places: [usize; 2], laws: &[JointFit; 2]) {
     for row in rows {
         for ((tau, place), law) in row.tau.iter_mut().zip(places).zip(laws) {
             *tau += law.effort(row.qd[place]);
@@ -229,7 +229,7 @@ fn with_friction(rows: &mut [Made], places: [usize; 2], laws: &[JointFit; 2]) {
 }
 
 #[test]
-fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
+fn nonlinear_friction_is_identified_from_a_log_and_predicts_another() {
     let text = fs::read_to_string(fivebar()).unwrap();
     let text = text.replace("actuated: true", "actuated: true, friction: stribeck");
     let spec = scratch("stribeck_fivebar.yaml", &text);
@@ -249,7 +249,7 @@ fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
     let log = |seed: u64, name: &str| {
         let series = series(&model, 0.12, &mut Random::new(seed));
         let (phi, _) = truth(&model, &mut Random::new(9));
-        let mut rows = made(&model, &series, &phi, 250, 0.02);
+        let mut rows = sampled(&model, &series, &phi, 250, 0.02);
         with_friction(&mut rows, places, &laws);
         scratch(name, &csv(&model, &rows))
     };
@@ -289,14 +289,14 @@ fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
 }
 
 #[test]
-fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
-    let log = |name: &str, seed: u64, bad: bool| {
+fn cross_validation_weights_outliers_down_as_the_estimate_does() {
+    let log = |name: &str, seed: u64, outliers: bool| {
         Bench::new().with(500, 0.01, |model, mut rows, _| {
             let mut random = Random::new(seed);
             for (k, row) in rows.iter_mut().enumerate() {
                 for tau in &mut row.tau {
                     *tau += 0.01 * normal(&mut random);
-                    if bad && k % 25 == 0 {
+                    if outliers && k % 25 == 0 {
                         *tau += 20.0;
                     }
                 }
@@ -304,13 +304,13 @@ fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
             scratch(name, &csv(model, &rows))
         })
     };
-    let (good, bad) = (log("cross1.csv", 7, false), log("cross2.csv", 8, true));
+    let (clean, outlying) = (log("cross1.csv", 7, false), log("cross2.csv", 8, true));
     let error = |huber: &str| -> f64 {
         let words = format!(
             "regen identify {} {} {} --fourier {FREQUENCY},{HARMONICS} --cross {huber}",
             fivebar(),
-            good.display(),
-            bad.display()
+            clean.display(),
+            outlying.display()
         );
         let Some(Command::Identify(args)) = Cli::try_parse_from(words.split_whitespace())
             .unwrap()
@@ -321,12 +321,12 @@ fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
         let robot = load::robot(&args.file).unwrap();
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
-        // the error of the good log, predicted by parameters from the bad one
+        // the error of the clean log, predicted by parameters from the log with outliers
         cross(&identify::session(&args, &model), &args.logs).unwrap()[0].relative_absolute
     };
     let (plain, robust) = (error(""), error("--huber 1.345"));
     assert!(robust < 0.3 * plain, "{robust} {plain}");
-    for path in [good, bad] {
+    for path in [clean, outlying] {
         fs::remove_file(path).unwrap();
     }
 }

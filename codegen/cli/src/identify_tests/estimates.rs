@@ -65,7 +65,7 @@ fn all_methods_and_both_kinds_of_equations_agree_on_one_log() {
 }
 
 #[test]
-fn noise_is_found_and_errors_stay_within_their_own_sigma() {
+fn noise_is_estimated_and_errors_agree_with_their_standard_deviations() {
     Bench::new().with(800, 0.00625, |model, rows, beta| {
         let mut random = Random::new(7);
         let runs = 40;
@@ -85,7 +85,7 @@ fn noise_is_found_and_errors_stay_within_their_own_sigma() {
             let (set, _) = observe(model, EquationKind::Forces, &mut source).unwrap();
             let found = Estimate::new(&set, Weighting::PerEffort).unwrap();
             for (effort, sigma) in found.efforts.iter().zip([0.05, 0.20]) {
-                // 800 samples: five standard deviations of a standard deviation
+                // the estimate from 800 samples is within five of its standard deviations
                 assert!((effort.sigma / sigma - 1.0).abs() < 5.0 / 1600_f64.sqrt());
             }
             for k in 0..n {
@@ -99,13 +99,13 @@ fn noise_is_found_and_errors_stay_within_their_own_sigma() {
             // the mean of 40 runs is within four of its standard deviations
             assert!(mean[k].abs() < 4.0 * (variance[k] / f64::from(runs)).sqrt());
         }
-        // errors are as large as their deviations state: 440 correlated squares around 1
+        // errors are as large as their deviations state: the mean of 440 correlated squares is 1
         assert!((standard - 1.0).abs() < 0.35, "{standard}");
     });
 }
 
 #[test]
-fn hubers_weights_hold_outliers_off() {
+fn hubers_weights_limit_the_effect_of_outliers() {
     Bench::new().with(800, 0.00625, |model, rows, beta| {
         let mut random = Random::new(8);
         let mut source = Recorded::new();
@@ -142,7 +142,7 @@ fn hubers_weights_hold_outliers_off() {
             error(&plain)
         );
         for effort in &robust.estimate.efforts {
-            // a tenth of outliers counts as noise of 1.345 sigma: 15 % more
+            // a tenth of outliers, each bounded to 1.345 sigma, adds 15 % to the mean of squares
             assert!((effort.sigma / 0.05 - 1.0).abs() < 0.3, "{}", effort.sigma);
         }
         for (k, exact) in beta.iter().enumerate() {
@@ -154,7 +154,7 @@ fn hubers_weights_hold_outliers_off() {
 }
 
 #[test]
-fn windows_change_nothing() {
+fn reading_a_log_in_windows_gives_the_estimate_of_the_whole_log() {
     // the log has more rows than a window
     Bench::new().with(20_000, 0.0005, |model, rows, _| {
         let path = scratch("windows.csv", &csv(model, &rows));
@@ -224,7 +224,7 @@ fn windows_change_nothing() {
 }
 
 #[test]
-fn more_measured_coordinates_than_needed_are_fused() {
+fn redundant_measured_coordinates_are_fused() {
     Bench::new().with(50, 0.05, |model, rows, _| {
         // two measured coordinates with a passive one, all of them, and three in another order
         for measured in [vec![0, 1], vec![0, 1, 2, 3], vec![3, 0, 2]] {

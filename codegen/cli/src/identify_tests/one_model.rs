@@ -13,7 +13,7 @@ use regen_runtime::{BaseModel, Model};
 use serde_json::Value;
 
 use super::{
-    FREQUENCY, HARMONICS, Made, csv, made, normal, recorded, scratch, series, truth, worst,
+    FREQUENCY, HARMONICS, Sample, csv, normal, recorded, sampled, scratch, series, truth, worst,
 };
 use crate::args::{Cli, Command, IdentifyArgs};
 use crate::identify::{DELAY_REMEDY, Outcome, solve};
@@ -33,7 +33,7 @@ static LOGS_MADE: AtomicUsize = AtomicUsize::new(0);
 struct RobotWithLog {
     source: Source,
     robot: Robot,
-    rows: Vec<Made>,
+    rows: Vec<Sample>,
     log: PathBuf,
 }
 
@@ -51,7 +51,7 @@ impl RobotWithLog {
             let mut random = Random::new(7);
             let series = series(&model, 0.06, &mut random);
             let (phi, _) = truth(&model, &mut random);
-            let mut rows = made(&model, &series, &phi, samples, 5.0 / samples as f64);
+            let mut rows = sampled(&model, &series, &phi, samples, 5.0 / samples as f64);
             let efforts = rows.iter().flat_map(|row| &row.tau);
             let largest = efforts.fold(0.0, |m: f64, t| m.max(t.abs()));
             for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
@@ -433,7 +433,7 @@ fn the_balance_of_energy_knows_the_choices_about_the_base() {
         let mut random = Random::new(11);
         let series = series(&model, 0.12, &mut random);
         let (phi, beta) = truth(&model, &mut random);
-        let rows = made(&model, &series, &phi, 2000, 0.0025);
+        let rows = sampled(&model, &series, &phi, 2000, 0.0025);
         let energy = EquationKind::Energy { window: 0.05 };
         let found = identify(&model, energy, &Options::default(), &mut recorded(&rows)).unwrap();
         let off = worst(&found.estimate.values, &beta);

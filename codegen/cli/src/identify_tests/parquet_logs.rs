@@ -30,8 +30,8 @@ fn write(path: &Path, header: &[&str], rows: &[Vec<Option<f64>>], group: usize) 
         let mut column = 0;
         while let Some(mut to) = out.next_column().unwrap() {
             let values: Vec<f64> = rows.iter().filter_map(|row| row[column]).collect();
-            let there = |row: &Vec<Option<f64>>| i16::from(row[column].is_some());
-            let levels: Vec<i16> = rows.iter().map(there).collect();
+            let level = |row: &Vec<Option<f64>>| i16::from(row[column].is_some());
+            let levels: Vec<i16> = rows.iter().map(level).collect();
             to.typed::<DoubleType>()
                 .write_batch(&values, Some(&levels), None)
                 .unwrap();
@@ -78,7 +78,7 @@ fn a_log_gives_the_same_bits_as_csv_and_as_parquet() {
 }
 
 #[test]
-fn nulls_and_missing_columns_are_told_as_in_csv() {
+fn nulls_and_missing_columns_are_reported_as_in_csv() {
     Bench::new().with(300, 0.01, |model, rows, _| {
         let text = csv(model, &rows);
         let (header, mut numbers) = table(&text);
@@ -91,12 +91,12 @@ fn nulls_and_missing_columns_are_told_as_in_csv() {
         let DataError::Problems { problems, .. } = &error else {
             panic!("{error}");
         };
-        let told: Vec<(u64, &str)> = problems
+        let reported: Vec<(u64, &str)> = problems
             .first
             .iter()
             .map(|p| (p.row, p.what.kind()))
             .collect();
-        assert_eq!(told, [(101, "not a number"), (201, "not a number")]);
+        assert_eq!(reported, [(101, "not a number"), (201, "not a number")]);
         assert!(
             error.to_string().contains("`null` in column `q1`"),
             "{error}"

@@ -72,7 +72,7 @@ fn error(found: &Identified) -> f64 {
 }
 
 #[test]
-fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
+fn a_filter_over_efforts_and_regressor_does_not_change_the_parameters() {
     with_arm(|model| {
         for smoothing in [
             Smoothing::Butterworth {
@@ -89,10 +89,11 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
             });
             let found =
                 identify(model, EquationKind::Forces, &Options::default(), &mut log).unwrap();
-            // blocks start from guesses that decay to 1e-16, the ends of the log to 1e-3 only
+            // the filter's initial state decays to 1e-16 between blocks, but only to 1e-3 at the
+            // ends of the log
             assert!(error(&found) < 1e-3, "{smoothing:?} {:?}", found.estimate);
             let samples = found.left_out.samples;
-            // the low-pass filter gets averages of 2, of which every fourth is used
+            // the low-pass filter gets averages of 2 equations, and every fourth result is used
             assert!(samples > 600 && samples < 6000 / 7, "{samples}");
         }
     });
@@ -111,15 +112,16 @@ fn a_fast_log_is_averaged_before_its_filter_without_bias() {
         });
         let found = identify(model, EquationKind::Forces, &Options::default(), &mut log).unwrap();
         assert!(error(&found) < 1e-3, "{:?}", found.estimate);
-        // 5000 Hz are 50 times 2 Hz 50 times, so 32 equations become one
-        let left = found.left_out;
-        assert_eq!(32 * left.samples + left.unsettled, 60_000);
-        assert!(left.samples > 1200, "{left:?}");
+        // the rate may fall to 50 times the cutoff, from 5000 Hz to 100 Hz: the largest power of 2
+        // within that factor is 32
+        let left_out = found.left_out;
+        assert_eq!(32 * left_out.samples + left_out.unsettled, 60_000);
+        assert!(left_out.samples > 1200, "{left_out:?}");
     });
 }
 
 #[test]
-fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
+fn a_long_log_filtered_in_blocks_equals_the_log_filtered_as_a_whole() {
     with_arm(|model| {
         let smoothing = Smoothing::Butterworth {
             order: 5,
@@ -134,7 +136,7 @@ fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
         let mut whole: Vec<f64> = (0..rows).map(|k| effort(swing(k as f64 * 0.01))).collect();
         let times: Vec<f64> = (0..rows).map(|k| k as f64 * 0.01).collect();
         smoothing.apply(&times, &mut whole, 1).unwrap();
-        let mut seen = 0;
+        let mut count = 0;
         regen_identify::identify::equations(
             model,
             EquationKind::Forces,
@@ -143,14 +145,15 @@ fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
             &mut |found| {
                 #[allow(clippy::cast_sign_loss)]
                 let k = (found.time / 0.01).round() as usize;
-                // efforts are some 30 N m; the error is the filter's memory of 1e-16 and rounding
+                // efforts are some 30 N m; the error is the remaining 1e-16 of the filter's
+                // initial state, and rounding
                 assert!((found.tau[0] - whole[k]).abs() < 1e-10, "{k}");
-                seen += 1;
+                count += 1;
                 Ok(())
             },
         )
         .unwrap();
-        assert!(seen > 4700, "{seen}");
+        assert!(count > 4700, "{count}");
     });
 }
 
@@ -197,7 +200,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
 }
 
 #[test]
-fn what_holds_a_joint_at_rest_does_not_count() {
+fn samples_of_a_joint_at_rest_are_left_out() {
     with_arm(|model| {
         // swings separated by rests of a second
         let motion = |t: f64| {
@@ -218,8 +221,8 @@ fn what_holds_a_joint_at_rest_does_not_count() {
             let t = f64::from(k) * 0.005;
             let state = motion(t);
             // at rest, static friction balances an arbitrary effort of the drive
-            let held = if state[1] == 0.0 { 1.2 } else { 0.0 };
-            let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + held);
+            let static_friction = if state[1] == 0.0 { 1.2 } else { 0.0 };
+            let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + static_friction);
         }
         let path = scratch("rests.csv", &text);
         let fit = |standstill| {

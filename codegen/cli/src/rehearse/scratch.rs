@@ -10,7 +10,7 @@ use crate::interrupt;
 /// The largest number of names tried for a temporary folder.
 const MAX_TRIES: u32 = 1000;
 
-/// A folder that is removed with its files at the end, unless it was given.
+/// The folder of the logs, which is removed at the end unless the user named it.
 pub(super) struct Folder {
     path: PathBuf,
     is_own: bool,
@@ -51,7 +51,7 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         if self.is_own {
-            // what is left in the temporary folder does no harm
+            // a folder that cannot be removed is left for the system to clean up
             let _ = fs::remove_dir_all(&self.path);
             interrupt::set_unfinished(None);
         }

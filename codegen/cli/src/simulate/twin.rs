@@ -8,7 +8,7 @@ use super::parameters::{self, Described};
 use crate::args::TwinArgs;
 use crate::exit::Failure;
 
-/// The simulated robot, and the nominal parameters that its own were drawn around.
+/// The simulated robot, and the nominal parameters around which its own are drawn.
 ///
 /// - `step`: the time between samples, s.
 pub(crate) fn of(

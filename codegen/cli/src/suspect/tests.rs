@@ -20,7 +20,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A log: column titles and columns.
+/// A log in memory: its column titles and columns.
 #[derive(Clone)]
 struct Log {
     titles: Vec<String>,
@@ -59,6 +59,7 @@ impl Log {
         self.titles.iter().position(|t| t == name).unwrap()
     }
 
+    /// The log with a function applied to every number of some columns.
     fn each(&self, names: &[&str], change: impl Fn(f64) -> f64) -> Self {
         let mut out = self.clone();
         for name in names {
@@ -68,6 +69,7 @@ impl Log {
         out
     }
 
+    /// The log with two columns exchanged under the same titles.
     fn swapped(&self, a: &str, b: &str) -> Self {
         let mut out = self.clone();
         let (a, b) = (self.place(a), self.place(b));
@@ -102,7 +104,7 @@ type Mistake<'a> = (&'a str, Log, &'a [&'a str]);
 /// Every mistake must be the first that is reported, in these words; where options are the remedy,
 /// the log must be read without a warning with them.
 #[track_caller]
-fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'_>]) {
+fn assert_reported(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'_>]) {
     let mut missed = Vec::new();
     for (name, log, words) in mistakes {
         let found = warnings(model, log, settings);
@@ -113,7 +115,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
             .join("\n");
         println!("{name}: {text}");
         if !words.iter().all(|word| text.contains(word)) {
-            missed.push(format!("{name}: wanted {words:?}, told:\n{text}"));
+            missed.push(format!("{name}: wanted {words:?}, got:\n{text}"));
             continue;
         }
         let Some(first) = found.first().filter(|f| f.remedy.starts_with("--column")) else {
@@ -137,7 +139,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
 }
 
 #[test]
-fn mistakes_in_the_log_of_a_fivebar_are_named() {
+fn mistakes_in_the_log_of_a_fivebar_are_reported() {
     let guide = root().join("runtime/guide/fivebar");
     let robot = load::robot(&guide.join("fivebar.yaml")).unwrap();
     let terms = BaseTerms::new(&robot);
@@ -156,7 +158,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
     }
     let log = Log::read(&guide.join("run1.csv"));
     let both = ["tau_q1", "tau_q3"];
-    are_named(
+    assert_reported(
         &model,
         &settings,
         &[
@@ -186,7 +188,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
                 &["`q1`", "`q3`", "swapped"],
             ),
             (
-                "a position turned",
+                "a position reversed",
                 log.each(&["q1"], |x| -x),
                 &["`q1`", "sign"],
             ),
@@ -227,12 +229,12 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
             ),
         ],
     );
-    // without a filter: a filter would refuse such a step
+    // central differences, since a low-pass filter refuses a log with a step of seconds
     let plain = Settings {
         method: Method::Central,
         ..settings
     };
-    are_named(
+    assert_reported(
         &model,
         &plain,
         &[(
@@ -246,7 +248,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
 /// Friction with coefficients for each direction absorbs a constant offset, and the fit is as good
 /// as without it; the offset is detected by the negative friction of one direction.
 #[test]
-fn an_offset_that_two_directions_of_friction_take_up_is_named() {
+fn an_offset_that_friction_of_two_directions_absorbs_is_reported() {
     let guide = root().join("runtime/guide/fivebar");
     let read = load::source(&guide.join("fivebar.yaml")).unwrap();
     let text = read
@@ -270,9 +272,9 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
         assert!(clean.is_empty(), "{}", clean[0]);
     }
     // an offset of the size of friction cannot be distinguished from slightly different friction
-    let little = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
-    assert!(little.is_empty(), "{}", little[0]);
-    are_named(
+    let small = warnings(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
+    assert!(small.is_empty(), "{}", small[0]);
+    assert_reported(
         &model,
         &settings,
         &[
@@ -336,7 +338,7 @@ fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
 
 /// A constant offset is not tested: upright legs carry a constant weight, which absorbs it.
 #[test]
-fn mistakes_in_the_log_of_a_3rps_are_named() {
+fn mistakes_in_the_log_of_a_3rps_are_reported() {
     let robot = load::robot(&root().join("robots/3rps_friction.yaml")).unwrap();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -363,7 +365,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
     let clean = warnings(&model, &log, &settings);
     assert!(clean.is_empty(), "{}", clean[0]);
     let all = ["tau_q2", "tau_q7", "tau_q9"];
-    are_named(
+    assert_reported(
         &model,
         &settings,
         &[
@@ -427,7 +429,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         }
         out
     };
-    are_named(
+    assert_reported(
         &model,
         &settings,
         &[(
@@ -436,14 +438,15 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
             &["Fv(q7) is -", "cannot be negative", "--feasible"],
         )],
     );
-    // a rotor inertia stated in the spec is compared with the other bodies, another one is not
+    // a rotor inertia with a nominal value is compared together with the nominal bodies; only one
+    // without such a value is left to the check of its sign
     let read = load::source(&root().join("robots/3rps_friction.yaml")).unwrap();
     let stated = read.text.matches(", J: 483.1").count();
     assert_eq!(stated, 3);
     let text = read.text.replace(", J: 483.1", "");
     let other = load::with_base(&Source::new(read.name, text)).unwrap();
     let other_terms = BaseTerms::new(&other);
-    are_named(
+    assert_reported(
         &Interpreted::with_terms(&other, &other_terms),
         &settings,
         &[(
@@ -459,7 +462,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
         },
         ..settings
     };
-    are_named(
+    assert_reported(
         &model,
         &wrong,
         &[(

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-/// The longest wait for anything that a page is to do.
-const TIME: Duration = Duration::from_mins(1);
+/// The longest wait for a page.
+const MAX_WAIT: Duration = Duration::from_mins(1);
 
 /// A browser with one page.
 pub struct Driven {
@@ -18,8 +18,8 @@ pub struct Driven {
     profile: PathBuf,
     socket: TcpStream,
     sent: u64,
-    /// The errors and refusals that the page has told.
-    pub told: Vec<String>,
+    /// The uncaught exceptions and the logged errors of the page.
+    pub errors: Vec<String>,
 }
 
 impl Drop for Driven {
@@ -58,12 +58,12 @@ impl Driven {
             let (_, rest) = line.split_once("DevTools listening on ws://")?;
             Some(rest.split('/').next()?.to_owned())
         });
-        // whoever writes to a pipe that nobody reads waits
+        // the browser would wait at a full pipe, so the rest of its messages is read and dropped
         std::thread::spawn(move || lines.for_each(drop));
         let address = address.expect("the port of the browser");
         let path = page_of(&address);
         let mut socket = TcpStream::connect(&address).unwrap();
-        socket.set_read_timeout(Some(TIME)).unwrap();
+        socket.set_read_timeout(Some(MAX_WAIT)).unwrap();
         let hello = format!(
             "GET {path} HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\n\
              Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
@@ -82,7 +82,7 @@ impl Driven {
             profile,
             socket,
             sent: 0,
-            told: Vec::new(),
+            errors: Vec::new(),
         };
         for domain in ["Page", "Runtime", "Log"] {
             driven.ask(&format!("{domain}.enable"), &json!({}));
@@ -90,7 +90,7 @@ impl Driven {
         driven
     }
 
-    /// Calls a method of the protocol and gives its result.
+    /// Calls a method of the protocol and returns its result; collects errors reported meanwhile.
     pub fn ask(&mut self, method: &str, parameters: &Value) -> Value {
         self.sent += 1;
         let id = self.sent;
@@ -116,7 +116,7 @@ impl Driven {
             let event = message["method"].as_str().unwrap_or_default();
             let is_error = message["params"]["entry"]["level"] == "error";
             if event == "Runtime.exceptionThrown" || event == "Log.entryAdded" && is_error {
-                self.told.push(message["params"].to_string());
+                self.errors.push(message["params"].to_string());
             }
         }
     }
@@ -169,8 +169,11 @@ impl Driven {
     pub fn wait(&mut self, expression: &str) {
         let begun = Instant::now();
         while self.value(&format!("Boolean({expression})")) != true {
-            let told = &self.told;
-            assert!(begun.elapsed() < TIME, "never: {expression}; {told:?}");
+            let errors = &self.errors;
+            assert!(
+                begun.elapsed() < MAX_WAIT,
+                "never: {expression}; {errors:?}"
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -181,7 +184,7 @@ impl Driven {
     }
 }
 
-/// The path of the browser's page.
+/// The path of the page's WebSocket.
 fn page_of(address: &str) -> String {
     let begun = Instant::now();
     loop {
@@ -193,7 +196,7 @@ fn page_of(address: &str) -> String {
             .set_read_timeout(Some(Duration::from_secs(1)))
             .unwrap();
         let mut bytes = Vec::new();
-        // the browser may keep the connection open behind its answer
+        // the browser may keep the connection open after its answer, so the read may time out
         let _ = stream.read_to_end(&mut bytes);
         let text = String::from_utf8_lossy(&bytes);
         let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
@@ -204,7 +207,7 @@ fn page_of(address: &str) -> String {
             let (_, path) = url.split_once(address).unwrap();
             return path.to_owned();
         }
-        assert!(begun.elapsed() < TIME, "no page: {text}");
+        assert!(begun.elapsed() < MAX_WAIT, "no page: {text}");
         std::thread::sleep(Duration::from_millis(50));
     }
 }

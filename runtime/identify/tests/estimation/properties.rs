@@ -206,7 +206,7 @@ fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
 /// The coverage of the intervals, averaged over the parameters: with 6,000 draws its standard
 /// deviation is 0.28 %, so a coverage outside of 93 to 97 % is not due to chance.
 #[test]
-fn confidence_intervals_hold_the_truth_as_often_as_they_say() {
+fn confidence_intervals_contain_the_true_values_as_often_as_stated() {
     let mut random = Random(4);
     let x = [1.0, -1.0, 0.3, 10.0, 0.01, 5.0];
     let rows = 25;
@@ -239,7 +239,7 @@ fn confidence_intervals_hold_the_truth_as_often_as_they_say() {
 }
 
 #[test]
-fn what_the_data_leave_open_is_named() {
+fn undetermined_parameters_are_named() {
     let mut random = Random(5);
     let (mut w, tau) = block(&mut random, 30, &[1.0; 5], 0.0);
     // p3 = 2 p1 in the data
@@ -324,7 +324,7 @@ fn all_methods_find_the_same_derivatives_of_a_smooth_motion() {
 }
 
 #[test]
-fn a_window_that_reaches_far_enough_gives_what_the_whole_gives() {
+fn a_window_that_reaches_far_enough_gives_the_result_of_the_whole() {
     let times: Vec<f64> = (0..3000).map(|k| 0.01 * f64::from(k)).collect();
     let mut random = Random(6);
     let x: Vec<f64> = times

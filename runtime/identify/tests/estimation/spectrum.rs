@@ -57,7 +57,7 @@ fn the_condition_of_two_columns_follows_from_the_angle_between_them() {
 }
 
 #[test]
-fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
+fn singular_equations_have_an_infinite_condition_and_report_its_reciprocal() {
     let nothing = factor(&[[0.0; 4], [0.0; 4]]).spectrum().unwrap();
     // infinite, not NaN
     assert!(nothing.condition() > f64::MAX && nothing.scaled_condition() > f64::MAX);
@@ -80,7 +80,7 @@ fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
 }
 
 #[test]
-fn a_known_last_column_is_taken_off_the_right_side() {
+fn a_known_last_column_is_subtracted_from_the_right_side() {
     let whole = factor(&[
         [1.0, 2.0, 0.0, 1.0],
         [0.0, 1.0, -1.0, 2.0],
@@ -99,7 +99,7 @@ fn a_known_last_column_is_taken_off_the_right_side() {
 }
 
 #[test]
-fn rows_of_an_effort_that_is_none_are_refused_with_its_number() {
+fn rows_of_an_unknown_effort_are_refused_with_its_number() {
     let origin = Origin {
         robot: "none".to_owned(),
         model: "0".to_owned(),

@@ -95,7 +95,7 @@ fn least_squares_and_its_statistics_are_those_of_numpy() {
 }
 
 #[test]
-fn weights_settle_at_the_noise_of_each_effort() {
+fn weights_converge_to_the_noise_of_each_effort() {
     let all = vectors();
     let v = &all["weighted"];
     let labels: Vec<String> = (0..4).map(|k| format!("p{k}")).collect();

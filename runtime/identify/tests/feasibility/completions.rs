@@ -58,7 +58,7 @@ const BODY: [f64; 10] = [0.2, 0.01, 0.0, 0.25, -0.02, 0.22, 0.1, 0.05, -0.03, 3.
 /// With known values or priors the parameters come from a cone programme. There too, every
 /// direction that nothing determines is taken from the reference.
 #[test]
-fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known() {
+fn undetermined_directions_follow_the_reference_also_with_known_values_or_priors() {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     let layout = ParameterLayout::new(&labels).unwrap();
     let reference: Vec<Option<f64>> = BODY.iter().copied().map(Some).collect();

@@ -123,7 +123,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3))]
 
     #[test]
-    fn it_is_never_worse_than_linear_friction(robot in robot(), noise in 0.0..20.0_f64, fc in 0.0..3.0_f64) {
+    fn nonlinear_friction_is_never_worse_than_linear_friction(robot in robot(), noise in 0.0..20.0_f64, fc in 0.0..3.0_f64) {
         let laws: [(Friction, &[f64]); 2] =
             [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, fc, 1.0, 1.0])];
         let found = of_robot(&robot, &simulate(&robot, &laws, noise));

@@ -153,7 +153,7 @@ fn friction_of_a_passive_joint_acts_as_it_moves_with_the_crank() {
 
 /// Eq. 14, 16, 17 and 32 and the linear laws, in both directions and at rest.
 #[test]
-fn every_law_opposes_the_motion_as_its_equation_says() {
+fn every_law_opposes_the_motion_by_its_equation() {
     let effort = |friction: Friction, values: &[f64], v: f64| {
         let joint = JointFit {
             name: "q".to_owned(),

@@ -192,7 +192,7 @@ fn one(values: [f64; 10]) -> (ParameterLayout, BaseMap, QrFactor) {
 const PLAIN: [f64; 10] = [0.2, 0.0, 0.0, 0.2, 0.0, 0.2, 0.1, 0.0, 0.0, 3.0];
 
 #[test]
-fn margins_knowns_bounds_and_totals_are_kept() {
+fn margins_known_values_bounds_and_totals_are_satisfied() {
     let (layout, combinations, factor) = one(PLAIN);
     let options = Options {
         known: vec![("my(1)".to_owned(), 0.05)],
@@ -224,7 +224,7 @@ fn margins_knowns_bounds_and_totals_are_kept() {
 }
 
 #[test]
-fn contradictions_are_told() {
+fn contradictory_constraints_are_reported() {
     let (layout, combinations, factor) = one(PLAIN);
     let heavy = Options {
         known: vec![("m(1)".to_owned(), -1.0)],
@@ -271,7 +271,7 @@ fn identical_bodies_are_identical() {
 
 /// The mean of a measured value and of a prior weights both by their standard deviations.
 #[test]
-fn a_prior_weighs_as_its_deviation_says() {
+fn a_prior_is_weighted_by_its_deviation() {
     let (layout, combinations, factor) = one(PLAIN);
     let options = Options {
         noise: Some(0.1),
@@ -293,7 +293,7 @@ fn a_prior_weighs_as_its_deviation_says() {
 
 /// Parameters that the observations leave open equal the reference if that is physical.
 #[test]
-fn what_is_not_determined_comes_from_the_reference() {
+fn undetermined_values_come_from_the_reference() {
     let (layout, _, _) = one(PLAIN);
     let seen = BaseMap::identity(layout.labels()).select(&[5, 6]).unwrap();
     let mut factor = QrFactor::new(seen.labels().to_vec());

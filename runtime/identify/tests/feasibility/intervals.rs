@@ -61,7 +61,7 @@ fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrain
 
 /// If no constraint is active, a physical fit is the least-squares fit, with the same uncertainty.
 #[test]
-fn without_active_constraints_they_are_those_of_least_squares() {
+fn without_active_constraints_intervals_are_those_of_least_squares() {
     let robot = plain();
     let (estimate, found) = found(&robot, &factor(&robot, 1e-4), 400);
     for (k, spread) in found.base.iter().enumerate() {
@@ -80,7 +80,7 @@ fn without_active_constraints_they_are_those_of_least_squares() {
 
 /// The noise moves the least-squares parameters outside of the physical set.
 #[test]
-fn at_constraints_they_hold_their_value_and_keep_inside() {
+fn intervals_at_constraints_contain_the_value_and_satisfy_them() {
     let mut robot = plain();
     // no friction
     robot.phi[10] = 0.0;
@@ -96,7 +96,7 @@ fn at_constraints_they_hold_their_value_and_keep_inside() {
 }
 
 #[test]
-fn a_parameter_that_is_chosen_freely_has_none() {
+fn a_parameter_that_is_chosen_freely_has_no_interval() {
     let mut robot = plain();
     let kept: Vec<usize> = (0..11).filter(|k| *k != 3).collect();
     robot.combinations = robot.combinations.select(&kept).unwrap();

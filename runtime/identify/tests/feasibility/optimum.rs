@@ -188,7 +188,7 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
 
 /// Towards a reference the fit of poor data does not get worse.
 #[test]
-fn the_reference_costs_nothing() {
+fn the_reference_does_not_worsen_the_fit() {
     for seed in 0..12 {
         let Problem {
             layout,
@@ -211,7 +211,7 @@ fn the_reference_costs_nothing() {
 /// Among the parameters that fit equally well, those near the reference are chosen, whether a
 /// constraint is active or not.
 #[test]
-fn what_the_data_leave_open_follows_the_reference() {
+fn undetermined_parameters_follow_the_reference() {
     let (layout, _, _) = one();
     let seen = BaseMap::identity(layout.labels())
         .select(&[5, 6, 9, 10])
@@ -258,7 +258,7 @@ fn one() -> (ParameterLayout, BaseMap, QrFactor) {
 
 /// A lower limit below 0 replaces the sign of friction; the offset of a torque sensor needs it.
 #[test]
-fn a_negative_limit_of_friction_stands_for_its_sign() {
+fn a_negative_lower_limit_of_friction_replaces_its_sign_constraint() {
     let (layout, combinations, factor) = one();
     let bounded = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
     assert!(bounded.phi[10].abs() < 1e-6);
@@ -284,7 +284,7 @@ fn a_negative_limit_of_friction_stands_for_its_sign() {
 }
 
 #[test]
-fn what_cannot_act_is_refused() {
+fn options_without_effect_are_refused() {
     let (layout, combinations, factor) = one();
     let bound = |parameter: &str, lowest: f64, highest: f64| Bound {
         parameter: parameter.to_owned(),
@@ -354,7 +354,7 @@ fn what_cannot_act_is_refused() {
 
 /// Forms that the spec takes as zero are fulfilled, and verdicts include them.
 #[test]
-fn forms_that_are_zero_hold() {
+fn forms_that_the_spec_takes_as_zero_are_zero() {
     let (layout, _, _) = one();
     let all = BaseMap::identity(layout.labels());
     let seen = all.select(&[5, 6, 9]).unwrap();

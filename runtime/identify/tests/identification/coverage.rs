@@ -42,7 +42,7 @@ fn log(seed: u64) -> Recorded {
 /// deviation of 3.1: a count outside of 180 to 198 would occur once in 500 times with new seeds.
 /// Intervals for white residuals contain it less than 110 times.
 #[test]
-fn intervals_hold_the_truth_in_95_of_100_logs_with_correlated_residuals() {
+fn intervals_contain_the_true_values_in_95_of_100_logs_with_correlated_residuals() {
     for huber in [None, Some(1.345)] {
         let options = Options {
             huber,

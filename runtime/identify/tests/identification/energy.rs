@@ -97,7 +97,7 @@ fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
 }
 
 #[test]
-fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
+fn a_window_balances_work_with_energy_and_friction_losses() {
     let (model, rows) = (model(), made(200, 0.01));
     let mut observer = EquationBuilder::new(&model, EquationKind::Energy { window: 0.25 });
     let mut from = 0;
@@ -196,7 +196,7 @@ fn a_row_that_is_not_finite_gives_no_equation() {
 }
 
 #[test]
-fn residuals_of_the_true_parameters_are_what_trapezoids_leave() {
+fn residuals_of_the_true_parameters_are_errors_of_the_trapezoidal_rule() {
     let mut log = Recorded::new();
     for m in made(400, 0.005) {
         log.push(m.time, &m.q, &m.qd, &m.qdd, &[m.tau]);

@@ -36,7 +36,7 @@ fn state(completed: Completed) -> regen_runtime::State {
 }
 
 #[test]
-fn measured_in_any_order_and_number_exact_values_give_the_state() {
+fn exact_values_measured_in_any_order_and_number_give_the_state() {
     let model = model();
     let mut closure = LoopClosure::new(&model).unwrap();
     for measured in [&[0][..], &[2], &[1], &[2, 0], &[1, 2], &[2, 1, 0]] {
@@ -100,7 +100,7 @@ fn contradictions_are_weighed_by_the_deviations() {
 /// The slider's position alone does not determine the side of the crank: the completion takes the
 /// side of the last sample, or of home after a restart.
 #[test]
-fn a_restarted_completion_is_as_a_new_one() {
+fn a_restarted_completion_behaves_like_a_new_one() {
     let model = model();
     let mut used = Completion::new(&model, &[2], &[0.001]).unwrap();
     let complete = |completion: &mut Completion<'_, _>, crank: f64| {
@@ -119,7 +119,7 @@ fn a_restarted_completion_is_as_a_new_one() {
 }
 
 #[test]
-fn what_does_not_move_with_the_mechanism_leaves_it_unmeasured() {
+fn a_coordinate_that_does_not_move_with_the_others_leaves_them_unmeasured() {
     let mut model = model();
     // at the dead point the slider does not move with the crank
     model.home = at(0.0);
@@ -129,7 +129,7 @@ fn what_does_not_move_with_the_mechanism_leaves_it_unmeasured() {
 }
 
 #[test]
-fn what_is_measured_wrongly_is_refused() {
+fn invalid_measured_coordinates_and_deviations_are_refused() {
     let model = model();
     let made = |measured: &[usize], deviations: &[f64]| {
         Completion::new(&model, measured, deviations).map(|_| ())
@@ -160,7 +160,7 @@ fn what_is_measured_wrongly_is_refused() {
 
 /// A rod shorter than the crank: the crank cannot turn all the way round.
 #[test]
-fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
+fn states_that_the_mechanism_does_not_reach_are_reported_as_open() {
     let model = SliderCrank {
         rod: 0.5,
         home: [0.0, 0.0, 1.5],

@@ -159,7 +159,7 @@ fn a_log_written_in_other_ways_is_the_same_log() {
 }
 
 #[test]
-fn rows_and_times_leave_out_the_rest_before_anything_is_judged() {
+fn rows_and_times_outside_the_run_are_left_out_before_any_check() {
     let mut text = "t,q1,tau_q1\n".to_owned();
     for (k, t) in times(200).enumerate() {
         let [q, _, tau] = at(t);

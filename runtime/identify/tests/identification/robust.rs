@@ -215,7 +215,7 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
 
 /// A bound that no residual exceeds gives ordinary least squares, for any weights of the rows.
 #[test]
-fn a_bound_beyond_all_residuals_is_none() {
+fn a_bound_beyond_all_residuals_has_no_effect() {
     let mut random = Random(5);
     let (_, y, _) = pendulum(|| 0.05 * random.normal());
     let mut log = Recorded::new();
@@ -270,7 +270,7 @@ impl Source for CountingLog {
 }
 
 #[test]
-fn a_log_that_fits_into_memory_is_read_once_whatever_the_passes() {
+fn a_log_that_fits_into_memory_is_read_once_for_all_passes() {
     let mut random = Random(7);
     let (_, _, log) = pendulum(|| 0.05 * random.normal());
     let mut log = CountingLog { log, read: 0 };

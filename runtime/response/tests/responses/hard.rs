@@ -72,7 +72,7 @@ fn windows_of_any_lengths_give_the_same_parameters() {
 }
 
 #[test]
-fn unknown_gains_leave_a_common_scale_that_is_named_and_no_variance_is_negative() {
+fn unknown_gains_have_an_undetermined_common_scale_that_is_named_and_no_variance_is_negative() {
     let twin = Twin {
         noise: [1e-5, 0.0],
         ..short(Twin::new(&Arm, &ARM))

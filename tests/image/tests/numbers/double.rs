@@ -4,14 +4,14 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use regen_runtime::Scalar;
 
-/// The sum of a number and what rounding took from it: 32 digits.
+/// The unevaluated sum of a number and its rounding error: 32 digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Double {
     high: f64,
     low: f64,
 }
 
-/// pi / 2 less what is its nearest `f64`.
+/// pi / 2 minus its nearest `f64`, as a sum of two.
 const HALF_PI_REST: [f64; 2] = [6.123_233_995_736_766e-17, -1.497_384_904_859_17e-33];
 
 impl Double {
@@ -26,7 +26,7 @@ impl Double {
         self.high + self.low
     }
 
-    /// |a| >= |b|, or a is zero.
+    /// The exact sum of two numbers of which |a| >= |b| or a is zero.
     fn quick(a: f64, b: f64) -> Self {
         let high = a + b;
         Self {
@@ -35,6 +35,7 @@ impl Double {
         }
     }
 
+    /// The exact sum of any two numbers (Knuth).
     fn sum(a: f64, b: f64) -> Self {
         let high = a + b;
         let part = high - a;
@@ -44,6 +45,7 @@ impl Double {
         }
     }
 
+    /// The exact product.
     fn product(a: f64, b: f64) -> Self {
         let high = a * b;
         Self {
@@ -138,7 +140,7 @@ impl Scalar for Double {
 
     #[inline(never)]
     fn sin_cos(self) -> (Self, Self) {
-        // to |rest| < pi / 4
+        // quarter turns are subtracted, so that |rest| <= pi / 4
         let turns = (self.high / std::f64::consts::FRAC_PI_2).round();
         let parts = [
             std::f64::consts::FRAC_PI_2,
@@ -150,7 +152,7 @@ impl Scalar for Double {
             .fold(self, |x, part| x - Double::product(turns, *part));
         let square = rest * rest;
         let (mut sine, mut cosine) = (Self::new(0.0), Self::new(0.0));
-        // 33! is beyond 32 digits.
+        // the first terms left out, rest^32 / 32! and rest^33 / 33!, are below 32 digits
         for k in (0..16_u32).rev() {
             let k = f64::from(2 * k);
             sine = Self::new(1.0) - square * sine / Self::new((k + 2.0) * (k + 3.0));

@@ -1,4 +1,5 @@
-//! Numbers of all robots where they are hard to come by, with what `tests/objects` builds in release.
+//! Numerical tests of all robots with NaN, with infinity and near singularities. `tests/objects`
+//! runs them in release.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod double;

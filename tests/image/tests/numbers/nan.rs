@@ -1,10 +1,10 @@
-//! What every generated function makes of numbers that are none: they are seen in its results.
+//! NaN and infinity as arguments of every generated function: the results must show them.
 
 use crate::robot::{Function, Inputs, Output, functions};
 use regen_image::robots::all;
 use regen_runtime::function::Argument;
 
-/// The output with one entry of an argument set anew.
+/// The output with another value of one entry of an argument.
 fn with(
     function: Function,
     robot: regen_image::robots::Robot<f64>,
@@ -17,17 +17,18 @@ fn with(
     function.call_with(robot, inputs, place.0, &changed)
 }
 
-/// Whether the status says that nothing of the result means anything.
+/// Whether the status says that the results are meaningless.
 fn refused(output: &Output) -> bool {
     output
         .pivot
         .is_some_and(|pivot| pivot.is_nan() || pivot < regen_runtime::SINGULAR)
 }
 
-/// Every entry of every argument of every function that has an influence on a result: which is
-/// found by changing it. Where nothing changes, nothing can be asked for.
+/// Sets each entry of each argument of every function to `bad`. Each result that depends on the
+/// entry, which two other values of the entry show, must satisfy `ok`, or the status must refuse
+/// all results.
 fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
-    let mut asked = 0;
+    let mut checked = 0;
     for (name, robot) in all() {
         let inputs = Inputs::near_home(robot);
         for function in functions() {
@@ -46,18 +47,18 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
                     let old = inputs.of(*argument)[k];
                     let moved = [at(old + 0.37), at(-1.9 * old - 0.01)];
                     for (i, before) in plain.values.iter().enumerate() {
-                        // Beyond rounding.
+                        // by more than rounding
                         let differs = |other: &Output| {
                             (other.values[i] - before).abs() > 1e-9 * (1.0 + before.abs())
                         };
                         if !moved.iter().any(differs) {
                             continue;
                         }
-                        asked += 1;
-                        let seen =
+                        checked += 1;
+                        let is_shown =
                             refused(&spoilt) || ok(spoilt.values[i], &|value| at(value).values[i]);
                         assert!(
-                            seen,
+                            is_shown,
                             "{name}: {}, {argument:?}[{k}] = {bad}: entry {i} is {}, pivot {:?}",
                             function.name(),
                             spoilt.values[i],
@@ -68,8 +69,8 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
             }
         }
     }
-    // All robots, functions and arguments take part.
-    assert!(asked > 20_000, "{asked}");
+    // so many only if all robots, functions and arguments take part
+    assert!(checked > 20_000, "{checked}");
 }
 
 #[test]
@@ -77,9 +78,9 @@ fn nan_is_passed_on_or_refused_by_every_function_of_every_robot() {
     check(|value, _| value.is_nan(), f64::NAN);
 }
 
-/// What is bounded in an argument has the value that it tends to: Coulomb's friction.
+/// A result that is bounded in an argument, such as Coulomb friction, may be its limit.
 #[test]
-fn infinity_leaves_no_finite_number_but_a_limit() {
+fn infinity_gives_no_finite_number_except_a_limit() {
     for bad in [f64::INFINITY, f64::NEG_INFINITY] {
         let ok = |value: f64, at: &dyn Fn(f64) -> f64| {
             let limit = |size: f64| at(size.copysign(bad)).to_bits();

@@ -18,14 +18,14 @@ pub(crate) struct Inputs {
     tau: Vec<f64>,
 }
 
-/// What a function gave: its numbers, and the pivot of its solve if it has one.
+/// The results of a function, and the pivot of its linear solve if it has one.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
     pub(crate) values: Vec<f64>,
     pub(crate) pivot: Pivot,
 }
 
-/// The pivot of a function that solves.
+/// The pivot of a function with a linear solve.
 type Pivot = Option<f64>;
 
 /// A function of the traits `Model` and `BaseModel`.
@@ -35,7 +35,7 @@ pub(crate) enum Function {
     Base(BaseFunction),
 }
 
-/// All of them.
+/// All functions of both traits.
 pub(crate) fn functions() -> impl Iterator<Item = Function> {
     let full = regen_runtime::Function::ALL.map(Function::Model);
     let base = BaseFunction::ALL.map(Function::Base);
@@ -140,7 +140,7 @@ impl Function {
             all.with(*argument, values)
         });
         let sizes = Sizes::of(&robot.info()).with_base(&robot.base_info());
-        // What is not written stays as it was.
+        // an entry that the function does not write stays at 0.5
         let mut values = vec![0.5; sizes.output(signature)];
         let condition = match self {
             Function::Model(function) => robot.eval(function, arguments, &mut values),

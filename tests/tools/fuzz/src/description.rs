@@ -15,8 +15,8 @@ fn text(bytes: &[u8]) -> Option<&str> {
 }
 
 /// Checks that errors have places inside the text and can be printed.
-pub(crate) fn shown(text: &str, report: &Report) {
-    assert!(!report.diagnostics.is_empty(), "an error without a word");
+pub(crate) fn check_report(text: &str, report: &Report) {
+    assert!(!report.diagnostics.is_empty(), "a report without an error");
     for shown in report.shown() {
         let diagnostic = shown.diagnostic();
         let places = diagnostic.secondary.iter().map(|(span, _)| *span);
@@ -32,12 +32,12 @@ pub(crate) fn shown(text: &str, report: &Report) {
     assert!(!all.is_empty() && !all.contains('\u{1b}'), "{all}");
 }
 
-/// The spec of a text; errors are checked by [`shown`].
+/// The spec of a text; errors are checked by [`check_report`].
 fn read(text: &str) -> Option<Spec> {
     match parse(&Source::new("input.yaml", text)) {
         Ok(spec) => Some(spec),
         Err(report) => {
-            shown(text, &report);
+            check_report(text, &report);
             None
         }
     }
@@ -46,7 +46,7 @@ fn read(text: &str) -> Option<Spec> {
 /// Checks that a description is read or refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the reader panics, or its report has places outside of the text.
 pub fn yaml(bytes: &[u8]) {
     if let Some(text) = text(bytes) {
         let _ = read(text);
@@ -78,7 +78,7 @@ fn with_expression(text: &str) -> String {
 /// form of parameters.
 ///
 /// # Panics
-/// When it has neither.
+/// When the reader panics, or a value is not finite.
 pub fn expression(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let robot = "name: r\ngeometry: {a: 3, b: -1/2}\n\
@@ -95,7 +95,7 @@ pub fn expression(bytes: &[u8]) {
 /// The length of the largest text that is derived, bytes: longer ones take too long.
 const MAX_DERIVED_BYTES: usize = 1500;
 
-/// The robot of a short description; errors are checked by [`shown`].
+/// The robot of a short description; errors are checked by [`check_report`].
 fn derived(bytes: &[u8]) -> Option<Robot> {
     let text = text(bytes).filter(|text| text.len() <= MAX_DERIVED_BYTES)?;
     let source = Source::new("input.yaml", text);
@@ -107,7 +107,7 @@ fn derived(bytes: &[u8]) -> Option<Robot> {
     match robot {
         Ok(robot) => Some(robot),
         Err(DeriveError::Spec(report)) => {
-            shown(text, &report);
+            check_report(text, &report);
             None
         }
         Err(problem) => unreachable!("nothing was stored: {problem:?}"),
@@ -117,7 +117,7 @@ fn derived(bytes: &[u8]) -> Option<Robot> {
 /// Checks that a description becomes a robot whose functions can be run, or is refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the derivation or a function panics, or an output has another size than stated.
 pub fn derive(bytes: &[u8]) {
     let Some(robot) = derived(bytes) else { return };
     for function in &robot.functions {
@@ -152,10 +152,10 @@ pub fn c(bytes: &[u8]) {
         gcc.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]);
         gcc.args(["-Werror", "-fsyntax-only"]).arg(&source).output()
     });
-    // what cannot be removed is temporary
+    // a folder that cannot be removed is left for the system to clean up
     let _ = std::fs::remove_dir_all(&folder);
     if let Ok(compiled) = compiled {
-        let told = String::from_utf8_lossy(&compiled.stderr);
-        assert!(compiled.status.success(), "{told}");
+        let warnings = String::from_utf8_lossy(&compiled.stderr);
+        assert!(compiled.status.success(), "{warnings}");
     }
 }

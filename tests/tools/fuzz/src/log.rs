@@ -49,10 +49,10 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch::new());
 }
 
-/// Reads every row with one of the methods of differentiation, and reduces the resulting equations:
-/// both results and errors are accepted, and both must be printable.
-fn read(path: &Path, way: u64) {
-    let method = match way % 4 {
+/// Reads every row with the settings that a number selects, and reduces the resulting equations:
+/// both results and errors are accepted, but errors must have a message.
+fn read(path: &Path, selection: u64) {
+    let method = match selection % 4 {
         0 => Method::Central,
         1 => Method::Local { half_width: 0.3 },
         2 => Method::Butterworth {
@@ -64,23 +64,23 @@ fn read(path: &Path, way: u64) {
             harmonics: 2,
         },
     };
-    let policy = if (way / 4).is_multiple_of(2) {
+    let policy = if (selection / 4).is_multiple_of(2) {
         Policy::Fail
     } else {
         Policy::Drop
     };
-    let resample = (way / 8).is_multiple_of(3).then_some(2.0);
+    let resample = (selection / 8).is_multiple_of(3).then_some(2.0);
     let settings = Settings {
         method,
         policy,
         resample,
         ..Settings::default()
     };
-    let told = |error: DataError| assert!(!error.to_string().is_empty(), "no word");
+    let check_error = |error: DataError| assert!(!error.to_string().is_empty(), "no message");
     match Logs::open(&model::Pendulum, &[path.to_path_buf()], &settings) {
-        Err(error) => told(error),
+        Err(error) => check_error(error),
         Ok(mut logs) => match observe(&model::Pendulum, EquationKind::Forces, &mut logs) {
-            Err(error) => told(error),
+            Err(error) => check_error(error),
             Ok((set, _)) => assert!(!set.labels().is_empty()),
         },
     }
@@ -107,7 +107,7 @@ const RECORDINGS: [&[u8]; 2] = [b"\x89MCAP0\r\n", b"SQLite format 3\0"];
 /// Checks that a CSV log gives equations or an error.
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn csv(bytes: &[u8]) {
     log(bytes);
 }
@@ -116,7 +116,7 @@ pub fn csv(bytes: &[u8]) {
 /// Parquet are left to [`csv`].
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn parquet(bytes: &[u8]) {
     if bytes.starts_with(b"PAR1") {
         log(bytes);
@@ -127,7 +127,7 @@ pub fn parquet(bytes: &[u8]) {
 /// begin as one are left to [`csv`].
 ///
 /// # Panics
-/// When it gives neither.
+/// When the reader panics, or its error has no message.
 pub fn bag(bytes: &[u8]) {
     if RECORDINGS.iter().any(|magic| bytes.starts_with(magic)) {
         log(bytes);

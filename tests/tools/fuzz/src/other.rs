@@ -7,12 +7,12 @@ use regen_identify::experiment_file::ExperimentFile;
 use regen_import::{Options, import as of};
 use regen_runtime::Info;
 
-use crate::description::shown;
+use crate::description::check_report;
 
 /// Checks that a URDF or MJCF file becomes a description that can be read, or is refused.
 ///
 /// # Panics
-/// When it is neither.
+/// When the importer panics, or its description cannot be read.
 pub fn import(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
@@ -32,7 +32,7 @@ pub fn import(bytes: &[u8]) {
             Err(reports) => {
                 assert!(!reports.is_empty());
                 for report in reports {
-                    shown(&report.source.text.clone(), &report);
+                    check_report(&report.source.text.clone(), &report);
                 }
             }
         }
@@ -43,7 +43,7 @@ pub fn import(bytes: &[u8]) {
 /// again as they were read.
 ///
 /// # Panics
-/// When it does not.
+/// When the reader panics, or factors change by being written and read.
 pub fn factors(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
@@ -61,7 +61,7 @@ pub fn factors(bytes: &[u8]) {
 /// Checks that an experiment file is read, or refused with mistakes that are in the text.
 ///
 /// # Panics
-/// When it is neither.
+/// When the reader panics, or a mistake is outside of the text.
 pub fn experiment(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;

@@ -76,6 +76,7 @@ const PIECES: [&[u8]; 28] = [
     b"9999999999999999999",
 ];
 
+/// One of the inputs after one to four random changes.
 fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut bytes = seeds[random.below(seeds.len())].clone();
     for _ in 0..=random.below(4) {
@@ -104,7 +105,7 @@ fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
 
 /// Runs a target on all its inputs in `kept/`, on these files of the repository, and on mutations.
 #[track_caller]
-fn answers(target: &str, own: &[(&str, &[&str])], mutations: usize) {
+fn run_target(target: &str, own: &[(&str, &[&str])], mutations: usize) {
     let (_, run) = regen_fuzz::TARGETS
         .into_iter()
         .find(|(name, _)| *name == target)
@@ -131,28 +132,28 @@ fn every_description_is_read_or_refused() {
         ("tests/fixtures/oracle", &["yaml"]),
         ("tests/fixtures/mechanisms", &["yaml"]),
     ];
-    answers("yaml", &own, 1500);
+    run_target("yaml", &own, 1500);
 }
 
 #[test]
-fn every_expression_has_a_value_or_a_fault() {
-    answers("expression", &[], 3000);
+fn every_expression_has_a_value_or_an_error() {
+    run_target("expression", &[], 3000);
 }
 
 #[test]
 fn every_short_description_is_derived_or_refused() {
-    answers("derive", &[("tests/fixtures/mechanisms", &["yaml"])], 60);
+    run_target("derive", &[("tests/fixtures/mechanisms", &["yaml"])], 60);
 }
 
 #[test]
 fn every_short_description_is_refused_or_becomes_c_that_compiles() {
     let derived = ("tests/tools/fuzz/kept/derive", &["yaml"][..]);
-    answers("c", &[derived], 40);
+    run_target("c", &[derived], 40);
 }
 
 #[test]
 fn every_csv_log_gives_equations_or_an_error() {
-    answers("csv", &[], 1500);
+    run_target("csv", &[], 1500);
 }
 
 #[test]
@@ -161,17 +162,17 @@ fn every_parquet_log_gives_equations_or_an_error() {
         "tests/fixtures/bags/lerobot/data/chunk-000",
         &["parquet"][..],
     );
-    answers("parquet", &[lists], 3000);
+    run_target("parquet", &[lists], 3000);
 }
 
 #[test]
 fn every_recording_gives_equations_or_an_error() {
-    answers("bag", &[("tests/fixtures/bags", &["mcap"])], 1500);
+    run_target("bag", &[("tests/fixtures/bags", &["mcap"])], 1500);
 }
 
 #[test]
-fn every_robot_file_of_others_is_imported_or_refused() {
-    answers(
+fn every_robot_file_of_other_programs_is_imported_or_refused() {
+    run_target(
         "import",
         &[("tests/fixtures/import/gymnasium-robotics", &["xml"])],
         300,
@@ -180,12 +181,12 @@ fn every_robot_file_of_others_is_imported_or_refused() {
 
 #[test]
 fn every_factor_file_is_read_or_refused() {
-    answers("factors", &[], 500);
+    run_target("factors", &[], 500);
 }
 
 #[test]
 fn every_experiment_file_is_read_or_refused() {
-    answers("experiment", &[("robots/measured", &["yaml"])], 1500);
+    run_target("experiment", &[("robots/measured", &["yaml"])], 1500);
 }
 
 #[test]

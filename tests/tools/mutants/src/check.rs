@@ -25,7 +25,7 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
         .current_dir(copy)
         .output()
         .map_err(|e| e.to_string())?;
-    let mut blamed = BTreeSet::new();
+    let mut rejected = BTreeSet::new();
     let mut others = Vec::new();
     for line in String::from_utf8_lossy(&output.stdout).lines() {
         let Ok(message) = serde_json::from_str::<Value>(line) else {
@@ -46,21 +46,21 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
         if here.is_empty() && !spans.is_empty() {
             others.push(message["rendered"].as_str().unwrap_or_default().to_owned());
         }
-        blamed.extend(here);
+        rejected.extend(here);
     }
     let mut list = read(drawn)?;
     for mutant in &mut list {
         if mutant["number"]
             .as_u64()
-            .is_some_and(|n| blamed.contains(&n))
+            .is_some_and(|n| rejected.contains(&n))
         {
             mutant["unviable"] = true.into();
         }
     }
     let text = serde_json::to_string_pretty(&list).map_err(|e| e.to_string())?;
     fs::write(drawn, text).map_err(|e| e.to_string())?;
-    println!("do not compile: {blamed:?}");
-    if blamed.is_empty() && !output.status.success() {
+    println!("do not compile: {rejected:?}");
+    if rejected.is_empty() && !output.status.success() {
         return Err(format!("errors elsewhere:\n{}", others.join("\n")));
     }
     Ok(())

@@ -33,7 +33,7 @@ struct Fault {
     replacement: String,
 }
 
-/// A change of the text: `how` replaces the text at `range`.
+/// A change of the text at `range`, which the fault with this number switches on.
 struct Edit {
     range: Range<usize>,
     number: u64,
@@ -82,9 +82,12 @@ pub fn plant(copy: &Path, drawn: &Path) -> TextResult<()> {
     for (file, faults) in &files {
         let path = copy.join(file);
         let text = fs::read_to_string(&path).map_err(|e| format!("{file}: {e}"))?;
-        let (planted, lost) = rewritten(&text, faults).map_err(|e| format!("{file}: {e}"))?;
+        let (planted, unplaced) = rewritten(&text, faults).map_err(|e| format!("{file}: {e}"))?;
         for mutant in &mut list {
-            if mutant["number"].as_u64().is_some_and(|n| lost.contains(&n)) {
+            if mutant["number"]
+                .as_u64()
+                .is_some_and(|n| unplaced.contains(&n))
+            {
                 println!("not planted: {}", mutant["name"]);
                 mutant["unviable"] = true.into();
             }
@@ -110,6 +113,7 @@ pub fn plant(copy: &Path, drawn: &Path) -> TextResult<()> {
     Ok(())
 }
 
+/// The text with all faults that have a place in it, and the numbers of those that have none.
 fn rewritten(text: &str, faults: &[Fault]) -> TextResult<(String, Vec<u64>)> {
     let file = syn::parse_file(text).map_err(|e| e.to_string())?;
     let lines = Lines::new(text);
@@ -121,7 +125,7 @@ fn rewritten(text: &str, faults: &[Fault]) -> TextResult<(String, Vec<u64>)> {
     search.visit_file(&file);
     let mut edits = search.edits;
     let found: Vec<u64> = edits.iter().map(|e| e.number).collect();
-    let lost = faults
+    let unplaced = faults
         .iter()
         .map(|f| f.number)
         .filter(|n| !found.contains(n))
@@ -129,7 +133,7 @@ fn rewritten(text: &str, faults: &[Fault]) -> TextResult<(String, Vec<u64>)> {
     // outer edits first; two edits of the same range in any order
     edits.sort_by(|a, b| (a.range.start, b.range.end).cmp(&(b.range.start, a.range.end)));
     let edits: Vec<&Edit> = edits.iter().collect();
-    Ok((render(text, 0..text.len(), &edits), lost))
+    Ok((render(text, 0..text.len(), &edits), unplaced))
 }
 
 /// A part of the text with the edits inside it applied.
@@ -177,7 +181,9 @@ fn edited(text: &str, edit: &Edit, nested: &[&Edit]) -> String {
             part(right),
             whole()
         ),
-        Rewrite::Bare { inner } => format!("(if {on} {{ {} }} else {{ {} }})", part(inner), whole()),
+        Rewrite::Bare { inner } => {
+            format!("(if {on} {{ {} }} else {{ {} }})", part(inner), whole())
+        }
         Rewrite::Never { guard: None } => format!("{} if !{on}", whole()),
         Rewrite::Never { guard: Some(guard) } => {
             let pattern = edit.range.start..guard.start;
@@ -238,7 +244,7 @@ impl Search<'_> {
             .map(|f| (f.number, f.replacement.clone()))
             .collect();
         for (number, replacement) in found {
-            // the body of an inner function is visited again later, and is the right place
+            // an inner function is visited later, and its own body is the right place
             self.edits.retain(|e| e.number != number);
             self.push(after..after, number, Rewrite::Leave { replacement });
         }
@@ -278,7 +284,11 @@ impl<'a> Visit<'a> for Search<'_> {
     fn visit_expr_unary(&mut self, unary: &'a syn::ExprUnary) {
         for (number, _) in self.at("UnaryOperator", unary.op.span()) {
             let inner = self.lines.range(unary.expr.span());
-            self.push(self.lines.range(unary.span()), number, Rewrite::Bare { inner });
+            self.push(
+                self.lines.range(unary.span()),
+                number,
+                Rewrite::Bare { inner },
+            );
         }
         visit::visit_expr_unary(self, unary);
     }

@@ -14,6 +14,7 @@ use crate::{TextResult, read};
 struct Program {
     path: PathBuf,
     package: PathBuf,
+    /// The time of a run without faults.
     takes: Duration,
 }
 
@@ -28,8 +29,8 @@ enum TestOutcome {
 
 /// Builds the tests of some crates, then runs them for every mutant that compiles, until the first
 /// failure. Programs run in the order in which a failure is likely soonest: quick ones first, and
-/// those that caught faults nearby. Each mutant gets a line in `results.jsonl`; its last line
-/// counts.
+/// those that caught faults nearby. Each mutant gets a line in `results.jsonl`; if it has
+/// several, the last one is its result.
 ///
 /// Programs that take longer than `seconds` are skipped; mutants that survive the others can be
 /// tried with them later, in another run with more seconds.
@@ -38,36 +39,36 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
     let programs = build(copy, crates)?;
     // the time of each program is stored beside the results, to continue a run; a program built
     // since is timed again, which also checks that it passes without any fault
-    let kept = copy.join("times.json");
-    let timed = modified(&kept);
-    let mut times: BTreeMap<String, f64> = std::fs::read_to_string(&kept)
+    let times_file = copy.join("times.json");
+    let timed = modified(&times_file);
+    let mut times: BTreeMap<String, f64> = std::fs::read_to_string(&times_file)
         .ok()
         .and_then(|t| serde_json::from_str(&t).ok())
         .unwrap_or_default();
-    let mut fit = Vec::new();
+    let mut passing = Vec::new();
     for mut program in programs {
         let known = times.get(&program.name()).copied();
         let takes = if let Some(takes) = known.filter(|_| modified(&program.path) < timed) {
             takes
         } else {
             let before = Instant::now();
-            match program.went(0, Duration::from_secs(900))? {
+            match program.run_with(0, Duration::from_secs(900))? {
                 TestOutcome::Passed => before.elapsed().as_secs_f64(),
-                // a test that reads the sources finds the switches in them
+                // a test that reads the sources fails, because it finds the switches in them
                 _ => f64::NAN,
             }
         };
         if takes.is_finite() {
             times.insert(program.name(), takes);
             program.takes = Duration::from_secs_f64(takes);
-            fit.push(program);
+            passing.push(program);
         } else {
             eprintln!("left out, fails without any fault: {}", program.name());
         }
     }
     let text = serde_json::to_string_pretty(&times).map_err(|e| e.to_string())?;
-    std::fs::write(&kept, text).map_err(|e| e.to_string())?;
-    let mut programs = fit;
+    std::fs::write(&times_file, text).map_err(|e| e.to_string())?;
+    let mut programs = passing;
     programs.sort_by_key(|p| p.takes);
     for program in &programs {
         eprintln!("{:8.1} s  {}", program.takes.as_secs_f64(), program.name());
@@ -104,14 +105,14 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
                     let caught = caught.lock().map_err(|e| e.to_string())?;
                     order(&programs, &folder, &caught)
                         .into_iter()
-                        .filter(|&at| programs[at].concerns(&folder))
+                        .filter(|&at| programs[at].can_reach(&folder))
                         .filter(|&at| {
                             let takes = programs[at].takes.as_secs_f64();
                             takes <= most && before(&mutant).is_none_or(|b| takes > b)
                         })
                         .collect::<Vec<_>>()
                 };
-                let found = judged(&programs, &order, number)?;
+                let found = caught_by(&programs, &order, number)?;
                 let by = found.map(|(at, hung)| {
                     let hung = if hung { ", hung" } else { "" };
                     (at, format!("{}{hung}", programs[at].name()))
@@ -142,9 +143,9 @@ fn folder(mutant: &Value) -> String {
     file.rsplit_once('/').map_or("", |f| f.0).to_owned()
 }
 
-/// The programs ordered by the faults they are likely to catch per second.
+/// The programs, those first that are likely to catch most faults per second.
 fn order(programs: &[Program], folder: &str, caught: &Caught) -> Vec<usize> {
-    let promise = |at: usize| {
+    let catches_per_second = |at: usize| {
         let near = caught.get(&(folder.to_owned(), at)).copied().unwrap_or(0);
         let all: usize = caught
             .iter()
@@ -154,15 +155,19 @@ fn order(programs: &[Program], folder: &str, caught: &Caught) -> Vec<usize> {
         (near as f64 + 0.1 * all as f64 + 0.1) / (programs[at].takes.as_secs_f64() + 0.2)
     };
     let mut order: Vec<usize> = (0..programs.len()).collect();
-    order.sort_by(|a, b| promise(*b).total_cmp(&promise(*a)));
+    order.sort_by(|a, b| catches_per_second(*b).total_cmp(&catches_per_second(*a)));
     order
 }
 
 /// The program that caught a fault, if one did, and whether it did so by not terminating.
-fn judged(programs: &[Program], order: &[usize], number: u64) -> TextResult<Option<(usize, bool)>> {
+fn caught_by(
+    programs: &[Program],
+    order: &[usize],
+    number: u64,
+) -> TextResult<Option<(usize, bool)>> {
     for &at in order {
         let program = &programs[at];
-        match program.went(number, program.takes * 6 + Duration::from_secs(20))? {
+        match program.run_with(number, program.takes * 6 + Duration::from_secs(20))? {
             TestOutcome::Passed => {}
             TestOutcome::Failed => return Ok(Some((at, false))),
             TestOutcome::Hung => return Ok(Some((at, true))),
@@ -172,14 +177,14 @@ fn judged(programs: &[Program], order: &[usize], number: u64) -> TextResult<Opti
 }
 
 /// Programs that take longer than this test the derivation, not the runtime.
-const OF_THE_DERIVATION: Duration = Duration::from_secs(20);
+const MAX_RUNTIME_TEST_TIME: Duration = Duration::from_secs(20);
 
 impl Program {
     /// Whether the program can reach the code in a folder: one crate's own tests do not link the
     /// other.
-    fn concerns(&self, folder: &str) -> bool {
+    fn can_reach(&self, folder: &str) -> bool {
         match (folder.starts_with("runtime"), folder.starts_with("codegen")) {
-            (true, _) => !self.package.ends_with("codegen") && self.takes < OF_THE_DERIVATION,
+            (true, _) => !self.package.ends_with("codegen") && self.takes < MAX_RUNTIME_TEST_TIME,
             (_, true) => !self.package.ends_with("runtime"),
             _ => true,
         }
@@ -206,7 +211,8 @@ fn modified(path: &Path) -> SystemTime {
 }
 
 impl Program {
-    fn went(&self, number: u64, most: Duration) -> TextResult<TestOutcome> {
+    /// Runs the program with the fault of this number, or without any for 0, for at most a time.
+    fn run_with(&self, number: u64, most: Duration) -> TextResult<TestOutcome> {
         let mut child = Command::new(&self.path)
             .current_dir(&self.package)
             .env("CARGO_MANIFEST_DIR", &self.package)

@@ -10,7 +10,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::emit::{Options, module};
 use regen_codegen::pipeline::{BaseSource, derive_with};
 
-/// The same as in `src/main.rs`.
+/// The numbers of legs, the same as in `src/main.rs`.
 const LEGS: [usize; 7] = [3, 4, 5, 6, 8, 10, 12];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

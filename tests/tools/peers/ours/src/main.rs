@@ -34,9 +34,9 @@ fn state<const N: usize>(home: &[f64; N], k: f64) -> [[f64; N]; 3] {
     [q, qd, qdd]
 }
 
-/// A consumer that leaves the blocks in the cache.
-struct Keep;
-impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Keep {
+/// A consumer that stores nothing, so that blocks remain in the cache.
+struct Discard;
+impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Discard {
     #[inline(always)]
     fn take<S: Simd>(&mut self, block: &Block<'_, S, DOF, COLUMNS>) {
         black_box(block.w);
@@ -124,7 +124,7 @@ macro_rules! together {
             format!("{} batch", stringify!($robot)),
             SAMPLES,
             move || {
-                base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep);
+                base_regressors::<$model, _, N, DOF, P>(black_box(&samples), &mut Discard);
             },
         );
         #[cfg(target_arch = "x86_64")]
@@ -133,7 +133,10 @@ macro_rules! together {
             format!("{} batch avx2", stringify!($robot)),
             SAMPLES,
             move || {
-                on_avx2(task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep));
+                on_avx2(task::<$model, _, N, DOF, P>(
+                    black_box(&samples),
+                    &mut Discard,
+                ));
             },
         );
         figure(
@@ -141,7 +144,7 @@ macro_rules! together {
             format!("{} batch portable", stringify!($robot)),
             SAMPLES,
             move || {
-                task::<$model, _, N, DOF, P>(black_box(&samples), &mut Keep)
+                task::<$model, _, N, DOF, P>(black_box(&samples), &mut Discard)
                     .with_simd(pulp::Scalar);
             },
         );
@@ -232,7 +235,7 @@ fn growth() {
         let mut least = Duration::MAX;
         for _ in 0..30 {
             let start = Instant::now();
-            base_regressors::<puma560::Puma560, _, 6, 6, 36>(&samples, &mut Keep);
+            base_regressors::<puma560::Puma560, _, 6, 6, 36>(&samples, &mut Discard);
             least = least.min(start.elapsed());
         }
         println!("{count} {:.6e}", least.as_secs_f64());
@@ -242,7 +245,7 @@ fn growth() {
     for threads in 1..=2 {
         let mut least = Duration::MAX;
         for _ in 0..30 {
-            let mut consumers: Vec<Keep> = (0..threads).map(|_| Keep).collect();
+            let mut consumers: Vec<Discard> = (0..threads).map(|_| Discard).collect();
             let start = Instant::now();
             base_regressors_on_threads::<puma560::Puma560, _, 6, 6, 36>(&samples, &mut consumers);
             least = least.min(start.elapsed());
