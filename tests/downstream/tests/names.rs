@@ -72,8 +72,7 @@ fn robot_name(type_name: &str) -> String {
 
 #[test]
 fn robots_named_like_imports_or_prelude_items_compile_as_source_and_by_the_macro() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let root = root.canonicalize().unwrap();
+    let root = root().canonicalize().unwrap();
     let closed = fs::read_to_string(root.join("robots/fourbar.yaml")).unwrap();
     let closed = closed.replace("name: fourbar\n", "");
     let of_tree = names_in_scope(&module("plain", SLIDE).unwrap());

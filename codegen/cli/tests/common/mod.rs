@@ -43,8 +43,9 @@ impl Run {
 pub fn command(dir: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_regen"));
     command.current_dir(dir).args(args).env_remove("NO_COLOR");
-    // no test may depend on the user's cache
-    command.env("REGEN_CACHE", "off");
+    // What one test derives the others read; no test may depend on the user's cache.
+    let derived = Path::new(env!("CARGO_TARGET_TMPDIR")).join("derived");
+    command.env("REGEN_CACHE", derived);
     command
 }
 
