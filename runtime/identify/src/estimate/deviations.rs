@@ -17,8 +17,8 @@ const MAX_COSINES: usize = 32;
 /// transforms, nothing is known about the noise, and the standard deviation is infinite.
 const MIN_REMAINING_PART: f64 = 1e-3;
 /// A log that is shorter than this many independent samples gives standard deviations that are too
-/// small, as does one with fewer of them than parameters: at 200 filtered rows of a six-joint arm with
-/// 58 parameters, 59 % of the values were within 3 of them.
+/// small, as does one with fewer of them than parameters: with 200 filtered rows of a six-joint arm
+/// with 58 parameters, only 59 % of the values were within 3 standard deviations.
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
@@ -52,11 +52,11 @@ impl Deviations {
     pub fn white(estimate: &Estimate) -> Self {
         let n = estimate.values.len();
         let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
-            let mut apart = vec![0.0; n * n];
+            let mut diagonal = vec![0.0; n * n];
             for k in 0..n {
-                apart[k * n + k] = estimate.sigma(k);
+                diagonal[k * n + k] = estimate.sigma(k);
             }
-            apart
+            diagonal
         });
         Self {
             covariance: estimate.covariance.clone(),
@@ -284,12 +284,12 @@ impl Blocks {
             }
         }
         let root = root(&transforms, &scale, &expected[0], k).unwrap_or_else(|| {
-            // the correlation is not known: assume none
-            let mut apart = vec![0.0; k * k];
+            // the correlation of the parameters is not known: assume that there is none
+            let mut diagonal = vec![0.0; k * k];
             for a in 0..k {
-                apart[a * k + a] = covariance[a * k + a].sqrt();
+                diagonal[a * k + a] = covariance[a * k + a].sqrt();
             }
-            apart
+            diagonal
         });
         let found = Deviations {
             covariance,
@@ -467,10 +467,10 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
         return None;
     }
-    let related: Vec<f64> = (0..k * k)
+    let correlation: Vec<f64> = (0..k * k)
         .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
         .collect();
-    let own = cholesky(&related, k)?;
+    let own = cholesky(&correlation, k)?;
     // the transforms, whitened by the expected covariance
     let terms = transforms.len() as f64;
     let white: Vec<Vec<f64>> = transforms
@@ -501,24 +501,24 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
     let apart = square(&found) - k as f64 * mean * mean;
     let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
     let chance = (lengths / terms - square(&found)) / terms;
-    let lean = if apart > 0.0 {
+    let shrinkage = if apart > 0.0 {
         (chance / apart).clamp(0.0, 1.0)
     } else {
         1.0
     };
     // a small part of the mean makes a singular matrix positive definite
-    let lean = lean.max(1e-6);
+    let shrinkage = shrinkage.max(1e-6);
     for (at, x) in found.iter_mut().enumerate() {
-        *x *= 1.0 - lean;
+        *x *= 1.0 - shrinkage;
         if at / k == at % k {
-            *x += lean * mean;
+            *x += shrinkage * mean;
         }
     }
-    let spread = cholesky(&found, k)?;
+    let shrunk = cholesky(&found, k)?;
     let mut out = zero;
     for j in 0..k {
         for i in j..k {
-            let sum: f64 = (j..=i).map(|l| own[l * k + i] * spread[j * k + l]).sum();
+            let sum: f64 = (j..=i).map(|l| own[l * k + i] * shrunk[j * k + l]).sum();
             out[j * k + i] = sizes[i] * sum;
         }
     }

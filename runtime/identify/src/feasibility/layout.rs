@@ -39,7 +39,7 @@ pub struct Check {
 impl Check {
     /// The smallest of the eigenvalues; infinite without bodies, NaN if one is NaN.
     pub fn margin(&self) -> f64 {
-        // a NaN stays a NaN
+        // a NaN among the eigenvalues gives NaN
         let least = |m: f64, x: &f64| if *x >= m { m } else { *x };
         self.eigenvalues.iter().fold(f64::INFINITY, least)
     }

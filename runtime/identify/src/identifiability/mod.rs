@@ -87,8 +87,8 @@ pub struct Step {
     pub change: Change,
     /// The indices of the base parameters in the model, ascending.
     pub kept: Vec<usize>,
-    /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0 if they are not
-    /// feasible.
+    /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0
+    /// unless they are known to be feasible.
     pub well: usize,
     /// Whether a physical robot has these base parameters.
     pub feasibility: Feasibility,
@@ -194,17 +194,17 @@ impl Search<'_> {
         let mut estimate = Estimate::of(&selected)?;
         if let Some(blocks) = self.checks.blocks {
             // the residuals of this model include the effect of the parameters that are left out
-            let found = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
-            estimate = estimate.with_deviations(&found);
+            let deviations = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
+            estimate = estimate.with_deviations(&deviations);
         }
         let combinations = self.combinations.select(&kept)?;
-        let judged = verdict(
+        let decision = verdict(
             self.layout,
             &combinations,
             &estimate.values,
             self.checks.scale,
         )?;
-        let (feasibility, weights) = match judged {
+        let (feasibility, weights) = match decision {
             Verdict::Feasible { .. } => (Feasibility::Feasible, None),
             Verdict::Undecided { .. } => (Feasibility::Undecided, None),
             Verdict::Infeasible { certificate } => {
