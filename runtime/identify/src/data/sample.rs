@@ -64,7 +64,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             })?;
         self.states(log, &mut segment, every, &mut out);
         if log.series.is_some() {
-            out.left = spread.relative_residuals();
+            out.series_residuals = spread.relative_residuals();
         }
         Ok(out)
     }

@@ -131,7 +131,7 @@ where
             ..LeftOut::default()
         };
         for (replay, _) in &self.runs {
-            let own = replay.left();
+            let own = replay.left_out();
             out.samples += own.samples;
             out.singular += own.singular;
             out.unsettled += own.unsettled;
