@@ -52,8 +52,8 @@ const CANCELLED: f64 = 1.0 / 32_768.0;
 /// Sine and cosine of each lane, with the bits of `libm::sin` and `libm::cos`, whatever the
 /// instruction set: no product is fused with a sum.
 ///
-/// It does what those functions do (FreeBSD's `s_sin.c`, `e_rem_pio2.c`), all cases at once; lanes
-/// that need more than two parts of pi/2, which are rare, call them.
+/// It computes all cases of those functions (FreeBSD's `s_sin.c`, `e_rem_pio2.c`) at once and selects
+/// one for each lane; for lanes that need more than two parts of pi/2, which are rare, it calls them.
 ///
 /// ```
 /// use pulp::{Simd, WithSimd};
@@ -106,7 +106,7 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let z = mul(y, y);
     let w = mul(z, z);
     let v = mul(z, y);
-    // `array::map` would be left as a call
+    // `array::map` would not be inlined
     let (s1, s2, s3) = (splat(SIN[0]), splat(SIN[1]), splat(SIN[2]));
     let (s4, s5, s6) = (splat(SIN[3]), splat(SIN[4]), splat(SIN[5]));
     let r = add(
@@ -149,7 +149,7 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let sure = simd.and_m64s(sure, simd.less_than_f64s(size, splat(FAR)));
     let unsure = select(sure, zero, splat(1.0));
     if simd.reduce_max_f64s(unsure) > 0.0 {
-        each(x, unsure, s, c)
+        by_libm(x, unsure, s, c)
     } else {
         (s, c)
     }
@@ -158,7 +158,7 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
 /// Replaces the lanes in which `unsure` is 1 by what `libm` computes.
 #[cold]
 #[inline(never)]
-fn each<V: bytemuck::Pod>(x: V, unsure: V, mut s: V, mut c: V) -> (V, V) {
+fn by_libm<V: bytemuck::Pod>(x: V, unsure: V, mut s: V, mut c: V) -> (V, V) {
     fn lanes<V: bytemuck::Pod>(v: &V) -> &[f64] {
         bytemuck::cast_slice(core::slice::from_ref(v))
     }
