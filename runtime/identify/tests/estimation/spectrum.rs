@@ -57,7 +57,7 @@ fn the_condition_of_two_columns_follows_from_the_angle_between_them() {
 }
 
 #[test]
-fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
+fn a_singular_matrix_has_an_infinite_condition_and_reports_its_rank() {
     let nothing = factor(&[[0.0; 4], [0.0; 4]]).spectrum().unwrap();
     // infinite, not NaN
     assert!(nothing.condition() > f64::MAX && nothing.scaled_condition() > f64::MAX);
@@ -80,7 +80,7 @@ fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
 }
 
 #[test]
-fn a_known_last_column_is_taken_off_the_right_side() {
+fn a_known_column_is_subtracted_from_the_right_side() {
     let whole = factor(&[
         [1.0, 2.0, 0.0, 1.0],
         [0.0, 1.0, -1.0, 2.0],
@@ -88,7 +88,7 @@ fn a_known_last_column_is_taken_off_the_right_side() {
     ]);
     for column in 0..3 {
         let x = whole.solve().unwrap();
-        // fixed at what least squares finds, it changes nothing for the others
+        // a parameter that is fixed at its least-squares value does not change the others
         let fixed = whole.fixed(&[(column, x[column])]).unwrap();
         let rest = fixed.solve().unwrap();
         let others = x.iter().enumerate().filter(|(k, _)| *k != column);
@@ -99,7 +99,7 @@ fn a_known_last_column_is_taken_off_the_right_side() {
 }
 
 #[test]
-fn rows_of_an_effort_that_is_none_are_refused_with_its_number() {
+fn rows_of_an_unknown_effort_are_refused_with_its_number() {
     let origin = Origin {
         robot: "none".to_owned(),
         model: "0".to_owned(),

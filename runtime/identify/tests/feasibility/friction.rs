@@ -123,7 +123,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3))]
 
     #[test]
-    fn it_is_never_worse_than_linear_friction(robot in robot(), noise in 0.0..20.0_f64, fc in 0.0..3.0_f64) {
+    fn nonlinear_friction_never_fits_worse_than_linear_friction(robot in robot(), noise in 0.0..20.0_f64, fc in 0.0..3.0_f64) {
         let laws: [(Friction, &[f64]); 2] =
             [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, fc, 1.0, 1.0])];
         let found = of_robot(&robot, &simulate(&robot, &laws, noise));
@@ -146,7 +146,7 @@ fn a_law_with_columns_of_its_own_is_refused() {
 }
 
 #[test]
-fn weighing_the_rows_of_data_is_as_weighing_them_when_they_come() {
+fn weighing_stored_rows_equals_weighing_them_when_they_are_added() {
     let labels = crate::robots::labels(1);
     let joints = [FrictionJoint {
         name: "j0".to_owned(),
