@@ -1,5 +1,5 @@
-//! The optimum is proven even for data that leave parameters open; every constraint is fulfilled or
-//! refused.
+//! The optimum is proven even for data that do not determine all parameters; every constraint is
+//! fulfilled or refused.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
@@ -186,9 +186,9 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
     assert!(active >= 12, "constraints take part in {active} of 24");
 }
 
-/// Towards a reference the fit of poor data does not get worse.
+/// Choosing parameters near a reference does not increase the residual of poor data.
 #[test]
-fn the_reference_costs_nothing() {
+fn a_reference_does_not_make_the_fit_worse() {
     for seed in 0..12 {
         let Problem {
             layout,
@@ -211,7 +211,7 @@ fn the_reference_costs_nothing() {
 /// Among the parameters that fit equally well, those near the reference are chosen, whether a
 /// constraint is active or not.
 #[test]
-fn what_the_data_leave_open_follows_the_reference() {
+fn undetermined_parameters_follow_the_reference() {
     let (layout, _, _) = one();
     let seen = BaseMap::identity(layout.labels())
         .select(&[5, 6, 9, 10])
@@ -258,7 +258,7 @@ fn one() -> (ParameterLayout, BaseMap, QrFactor) {
 
 /// A lower limit below 0 replaces the sign of friction; the offset of a torque sensor needs it.
 #[test]
-fn a_negative_limit_of_friction_stands_for_its_sign() {
+fn a_negative_limit_of_friction_replaces_its_sign_condition() {
     let (layout, combinations, factor) = one();
     let bounded = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
     assert!(bounded.phi[10].abs() < 1e-6);
@@ -284,7 +284,7 @@ fn a_negative_limit_of_friction_stands_for_its_sign() {
 }
 
 #[test]
-fn what_cannot_act_is_refused() {
+fn constraints_without_effect_are_refused() {
     let (layout, combinations, factor) = one();
     let bound = |parameter: &str, lowest: f64, highest: f64| Bound {
         parameter: parameter.to_owned(),
@@ -354,7 +354,7 @@ fn what_cannot_act_is_refused() {
 
 /// Forms that the spec takes as zero are fulfilled, and verdicts include them.
 #[test]
-fn forms_that_are_zero_hold() {
+fn zero_forms_of_the_spec_are_fulfilled() {
     let (layout, _, _) = one();
     let all = BaseMap::identity(layout.labels());
     let seen = all.select(&[5, 6, 9]).unwrap();
@@ -372,8 +372,8 @@ fn forms_that_are_zero_hold() {
     let free = verdict(&layout, &seen, &beta, Scale::default()).unwrap();
     assert!(free.is_feasible());
     // with Iyy = 0 all mass is on the y axis, so that mx is 0
-    let judged = verdict(&layout, &kept, &beta, Scale::default()).unwrap();
-    assert!(!judged.is_feasible(), "{judged:?}");
+    let decision = verdict(&layout, &kept, &beta, Scale::default()).unwrap();
+    assert!(!decision.is_feasible(), "{decision:?}");
     let found = identify(&factor, &kept, &layout, &Options::default()).unwrap();
     assert!(found.phi[3].abs() < 1e-9 && (found.phi[7] - 0.5 * found.phi[6]).abs() < 1e-9);
     assert!(found.phi[6].abs() < 1e-9, "{:?}", found.phi);
@@ -393,16 +393,16 @@ fn forms_that_are_zero_hold() {
 
 /// With a single form the set still has an interior, and the proofs of both verdicts are valid.
 #[test]
-fn verdicts_with_a_form_that_is_zero_are_proven() {
+fn verdicts_with_a_zero_form_are_proven() {
     let (layout, _, _) = one();
     let seen = BaseMap::identity(layout.labels()).select(&[0, 5]).unwrap();
     // Iyy = Izz + 2 Ixx contradicts the triangle inequality for every Ixx above 0
     let mut row = vec![0.0; 11];
     (row[3], row[5], row[0]) = (-1.0, 1.0, 2.0);
     let kept = seen.with_zeros(vec![("Iyy(1)".to_owned(), row)]).unwrap();
-    let judged = verdict(&layout, &kept, &[0.1, 0.2], Scale::default()).unwrap();
-    let Verdict::Infeasible { certificate } = judged else {
-        panic!("{judged:?}");
+    let decision = verdict(&layout, &kept, &[0.1, 0.2], Scale::default()).unwrap();
+    let Verdict::Infeasible { certificate } = decision else {
+        panic!("{decision:?}");
     };
     assert_eq!(certificate.weights.len(), 3);
     assert!(certificate.value < 0.0 && certificate.defect < 1e-9);
@@ -410,7 +410,7 @@ fn verdicts_with_a_form_that_is_zero_are_proven() {
 
 /// Bodies whose feasible set has no interior: without mass, or a rod along an axis.
 #[test]
-fn bodies_without_an_inside_are_found_on_their_faces() {
+fn bodies_whose_feasible_set_has_no_interior_are_found_on_its_faces() {
     let (layout, combinations, factor) = one();
     let known = |label: &str| Options {
         known: vec![(label.to_owned(), 0.0)],

@@ -1,4 +1,5 @@
-//! Problems with our answers, for comparison with another conic solver: `tests/tools/conic`.
+//! Writes problems with this crate's solutions, for comparison with another conic solver:
+//! `tests/tools/conic`.
 
 use std::io::Write as _;
 

@@ -105,8 +105,8 @@ fn measured(units: Units, options: fn(Units, Options) -> Options) -> PhysicalFit
     (rows[0][5], rows[0][10]) = (1.0, 1.0);
     (rows[1][6], rows[2][9], rows[3][3]) = (1.0, 1.0, 1.0);
     let names = ["Izz(1)", "mx(1)", "m(1)", "Iyy(1)"].map(str::to_owned);
-    let seen = BaseMap::new(names.to_vec(), rows).unwrap();
-    assert_eq!(all.parameters(), seen.parameters());
+    let observed = BaseMap::new(names.to_vec(), rows).unwrap();
+    assert_eq!(all.parameters(), observed.parameters());
     let mut factor = QrFactor::new(names.to_vec());
     let mut w = vec![0.0; 16];
     for (k, name) in names.iter().enumerate() {
@@ -119,7 +119,7 @@ fn measured(units: Units, options: fn(Units, Options) -> Options) -> PhysicalFit
         ..Options::default()
     };
     let options = options(units, plain);
-    identify(&factor, &seen, &layout, &options).unwrap()
+    identify(&factor, &observed, &layout, &options).unwrap()
 }
 
 #[test]

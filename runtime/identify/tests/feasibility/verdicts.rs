@@ -63,7 +63,7 @@ proptest! {
 
     /// Moves a robot out of the feasible set along a direction in which no physical robot lies.
     #[test]
-    fn what_is_moved_out_of_all_bodies_is_proven_infeasible(robot in robot(), far in 0.01..3.0_f64) {
+    fn parameters_that_no_body_has_are_proven_infeasible(robot in robot(), far in 0.01..3.0_f64) {
         // with all parameters observed, the border of the set is that of the bodies themselves
         let all = BaseMap::identity(robot.layout.labels());
         let scale = Scale::default();
@@ -122,7 +122,7 @@ proptest! {
 }
 
 #[test]
-fn a_pseudo_inertia_is_what_its_integral_says() {
+fn a_pseudo_inertia_is_the_integral_of_its_definition() {
     // 2 kg at (1, 2, 3) and 1 kg at (-1, 0, 1)
     let mut expected = [[0.0; 4]; 4];
     let mut ten = [0.0; 10];
@@ -156,7 +156,7 @@ fn a_pseudo_inertia_is_what_its_integral_says() {
 }
 
 #[test]
-fn friction_that_drives_is_infeasible_by_itself() {
+fn negative_friction_is_infeasible_by_itself() {
     let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     labels.push("Fv(q1)".to_owned());
     let layout = ParameterLayout::new(&labels).unwrap();

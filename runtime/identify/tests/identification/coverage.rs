@@ -42,25 +42,25 @@ fn log(seed: u64) -> Recorded {
 /// deviation of 3.1: a count outside of 180 to 198 would occur once in 500 times with new seeds.
 /// Intervals for white residuals contain it less than 110 times.
 #[test]
-fn intervals_hold_the_truth_in_95_of_100_logs_with_correlated_residuals() {
+fn intervals_cover_the_true_values_in_95_of_100_logs_with_correlated_residuals() {
     for huber in [None, Some(1.345)] {
         let options = Options {
             huber,
             ..Options::default()
         };
-        let (mut held, mut white) = ([0; 2], [0; 2]);
+        let (mut covered, mut white) = ([0; 2], [0; 2]);
         for seed in 0..LOGS {
             let found =
                 identify(&Pendulum, EquationKind::Forces, &options, &mut log(seed)).unwrap();
             let used = found.correlated();
             for k in 0..2 {
                 let off = (used.values[k] - TRUTH[k]).abs();
-                held[k] += usize::from(off <= used.half_width(k, 0.95));
+                covered[k] += usize::from(off <= used.half_width(k, 0.95));
                 white[k] += usize::from(off <= found.estimate.half_width(k, 0.95));
             }
         }
         for k in 0..2 {
-            assert!((180..=198).contains(&held[k]), "{huber:?}: {held:?}");
+            assert!((180..=198).contains(&covered[k]), "{huber:?}: {covered:?}");
             assert!(white[k] < 150, "{white:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! The observation matrix holds the regressors of its samples.
+//! The observation matrix consists of the regressors of its samples.
 
 use regen_identify::observation::{Sample, observation_matrix};
 use regen_runtime::{LoopClosure, Model, SizeError, State};
@@ -22,7 +22,7 @@ fn state(angle: f64, qd: f64, qdd: f64) -> State {
 }
 
 #[test]
-fn observations_stand_sample_by_sample_with_their_conditions() {
+fn observations_are_stored_sample_by_sample_with_their_conditions() {
     let states = [
         state(0.3, 1.0, 2.0),
         state(1.0, -1.0, 3.0),
