@@ -52,7 +52,7 @@ proptest! {
     }
 
     #[test]
-    fn rows_of_nothing_but_rounding_are_left_over(
+    fn rows_of_rounding_errors_are_not_used(
         a in matrix::<3, 3>(),
         noise in matrix::<2, 3>(),
         sides in matrix::<2, 1>(),
@@ -95,7 +95,7 @@ proptest! {
     }
 
     #[test]
-    fn units_of_rows_and_columns_do_not_hurt(
+    fn units_of_rows_and_columns_do_not_change_the_accuracy(
         a in matrix::<4, 4>(),
         powers in prop::collection::vec(-5..5_i32, 8),
     ) {
@@ -125,9 +125,9 @@ proptest! {
         place in 0..16_usize,
         infinite: bool,
     ) {
-        let bad = if infinite { f64::INFINITY } else { f64::NAN };
+        let value = if infinite { f64::INFINITY } else { f64::NAN };
         let (mut a, mut b) = (a, [[1.0]; 4]);
-        if place < 12 { a[place / 3][place % 3] = bad } else { b[place - 12][0] = bad }
+        if place < 12 { a[place / 3][place % 3] = value } else { b[place - 12][0] = value }
         let (x, ratio) = solve_pivoted(&a, &b);
         prop_assert!(ratio.is_nan());
         prop_assert!(x.iter().flatten().all(|x| x.is_nan()));
