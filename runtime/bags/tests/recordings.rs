@@ -184,7 +184,7 @@ fn publishers_of_different_joints_have_a_table_each() {
         gripper.titles()[2..],
         ["gripper", "qd_gripper", "tau_gripper"]
     );
-    // the times count from the same stamp, also where only they are asked for
+    // the times count from the same stamp, also where no other column is requested
     let clock: Vec<Option<f64>> = rows(gripper, &["t"]).into_iter().map(|r| r.1[0]).collect();
     assert_eq!(
         clock,

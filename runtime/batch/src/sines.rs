@@ -144,32 +144,32 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let s = select(simd.less_than_f64s(size, splat(TINY)), x, s);
 
     // 1 where the remainder lost too many bits, or the angle is large or not a number
-    let kept = simd.less_than_f64s(mul(size, splat(CANCELLED)), simd.abs_f64s(y));
-    let sure = simd.or_m64s(near, kept);
-    let sure = simd.and_m64s(sure, simd.less_than_f64s(size, splat(FAR)));
-    let unsure = select(sure, zero, splat(1.0));
-    if simd.reduce_max_f64s(unsure) > 0.0 {
-        by_libm(x, unsure, s, c)
+    let has_enough_bits = simd.less_than_f64s(mul(size, splat(CANCELLED)), simd.abs_f64s(y));
+    let is_accurate = simd.or_m64s(near, has_enough_bits);
+    let is_accurate = simd.and_m64s(is_accurate, simd.less_than_f64s(size, splat(FAR)));
+    let by_library = select(is_accurate, zero, splat(1.0));
+    if simd.reduce_max_f64s(by_library) > 0.0 {
+        by_libm(x, by_library, s, c)
     } else {
         (s, c)
     }
 }
 
-/// Replaces the lanes in which `unsure` is 1 by what `libm` computes.
+/// Replaces the lanes in which `by_library` is 1 by what `libm` computes.
 #[cold]
 #[inline(never)]
-fn by_libm<V: bytemuck::Pod>(x: V, unsure: V, mut s: V, mut c: V) -> (V, V) {
+fn by_libm<V: bytemuck::Pod>(x: V, by_library: V, mut s: V, mut c: V) -> (V, V) {
     fn lanes<V: bytemuck::Pod>(v: &V) -> &[f64] {
         bytemuck::cast_slice(core::slice::from_ref(v))
     }
     let sines = bytemuck::cast_slice_mut::<V, f64>(core::slice::from_mut(&mut s));
     let cosines = bytemuck::cast_slice_mut::<V, f64>(core::slice::from_mut(&mut c));
-    for ((x, unsure), (s, c)) in lanes(&x)
+    for ((x, by_library), (s, c)) in lanes(&x)
         .iter()
-        .zip(lanes(&unsure))
+        .zip(lanes(&by_library))
         .zip(sines.iter_mut().zip(cosines))
     {
-        if *unsure > 0.0 {
+        if *by_library > 0.0 {
             (*s, *c) = (libm::sin(*x), libm::cos(*x));
         }
     }

@@ -32,18 +32,21 @@ fn forward_dynamics_gives_no_finite_acceleration_for_non_finite_input() {
     };
     let state = [0.4, 0.2, 0.3];
     assert!(accelerations(PHI, state).unwrap().is_finite());
-    for bad in NON_FINITE {
+    for value in NON_FINITE {
         // not the velocity, on which a pendulum's acceleration does not depend
         for k in [0, 2] {
             let mut state = state;
-            state[k] = bad;
+            state[k] = value;
             let found = accelerations(PHI, state);
-            assert!(found.is_none_or(|a| !a.is_finite()), "{k} {bad}: {found:?}");
+            assert!(
+                found.is_none_or(|a| !a.is_finite()),
+                "{k} {value}: {found:?}"
+            );
         }
-        let found = accelerations([0.02, bad], state);
+        let found = accelerations([0.02, value], state);
         assert!(
             found.is_none_or(|a| !a.is_finite()),
-            "weight {bad}: {found:?}"
+            "weight {value}: {found:?}"
         );
     }
     for inertia in [f64::NAN, f64::NEG_INFINITY, 0.0, -1.0] {

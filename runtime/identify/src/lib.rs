@@ -6,7 +6,7 @@
 //! parameters and their standard deviations. [`feasibility`] finds
 //! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
 //! [`gains`] fits unknown gains of drives and payloads with the parameters,
-//! [`identifiability`] says which parameters a motion can identify, and [`intervals`] computes
+//! [`identifiability`] computes which parameters a motion can identify, and [`intervals`] computes
 //! confidence intervals of estimates under constraints, which no formula gives. [`observation`] is
 //! the observation matrix as a whole, for small samples.
 //!

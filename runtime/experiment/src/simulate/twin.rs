@@ -121,9 +121,10 @@ impl Twin {
         })
     }
 
-    /// The settings of one run, with sensor noise of its own.
+    /// The settings of one run, whose sensor noise differs from that of other runs.
     ///
-    /// - `seed`: of the noise of all runs; `number`: of the run, from 0; `duration`: s.
+    /// - `seed`: the seed of the noise of all runs; `number`: that of the run, from 0; `duration`:
+    ///   s.
     pub fn run(&self, seed: u64, number: usize, duration: f64) -> Settings {
         Settings {
             duration,

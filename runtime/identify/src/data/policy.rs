@@ -35,7 +35,7 @@ impl Policy {
     }
 }
 
-/// What is done with rows that are doubtful, where it differs from what is done with others.
+/// What is done with doubtful rows; `None` where it is the same as with all other faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Checks {
     /// Rows in which a position is an outlier.
@@ -49,7 +49,7 @@ pub struct Checks {
 /// What is done with each kind of fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Policies {
-    /// What is done with all faults that `checks` leaves open.
+    /// What is done with all faults for which `checks` states nothing.
     pub all: Policy,
     /// What is done with doubtful rows.
     pub checks: Checks,

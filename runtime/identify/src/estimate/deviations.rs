@@ -434,10 +434,10 @@ fn omega(
     a: usize,
 ) -> Vec<f64> {
     let row = |matrix: &'_ [f64]| -> Vec<f64> { matrix[a * k..(a + 1) * k].to_vec() };
-    let taken: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
+    let slopes: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
     let own: Vec<Vec<f64>> = (1..=terms).map(|j| row(&expected[j])).collect();
     // the loss by the fit, times the covariance of all parameters
-    let through: Vec<Vec<f64>> = taken
+    let through: Vec<Vec<f64>> = slopes
         .iter()
         .map(|t| {
             let rows = expected[0].chunks_exact(k.max(1));
@@ -450,8 +450,8 @@ fn omega(
         for j in 0..=i {
             // sqrt(2) cos i sqrt(2) cos j = cos (i - j) + cos (i + j)
             let plain = at(i - j) + at(i + j + 2);
-            let crossed = SQRT_2 * (dot(&taken[i], &own[j]) + dot(&taken[j], &own[i]));
-            let value = plain - crossed + dot(&taken[i], &through[j]);
+            let crossed = SQRT_2 * (dot(&slopes[i], &own[j]) + dot(&slopes[j], &own[i]));
+            let value = plain - crossed + dot(&slopes[i], &through[j]);
             out[i * terms + j] = value;
             out[j * terms + i] = value;
         }
@@ -498,11 +498,11 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
     let mean = (0..k).map(|a| found[a * k + a]).sum::<f64>() / k.max(1) as f64;
     let square = |matrix: &[f64]| matrix.iter().map(|x| x * x).sum::<f64>();
     // |S - mu I|^2, and the part of it that is due to chance: sum |x x^T - S|^2 / terms^2
-    let apart = square(&found) - k as f64 * mean * mean;
+    let distance = square(&found) - k as f64 * mean * mean;
     let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
     let chance = (lengths / terms - square(&found)) / terms;
-    let shrinkage = if apart > 0.0 {
-        (chance / apart).clamp(0.0, 1.0)
+    let shrinkage = if distance > 0.0 {
+        (chance / distance).clamp(0.0, 1.0)
     } else {
         1.0
     };

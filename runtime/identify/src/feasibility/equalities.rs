@@ -28,7 +28,7 @@ pub(super) struct Equality {
 pub(super) struct Solved {
     /// One expression for each parameter, in its unit.
     pub(super) expressions: Vec<Affine>,
-    /// The index of the parameter that each variable stands for.
+    /// For each variable, the index of the parameter that it is.
     pub(super) variables: Vec<usize>,
 }
 

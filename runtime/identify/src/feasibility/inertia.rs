@@ -211,10 +211,10 @@ impl Scale {
     ///
     /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     /// let (layout, all) = (ParameterLayout::new(&labels)?, BaseMap::identity(&labels));
-    /// let seen = all.select(&[5, 6])?;
-    /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
+    /// let observed = all.select(&[5, 6])?;
+    /// assert_eq!(Scale::near(&layout, &observed, &[0.02, 0.15], 1.0), Scale::default());
     /// // the same robot in millimetres and tonnes: t mm^2 and t mm
-    /// let scale = Scale::near(&layout, &seen, &[0.02e3, 0.15], 256.0);
+    /// let scale = Scale::near(&layout, &observed, &[0.02e3, 0.15], 256.0);
     /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
     /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
     /// ```

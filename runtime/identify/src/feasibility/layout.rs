@@ -390,7 +390,7 @@ impl BaseMap {
         &self.zeros
     }
 
-    /// The identity: each parameter is observed by itself, for factors of a full regressor.
+    /// The identity: each parameter is a combination without others, for factors of a full regressor.
     pub fn identity<S: AsRef<str>>(labels: &[S]) -> Self {
         let n = labels.len();
         let row = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect();
@@ -453,7 +453,7 @@ impl BaseMap {
         })
     }
 
-    /// The map with further parameters appended, each observed by itself.
+    /// The map with further parameters appended, each as a combination without others.
     #[must_use]
     pub fn extended(&self, more: &[String]) -> Self {
         let parameters = self.parameters + more.len();

@@ -334,10 +334,10 @@ pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> b
 /// let layout = ParameterLayout::new(&labels)?;
 /// // only Izz and mx are observed: any mx is possible, because the mass is free
 /// let all = BaseMap::identity(&labels);
-/// let seen = all.select(&[5, 6])?;
-/// assert!(verdict(&layout, &seen, &[0.1, -3.0], Scale::default())?.is_feasible());
+/// let observed = all.select(&[5, 6])?;
+/// assert!(verdict(&layout, &observed, &[0.1, -3.0], Scale::default())?.is_feasible());
 /// let Verdict::Infeasible { certificate } =
-///     verdict(&layout, &seen, &[-0.1, 0.0], Scale::default())?
+///     verdict(&layout, &observed, &[-0.1, 0.0], Scale::default())?
 /// else {
 ///     panic!("a moment of inertia cannot be negative");
 /// };
@@ -369,7 +369,7 @@ pub fn verdict(
     program.variables(free);
     let margin = program.variables(1);
 
-    // single parameters that are observed by themselves need no solver
+    // a single parameter that is a base parameter without others needs no solver
     let alone = |j: &usize| expressions[*j].terms.is_empty();
     let certify = |weights: Vec<f64>| {
         let mut sums = vec![0.0; given.1.len() + given.0.zeros().len()];

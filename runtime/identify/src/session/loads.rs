@@ -16,7 +16,7 @@ use crate::model::IdentifiedModel;
 pub struct LoadedFits {
     /// The fit without constraints.
     pub free: GainFit,
-    /// The fit under physical constraints, where it was asked for.
+    /// The fit under physical constraints, if it was requested.
     pub physical: Option<PhysicalGains>,
     /// The summaries of the logs.
     pub reports: Vec<FileReport>,

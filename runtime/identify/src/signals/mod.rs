@@ -111,7 +111,7 @@ pub enum SignalError {
         /// Half the sampling rate, Hz.
         most: f64,
     },
-    /// A setting is out of its range; the text says which.
+    /// A setting is out of its range; the text names it.
     Setting(&'static str),
 }
 

@@ -67,7 +67,7 @@ fn problems_for_another_solver() {
             }),
             Err(error) => json!({ "error": error.to_string() }),
         };
-        let judged = factor.solve().ok().map(|beta| {
+        let decision = factor.solve().ok().map(|beta| {
             let says = match verdict(layout, combinations, &beta, Scale::default()).unwrap() {
                 Verdict::Feasible { .. } => "feasible",
                 Verdict::Infeasible { .. } => "infeasible",
@@ -95,7 +95,7 @@ fn problems_for_another_solver() {
             "known": options.known,
             "totals": totals.collect::<Vec<_>>(),
             "ours": ours,
-            "verdict": judged,
+            "verdict": decision,
         });
         writeln!(out, "{line}").unwrap();
     }

@@ -81,7 +81,10 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
                 "{mass} kg, {length} m: {scale:?}"
             );
             let steps = scale.mass.log2() / 16.0;
-            assert!((steps - steps.round()).abs() < 1e-12, "a unit of its own");
+            assert!(
+                (steps - steps.round()).abs() < 1e-12,
+                "the unit of mass is not 1 kg times a power of 65536"
+            );
         }
     }
     // without any mass the unit of mass is the usual one; without a valid length both are

@@ -127,7 +127,7 @@ fn a_log_in_another_format_gives_the_same_parameters() {
     };
     same(rateless, &rate, "a rate");
 
-    // positions and torques in files of their own
+    // positions and torques in separate files
     let positions = headed("positions.csv", "t,q1", &|t| format!("{t},{}", at(t)[0]));
     let torques = headed("torques.csv", "tau_q1", &|t| format!("{}", at(t)[2]));
     let beside = Run {

@@ -193,12 +193,12 @@ impl Compact<'_> {
             15 => self.varint()?,
             count => u64::from(count),
         };
-        let left = self.bytes.len().saturating_sub(self.at) as u64;
+        let remaining = self.bytes.len().saturating_sub(self.at) as u64;
         let kind = head & 0x0f;
         // An element has a byte or more. The format has no lists of booleans, which some readers
         // take to have no bytes, and no lists of lists, which could be nested without end.
         let known = (BYTE..LIST).contains(&kind) || kind == STRUCTURE;
-        (count == 0 || (known && count <= left)).then_some((kind, count))
+        (count == 0 || (known && count <= remaining)).then_some((kind, count))
     }
 
     /// Reads a structure and calls `visit` with the path of field numbers and the value of each of
