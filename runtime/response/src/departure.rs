@@ -28,7 +28,8 @@ impl Departure {
 /// The difference of simulated and measured motion in percent above which they are not the same.
 const FAR_PERCENT: f64 = 0.3;
 
-/// How far the motion simulated with parameters is from the runs' measured positions.
+/// How far the motion simulated with parameters is from the runs' measured positions, for each measured
+/// coordinate that moves; empty if no position is measured.
 ///
 /// - `settle`: seconds at the start of each run that do not count;
 /// - `values`: base parameters, r.

@@ -35,7 +35,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
     /// To first order the change `d` solves `W d = tau - tau_1` (Eq. 12) by least squares, where
-    /// `tau_1` are the efforts that the parameters predict with the other derivatives. Some hundred
+    /// `tau_1` are the efforts that the parameters predict with the other derivatives. A few hundred
     /// states of each file represent the whole file; the factor of all states keeps `d` small where
     /// these contain little information.
     ///

@@ -247,7 +247,8 @@ impl IdentifiedModel {
     ///
     /// # Errors
     /// [`FileError::Digest`] for parameters of another model; [`FileError::Missing`] for missing
-    /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`].
+    /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`] and
+    /// [`FileError::Covariance`] for friction or a covariance that cannot be read.
     ///
     /// ```
     /// # mod models {
