@@ -74,8 +74,8 @@ pub enum Friction {
     /// the regressor.
     Power,
     /// `sgn(v) (Fc + (Fs - Fc) exp(-(v/vs)^2)) + Fv v`: the steady state of the LuGre model; no
-    /// columns in the regressor. C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control
-    /// of systems with friction", IEEE Trans. Automatic Control 40(3), 1995.
+    /// columns in the regressor. C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new
+    /// model for control of systems with friction", IEEE Trans. Automatic Control 40(3), 1995.
     Lugre,
 }
 
@@ -385,7 +385,8 @@ impl JointFriction {
         self.law.effort(&self.values, v, libm::tanh(v / width))
     }
 
-    /// The same law with all efforts multiplied by `by`; its velocities and exponents do not change.
+    /// The same law with all efforts multiplied by `by`; its velocities and exponents do not
+    /// change.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
         let (mut coefficients, shape) = self.law.split(&self.values);

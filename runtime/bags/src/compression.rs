@@ -12,8 +12,8 @@ pub(crate) fn is_zstd(bytes: &[u8]) -> bool {
     bytes.starts_with(&ZSTD)
 }
 
-/// Decompresses frames of zstd, at most `limit + 1` bytes: one more than allowed, so that the caller
-/// notices when there are too many.
+/// Decompresses frames of zstd, at most `limit + 1` bytes: one more than allowed, so that the
+/// caller notices when there are too many.
 pub(crate) fn zstd(mut bytes: &[u8], limit: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     while !bytes.is_empty() && out.len() as u64 <= limit {

@@ -52,8 +52,9 @@ const CANCELLED: f64 = 1.0 / 32_768.0;
 /// Sine and cosine of each lane, with the bits of `libm::sin` and `libm::cos`, whatever the
 /// instruction set: no product is fused with a sum.
 ///
-/// It computes all cases of those functions (FreeBSD's `s_sin.c`, `e_rem_pio2.c`) at once and selects
-/// one for each lane; for lanes that need more than two parts of pi/2, which are rare, it calls them.
+/// It computes all cases of those functions (FreeBSD's `s_sin.c`, `e_rem_pio2.c`) at once and
+/// selects one for each lane; for lanes that need more than two parts of pi/2, which are rare, it
+/// calls them.
 ///
 /// ```
 /// use pulp::{Simd, WithSimd};

@@ -185,8 +185,8 @@ const COARSE_TRIALS: usize = 9;
 /// The number of golden-section steps between the neighbours of the best of these.
 const GOLDEN_STEPS: usize = 8;
 
-/// Searches for the bandwidth of tuned controllers with which the simulated motion is nearest to the
-/// measured one; `None` where none can be simulated.
+/// Searches for the bandwidth of tuned controllers with which the simulated motion is nearest to
+/// the measured one; `None` where none can be simulated.
 ///
 /// - `step`: the time between samples, s;
 /// - `difference`: computes the difference between the simulated and the measured motion at a

@@ -26,8 +26,8 @@ impl<'a> From<&'a State> for Sample<'a> {
 /// The observation matrix: the regressors of all samples, stacked (Eq. 12).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationMatrix {
-    /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`.
-    /// The rows are sample by sample, `dof` rows each. Rows of a sample where A_e is singular may be
+    /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`. The rows
+    /// are sample by sample, `dof` rows each. Rows of a sample where A_e is singular may be
     /// infinite or NaN.
     pub w: Vec<f64>,
     /// The number of rows: dof times the number of samples.

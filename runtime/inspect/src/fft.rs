@@ -1,8 +1,8 @@
 //! Fourier transforms of blocks whose length is a power of two.
 //!
 //! The usual crates compute their factors with the host's sine and choose instructions at run time,
-//! so that their last digits differ between machines. The results of this module are printed and must
-//! be the same on every machine.
+//! so that their last digits differ between machines. The results of this module are printed and
+//! must be the same on every machine.
 
 /// A transform of one length.
 #[derive(Clone, Debug)]

@@ -79,7 +79,8 @@ fn efforts(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
     ]
 }
 
-/// Simulates and inspects a log with these properties; returns the findings and the path of the log.
+/// Simulates and inspects a log with these properties; returns the findings and the path of the
+/// log.
 fn inspected(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
     let mut text = String::new();
     if !facts.header.is_empty() {

@@ -45,7 +45,8 @@ const LOOSE_TOLERANCE: f64 = 1e-5;
 /// The part of the way to the nearest bound that a step takes.
 const BOUND_FRACTION: f64 = 0.995;
 
-/// If a smaller part than this of the Newton step can be taken, the iterations end without progress.
+/// If a smaller part than this of the Newton step can be taken, the iterations end without
+/// progress.
 const MIN_STEP_PART: f64 = 1e-12;
 
 /// One number for each constraint.

@@ -35,9 +35,9 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
     /// To first order the change `d` solves `W d = tau - tau_1` (Eq. 12) by least squares, where
-    /// `tau_1` are the efforts that the parameters predict with the other derivatives. A few hundred
-    /// states of each file represent the whole file; the factor of all states keeps `d` small where
-    /// these contain little information.
+    /// `tau_1` are the efforts that the parameters predict with the other derivatives. A few
+    /// hundred states of each file represent the whole file; the factor of all states keeps `d`
+    /// small where these contain little information.
     ///
     /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a
     ///   state;

@@ -42,8 +42,8 @@ pub struct Settings {
     /// measured than needed; 1 for those not named.
     pub deviations: Vec<(String, f64)>,
     /// What is done with equations of coordinates at rest. A coordinate is at rest if its raw
-    /// positions stay within the encoder's step or noise for 0.2 s, or if its velocity is within two
-    /// standard deviations of zero or reverses within the samples that it is computed from.
+    /// positions stay within the encoder's step or noise for 0.2 s, or if its velocity is within
+    /// two standard deviations of zero or reverses within the samples that it is computed from.
     pub standstill: Standstill,
     /// The speed below which a coordinate counts as resting too, rad/s or m/s.
     pub rest_speed: f64,

@@ -36,8 +36,8 @@ pub struct EffortError {
 /// Residuals count as correlated when white ones would have this little probability of at least
 /// their autocorrelation.
 const MIN_WHITE_PROBABILITY: f64 = 0.01;
-/// An effort counts as explained when the root mean square of its residuals is at most this percentage
-/// of that of the effort.
+/// An effort counts as explained when the root mean square of its residuals is at most this
+/// percentage of that of the effort.
 const MAX_EXPLAINED_RMS_PERCENT: f64 = 50.0;
 
 impl EffortError {

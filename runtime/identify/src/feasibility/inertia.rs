@@ -98,9 +98,9 @@ pub fn inertial_parameters(j: &[[f64; 4]; 4]) -> InertialParameters {
     ]
 }
 
-/// Mass, kg, centre of mass in the body's frame, m, and the inertia tensor `Ixx Ixy Ixz Iyy Iyz Izz`
-/// about it in the axes of that frame, kg m^2, by the parallel axis theorem. The centre of a body
-/// without mass is the origin.
+/// Mass, kg, centre of mass in the body's frame, m, and the inertia tensor
+/// `Ixx Ixy Ixz Iyy Iyz Izz` about it in the axes of that frame, kg m^2, by the parallel axis
+/// theorem. The centre of a body without mass is the origin.
 ///
 /// A tensor that is unphysical only by the rounding of this difference, as for a point mass, is
 /// replaced by the nearest physical one.
@@ -135,9 +135,9 @@ pub(crate) fn about_centre(phi: &InertialParameters) -> (f64, [f64; 3], [f64; 6]
     (m, [x, y, z], [xx, xy, xz, yy, yz, zz])
 }
 
-/// The rounding error of the conversion to the centre of mass, as a fraction of the moments about the
-/// origin: that of the division by the mass, of products and differences, and of a solver at the
-/// boundary.
+/// The rounding error of the conversion to the centre of mass, as a fraction of the moments about
+/// the origin: that of the division by the mass, of products and differences, and of a solver at
+/// the boundary.
 const CENTRING_ROUNDING: f64 = 1e-10;
 
 /// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: the linear functional
@@ -198,9 +198,9 @@ impl Scale {
     ///
     /// - `length`: the size of the mechanism within a factor of sixteen, in the description's unit
     ///   of length, as `LoopClosure::length_unit` returns it.
-    /// - `beta`: base parameters of these combinations, SI. Each base parameter of a body is about a
-    ///   mass times a power of the mechanism's length; the largest of these masses is taken as the
-    ///   robot's mass, within a factor of 2^8.
+    /// - `beta`: base parameters of these combinations, SI. Each base parameter of a body is about
+    ///   a mass times a power of the mechanism's length; the largest of these masses is taken as
+    ///   the robot's mass, within a factor of 2^8.
     ///
     /// For robots of usual size and mass this is the default. If `length` is not finite and
     /// positive, it is the default too; if no base parameter of a body is finite and nonzero, the

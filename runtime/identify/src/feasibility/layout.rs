@@ -390,7 +390,8 @@ impl BaseMap {
         &self.zeros
     }
 
-    /// The identity: each parameter is a combination without others, for factors of a full regressor.
+    /// The identity: each parameter is a combination without others, for factors of a full
+    /// regressor.
     pub fn identity<S: AsRef<str>>(labels: &[S]) -> Self {
         let n = labels.len();
         let row = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect();

@@ -10,8 +10,8 @@ const ACCURACY: f64 = 1e-9;
 /// pseudo-inertia, in units of the scale.
 const TARGET_MARGIN: f64 = 1e-6;
 
-/// Among the physical robots with these base parameters, finds one whose parameters are close to the
-/// reference, or small without one. [`ParameterLayout::check`] confirms that it is physical.
+/// Among the physical robots with these base parameters, finds one whose parameters are close to
+/// the reference, or small without one. [`ParameterLayout::check`] confirms that it is physical.
 ///
 /// - `inside`: the parameters of a physical robot with these base parameters, and its margin.
 ///

@@ -409,8 +409,8 @@ pub fn verdict(
         rows.push((program.semidefinite(4, &triangle), body.columns.to_vec()));
     }
     program.minimise(margin, -1.0);
-    // without a proof only the margin is returned: the last digits of a dual that just fails to be a
-    // proof depend on where the solver stops
+    // without a proof only the margin is returned: the last digits of a dual that just fails to be
+    // a proof depend on where the solver stops
     let mut margin_reached = f64::NEG_INFINITY;
     for accuracy in ACCURACIES {
         let solved = program.solve(accuracy)?;

@@ -1,5 +1,5 @@
-//! Reads and writes parameter files in YAML. Specs of robots are read by `regen_codegen` with another
-//! reader, which reports places in them.
+//! Reads and writes parameter files in YAML. Specs of robots are read by `regen_codegen` with
+//! another reader, which reports places in them.
 
 use serde::Serialize;
 use serde_json::Value;

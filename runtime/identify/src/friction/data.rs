@@ -11,8 +11,8 @@ use regen_runtime::friction::SHAPES;
 use regen_runtime::{Condition, Friction, Model, SizeError};
 
 /// How friction at joints acts on the rows of the reduced model: column k is the derivative of the
-/// velocity of joint k by the independent velocities, which is a unit vector for an independent joint
-/// and a row of -X for a dependent one (Eq. 10).
+/// velocity of joint k by the independent velocities, which is a unit vector for an independent
+/// joint and a row of -X for a dependent one (Eq. 10).
 ///
 /// - `q`: n coordinates, rad or m; `joints`: indices of coordinates;
 /// - returns: dof x joints, column by column, and the worst condition of the linear solves.

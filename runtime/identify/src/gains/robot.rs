@@ -7,8 +7,8 @@ use super::KnownRobot;
 use crate::model::{Covariance, IdentifiedModel};
 
 impl KnownRobot {
-    /// Converts an identified model to the base parameters of `model`, such as one that has payloads
-    /// as separate bodies. Parameters that `from` lacks are 0.
+    /// Converts an identified model to the base parameters of `model`, such as one that has
+    /// payloads as separate bodies. Parameters that `from` lacks are 0.
     ///
     /// - `from`: the model that was identified; its parameters have the same labels in `model`.
     ///

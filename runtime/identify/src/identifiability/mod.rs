@@ -260,9 +260,10 @@ impl Search<'_> {
 ///
 /// First it leaves out the base parameters that the data do not determine. Then it leaves out the
 /// parameter with the largest relative standard deviation, one at a time, until all are below
-/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves out
-/// the one with the largest weight in the proof of infeasibility. At the end it adds each parameter
-/// that was left out once more, the last one first, and keeps it if all are properly identified.
+/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves
+/// out the one with the largest weight in the proof of infeasibility. At the end it adds each
+/// parameter that was left out once more, the last one first, and keeps it if all are properly
+/// identified.
 ///
 /// A base parameter that is left out is zero in the forces, as in the chapter's Models 2 to 4; the
 /// verdict of feasibility leaves it free.

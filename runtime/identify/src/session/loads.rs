@@ -25,8 +25,8 @@ pub struct LoadedFits {
 /// Fits parameters, unknown gains and payloads to runs.
 ///
 /// - `runs`: each with the index of the payload that it carries, see [`Plan::payloads`];
-/// - `knowledge`: if a fit under physical constraints is wanted too, the prior knowledge for it, and
-///   the number of draws for its intervals.
+/// - `knowledge`: if a fit under physical constraints is wanted too, the prior knowledge for it,
+///   and the number of draws for its intervals.
 ///
 /// # Errors
 /// [`SessionError::Gains`], see [`gains::fit`] and [`gains::feasible`]; when a log cannot be read.

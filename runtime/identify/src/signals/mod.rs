@@ -322,8 +322,8 @@ fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
     }
 }
 
-/// The largest difference of a step from the mean step, as a part of it, at which sampling counts as
-/// uniform: the times of a real clock jitter.
+/// The largest difference of a step from the mean step, as a part of it, at which sampling counts
+/// as uniform: the times of a real clock jitter.
 const MAX_JITTER: f64 = 0.1;
 
 fn mean_step(times: &[f64]) -> Result<f64, SignalError> {

@@ -58,8 +58,8 @@ fn a_completion_is_as_near_the_reference_as_its_margin_allows() {
 
 const BODY: [f64; 10] = [0.2, 0.01, 0.0, 0.25, -0.02, 0.22, 0.1, 0.05, -0.03, 3.0];
 
-/// With known values or priors the parameters are the solution of a cone programme. There too, every
-/// undetermined direction is taken from the reference.
+/// With known values or priors the parameters are the solution of a cone programme. There too,
+/// every undetermined direction is taken from the reference.
 #[test]
 fn undetermined_directions_are_those_of_the_reference_beside_known_values_and_priors() {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();

@@ -97,8 +97,8 @@ fn continuous_controllers_are_fitted_without_their_own_samples() {
     }
     let truth = twin.beta();
     let (found, _) = fitted(&Arm, &[run], &setup, &off(&truth, 0.05));
-    // the controller's damping is late by one of its samples, which changes Fv = 0.4 by up to 1 % of
-    // kd = 12
+    // the controller's damping is late by one of its samples, which changes Fv = 0.4 by up to 1 %
+    // of kd = 12
     let off_by = worst(&found.model.beta, &truth);
     assert!(off_by < 0.1, "{off_by}: {:?} {truth:?}", found.model.beta);
 }

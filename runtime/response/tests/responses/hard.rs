@@ -1,5 +1,5 @@
-//! Cases in which a fit may fail or be wrong: candidates that cannot be simulated, windows of several
-//! lengths, directions without information, work repeated for every window.
+//! Cases in which a fit may fail or be wrong: candidates that cannot be simulated, windows of
+//! several lengths, directions without information, work repeated for every window.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

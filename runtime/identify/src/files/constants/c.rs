@@ -10,12 +10,12 @@ use crate::identify::digest;
 use crate::model::IdentifiedModel;
 
 /// Writes a C header with the constants of an identified model as initialisers, which take the type
-/// of their numbers: `static const float beta[] = RPS3_BETA(float);`. It contains the same constants
-/// as [`rust_constants`](super::rust_constants), with method, logs and date.
+/// of their numbers: `static const float beta[] = RPS3_BETA(float);`. It contains the same
+/// constants as [`rust_constants`](super::rust_constants), with method, logs and date.
 ///
-/// - `prefix`: what the names of the robot's C functions begin with. The header includes the robot's
-///   header `PREFIX.h` and does not compile with that of another model, because it compares the
-///   digests.
+/// - `prefix`: what the names of the robot's C functions begin with. The header includes the
+///   robot's header `PREFIX.h` and does not compile with that of another model, because it compares
+///   the digests.
 ///
 /// # Errors
 /// When parameters of the model have labels that no body or joint has.

@@ -189,7 +189,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             weights: own,
             efforts,
         };
-        // the weights come from the residuals of the previous round, so the first round never settles
+        // the weights come from the residuals of the previous round, so the first round never
+        // settles
         let settled = rounds > 1 && moved < TOLERANCE_DEVIATIONS;
         if settled || rounds >= options.rounds.max(1) {
             break (now, round, settled);
