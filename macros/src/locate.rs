@@ -1,11 +1,11 @@
-//! Search for the spec's file.
+//! Searches for the file of a spec.
 
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The file of a spec.
+/// The path of a spec's file.
 pub(crate) struct LocatedSpec {
     /// The path in error messages, relative to the compiler's working directory where possible.
     pub(crate) shown: String,

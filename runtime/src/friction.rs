@@ -66,15 +66,16 @@ pub enum Friction {
     CoulombAsymmetric,
     /// `Fv+ v + Fc+` where v > 0, `Fv- v - Fc-` where v < 0 (Eq. 14).
     Asymmetric,
-    /// `sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta)) + Fv v` (Eq. 32); no columns.
+    /// `sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta)) + Fv v` (Eq. 32); no columns in the regressor.
     Stribeck,
-    /// `sgn(v) Fc + Fv1 v + Fv2 atan(Fv3 v)` (Eq. 16); no columns.
+    /// `sgn(v) Fc + Fv1 v + Fv2 atan(Fv3 v)` (Eq. 16); no columns in the regressor.
     Atan,
-    /// `Fc+ + Fv |v|^delta` where v > 0, `-Fc- - Fv |v|^delta` where v < 0 (Eq. 17); no columns.
+    /// `Fc+ + Fv |v|^delta` where v > 0, `-Fc- - Fv |v|^delta` where v < 0 (Eq. 17); no columns in
+    /// the regressor.
     Power,
     /// `sgn(v) (Fc + (Fs - Fc) exp(-(v/vs)^2)) + Fv v`: the steady state of the LuGre model; no
-    /// columns. C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control
-    /// of systems with friction", IEEE Trans. Automatic Control 40(3), 1995.
+    /// columns in the regressor. C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new
+    /// model for control of systems with friction", IEEE Trans. Automatic Control 40(3), 1995.
     Lugre,
 }
 
@@ -384,7 +385,8 @@ impl JointFriction {
         self.law.effort(&self.values, v, libm::tanh(v / width))
     }
 
-    /// The same law with all efforts multiplied by `by`; velocities and exponents stay.
+    /// The same law with all efforts multiplied by `by`; its velocities and exponents do not
+    /// change.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
         let (mut coefficients, shape) = self.law.split(&self.values);

@@ -76,14 +76,14 @@ proptest! {
         prop_assert_eq!(solution.outcome, Outcome::Closed);
         prop_assert!(solution.residual < 1e-13 * (1.0 + target.abs()), "{:e}", solution.residual);
         assert_at(&solution.q, &exact(&model, target, elbow), 1e-12);
-        // continuous along the path: the rod turns relative to the crank, so that its absolute
-        // angle stays
+        // continuous along the path: the rod makes no whole turn, because it turns relative to the
+        // crank by as much as the crank turns
         let (rod, at_home) = (solution.q[0] + solution.q[1], model.home[0] + model.home[1]);
         prop_assert!((rod - at_home).abs() < PI);
     }
 
     #[test]
-    fn a_crank_longer_than_the_rod_stops_where_it_must(
+    fn a_crank_longer_than_the_rod_stops_at_the_fold(
         rod in 0.3..0.95_f64,
         start in -0.9..0.9_f64,
         target in -6.0..6.0_f64,

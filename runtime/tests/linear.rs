@@ -125,9 +125,9 @@ proptest! {
         place in 0..16_usize,
         infinite: bool,
     ) {
-        let bad = if infinite { f64::INFINITY } else { f64::NAN };
+        let value = if infinite { f64::INFINITY } else { f64::NAN };
         let (mut a, mut b) = (a, [[1.0]; 4]);
-        if place < 12 { a[place / 3][place % 3] = bad } else { b[place - 12][0] = bad }
+        if place < 12 { a[place / 3][place % 3] = value } else { b[place - 12][0] = value }
         let (x, ratio) = solve_pivoted(&a, &b);
         prop_assert!(ratio.is_nan());
         prop_assert!(x.iter().flatten().all(|x| x.is_nan()));

@@ -35,13 +35,13 @@ impl<'a> Cdr<'a> {
     }
 
     /// The number of bytes that have not been read.
-    pub(crate) fn left(&self) -> usize {
+    pub(crate) fn remaining(&self) -> usize {
         self.data.len() - self.at
     }
 
     /// Returns an error if more than padding has not been read.
     pub(crate) fn finish(&self) -> Result<(), String> {
-        match self.left() {
+        match self.remaining() {
             0..=MAX_PADDING => Ok(()),
             more => Err(format!(
                 "{more} bytes follow its last field: it does not match its definition"
@@ -82,11 +82,11 @@ impl<'a> Cdr<'a> {
     pub(crate) fn count(&mut self) -> Result<usize, String> {
         let count = u32::from_le_bytes(self.primitive()?);
         let count = usize::try_from(count).unwrap_or(usize::MAX);
-        if count > self.left() {
+        if count > self.remaining() {
             return Err(format!(
                 "at byte {} of its data it claims a list of {count}, and {} bytes are left",
                 self.at,
-                self.left()
+                self.remaining()
             ));
         }
         Ok(count)

@@ -12,20 +12,21 @@ pub(crate) fn is_zstd(bytes: &[u8]) -> bool {
     bytes.starts_with(&ZSTD)
 }
 
-/// Decompresses frames of zstd, at most `limit` bytes of them and one more.
+/// Decompresses frames of zstd, at most `limit + 1` bytes: one more than allowed, so that the
+/// caller notices when there are too many.
 pub(crate) fn zstd(mut bytes: &[u8], limit: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     while !bytes.is_empty() && out.len() as u64 <= limit {
         let mut decoder = ruzstd::decoding::StreamingDecoder::new(&mut bytes)
             .map_err(|e| format!("zstd: {e}"))?;
-        let left = limit + 1 - out.len() as u64;
-        let read = decoder.by_ref().take(left).read_to_end(&mut out);
+        let allowed = limit + 1 - out.len() as u64;
+        let read = decoder.by_ref().take(allowed).read_to_end(&mut out);
         read.map_err(|e| format!("zstd: {e}"))?;
     }
     Ok(out)
 }
 
-/// Decompresses a frame of LZ4, at most `limit` bytes of it and one more.
+/// Decompresses a frame of LZ4, at most `limit + 1` bytes, as [`zstd`].
 fn lz4(bytes: &[u8], limit: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     let decoder = lz4_flex::frame::FrameDecoder::new(bytes);

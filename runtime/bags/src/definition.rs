@@ -110,13 +110,13 @@ impl Message {
     }
 }
 
-/// `package/Type` of any way to write the name of a type.
+/// The name of a type as `package/Type`, also if it is written as `package/msg/Type`.
 pub(crate) fn short_name(name: &str) -> String {
     name.replace("/msg/", "/")
 }
 
-/// The sections of a definition, each with the name of its type: the message's own first, those of
-/// the messages in it behind lines of `=`.
+/// The sections of a definition, each with the name of its type: that of the message first, then
+/// those of the messages in it, which follow lines of `=`.
 fn sections<'t>(root: &str, text: &'t str) -> Vec<(String, Vec<&'t str>)> {
     let mut out = vec![(short_name(root), Vec::new())];
     let mut lines = text.lines();
@@ -135,7 +135,7 @@ fn sections<'t>(root: &str, text: &'t str) -> Vec<(String, Vec<&'t str>)> {
 impl Definition {
     /// Reads the definition of a type.
     ///
-    /// - `text`: its fields, and behind lines of `=` those of the types in it; known types may be
+    /// - `text`: its fields, and after lines of `=` those of the types in it; known types may be
     ///   missing there.
     pub(crate) fn read(root: &str, text: &str) -> Result<Self, String> {
         if text.len() > MAX_TEXT {
@@ -154,15 +154,15 @@ impl Definition {
                     .lines()
                     .collect(),
             };
-            let mut found = Vec::new();
+            let mut own_fields = Vec::new();
             for line in lines {
-                found.extend(field(line, &name, &mut names)?);
+                own_fields.extend(field(line, &name, &mut names)?);
             }
-            fields += found.len();
+            fields += own_fields.len();
             if fields > MAX_FIELDS || names.len() > MAX_FIELDS {
                 return Err(format!("its definition has more than {MAX_FIELDS} fields"));
             }
-            types.push(found);
+            types.push(own_fields);
         }
         Ok(Self { types })
     }
@@ -206,8 +206,8 @@ impl Definition {
                     element => Value::Number(number(element, cdr)?),
                 });
             }
-            Count::Fixed(count) if count > cdr.left() => {
-                return Err(format!("{count} elements in {} bytes", cdr.left()));
+            Count::Fixed(count) if count > cdr.remaining() => {
+                return Err(format!("{count} elements in {} bytes", cdr.remaining()));
             }
             Count::Fixed(count) => count,
             Count::Sequence => cdr.count()?,
@@ -251,8 +251,8 @@ fn number(element: Element, cdr: &mut Cdr<'_>) -> Result<f64, String> {
 
 /// The field of a line; `None` for constants, comments and empty lines.
 ///
-/// - `of`: the type whose field it is;
-/// - `names`: the types so far, to which the type of the field is added.
+/// - `of`: the type that has the field;
+/// - `names`: the names of the types so far; a new type of the field is added to them.
 fn field(line: &str, of: &str, names: &mut Vec<String>) -> Result<Option<Field>, String> {
     let line = line.split('#').next().unwrap_or_default().trim();
     let Some((written, rest)) = line.split_once(char::is_whitespace) else {
@@ -326,7 +326,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn constants_bounds_and_nested_types_are_understood() {
+    fn constants_bounds_and_nested_types_are_read() {
         let text = "\
 uint8 MODE=3 # a constant
 string<=10 name \"x\"
@@ -357,7 +357,7 @@ wstring label
     }
 
     #[test]
-    fn definitions_that_lead_nowhere_are_refused() {
+    fn definitions_with_missing_or_endless_types_are_refused() {
         let missing = Definition::read("demo/msg/A", "other/B b\n");
         assert!(missing.unwrap_err().contains("lacks the type other/B"));
         let endless = Definition::read("demo/msg/A", "A a\n").unwrap();

@@ -17,8 +17,8 @@
 //!
 //! Numbers are those of the messages, in SI by their definition. A column whose array is empty in
 //! all messages does not exist. Joints may come in any order. Joints that several publishers send
-//! in messages of their own are in a [`Table`] for each publisher; where the messages overlap, rows
-//! are those messages that have all joints that are asked for.
+//! in separate messages are in a [`Table`] for each publisher; where the messages overlap, rows
+//! are those messages that have all requested joints.
 //!
 //! Files are read from start to end, a chunk at a time, so that memory does not grow with their
 //! length; each [`Table::rows`] reads the files again.

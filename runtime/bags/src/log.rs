@@ -57,7 +57,7 @@ impl fmt::Display for Topic {
 /// # Ok::<(), regen_bags::BagError>(())
 /// ```
 pub fn topics(path: &Path) -> Result<Vec<Topic>, BagError> {
-    Ok(scan(path)?.into_iter().map(|found| found.topic).collect())
+    Ok(scan(path)?.into_iter().map(|survey| survey.topic).collect())
 }
 
 /// The joint states of one topic of a recording, as tables.
@@ -91,9 +91,9 @@ impl Log {
     /// missing, not of a known type, without messages or not determined; when a message cannot be
     /// decoded or contradicts itself.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, BagError> {
-        let mut found = scan(path)?;
-        let own = choose(path, &found, topic)?;
-        let own = found.swap_remove(own);
+        let mut surveys = scan(path)?;
+        let own = choose(path, &surveys, topic)?;
+        let own = surveys.swap_remove(own);
         if let Some(error) = own.error {
             return Err(error);
         }
@@ -147,22 +147,22 @@ impl Log {
 }
 
 /// The index of the topic that is read.
-fn choose(path: &Path, found: &[TopicSurvey], topic: Option<&str>) -> Result<usize, BagError> {
+fn choose(path: &Path, surveys: &[TopicSurvey], topic: Option<&str>) -> Result<usize, BagError> {
     let refused = |why: String| BagError::Topic {
         file: path.to_path_buf(),
         why,
-        topics: found.iter().map(|own| own.topic.clone()).collect(),
+        topics: surveys.iter().map(|own| own.topic.clone()).collect(),
     };
     let usable = |own: &TopicSurvey| own.topic.is_known() && own.topic.messages > 0;
     let places = |keep: &dyn Fn(&TopicSurvey) -> bool| -> Vec<usize> {
-        let all = found.iter().enumerate().filter(|(_, own)| keep(own));
+        let all = surveys.iter().enumerate().filter(|(_, own)| keep(own));
         all.map(|(k, _)| k).collect()
     };
     let known = || crate::KNOWN_TYPES.join(", ");
     let Some(name) = topic else {
         return match places(&usable)[..] {
             [own] => Ok(own),
-            [] if found.is_empty() => Err(refused("it has no topic".to_owned())),
+            [] if surveys.is_empty() => Err(refused("it has no topic".to_owned())),
             [] => Err(refused(format!(
                 "no topic has messages of a type with joint states ({}); there are",
                 known()
@@ -180,9 +180,9 @@ fn choose(path: &Path, found: &[TopicSurvey], topic: Option<&str>) -> Result<usi
         }
         [first, ..] => first,
     };
-    let own = named.into_iter().find(|k| usable(&found[*k]));
+    let own = named.into_iter().find(|k| usable(&surveys[*k]));
     own.ok_or_else(|| {
-        let topic = &found[first].topic;
+        let topic = &surveys[first].topic;
         refused(if topic.is_known() {
             format!("the topic {} has no message; there are", topic.name)
         } else {

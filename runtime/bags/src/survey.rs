@@ -61,7 +61,7 @@ impl TopicSurvey {
     }
 }
 
-/// The place of a channel's topic among those found.
+/// The index of a channel's topic; adds the topic if it is new.
 fn place(all: &mut Vec<TopicSurvey>, channel: &Channel) -> usize {
     let own = all
         .iter()
@@ -79,7 +79,7 @@ pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
     loop {
         let mut begun = |channel: &Channel, count: u64| {
             let k = place(&mut all, channel);
-            // messages of known types are counted as they come
+            // messages of known types are counted when they are decoded
             if channel.decoder.is_none() {
                 all[k].topic.messages += count;
             }
@@ -90,12 +90,12 @@ pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
             Err(error) => return Err(with_readable(error, &all)),
         };
         let k = place(&mut all, recorded.channel);
-        let found = &mut all[k];
-        found.topic.messages += 1;
+        let survey = &mut all[k];
+        survey.topic.messages += 1;
         let Some(decoder) = &recorded.channel.decoder else {
             continue;
         };
-        if found.error.is_some() {
+        if survey.error.is_some() {
             continue;
         }
         let read = match decoder {
@@ -103,11 +103,11 @@ pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
             Err(why) => Err(why.clone()),
         };
         let (received, place) = (recorded.received, recorded.place);
-        if let Err(why) = read.and_then(|sample| found.add(sample, received)) {
-            found.error = Some(BagError::Message {
+        if let Err(why) = read.and_then(|sample| survey.add(sample, received)) {
+            survey.error = Some(BagError::Message {
                 file: recorded.file.to_path_buf(),
-                topic: found.topic.name.clone(),
-                number: found.topic.messages,
+                topic: survey.topic.name.clone(),
+                number: survey.topic.messages,
                 place: place.to_string(),
                 why,
             });
@@ -115,7 +115,7 @@ pub(crate) fn scan(path: &Path) -> Result<Vec<TopicSurvey>, BagError> {
     }
 }
 
-/// The error with what could be read before it.
+/// Adds the topics that were read before the error to an error of a truncated file.
 fn with_readable(error: BagError, all: &[TopicSurvey]) -> BagError {
     match error {
         BagError::Truncated {

@@ -184,7 +184,7 @@ fn publishers_of_different_joints_have_a_table_each() {
         gripper.titles()[2..],
         ["gripper", "qd_gripper", "tau_gripper"]
     );
-    // the times count from the same stamp, also where only they are asked for
+    // the times count from the same stamp, also where no other column is requested
     let clock: Vec<Option<f64>> = rows(gripper, &["t"]).into_iter().map(|r| r.1[0]).collect();
     assert_eq!(
         clock,
@@ -194,7 +194,7 @@ fn publishers_of_different_joints_have_a_table_each() {
     assert_eq!(rows(arm, &["wrist"])[11], (17, vec![position(11, 2)]));
 }
 
-/// A temporary file, in memory if the system has a folder there, deleted in the end.
+/// A temporary file, in a folder in memory if the system has one, deleted when dropped.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -221,7 +221,7 @@ fn a_file_cut_anywhere_is_refused_with_the_place_and_the_usable_part() {
     for name in ["states.mcap", "big_endian.mcap"] {
         let bytes = fs::read(fixture(name)).unwrap();
         let cut = Scratch::new(name);
-        let mut kept = 0;
+        let mut readable_messages = 0;
         for length in 0..bytes.len() {
             fs::write(&cut.0, &bytes[..length]).unwrap();
             let error = Log::open(&cut.0, None).unwrap_err();
@@ -237,14 +237,18 @@ fn a_file_cut_anywhere_is_refused_with_the_place_and_the_usable_part() {
                     assert_eq!(own, length as u64);
                     assert!(record <= own);
                     let whole = readable.first().map_or(0, |topic| topic.messages);
-                    assert!(whole >= kept, "{length}: {text}");
-                    kept = whole;
-                    assert_eq!(text.contains("mcap recover"), kept > 0, "{text}");
+                    assert!(whole >= readable_messages, "{length}: {text}");
+                    readable_messages = whole;
+                    assert_eq!(
+                        text.contains("mcap recover"),
+                        readable_messages > 0,
+                        "{text}"
+                    );
                 }
                 other => panic!("{length}: {other}"),
             }
         }
-        assert_eq!(kept, open(name, None).topic().messages);
+        assert_eq!(readable_messages, open(name, None).topic().messages);
     }
     let bytes = fs::read(fixture("folder/folder.db3")).unwrap();
     let cut = Scratch::new("cut.db3");
@@ -286,10 +290,10 @@ fn files_that_are_no_recordings_are_named_with_a_remedy() {
         fs::write(&file.0, bytes).unwrap();
         Log::open(&file.0, None).unwrap_err().to_string()
     };
-    assert!(said("empty.mcap", b"").contains("is empty"));
-    assert!(said("one.bag", b"#ROSBAG V2.0\n").contains("rosbags-convert"));
-    assert!(said("all.db3", &[0x28, 0xb5, 0x2f, 0xfd, 0]).contains("zstd -d"));
-    assert!(said("text.mcap", b"t,q1\n0,1\n").contains("neither"));
+    assert!(message("empty.mcap", b"").contains("is empty"));
+    assert!(message("one.bag", b"#ROSBAG V2.0\n").contains("rosbags-convert"));
+    assert!(message("all.db3", &[0x28, 0xb5, 0x2f, 0xfd, 0]).contains("zstd -d"));
+    assert!(message("text.mcap", b"t,q1\n0,1\n").contains("neither"));
     let folder = fixture("lerobot");
     let error = Log::open(&folder, None).unwrap_err().to_string();
     assert!(error.contains("no metadata.yaml"), "{error}");

@@ -142,12 +142,12 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
         (self.last, self.behind) = (None, false);
     }
 
-    /// The state from which the next trajectory goes on; `None` for home.
+    /// The state from which the next trajectory continues; `None` for home.
     pub fn place(&self) -> Option<Vec<f64>> {
         self.last.clone()
     }
 
-    /// Makes the next trajectory go on from a state that [`place`](Self::place) gave.
+    /// Makes the next trajectory continue from a state that [`place`](Self::place) returned.
     pub fn go_back(&mut self, place: Option<&[f64]>) {
         match place {
             None => self.restart(),
@@ -158,8 +158,8 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
         }
     }
 
-    /// The closure of single states, at the last state of the trajectory; the next trajectory goes on
-    /// from the last state that it solves.
+    /// The closure of single states, at the last state of the trajectory; the next trajectory
+    /// continues from the last state that it solves.
     ///
     /// # Errors
     /// When the model is inconsistent.
@@ -179,7 +179,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
         Ok(())
     }
 
-    /// Closes the loops along a trajectory that goes on where the last one ended, or at home.
+    /// Closes the loops along a trajectory that continues where the last one ended, or from home.
     ///
     /// - `q_i`, `qd_i`, `qdd_i`: `dof` series of `count` states each, one after the other, in the
     ///   order of `Info::independent`; rad or m, and s.
@@ -231,7 +231,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
             outcomes: Vec::with_capacity(count),
         };
         let trajectory = Trajectory { count, parts };
-        // where a block accepts nothing, so many states are solved one by one before the next one
+        // how many states are solved one by one after a block of which none was accepted
         let mut alone = 1;
         while states.len() < count {
             let first = states.len();
@@ -274,21 +274,21 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     ) -> Result<(), ClosureError> {
         self.catch_up()?;
         let [q_i, qd_i, qdd_i] = [0, 1, 2].map(|part| trajectory.at(part, state));
-        let found = self.closure.track_state(&q_i, &qd_i, &qdd_i)?;
-        if found.outcome.is_closed() {
+        let solved = self.closure.track_state(&q_i, &qd_i, &qdd_i)?;
+        if solved.outcome.is_closed() {
             let count = trajectory.count;
             for (series, values) in [
-                (&mut states.q, &found.q),
-                (&mut states.qd, &found.qd),
-                (&mut states.qdd, &found.qdd),
+                (&mut states.q, &solved.q),
+                (&mut states.qd, &solved.qd),
+                (&mut states.qdd, &solved.qdd),
             ] {
                 for (slot, value) in series.iter_mut().skip(state).step_by(count).zip(values) {
                     *slot = *value;
                 }
             }
-            self.last = Some(found.q);
+            self.last = Some(solved.q);
         }
-        states.outcomes.push(found.outcome);
+        states.outcomes.push(solved.outcome);
         Ok(())
     }
 

@@ -3,8 +3,8 @@
 /// The most that A may change, as the largest row sum of `A^-1 B - 1`: half of the distance at which
 /// B could be singular.
 pub(super) const MAX_CHANGE: f64 = 0.5;
-/// A pivot below this part of the largest is too near a singularity: single states are judged by a
-/// condition number there, and with less the rounding errors of the inverse would decide.
+/// A pivot below this part of the largest is too near a singularity: rounding errors of the inverse
+/// would decide there. Such states are solved one by one, with a condition number.
 const MIN_PIVOT_RATIO: f64 = 1e-4;
 
 /// The inverse of as many rows of A's dependent columns as there are dependent coordinates: those
@@ -50,7 +50,7 @@ impl Reference {
                 reciprocal(entries.fold(0.0, largest))
             })
             .collect();
-        let mut open: Vec<(usize, Vec<f64>)> = all
+        let mut remaining: Vec<(usize, Vec<f64>)> = all
             .iter()
             .enumerate()
             .map(|(at, row)| {
@@ -61,17 +61,20 @@ impl Reference {
                 (at, scaled.collect())
             })
             .collect();
-        let scaled = open.clone();
+        let scaled = remaining.clone();
         // elimination selects the rows
         let mut rows = Vec::with_capacity(n);
         let mut pivots = Vec::with_capacity(n);
         for k in 0..n {
-            let best = (0..open.len())
-                .max_by(|i, j| open[*i].1[k].abs().total_cmp(&open[*j].1[k].abs()))?;
-            let (at, top) = open.swap_remove(best);
+            let best = (0..remaining.len()).max_by(|i, j| {
+                remaining[*i].1[k]
+                    .abs()
+                    .total_cmp(&remaining[*j].1[k].abs())
+            })?;
+            let (at, top) = remaining.swap_remove(best);
             rows.push(at);
             pivots.push(top[k].abs());
-            for (_, row) in &mut open {
+            for (_, row) in &mut remaining {
                 let factor = row[k] / top[k];
                 for (x, y) in row.iter_mut().zip(&top) {
                     *x -= factor * y;

@@ -6,7 +6,7 @@ use pulp::{Simd, bytemuck};
 use regen_runtime::Scalar;
 use regen_runtime::angles::{COS, HALF_PI, MAX_ANGLE, ROUNDING_SHIFT, SIN};
 
-/// A SIMD register of `f64`s as a [`Scalar`]: each lane is a state of its own.
+/// A SIMD register of `f64`s as a [`Scalar`]: each lane belongs to another state.
 ///
 /// The token `simd` proves that the instruction set is available. Get one from
 /// `pulp::Arch::new().dispatch(...)`. Only code that is inlined into the dispatched function is

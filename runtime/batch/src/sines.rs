@@ -52,8 +52,9 @@ const CANCELLED: f64 = 1.0 / 32_768.0;
 /// Sine and cosine of each lane, with the bits of `libm::sin` and `libm::cos`, whatever the
 /// instruction set: no product is fused with a sum.
 ///
-/// It does what those functions do (FreeBSD's `s_sin.c`, `e_rem_pio2.c`), all cases at once; lanes
-/// that need more than two parts of pi/2, which are rare, call them.
+/// It computes all cases of those functions (FreeBSD's `s_sin.c`, `e_rem_pio2.c`) at once and
+/// selects one for each lane; for lanes that need more than two parts of pi/2, which are rare, it
+/// calls them.
 ///
 /// ```
 /// use pulp::{Simd, WithSimd};
@@ -106,7 +107,7 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let z = mul(y, y);
     let w = mul(z, z);
     let v = mul(z, y);
-    // `array::map` would be left as a call
+    // `array::map` would not be inlined
     let (s1, s2, s3) = (splat(SIN[0]), splat(SIN[1]), splat(SIN[2]));
     let (s4, s5, s6) = (splat(SIN[3]), splat(SIN[4]), splat(SIN[5]));
     let r = add(
@@ -144,32 +145,32 @@ pub fn sin_cos_portable<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let s = select(simd.less_than_f64s(size, splat(TINY)), x, s);
 
     // 1 where the remainder lost too many bits, or the angle is large or not a number
-    let kept = simd.less_than_f64s(mul(size, splat(CANCELLED)), simd.abs_f64s(y));
-    let sure = simd.or_m64s(near, kept);
-    let sure = simd.and_m64s(sure, simd.less_than_f64s(size, splat(FAR)));
-    let unsure = select(sure, zero, splat(1.0));
-    if simd.reduce_max_f64s(unsure) > 0.0 {
-        each(x, unsure, s, c)
+    let has_enough_bits = simd.less_than_f64s(mul(size, splat(CANCELLED)), simd.abs_f64s(y));
+    let is_accurate = simd.or_m64s(near, has_enough_bits);
+    let is_accurate = simd.and_m64s(is_accurate, simd.less_than_f64s(size, splat(FAR)));
+    let by_library = select(is_accurate, zero, splat(1.0));
+    if simd.reduce_max_f64s(by_library) > 0.0 {
+        by_libm(x, by_library, s, c)
     } else {
         (s, c)
     }
 }
 
-/// Replaces the lanes in which `unsure` is 1 by what `libm` computes.
+/// Replaces the lanes in which `by_library` is 1 by what `libm` computes.
 #[cold]
 #[inline(never)]
-fn each<V: bytemuck::Pod>(x: V, unsure: V, mut s: V, mut c: V) -> (V, V) {
+fn by_libm<V: bytemuck::Pod>(x: V, by_library: V, mut s: V, mut c: V) -> (V, V) {
     fn lanes<V: bytemuck::Pod>(v: &V) -> &[f64] {
         bytemuck::cast_slice(core::slice::from_ref(v))
     }
     let sines = bytemuck::cast_slice_mut::<V, f64>(core::slice::from_mut(&mut s));
     let cosines = bytemuck::cast_slice_mut::<V, f64>(core::slice::from_mut(&mut c));
-    for ((x, unsure), (s, c)) in lanes(&x)
+    for ((x, by_library), (s, c)) in lanes(&x)
         .iter()
-        .zip(lanes(&unsure))
+        .zip(lanes(&by_library))
         .zip(sines.iter_mut().zip(cosines))
     {
-        if *unsure > 0.0 {
+        if *by_library > 0.0 {
             (*s, *c) = (libm::sin(*x), libm::cos(*x));
         }
     }

@@ -1,4 +1,4 @@
-//! The numbers on which loops are closed.
+//! The number types with which loops are closed.
 
 use regen_runtime::Scalar;
 
@@ -35,7 +35,7 @@ macro_rules! real {
 
             #[inline]
             #[allow(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-            #[allow(clippy::cast_lossless, reason = "one text for both widths")]
+            #[allow(clippy::cast_lossless, reason = "the macro serves both widths")]
             fn of(value: f64) -> Self {
                 value as $float
             }

@@ -13,25 +13,25 @@ fn wave<const DOF: usize>(home: &[f64; DOF], size: f64, k: usize) -> [f64; DOF] 
 macro_rules! follows {
     ($module:ident, $model:ident, $size:expr) => {{
         use $module::$model;
-        let mut here = <closure!($module::$model, f64)>::new(&$model).unwrap();
-        let mut single = <closure!($module::$model, f32)>::new(&$model).unwrap();
+        let mut in_f64 = <closure!($module::$model, f64)>::new(&$model).unwrap();
+        let mut in_f32 = <closure!($module::$model, f32)>::new(&$model).unwrap();
         let model: &dyn Model<f64> = &$model;
-        let mut there = LoopClosure::new(model).unwrap();
-        let home = here.q_i();
+        let mut allocating = LoopClosure::new(model).unwrap();
+        let home = in_f64.q_i();
         let (mut worst, mut worst_single) = (0.0_f64, 0.0_f64);
         for k in 0..300 {
             let q_i = wave(&home, $size, k);
             let (qd_i, qdd_i) = (wave(&[0.0; _], 1.0, k + 40), wave(&[0.0; _], 1.0, k + 90));
             let narrow = |v: &[f64]| core::array::from_fn(|i| v[i] as f32);
-            assert_eq!(here.track(&q_i, 6), Outcome::Closed, "{k}");
-            assert_eq!(single.track(&narrow(&q_i), 6), Outcome::Closed, "{k}");
-            let state = there.track_state(&q_i, &qd_i, &qdd_i).unwrap();
+            assert_eq!(in_f64.track(&q_i, 6), Outcome::Closed, "{k}");
+            assert_eq!(in_f32.track(&narrow(&q_i), 6), Outcome::Closed, "{k}");
+            let state = allocating.track_state(&q_i, &qd_i, &qdd_i).unwrap();
             assert!(state.outcome.is_closed());
-            let motion = here.motion(&qd_i, &qdd_i);
-            let of_single = single.motion(&narrow(&qd_i), &narrow(&qdd_i));
+            let motion = in_f64.motion(&qd_i, &qdd_i);
+            let of_single = in_f32.motion(&narrow(&qd_i), &narrow(&qdd_i));
             for i in 0..home.len() {
                 let pairs = [
-                    (state.q[i], here.q()[i], single.q()[i]),
+                    (state.q[i], in_f64.q()[i], in_f32.q()[i]),
                     (state.qd[i], motion.qd[i], of_single.qd[i]),
                     (state.qdd[i], motion.qdd[i], of_single.qdd[i]),
                 ];
@@ -60,7 +60,7 @@ fn states_are_those_of_the_closure_with_an_allocator() {
 }
 
 #[test]
-fn a_bounded_call_goes_on_in_the_next_one() {
+fn a_bounded_call_continues_in_the_next_one() {
     let mut closure = <closure!(rps3::Rps3, f64)>::new(&rps3::Rps3).unwrap();
     let target = [0.50, 0.62, 0.70];
     let mut calls = 0;

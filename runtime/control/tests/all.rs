@@ -1,4 +1,4 @@
-//! The closure of a control cycle beside the one with an allocator.
+//! Compares the loop closure for control cycles with the one that needs an allocator.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![allow(
     clippy::float_cmp,

@@ -19,7 +19,7 @@ fn a_cycle_allocates_nothing() {
     });
     assert!(f64::is_finite(sum));
     assert_eq!(counted.count_total, 0);
-    // the counter counts
+    // an allocation is counted
     let counted = allocation_counter::measure(|| drop(std::hint::black_box(vec![sum; 3])));
     assert_eq!(counted.count_total, 1);
 }

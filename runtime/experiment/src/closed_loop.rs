@@ -177,20 +177,20 @@ pub fn motion<M: Model<f64> + ?Sized>(
     Ok(out)
 }
 
-/// The bandwidths between which the one of a robot's controllers is looked for, Hz; the upper one is
-/// at most a tenth of the rate of the samples.
+/// The range in which the bandwidth of a robot's controllers is searched, Hz; its upper end is at
+/// most a tenth of the rate of the samples.
 const BANDWIDTHS_HZ: [f64; 2] = [0.5, 100.0];
-/// The number of bandwidths in equal proportions that are tried first.
-const TRIED: usize = 9;
-/// The steps of the golden section between the neighbours of the best of them.
-const SECTIONS: usize = 8;
+/// The number of bandwidths, in equal proportions, that are tried first.
+const COARSE_TRIALS: usize = 9;
+/// The number of golden-section steps between the neighbours of the best of these.
+const GOLDEN_STEPS: usize = 8;
 
-/// Looks for the bandwidth of tuned controllers with which the simulated motion is nearest to the
-/// measured one; `None` where none can be simulated.
+/// Searches for the bandwidth of tuned controllers with which the simulated motion is nearest to
+/// the measured one; `None` where none can be simulated.
 ///
 /// - `step`: the time between samples, s;
-/// - `difference`: of the motions at a bandwidth in Hz, in any measure; `None` where it cannot be
-///   simulated.
+/// - `difference`: computes the difference between the simulated and the measured motion at a
+///   bandwidth in Hz, in any measure; `None` where the loop cannot be simulated.
 ///
 /// ```
 /// use regen_experiment::closed_loop::nearest_bandwidth;
@@ -205,16 +205,16 @@ pub fn nearest_bandwidth(step: f64, difference: &mut dyn FnMut(f64) -> Option<f6
     let ratio = libm::log(high / low);
     let at = |part: f64| low * libm::exp(ratio * part);
     let mut measure = |part: f64| {
-        let found = difference(at(part)).filter(|x| x.is_finite());
-        found.unwrap_or(f64::INFINITY)
+        let value = difference(at(part)).filter(|x| x.is_finite());
+        value.unwrap_or(f64::INFINITY)
     };
     let mut best = (f64::INFINITY, 0.0);
-    let width = 1.0 / (TRIED - 1) as f64;
-    for k in 0..TRIED {
+    let width = 1.0 / (COARSE_TRIALS - 1) as f64;
+    for k in 0..COARSE_TRIALS {
         let part = k as f64 * width;
-        let found = measure(part);
-        if found < best.0 {
-            best = (found, part);
+        let value = measure(part);
+        if value < best.0 {
+            best = (value, part);
         }
     }
     if best.0 == f64::INFINITY {
@@ -225,7 +225,7 @@ pub fn nearest_bandwidth(step: f64, difference: &mut dyn FnMut(f64) -> Option<f6
     let inner = |from: f64, to: f64| [to - GOLDEN * (to - from), from + GOLDEN * (to - from)];
     let [mut a, mut b] = inner(from, to);
     let (mut at_a, mut at_b) = (measure(a), measure(b));
-    for _ in 0..SECTIONS {
+    for _ in 0..GOLDEN_STEPS {
         if at_a < at_b {
             (to, b, at_b) = (b, a, at_a);
             [a, _] = inner(from, to);

@@ -75,14 +75,14 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         .smoothed(None)
         .map_err(InstrumentError::Unsmoothed)?;
     let mut smooth = Some(smooth);
-    let mut found = identify::instrumental(model, &options, &mut logs, least, &mut |_| {
+    let mut result = identify::instrumental(model, &options, &mut logs, least, &mut |_| {
         Ok::<_, DataError>(smooth.take())
     })?;
     let mut cutoff = Some(cutoff);
     let mut bandwidth = None;
     if let Some((reference, gains)) = reference {
         // least squares may be too biased for a simulation; this estimate is less biased
-        let first = found.estimate.values.clone();
+        let first = result.estimate.values.clone();
         let near = nearest(model, reference, gains, &measured, &first).unwrap_or(BANDWIDTH_HZ);
         bandwidth = Some(near);
         let mut failed = None;
@@ -102,11 +102,11 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         if let Some(why) = failed {
             return Err(why);
         }
-        (found, cutoff) = (simulation?, None);
+        (result, cutoff) = (simulation?, None);
     }
-    let model = identified(session, start, &found);
+    let model = identified(session, start, &result);
     Ok(InstrumentalResult {
-        instrumental: found,
+        instrumental: result,
         cutoff,
         bandwidth,
         model,
@@ -117,14 +117,14 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
 fn identified<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &LeastSquaresStart,
-    found: &Instrumental,
+    result: &Instrumental,
 ) -> IdentifiedModel {
     let method = format!(
         "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
-        found.bandwidth
+        result.bandwidth
     );
     // the regressor, and so its sampling uncertainty, is that of least squares
-    let mut estimate = found.estimate.clone();
+    let mut estimate = result.estimate.clone();
     if let Some(blocks) = &start.score_blocks {
         let n = estimate.values.len();
         let all: Vec<usize> = (0..n).collect();
@@ -138,7 +138,7 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     }
     IdentifiedModel {
         name: "instrumental variables".to_owned(),
-        beta: found.estimate.values.clone(),
+        beta: result.estimate.values.clone(),
         feasibility: "not judged".to_owned(),
         intervals: Intervals::of(&estimate, &estimate, session.confidence, method),
         ..IdentifiedModel::default()
@@ -164,8 +164,8 @@ fn nearest<M: BaseModel<f64> + ?Sized>(
     let times = measured.times().get(run)?;
     let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
     closed_loop::nearest_bandwidth(step, &mut |bandwidth| {
-        let found = simulated(model, (reference, bandwidth), gains, measured, values).ok()?;
-        Some(distance(&found, measured, info.dof()))
+        let motion = simulated(model, (reference, bandwidth), gains, measured, values).ok()?;
+        Some(distance(&motion, measured, info.dof()))
     })
 }
 

@@ -21,7 +21,7 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let size = size(model)?;
-    let limits = LimitsKeptAtHome::new(model)?;
+    let limits = LimitsFulfilledAtHome::new(model)?;
     let mut closure = LoopClosure::new(model)?;
     let mut ranges = Vec::with_capacity(home.len());
     for (k, coordinate) in info.independent.iter().enumerate() {
@@ -37,8 +37,8 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
             for part in 1..=STEPS_TO_LIMIT {
                 let mut q = home.clone();
                 q[k] += (end - home[k]) * part as f64 / STEPS_TO_LIMIT as f64;
-                let found = closure.track(&q)?;
-                if !found.outcome.is_closed() || !limits.allows(model, &found.q)? {
+                let state = closure.track(&q)?;
+                if !state.outcome.is_closed() || !limits.allows(model, &state.q)? {
                     break;
                 }
                 *reached = q[k];
@@ -59,7 +59,7 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Closur
 pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureError> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
-    let limits = LimitsKeptAtHome::new(model)?;
+    let limits = LimitsFulfilledAtHome::new(model)?;
     let mut amplitudes: Vec<f64> = ranges(model)?
         .iter()
         .zip(&home)
@@ -75,8 +75,8 @@ pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureErro
             let q: Vec<f64> = (home.iter().zip(&amplitudes).enumerate())
                 .map(|(k, (home, a))| home + a * libm::sin(TAU * (k + 1) as f64 * phase))
                 .collect();
-            let found = closure.track(&q)?;
-            if !found.outcome.is_closed() || !limits.allows(model, &found.q)? {
+            let state = closure.track(&q)?;
+            if !state.outcome.is_closed() || !limits.allows(model, &state.q)? {
                 allowed = false;
                 break;
             }
@@ -111,14 +111,14 @@ fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, ClosureError> {
 }
 
 /// The limits that home fulfils; limits that home itself exceeds are not checked.
-struct LimitsKeptAtHome {
+struct LimitsFulfilledAtHome {
     /// The limits of each coordinate, rad or m.
     positions: Vec<Option<[f64; 2]>>,
     /// The least cosine of each swing angle.
     cones: Vec<Option<f64>>,
 }
 
-impl LimitsKeptAtHome {
+impl LimitsFulfilledAtHome {
     fn new<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, ClosureError> {
         let info = model.info();
         let cosines = cosines(model, &info, info.home)?;

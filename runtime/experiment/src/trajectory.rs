@@ -1,5 +1,5 @@
-//! Trajectory files: finite Fourier series of the independent coordinates (Eq. 25), read from JSON
-//! and written to it; mistakes are reported with their places.
+//! Reads and writes trajectory files: finite Fourier series of the independent coordinates (Eq. 25)
+//! as JSON; mistakes are reported with their places.
 
 mod reference;
 
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn every_mistake_is_told_with_its_place_and_remedy() {
+    fn every_mistake_is_reported_with_its_place_and_remedy() {
         for (from, to, line, words) in [
             ("\"arm\"", "\"leg\"", 1, "one of 'leg'"),
             (
@@ -396,10 +396,10 @@ mod tests {
             assert_ne!(text, GOOD);
             let mistakes = read(&text).unwrap_err();
             let first = mistakes.0.first().expect("one error");
-            let told = mistakes.to_string();
-            let found = 1 + text[..first.at].matches('\n').count();
-            assert_eq!(found, line, "{told}");
-            assert!(told.contains(words), "{told}");
+            let message = mistakes.to_string();
+            let reported_line = 1 + text[..first.at].matches('\n').count();
+            assert_eq!(reported_line, line, "{message}");
+            assert!(message.contains(words), "{message}");
         }
         // both mistakes are reported at once
         let text = GOOD.replace("\"arm\"", "\"leg\"").replace("[1, 2]", "[1]");

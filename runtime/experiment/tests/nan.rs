@@ -12,18 +12,18 @@ use regen_experiment::simulate::{
 use regen_identify::observation::{Sample, observation_matrix};
 use regen_runtime::Status;
 
-const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+const NON_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const PHI: [f64; 2] = [0.02, 0.1];
 
 #[test]
 fn forward_dynamics_gives_no_finite_result_for_nan_or_infinity() {
     let accelerations = |phi: [f64; 2], [q, qd, effort]: [f64; 3]| {
         let mut out = [0.5];
-        let freed = Forward::new(&Pendulum, &phi)
+        let outcome = Forward::new(&Pendulum, &phi)
             .unwrap()
             .accelerations(&[q], &[qd], &[effort], &mut out)
             .unwrap();
-        match freed {
+        match outcome {
             ForwardOutcome::Solved(condition) if condition.status() != Status::Singular => {
                 Some(out[0])
             }
@@ -32,18 +32,21 @@ fn forward_dynamics_gives_no_finite_result_for_nan_or_infinity() {
     };
     let state = [0.4, 0.2, 0.3];
     assert!(accelerations(PHI, state).unwrap().is_finite());
-    for bad in BAD {
-        // a pendulum's acceleration does not depend on its velocity
+    for value in NON_FINITE {
+        // not the velocity, on which a pendulum's acceleration does not depend
         for k in [0, 2] {
             let mut state = state;
-            state[k] = bad;
+            state[k] = value;
             let found = accelerations(PHI, state);
-            assert!(found.is_none_or(|a| !a.is_finite()), "{k} {bad}: {found:?}");
+            assert!(
+                found.is_none_or(|a| !a.is_finite()),
+                "{k} {value}: {found:?}"
+            );
         }
-        let found = accelerations([0.02, bad], state);
+        let found = accelerations([0.02, value], state);
         assert!(
             found.is_none_or(|a| !a.is_finite()),
-            "weight {bad}: {found:?}"
+            "weight {value}: {found:?}"
         );
     }
     for inertia in [f64::NAN, f64::NEG_INFINITY, 0.0, -1.0] {
@@ -94,7 +97,7 @@ fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
 }
 
 #[test]
-fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
+fn a_nan_sample_changes_only_its_own_rows_of_the_observation_matrix() {
     const GOOD: [[f64; 1]; 3] = [[0.4], [0.2], [0.3]];
     const SPOILT: [[f64; 1]; 3] = [[f64::NAN], [0.2], [f64::NAN]];
     let sample = |[q, qd, qdd]: &'static [[f64; 1]; 3]| Sample { q, qd, qdd };
@@ -114,7 +117,7 @@ fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
     assert!((0..clean.columns).all(|j| spoilt.column(j)[1].is_nan()));
 }
 
-/// A robot without loops has none to keep closed: it grew beyond all bounds.
+/// A robot without loops whose motion diverges is reported as diverged, not as having open loops.
 #[test]
 fn the_error_of_a_diverging_open_chain_does_not_mention_loops() {
     let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;

@@ -43,8 +43,9 @@ fn motion(waves: &'static [(f64, f64)]) -> impl Fn(f64, &mut [f64], &mut [f64], 
 
 fn main() -> Result<(), Box<dyn Error>> {
     let info = robot().info();
-    // the true robot, which the controller does not know: the ten parameters of each body are those
-    // of the drawing times one factor of 0.9 to 1.1, and every other parameter has its own factor
+    // the true robot, whose parameters the controller does not have: the ten parameters of each
+    // body are those of the drawing times one factor of 0.9 to 1.1, and every other parameter has
+    // its own factor
     let drawing = info.nominal_parameters().ok_or("no nominal values")?;
     let truth = perturb_parameters(&info, &drawing, 0.1, &mut Noise::new(7));
     let laws = nominal_friction(&info)?;

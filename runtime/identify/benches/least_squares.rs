@@ -35,7 +35,7 @@ fn main() -> Result<(), EstimateError> {
         best = best.min(start.elapsed().as_secs_f64());
     }
     println!("{:.3} ms", best * 1e3);
-    // so that nothing is optimised away
+    // the sum is used, so that the compiler does not remove the work
     assert!(sum.is_finite());
     Ok(())
 }

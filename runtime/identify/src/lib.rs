@@ -1,11 +1,12 @@
-//! Dynamic parameters of a robot from logs of its motion.
+//! Identifies the dynamic parameters of a robot from logs of its motion.
 //!
-//! The steps: [`data`] reads samples from a log, as an [`experiment_file`] may say, [`signals`] differentiates them to states of
-//! motion, [`identify`] sets up the equations in the base parameters, [`estimate`] reduces them to
-//! a QR factor and solves for the parameters and their standard deviations. [`feasibility`] finds
+//! The steps: [`data`] reads samples from a log, with the settings of an [`experiment_file`] if
+//! there is one, [`signals`] differentiates them to states of motion, [`identify`] sets up the
+//! equations in the base parameters, [`estimate`] reduces them to a QR factor and solves for the
+//! parameters and their standard deviations. [`feasibility`] finds
 //! parameters of bodies that can exist, [`friction`] fits nonlinear friction laws,
 //! [`gains`] fits unknown gains of drives and payloads with the parameters,
-//! [`identifiability`] says which parameters a motion can identify, and [`intervals`] computes
+//! [`identifiability`] computes which parameters a motion can identify, and [`intervals`] computes
 //! confidence intervals of estimates under constraints, which no formula gives. [`observation`] is
 //! the observation matrix as a whole, for small samples.
 //!
@@ -17,8 +18,8 @@
 //!
 //! # Features
 //!
-//! - `parquet`: logs from Parquet files too, plain or compressed by snappy.
-//! - `lapack-system`: leaves the dense routines of the conic solver to a BLAS and LAPACK that the
+//! - `parquet`: reads logs from Parquet files too, uncompressed or compressed by Snappy.
+//! - `lapack-system`: the conic solver calls the dense routines of a BLAS and LAPACK that the
 //!   program links.
 #![allow(
     clippy::doc_markdown,

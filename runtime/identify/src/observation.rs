@@ -26,8 +26,9 @@ impl<'a> From<&'a State> for Sample<'a> {
 /// The observation matrix: the regressors of all samples, stacked (Eq. 12).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservationMatrix {
-    /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`.
-    /// Rows are sample by sample, dof each. A singular sample's rows may not be finite.
+    /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`. The rows
+    /// are sample by sample, `dof` rows each. Rows of a sample where A_e is singular may be
+    /// infinite or NaN.
     pub w: Vec<f64>,
     /// The number of rows: dof times the number of samples.
     pub rows: usize,
@@ -100,7 +101,7 @@ impl ObservationMatrix {
     /// Divides each column by the absolute value of its largest entry, zero columns by 1; returns
     /// the divisors: the diagonal of C^-1 of Eq. 27. Dividing the estimates of the scaled system by
     /// these divisors gives the parameters.
-    #[must_use = "without the divisors the parameters cannot be had back"]
+    #[must_use = "the divisors convert the estimates of the scaled system to the parameters"]
     pub fn scale_columns(&mut self) -> Vec<f64> {
         if self.rows == 0 {
             return vec![1.0; self.columns];

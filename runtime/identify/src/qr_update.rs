@@ -1,7 +1,7 @@
 //! Updates a QR factor by further rows with Householder reflections.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::{Arch, Simd, WithSimd};
@@ -31,7 +31,7 @@ pub(crate) fn reduce(
         block,
         side,
         rows,
-        kept: None,
+        reflections: None,
     })
 }
 
@@ -40,13 +40,13 @@ pub(crate) fn reduce(
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Reflection {
     head: f64,
-    /// 0 where nothing was reflected.
+    /// 0 if the column was zero and needed no reflection.
     h: f64,
     /// Whether the row of the triangle changed its sign afterwards.
     flipped: bool,
 }
 
-/// As [`reduce`], and keeps the reflection of each column for [`reflect`].
+/// As [`reduce`], but returns the reflection of each column, for [`reflect`].
 pub(crate) fn reduce_and_keep(
     r: &mut [f64],
     z: &mut [f64],
@@ -54,26 +54,26 @@ pub(crate) fn reduce_and_keep(
     side: &mut [f64],
     rows: usize,
 ) -> Vec<Reflection> {
-    let mut kept = vec![Reflection::default(); z.len()];
+    let mut reflections = vec![Reflection::default(); z.len()];
     Arch::new().dispatch(Reduce {
         r,
         z,
         block,
         side,
         rows,
-        kept: Some(&mut kept),
+        reflections: Some(&mut reflections),
     });
-    kept
+    reflections
 }
 
 /// Reflects further columns as [`reduce_and_keep`] did with its own: the result is that of
 /// reducing all columns at once, up to the further columns' own reflections.
 ///
-/// - `block`: what `reduce_and_keep` left of its columns, `rows` entries each;
+/// - `block`: what `reduce_and_keep` leaves of its columns, `rows` entries each;
 /// - `tops`: for each further column, its entries in the rows of the triangle;
 /// - `columns`: the further columns, `rows` entries each.
 pub(crate) fn reflect(
-    kept: &[Reflection],
+    reflections: &[Reflection],
     block: &[f64],
     tops: &mut [f64],
     columns: &mut [f64],
@@ -81,7 +81,7 @@ pub(crate) fn reflect(
 ) {
     if rows > 0 {
         Arch::new().dispatch(Reflect {
-            kept,
+            reflections,
             block,
             tops,
             columns,
@@ -92,7 +92,7 @@ pub(crate) fn reflect(
 
 /// [`reflect`] as a task for one instruction set.
 struct Reflect<'a> {
-    kept: &'a [Reflection],
+    reflections: &'a [Reflection],
     block: &'a [f64],
     tops: &'a mut [f64],
     columns: &'a mut [f64],
@@ -104,20 +104,26 @@ impl WithSimd for Reflect<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        reflect_columns(self.kept, self.block, self.tops, self.columns, self.rows);
+        reflect_columns(
+            self.reflections,
+            self.block,
+            self.tops,
+            self.columns,
+            self.rows,
+        );
     }
 }
 
 #[inline(always)]
 fn reflect_columns(
-    kept: &[Reflection],
+    reflections: &[Reflection],
     block: &[f64],
     tops: &mut [f64],
     columns: &mut [f64],
     rows: usize,
 ) {
-    let n = kept.len();
-    for (k, (reflection, v)) in kept.iter().zip(block.chunks_exact(rows)).enumerate() {
+    let n = reflections.len();
+    for (k, (reflection, v)) in reflections.iter().zip(block.chunks_exact(rows)).enumerate() {
         let Reflection { head, h, flipped } = *reflection;
         if h != 0.0 {
             let mut column = 0;
@@ -150,16 +156,16 @@ fn reflect_columns(
     }
 }
 
-/// [`reduce`] as a task for one instruction set: sums have eight parts in all of them, so that they
-/// do not depend on it.
+/// [`reduce`] as a task for one instruction set. Each sum has eight partial sums in every
+/// instruction set, so that all give the same bits.
 struct Reduce<'a> {
     r: &'a mut [f64],
     z: &'a mut [f64],
     block: &'a mut [f64],
     side: &'a mut [f64],
     rows: usize,
-    /// Where the reflection of each column is kept, if it is.
-    kept: Option<&'a mut [Reflection]>,
+    /// Where the reflection of each column is stored, if it is needed later.
+    reflections: Option<&'a mut [Reflection]>,
 }
 
 impl WithSimd for Reduce<'_> {
@@ -173,11 +179,11 @@ impl WithSimd for Reduce<'_> {
             block,
             side,
             rows,
-            kept,
+            reflections,
         } = self;
-        match kept {
-            Some(kept) => reduce_rows(r, z, block, side, rows, |k, reflection| {
-                kept[k] = reflection;
+        match reflections {
+            Some(reflections) => reduce_rows(r, z, block, side, rows, |k, reflection| {
+                reflections[k] = reflection;
             }),
             None => reduce_rows(r, z, block, side, rows, |_, _| {}),
         }
@@ -357,7 +363,8 @@ mod tests {
         let (mut r, mut z, mut rss) = (vec![0.0; n * n], vec![0.0; n], 0.0);
         let (mut own, mut own_z) = (vec![0.0; first * first], vec![0.0; first]);
         let mut tops = vec![0.0; first * later];
-        let (mut rest, mut rest_z, mut left) = (vec![0.0; later * later], vec![0.0; later], 0.0);
+        let (mut rest, mut rest_z, mut later_rss) =
+            (vec![0.0; later * later], vec![0.0; later], 0.0);
         for block in 0..blocks {
             let fill = |columns: core::ops::Range<usize>| -> Vec<f64> {
                 let column = |c| (0..rows).map(move |i| entry(block, i, c));
@@ -366,9 +373,9 @@ mod tests {
             let side = fill(20..21);
             rss += reduce(&mut r, &mut z, &mut fill(0..n), &mut side.clone(), rows);
             let (mut a, mut b, mut y) = (fill(0..first), fill(first..n), side);
-            let kept = reduce_and_keep(&mut own, &mut own_z, &mut a, &mut y, rows);
-            reflect(&kept, &a, &mut tops, &mut b, rows);
-            left += reduce(&mut rest, &mut rest_z, &mut b, &mut y, rows);
+            let reflections = reduce_and_keep(&mut own, &mut own_z, &mut a, &mut y, rows);
+            reflect(&reflections, &a, &mut tops, &mut b, rows);
+            later_rss += reduce(&mut rest, &mut rest_z, &mut b, &mut y, rows);
         }
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         for c in 0..n {
@@ -384,7 +391,7 @@ mod tests {
         z.iter()
             .zip(own_z.iter().chain(&rest_z))
             .for_each(|(a, b)| close(*a, *b));
-        close(rss, left);
+        close(rss, later_rss);
         assert!(rss > 1.0 && r[n * n - 1] > 0.1);
     }
 }

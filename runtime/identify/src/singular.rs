@@ -2,7 +2,7 @@
 
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::{Arch, Simd, WithSimd};
@@ -15,9 +15,9 @@ use crate::qr_update::reduce;
 /// use regen_identify::SingularValues;
 ///
 /// // columns (3, 0) and (0, 4), one below the other
-/// let found = SingularValues::new(&[3.0, 0.0, 0.0, 4.0], 2);
-/// assert_eq!(found.values, [4.0, 3.0]);
-/// assert_eq!(found.vectors, [0.0, 1.0, 1.0, 0.0]);
+/// let decomposed = SingularValues::new(&[3.0, 0.0, 0.0, 4.0], 2);
+/// assert_eq!(decomposed.values, [4.0, 3.0]);
+/// assert_eq!(decomposed.vectors, [0.0, 1.0, 1.0, 0.0]);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingularValues {
@@ -79,7 +79,8 @@ impl SingularValues {
     }
 }
 
-/// The number of parts of each sum, the same for every instruction set.
+/// The number of partial sums of each sum: the same for every instruction set, so that all give the
+/// same bits.
 const LANES: usize = 8;
 
 /// A sweep as a task for one instruction set: the matrix, the rotations, and the padded length of
@@ -95,10 +96,10 @@ impl WithSimd for Sweep<'_> {
     }
 }
 
-/// Makes each pair of columns orthogonal in turn; returns whether any pair was not.
+/// Makes each pair of columns orthogonal in turn; returns whether any pair had to be rotated.
 #[inline(always)]
 fn sweep(u: &mut [f64], v: &mut [f64], stride: usize) -> bool {
-    let mut turned = false;
+    let mut rotated = false;
     let columns = u.len().checked_div(stride).unwrap_or(0);
     for p in 0..columns {
         for q in p + 1..columns {
@@ -109,7 +110,7 @@ fn sweep(u: &mut [f64], v: &mut [f64], stride: usize) -> bool {
             if c * c <= 1e-30 * a * b || c == 0.0 || !c.is_finite() {
                 continue;
             }
-            turned = true;
+            rotated = true;
             let zeta = (b - a) / (2.0 * c);
             let tan = 1.0_f64.copysign(zeta) / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
             let cos = 1.0 / (1.0 + tan * tan).sqrt();
@@ -128,7 +129,7 @@ fn sweep(u: &mut [f64], v: &mut [f64], stride: usize) -> bool {
             }
         }
     }
-    turned
+    rotated
 }
 
 /// The squared lengths of two columns, and their product.

@@ -113,8 +113,8 @@ impl EffortContributions {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         let norms = factor.column_norms();
         let longest = norms.iter().copied().fold(0.0, f64::max);
-        // shorter columns are rounding errors
-        let seen = |norm: f64| {
+        // shorter columns are rounding errors and count as zero
+        let without_rounding = |norm: f64| {
             if norm > RELATIVE_ROUNDING * longest {
                 norm
             } else {
@@ -122,7 +122,10 @@ impl EffortContributions {
             }
         };
         Self {
-            columns: norms.iter().map(|n| seen(*n) / rows.sqrt()).collect(),
+            columns: norms
+                .iter()
+                .map(|n| without_rounding(*n) / rows.sqrt())
+                .collect(),
             efforts: (squares / rows).sqrt(),
         }
     }
@@ -165,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_is_judged_by_its_deviation_and_by_what_that_moves() {
+    fn the_status_follows_from_the_deviation_and_its_share_of_the_efforts() {
         // efforts of rms 1; columns of rms 1, 0.01 and 0
         let labels = ["a", "b", "c"].map(str::to_owned).to_vec();
         let mut factor = QrFactor::new(labels);

@@ -69,13 +69,14 @@ pub(crate) fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The clock, gathered row by row.
+/// Computes the clock of a log row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct ClockPass {
     usual: f64,
     first: Option<f64>,
     last: Option<f64>,
-    kept: Vec<f64>,
+    /// Every `every`-th step, for the median.
+    stored: Vec<f64>,
     every: usize,
     count: usize,
     sums: [f64; 2],
@@ -84,13 +85,15 @@ pub(crate) struct ClockPass {
 }
 
 impl ClockPass {
+    /// Starts without rows.
+    ///
     /// - `usual`: the median step of the first rows, s.
     pub(crate) fn new(usual: f64) -> Self {
         Self {
             usual,
             first: None,
             last: None,
-            kept: Vec::new(),
+            stored: Vec::new(),
             every: 1,
             count: 0,
             sums: [0.0; 2],
@@ -99,7 +102,7 @@ impl ClockPass {
         }
     }
 
-    /// Whether the row at this time follows the one before without a gap.
+    /// Adds the row at this time; returns whether it follows the one before without a gap.
     pub(crate) fn push(&mut self, row: u64, time: f64) -> bool {
         let Some(last) = self.last.replace(time) else {
             self.first = Some(time);
@@ -118,11 +121,11 @@ impl ClockPass {
             return false;
         }
         if self.count.is_multiple_of(self.every) {
-            self.kept.push(step);
-            if self.kept.len() == MAX_STEPS {
+            self.stored.push(step);
+            if self.stored.len() == MAX_STEPS {
                 self.every *= 2;
                 let mut k = 0;
-                self.kept.retain(|_| {
+                self.stored.retain(|_| {
                     k += 1;
                     k % 2 == 1
                 });
@@ -139,7 +142,7 @@ impl ClockPass {
     pub(crate) fn finish(self) -> Clock {
         let n = self.count.max(1) as f64;
         let mean = self.sums[0] / n;
-        let median = median(&self.kept);
+        let median = median(&self.stored);
         let far = |step: f64| (step - median).abs() > EVEN_PART * median;
         let steps = if self.count == 0 { [0.0; 2] } else { self.ends };
         Clock {

@@ -1,7 +1,8 @@
 //! Fourier transforms of blocks whose length is a power of two.
 //!
-//! The usual crates compute their factors with the host's sine and choose instructions when they
-//! run, so that the last digits differ between machines; what is printed here does not.
+//! The usual crates compute their factors with the host's sine and choose instructions at run time,
+//! so that their last digits differ between machines. The results of this module are printed and
+//! must be the same on every machine.
 
 /// A transform of one length.
 #[derive(Clone, Debug)]
@@ -12,7 +13,9 @@ pub(crate) struct Fft {
 }
 
 impl Fft {
-    /// - `size`: a power of two, at least 2.
+    /// Computes the factors of a transform.
+    ///
+    /// - `size`: a power of two, at least 2; another number is rounded up to one.
     pub(crate) fn new(size: usize) -> Self {
         let size = size.next_power_of_two().max(2);
         let angle = |k: usize| core::f64::consts::TAU * k as f64 / size as f64;
@@ -40,9 +43,9 @@ impl Fft {
                 let (low, high) = block.split_at_mut(half);
                 for (k, (a, b)) in low.iter_mut().zip(high).enumerate() {
                     let (c, s) = self.turns[k * stride];
-                    let turned = (b.0 * c + b.1 * s, b.1 * c - b.0 * s);
-                    *b = (a.0 - turned.0, a.1 - turned.1);
-                    *a = (a.0 + turned.0, a.1 + turned.1);
+                    let rotated = (b.0 * c + b.1 * s, b.1 * c - b.0 * s);
+                    *b = (a.0 - rotated.0, a.1 - rotated.1);
+                    *a = (a.0 + rotated.0, a.1 + rotated.1);
                 }
             }
             half *= 2;

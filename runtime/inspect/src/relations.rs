@@ -1,4 +1,4 @@
-//! Which columns are derivatives of others.
+//! Finds the columns that are derivatives of others.
 
 use serde::Serialize;
 
@@ -31,7 +31,7 @@ pub(crate) struct Relations {
     windows: f64,
     changes: Vec<f64>,
     integrals: Vec<f64>,
-    /// `products[a * count + b]`: of the change of a and the integral of b.
+    /// `products[a * count + b]`: the sum of the products of the change of a and the integral of b.
     products: Vec<f64>,
 }
 
@@ -82,7 +82,7 @@ impl Relations {
         }
     }
 
-    /// Whether column b is the derivative of column a, by factor and correlation.
+    /// If column b is the derivative of column a, its factor and correlation, see [`Derivative`].
     pub(crate) fn derivative(&self, a: usize, b: usize) -> Option<(f64, f64)> {
         let product = self.products.get(a * self.count + b)?;
         let (change, integral) = (self.changes[a], self.integrals[b]);
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn derivatives_are_found_with_their_factor_and_nothing_else_is() {
+    fn only_derivatives_are_found_and_with_their_factor() {
         let times: Vec<f64> = (0..2000).map(|k| 0.01 * f64::from(k)).collect();
         let of = |f: &dyn Fn(f64) -> f64| times.iter().map(|t| f(*t)).collect::<Vec<f64>>();
         let stretch = Stretch {

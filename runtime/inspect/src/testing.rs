@@ -8,7 +8,7 @@ impl Noise {
         Self(seed)
     }
 
-    /// Evenly distributed between 0 and 1.
+    /// The next number, uniformly distributed between 0 and 1.
     pub(crate) fn even(&mut self) -> f64 {
         self.0 = self
             .0
@@ -17,7 +17,7 @@ impl Noise {
         (self.0 >> 33) as f64 / 2_f64.powi(31)
     }
 
-    /// About normally distributed, of deviation 1.
+    /// The next number, approximately normally distributed with standard deviation 1.
     pub(crate) fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.even()).sum::<f64>() - 6.0
     }

@@ -1,4 +1,4 @@
-//! Facts that were put into simulated logs are found again.
+//! The properties with which logs are simulated are found in them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::f64::consts::TAU;
@@ -8,8 +8,11 @@ use std::path::PathBuf;
 use regen_identify::data::{Run, Settings};
 use regen_inspect::{ClockSource, LogFacts, Role, inspect, proposal};
 
-/// What is put into a log of two coupled joints.
-#[allow(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
+/// The properties of a simulated log of two coupled joints.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a property of its own"
+)]
 #[derive(Clone)]
 struct Facts {
     header: &'static str,
@@ -76,8 +79,9 @@ fn efforts(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
     ]
 }
 
-/// What is found in a log with these facts.
-fn found(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
+/// Simulates and inspects a log with these properties; returns the findings and the path of the
+/// log.
+fn inspected(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
     let mut text = String::new();
     if !facts.header.is_empty() {
         text.push_str(facts.header);
@@ -139,7 +143,7 @@ fn found(name: &str, facts: &Facts) -> (LogFacts, PathBuf) {
     (out, path)
 }
 
-fn told(found: &LogFacts, words: &str) -> bool {
+fn has_note(found: &LogFacts, words: &str) -> bool {
     found.notes.iter().any(|note| note.contains(words))
 }
 
@@ -149,7 +153,7 @@ fn steps_noise_cutoff_and_period_are_those_of_the_log() {
         step: 1e-3,
         ..PLAIN
     };
-    let (found, _) = found("plain", &facts);
+    let (found, _) = inspected("plain", &facts);
     let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
     assert_eq!(
         roles[1..],
@@ -187,13 +191,16 @@ fn steps_noise_cutoff_and_period_are_those_of_the_log() {
 #[test]
 fn the_delay_of_efforts_is_found_within_its_deviation() {
     for delay in [0.0, 0.012] {
-        let (found, _) = found("delay", &Facts { delay, ..PLAIN });
+        let (found, _) = inspected("delay", &Facts { delay, ..PLAIN });
         for effort in &found.efforts {
             let [seconds, sigma] = effort.delay.unwrap();
             assert!((seconds - delay).abs() < 4.0 * sigma, "{effort:?}");
             assert!(sigma < 2e-3, "{effort:?}");
         }
-        assert_eq!(told(&found, "efforts are behind the motion"), delay > 0.0);
+        assert_eq!(
+            has_note(&found, "efforts are behind the motion"),
+            delay > 0.0
+        );
     }
 }
 
@@ -203,23 +210,23 @@ fn exchanged_and_reversed_efforts_are_found_by_their_friction() {
         exchanged: true,
         ..PLAIN
     };
-    let (swapped, _) = found("swapped", &swapped);
-    assert!(told(
+    let (swapped, _) = inspected("swapped", &swapped);
+    assert!(has_note(
         &swapped,
         "`tau_a` is taken for the effort of a and follows the motion of b"
     ));
-    assert!(told(
+    assert!(has_note(
         &swapped,
         "`tau_b` is taken for the effort of b and follows the motion of a"
     ));
-    assert!(!told(&swapped, "opposite sign"));
+    assert!(!has_note(&swapped, "opposite sign"));
     let signs = [1.0, -1.0];
-    let (reversed, _) = found("reversed", &Facts { signs, ..PLAIN });
-    assert!(told(
+    let (reversed, _) = inspected("reversed", &Facts { signs, ..PLAIN });
+    assert!(has_note(
         &reversed,
         "`tau_b` has the opposite sign of the motion of b"
     ));
-    assert!(!told(&reversed, "`tau_a`"));
+    assert!(!has_note(&reversed, "`tau_a`"));
 }
 
 #[test]
@@ -229,15 +236,15 @@ fn saturation_and_rest_are_reported_with_their_shares() {
         rest: 8.0,
         ..PLAIN
     };
-    let (found, _) = found("bounds", &facts);
+    let (found, _) = inspected("bounds", &facts);
     let effort = &found.columns[3];
     assert!((effort.high.value - 8.0).abs() < 1e-9 && effort.high.share > 0.05);
-    assert!(told(&found, "`tau_a` is at its extreme 8.000"));
-    assert!(!told(&found, "`tau_b` stands"));
+    assert!(has_note(&found, "`tau_a` is at its extreme 8.000"));
+    assert!(!has_note(&found, "`tau_b` is at its extreme"));
     for column in &found.columns[1..3] {
         assert!((column.resting - 0.2).abs() < 0.02, "{}", column.resting);
     }
-    assert!(told(&found, "`a` rests in"));
+    assert!(has_note(&found, "`a` rests in"));
 }
 
 #[test]
@@ -248,14 +255,18 @@ fn a_locked_joint_of_a_log_without_header_is_one_of_its_joints() {
         locked: true,
         ..PLAIN
     };
-    let (found, _) = found("locked", &facts);
+    let (found, _) = inspected("locked", &facts);
     let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
     let [t, p, v, e] = [Role::Time, Role::Position, Role::Velocity, Role::Effort];
     assert_eq!(roles, [t, p, p, v, v, e, e]);
     let locked = &found.joints[1];
     let columns = [locked.position, locked.velocity, locked.effort];
     assert_eq!(columns, [Some(3), Some(5), Some(7)]);
-    assert!(told(&found, "column 3 never moves"), "{:?}", found.notes);
+    assert!(
+        has_note(&found, "column 3 never moves"),
+        "{:?}",
+        found.notes
+    );
 }
 
 #[test]
@@ -267,7 +278,7 @@ fn a_log_without_header_and_time_is_understood_by_its_derivatives() {
         rate: 125.0,
         ..PLAIN
     };
-    let (found, path) = found("bare", &facts);
+    let (found, path) = inspected("bare", &facts);
     let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
     let [p, v, e] = [Role::Position, Role::Velocity, Role::Effort];
     assert_eq!(roles, [p, p, v, v, e, e]);

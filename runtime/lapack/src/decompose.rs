@@ -82,8 +82,9 @@ pub(crate) fn potrf<T: RealField + Copy>(
         }
         return 0;
     }
-    let positive = |k: &usize| Cholesky::new(full.view((0, 0), (*k, *k)).into_owned()).is_none();
-    (1..n).find(positive).unwrap_or(n)
+    let is_not_positive =
+        |k: &usize| Cholesky::new(full.view((0, 0), (*k, *k)).into_owned()).is_none();
+    (1..n).find(is_not_positive).unwrap_or(n)
 }
 
 /// Solves A X = B with the factor that [`potrf`] computed; `false` where its diagonal has a zero.
@@ -165,7 +166,7 @@ pub(crate) fn svd<T: RealField + Copy>(a: &DMatrix<T>) -> Option<Svd<T>> {
 fn sweep<T: RealField + Copy>(u: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
     let n = u.ncols();
     let small = T::default_epsilon() * nalgebra::convert(u.nrows() as f64);
-    let mut turned = false;
+    let mut rotated = false;
     for i in 0..n {
         for j in i + 1..n {
             let (alpha, beta) = (u.column(i).norm_squared(), u.column(j).norm_squared());
@@ -173,7 +174,7 @@ fn sweep<T: RealField + Copy>(u: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
             if gamma.abs() <= small * (alpha * beta).sqrt() {
                 continue;
             }
-            turned = true;
+            rotated = true;
             let zeta = (beta - alpha) / (gamma + gamma);
             let one = T::one();
             let size = one / (zeta.abs() + (one + zeta * zeta).sqrt());
@@ -188,7 +189,7 @@ fn sweep<T: RealField + Copy>(u: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
             }
         }
     }
-    turned
+    rotated
 }
 
 /// A unit vector orthogonal to the orthonormal `columns`, of which there are fewer than rows.

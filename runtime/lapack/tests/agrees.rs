@@ -187,9 +187,9 @@ proptest! {
     }
 
     #[test]
-    fn cholesky_names_the_first_leading_minor_that_is_not_positive(n in 1..8_usize, bad in 0..8_usize, upper: bool) {
-        let bad = bad % n;
-        let a = DMatrix::from_fn(n, n, |i, j| match (i == j, i == bad) {
+    fn cholesky_reports_the_first_leading_minor_that_is_not_positive(n in 1..8_usize, negative in 0..8_usize, upper: bool) {
+        let negative = negative % n;
+        let a = DMatrix::from_fn(n, n, |i, j| match (i == j, i == negative) {
             (true, true) => -1.0,
             (true, false) => 4.0,
             _ => 0.1,
@@ -198,7 +198,7 @@ proptest! {
         let mut stored = stored(&a, n, in_triangle(uplo));
         let mut info = 0;
         unsafe { dpotrf_(&ch(uplo), &int(n), stored.as_mut_ptr(), &int(n), &mut info) };
-        prop_assert_eq!(info, int(bad + 1));
+        prop_assert_eq!(info, int(negative + 1));
     }
 
     #[test]

@@ -76,7 +76,7 @@ impl Controller {
         }
     }
 
-    /// Takes a sample: computes the effort that is held until the next one.
+    /// Computes at a sample the effort that is held until the next one.
     ///
     /// - `command`: with its derivatives; `before`: the command one sample earlier, if any;
     /// - `step`: the time between samples, s; `[position, velocity]` of the joint.
@@ -95,7 +95,8 @@ impl Controller {
             Damping::OfVelocity => rate.add(velocity, -1.0),
             Damping::OfError => {
                 let earlier = self.last.take().or_else(|| {
-                    // at the start of a window the joint came from where its velocity says
+                    // at the start of a window, the joint's previous position is extrapolated from
+                    // its velocity
                     let mut earlier = before?.clone();
                     earlier.add(position, -1.0);
                     earlier.add(velocity, step);
@@ -184,7 +185,7 @@ impl Controller {
     }
 }
 
-/// An effort within its limits; beyond them it depends on nothing.
+/// An effort within its limits; beyond them its derivatives are 0.
 fn clamped(effort: Sensitive, [lo, hi]: [f64; 2]) -> Sensitive {
     let bound = if effort.value > hi {
         hi

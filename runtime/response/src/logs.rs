@@ -113,8 +113,9 @@ impl Run {
     }
 }
 
-/// The motion of the independent coordinates that the commands of a track ask for: constant from row
-/// to row in position for what the controllers see, with central differences as velocities.
+/// The motion of the independent coordinates that the commands of a track require. At any time the
+/// positions are those of the nearest row, velocities are central differences of the rows, and
+/// accelerations are 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Commanded {
     times: Vec<f64>,

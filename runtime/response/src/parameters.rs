@@ -60,14 +60,14 @@ impl Unknowns {
             }
             all.push((*kind, own));
         }
-        let found = Self {
+        let unknowns = Self {
             base: base.len(),
             labels,
             laws,
             setup: setup.clone(),
             signals: all,
         };
-        (found, values)
+        (unknowns, values)
     }
 
     /// The number of unknowns.
@@ -75,7 +75,8 @@ impl Unknowns {
         self.labels.len()
     }
 
-    /// Whether an unknown is a base parameter or a gain: all of them together can be scaled.
+    /// Whether an unknown is a base parameter or a controller's gain: multiplying all of these by
+    /// the same factor does not change the motion.
     pub(crate) fn is_effort(&self, place: usize) -> bool {
         place < self.base || self.laws.iter().flatten().any(|p| *p == Some(place))
     }

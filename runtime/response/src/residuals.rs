@@ -44,8 +44,8 @@ pub(crate) fn of_signal(
         SignalKind::Position(c) | SignalKind::Command(c) => (c, false),
         SignalKind::Velocity(c) => (c, true),
     };
-    let found = trace.coordinates.iter().find(|(c, _)| *c == coordinate);
-    let Some((_, samples)) = found else {
+    let simulated = trace.coordinates.iter().find(|(c, _)| *c == coordinate);
+    let Some((_, samples)) = simulated else {
         return SignalRows::default();
     };
     let unknowns = samples.first().map_or(0, |[p, _]| p.rates.len());
@@ -133,7 +133,7 @@ fn between(times: &[f64], samples: &[[Sensitive; 2]], at: f64, rate: bool) -> (S
     (out, slope)
 }
 
-/// What all windows have in common where their residuals are computed.
+/// The data that the computation of residuals shares for all windows.
 pub(crate) struct Common<'a> {
     pub(crate) kinds: &'a [SignalKind],
     pub(crate) unknowns: &'a Unknowns,

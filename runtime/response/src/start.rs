@@ -46,9 +46,9 @@ pub(crate) fn state<M: BaseModel<f64> + ?Sized>(
             .map(|k| (values[rows.start + k] - bias) / gain)
             .collect();
         fit.push_block(&w, &side)?;
-        let found = crate::search::substitute(fit.r(), fit.z());
-        positions.push(found.first().copied().unwrap_or(0.0));
-        velocities.push(found.get(1).copied().unwrap_or(0.0) / span);
+        let coefficients = crate::search::substitute(fit.r(), fit.z());
+        positions.push(coefficients.first().copied().unwrap_or(0.0));
+        velocities.push(coefficients.get(1).copied().unwrap_or(0.0) / span);
     }
     let still = vec![0.0; measured.len()];
     Ok(

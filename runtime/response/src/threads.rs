@@ -1,16 +1,16 @@
-//! Work on several threads, whose results do not depend on their number.
+//! Distributes work over several threads; the results do not depend on their number.
 
-/// The results of `work` for 0 to `count - 1`, with these numbers and in their order. Each thread
-/// takes every n-th number, and ends at the first one whose result does not let it go on.
+/// The results of `work` for 0 to `count - 1`, with these numbers and in their order. Each of n
+/// threads takes every n-th number, and ends after the first result for which `continues` is false.
 ///
 /// - `threads`: their number; 0: that of the processors.
 ///
-/// A panic of `work` is passed on.
+/// A panic of `work` is resumed in the caller.
 pub(crate) fn spread<T: Send>(
     threads: usize,
     count: usize,
     work: impl Fn(usize) -> T + Sync,
-    goes_on: impl Fn(&T) -> bool + Sync,
+    continues: impl Fn(&T) -> bool + Sync,
 ) -> Vec<(usize, T)> {
     let threads = match threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
@@ -20,9 +20,9 @@ pub(crate) fn spread<T: Send>(
     let part = |first: usize| -> Vec<(usize, T)> {
         let mut out = Vec::new();
         for k in (first..count).step_by(threads) {
-            let found = work(k);
-            let stop = !goes_on(&found);
-            out.push((k, found));
+            let result = work(k);
+            let stop = !continues(&result);
+            out.push((k, result));
             if stop {
                 break;
             }
@@ -38,7 +38,7 @@ pub(crate) fn spread<T: Send>(
         let mut out = Vec::new();
         for thread in all {
             match thread.join() {
-                Ok(found) => out.extend(found),
+                Ok(results) => out.extend(results),
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         }
@@ -58,7 +58,7 @@ mod tests {
             let found = spread(threads, 7, |k| k * k, |_| true);
             let expected: Vec<(usize, usize)> = (0..7).map(|k| (k, k * k)).collect();
             assert_eq!(found, expected);
-            // the first that stops is there, whichever thread came to it
+            // the first result that ends a thread is returned, on any number of threads
             let found = spread(threads, 7, |k| k, |k| *k != 4);
             assert!(found.contains(&(4, 4)) && found.contains(&(3, 3)));
         }

@@ -249,7 +249,7 @@ fn step<M: Model<f64> + ?Sized>(
     if !(residual.is_finite() && closes) {
         return Ok(Err(Refusal::NotClosed(residual)));
     }
-    // false for NaN
+    // the comparison is false for NaN
     let near = change <= MAX_MATRIX_CHANGE;
     if !near {
         return Ok(Err(Refusal::OffBranch));

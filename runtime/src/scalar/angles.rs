@@ -43,7 +43,7 @@ pub const ROUNDING_SHIFT: f64 = 6_755_399_441_055_744.0;
 #[inline(always)]
 #[allow(
     clippy::inline_always,
-    reason = "left as a call, it hands its results on in memory: 10 ns of an arm's evaluation"
+    reason = "a call would return its results in memory: 10 ns of an arm's evaluation"
 )]
 pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f64); N]> {
     let mut within = true;
@@ -102,19 +102,19 @@ fn quick_all<const L: usize>(
     sines: &mut [f64; L],
     cosines: &mut [f64; L],
 ) -> bool {
-    let mut good = true;
+    let mut accurate = true;
     for ((x, s), c) in angles.iter().zip(sines).zip(cosines) {
         let shifted = fused(*x, core::f64::consts::FRAC_2_PI, ROUNDING_SHIFT);
         let quarters = shifted - ROUNDING_SHIFT;
         // exact: a multiple of the last place of x or of pi/2, and below one
         let first = fused(-quarters, core::f64::consts::FRAC_PI_2, *x);
-        // where `good`, |first| is well above quarters * HALF_PI_LOW
+        // where `accurate`, |first| is well above quarters * HALF_PI_LOW
         let y = fused(-quarters, HALF_PI_LOW, first);
         let tail = fused(-quarters, HALF_PI_LOW, first - y);
-        good &= (y.abs() >= MIN_REMAINDER) | (quarters == 0.0);
+        accurate &= (y.abs() >= MIN_REMAINDER) | (quarters == 0.0);
         (*s, *c) = turned(y, tail, shifted.to_bits());
     }
-    good
+    accurate
 }
 
 /// pi/2 minus its nearest `f64`.
@@ -130,7 +130,7 @@ const MIN_REMAINDER: f64 = 5.960_464_477_539_063e-8;
 #[inline(always)]
 #[allow(
     clippy::inline_always,
-    reason = "left as a call, it keeps the loop around it from being vectorised"
+    reason = "a call would keep the loop around it from being vectorised"
 )]
 fn near(x: f64) -> (f64, f64) {
     let shifted = fused(x, core::f64::consts::FRAC_2_PI, ROUNDING_SHIFT);

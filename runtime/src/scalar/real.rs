@@ -10,7 +10,7 @@ macro_rules! scalar {
             type Mask = bool;
 
             #[inline]
-            #[allow(clippy::cast_lossless, reason = "one text for both widths")]
+            #[allow(clippy::cast_lossless, reason = "the macro serves both widths")]
             fn splat(self, c: f64) -> Self {
                 c as $float
             }

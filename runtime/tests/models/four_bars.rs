@@ -65,6 +65,7 @@ impl FourBars {
             .collect()
     }
 
+    /// The closure equations f(q), two per loop.
     fn f(&self, q: &[f64]) -> Vec<f64> {
         self.sides(|k, bars| {
             let (input, coupler, follower) = (q[0], q[0] + q[1 + 2 * k], q[2 + 2 * k]);
@@ -78,6 +79,7 @@ impl FourBars {
         })
     }
 
+    /// The bias b = -(dA/dt) qd, two entries per loop.
     fn b(&self, q: &[f64], qd: &[f64]) -> Vec<f64> {
         self.sides(|k, bars| {
             let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);

@@ -77,7 +77,7 @@ where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
 {
-    let mut refused = None;
+    let mut most_exceeded = None;
     let limits = problem.limits.len();
     for pose in poses {
         let mut cut = 0.0;
@@ -93,7 +93,7 @@ where
                     .max_by(|a, b| a.value.total_cmp(&b.value));
                 match most {
                     Some(most) if most.value > 0.0 || most.value.is_nan() => {
-                        refused = Some(most);
+                        most_exceeded = Some(most);
                         worst = most.value;
                     }
                     _ => return Ok(Ok(MotionWithinLimits { y: trial, bounds })),
@@ -106,7 +106,7 @@ where
             cut = (cut + more.max(1e-4).max(0.5 * cut)).min(1.0);
         }
     }
-    Ok(Err(refused))
+    Ok(Err(most_exceeded))
 }
 
 #[cfg(test)]
@@ -114,17 +114,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bound_is_above_what_hides_between_points() {
+    fn the_bound_is_above_a_peak_between_points() {
         // a sine whose peak is halfway between two points
         let points = 16;
         let values: Vec<f64> = (0..points)
             .map(|k| libm::cos(core::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(points)))
             .collect();
-        let seen = values.iter().copied().fold(0.0, f64::max);
+        let largest_sample = values.iter().copied().fold(0.0, f64::max);
         let bound = bounds(&values, 1)[0].value;
         assert!(
-            seen < 0.99 && (1.0..1.03).contains(&bound),
-            "{seen} {bound}"
+            largest_sample < 0.99 && (1.0..1.03).contains(&bound),
+            "{largest_sample} {bound}"
         );
     }
 }

@@ -2,7 +2,7 @@
 //! same order on any processor, as the sums of different entries are side by side.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::Arch;
@@ -38,7 +38,7 @@ impl Columns {
 
 /// A matrix times `x`; `columns`: those of the matrix, of `height` entries each.
 pub(super) fn times(columns: &[f64], height: usize, x: &[f64]) -> Vec<f64> {
-    // the sum of no numbers is -0, so that the first term keeps its sign
+    // sums start from -0 as those of iterators do, so that a first term of -0 keeps its sign
     let mut out = vec![-0.0; height];
     Arch::new().dispatch(
         #[inline(always)]

@@ -41,12 +41,13 @@ const MAX_ITERATIONS: usize = 80;
 const TOLERANCE: f64 = 1e-9;
 /// The looser tolerance at which a solution is used if the iterations end without convergence: the
 /// search computes the decrease anew, and so can use an inexact step.
-const ALMOST: f64 = 1e-5;
+const LOOSE_TOLERANCE: f64 = 1e-5;
 /// The part of the way to the nearest bound that a step takes.
-const TO_BOUND: f64 = 0.995;
+const BOUND_FRACTION: f64 = 0.995;
 
-/// A step below this part changes nothing any more.
-const SHORTEST: f64 = 1e-12;
+/// If a smaller part than this of the Newton step can be taken, the iterations end without
+/// progress.
+const MIN_STEP_PART: f64 = 1e-12;
 
 /// One number for each constraint.
 #[derive(Clone)]
@@ -167,8 +168,8 @@ impl Quadratic<'_> {
             let products = products.with(&second, |a, b| a + b - centring);
             let (dx, ds, dz) =
                 self.direction(&factor, &columns, &weights, &residual, &products, &s);
-            let part = (TO_BOUND * s.reach(&ds).min(z.reach(&dz))).min(1.0);
-            if part.is_nan() || part <= SHORTEST {
+            let part = (BOUND_FRACTION * s.reach(&ds).min(z.reach(&dz))).min(1.0);
+            if part.is_nan() || part <= MIN_STEP_PART {
                 break;
             }
             for (x, step) in x.d.iter_mut().zip(&dx.d) {
@@ -179,7 +180,7 @@ impl Quadratic<'_> {
             z.advance(&dz, part);
         }
         let finite = x.d.iter().all(|x| x.is_finite());
-        (accuracy <= ALMOST && finite).then_some(Step {
+        (accuracy <= LOOSE_TOLERANCE && finite).then_some(Step {
             d: x.d,
             multipliers: z.limits,
         })

@@ -44,7 +44,7 @@ pub struct Excitation {
 impl Excitation {
     /// The trajectory in the form of its file, with the figures of its observation matrix.
     ///
-    /// - `info`: of the model that the search was run for.
+    /// - `info`: that of the model for which the search was run.
     pub fn trajectory(&self, info: &Info<'_>) -> Trajectory {
         let figures = self.figures;
         let figures = BTreeMap::from([
@@ -109,7 +109,7 @@ enum StartOutcome {
     /// The best trajectory within all limits.
     Found(Box<Excitation>),
     /// No trajectory is within all limits; the largest excess of the last one.
-    Passed(Worst),
+    Exceeded(Worst),
     /// The loops could not be closed along the trajectory.
     NotClosed,
     /// The search was stopped first.
@@ -173,14 +173,14 @@ where
     ended.sort_by_key(|(start, _)| *start);
     let mut outcome = Outcome::NotClosed;
     for (_, result) in ended {
-        outcome = shared.better(outcome, result?);
+        outcome = shared.combined(outcome, result?);
     }
     Ok(outcome)
 }
 
-/// Half the range of the independent coordinate `k` (rad or m) where it is a drive without limits of
-/// its own: that of the joint that leaves it the least room, by the rates at home. `None` where no
-/// joint that it moves has limits, and for joints.
+/// Half the range (rad or m) of the independent coordinate `k` if it is a drive: the smallest that
+/// follows from the position limits of the joints that it moves and their rates at home. `None`
+/// where no such joint has limits, and for coordinates that are joints.
 fn reach_of_drive<M: BaseModel<f64>>(
     model: &M,
     settings: &Settings,
@@ -361,7 +361,7 @@ where
         }
         let mut search = Search::new(&self.problem, pose, self.settings.seed, start as u64)?;
         let mut best: Option<Box<Excitation>> = None;
-        let mut passed = None;
+        let mut exceeded = None;
         for stage in 0..stages {
             let mut used = 0;
             let mut keep_going = || {
@@ -390,11 +390,11 @@ where
                 search.variables(),
             )?;
             match motion {
-                Err(worst) => passed = worst,
+                Err(worst) => exceeded = worst,
                 Ok(motion) => {
                     let excitation = self.excitation(&mut closure, &motion, start)?;
                     best = match (best, excitation) {
-                        (Some(old), Some(new)) => Some(self.smaller(old, new)),
+                        (Some(old), Some(new)) => Some(self.better_excitation(old, new)),
                         (old, new) => old.or(new),
                     };
                 }
@@ -406,9 +406,9 @@ where
                 break;
             }
         }
-        Ok(match (best, passed) {
+        Ok(match (best, exceeded) {
             (Some(best), _) => StartOutcome::Found(best),
-            (None, Some(worst)) => StartOutcome::Passed(worst),
+            (None, Some(worst)) => StartOutcome::Exceeded(worst),
             (None, None) if self.watch.stop.load(Ordering::Relaxed) => StartOutcome::Stopped,
             (None, None) => StartOutcome::NotClosed,
         })
@@ -445,20 +445,22 @@ where
     /// The better of two excitations; the first if they are equally good.
     #[allow(
         clippy::unnecessary_box_returns,
-        reason = "one of two boxes is handed on"
+        reason = "one of two boxes is returned"
     )]
-    fn smaller(&self, a: Box<Excitation>, b: Box<Excitation>) -> Box<Excitation> {
+    fn better_excitation(&self, a: Box<Excitation>, b: Box<Excitation>) -> Box<Excitation> {
         let of = |e: &Excitation| self.problem.criterion.of(&e.figures);
         if of(&b) < of(&a) { b } else { a }
     }
 
     /// The result of the search after one more start.
-    fn better(&self, so_far: Outcome, ended: StartOutcome) -> Outcome {
+    fn combined(&self, so_far: Outcome, ended: StartOutcome) -> Outcome {
         match (so_far, ended) {
-            (Outcome::Found(a), StartOutcome::Found(b)) => Outcome::Found(self.smaller(a, b)),
+            (Outcome::Found(a), StartOutcome::Found(b)) => {
+                Outcome::Found(self.better_excitation(a, b))
+            }
             (Outcome::Found(a), _) => Outcome::Found(a),
             (_, StartOutcome::Found(b)) => Outcome::Found(b),
-            (_, StartOutcome::Passed(worst)) => Outcome::Infeasible {
+            (_, StartOutcome::Exceeded(worst)) => Outcome::Infeasible {
                 limit: self.problem.limits[worst.limit].clone(),
                 excess: worst.value,
                 time: self.time(worst),

@@ -83,16 +83,16 @@ where
         variables: &[f64],
         sharpness: f64,
     ) -> Result<Option<ScaledEvaluation>, ExciteError> {
-        let found = self
+        let evaluation = self
             .problem
             .evaluate(&mut self.closure, variables, sharpness)?;
-        Ok(found.map(|found| ScaledEvaluation {
-            slopes: (0..found.values.len())
-                .map(|k| self.problem.slope(&found, k))
+        Ok(evaluation.map(|evaluation| ScaledEvaluation {
+            slopes: (0..evaluation.values.len())
+                .map(|k| self.problem.slope(&evaluation, k))
                 .collect(),
-            objective: found.objective,
-            gradient: found.gradient,
-            values: found.values,
+            objective: evaluation.objective,
+            gradient: evaluation.gradient,
+            values: evaluation.values,
         }))
     }
 }

@@ -29,8 +29,10 @@ pub(super) struct Row {
 }
 
 impl Space {
-    /// - `frequency`: of the first harmonic, Hz; `reach`: half the range of each coordinate, rad or
-    ///   m; `speed`: the velocity limit of each coordinate, if any, rad/s or m/s.
+    /// Computes the scales of the variables.
+    ///
+    /// - `frequency`: that of the first harmonic, Hz; `reach`: half the range of each coordinate,
+    ///   rad or m; `speed`: the velocity limit of each coordinate, if any, rad/s or m/s.
     pub(super) fn new(
         frequency: f64,
         harmonics: usize,
@@ -74,13 +76,13 @@ impl Space {
     }
 
     /// The number of variables of each coordinate.
-    pub(super) fn each(&self) -> usize {
+    pub(super) fn per_coordinate(&self) -> usize {
         1 + 2 * self.harmonics - if self.rest.is_some() { 2 } else { 0 }
     }
 
     /// The number of all variables.
     pub(super) fn size(&self) -> usize {
-        self.scales.len() * self.each()
+        self.scales.len() * self.per_coordinate()
     }
 
     /// Offset, cosines and sines of a coordinate, from its variables.
@@ -157,7 +159,7 @@ impl Space {
     /// The Fourier series of these variables.
     pub(super) fn series(&self, y: &[f64]) -> Result<Fourier, ExciteError> {
         let parts: Vec<_> = y
-            .chunks_exact(self.each())
+            .chunks_exact(self.per_coordinate())
             .enumerate()
             .map(|(c, y)| {
                 let all = self.unscaled(c, y);
@@ -171,7 +173,7 @@ impl Space {
     /// The variables of standing still at a pose of the independent coordinates.
     pub(super) fn stationary(&self, pose: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; self.size()];
-        let each = self.each();
+        let each = self.per_coordinate();
         for ((chunk, q), scale) in y.chunks_exact_mut(each).zip(pose).zip(&self.scales) {
             chunk[0] = q / scale[0];
         }
@@ -187,7 +189,7 @@ impl Space {
 
     /// The offsets of a motion, rad or m: its mean pose.
     pub(super) fn offsets(&self, y: &[f64]) -> Vec<f64> {
-        let chunks = y.chunks_exact(self.each()).zip(&self.scales);
+        let chunks = y.chunks_exact(self.per_coordinate()).zip(&self.scales);
         chunks.map(|(chunk, scale)| chunk[0] * scale[0]).collect()
     }
 }
@@ -269,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_are_pulled_back_as_the_rows_say() {
+    fn derivatives_by_the_variables_are_those_of_the_rows() {
         let space = Space::new(0.2, 3, &[0.5, 2.0], &[None, None], true);
         let row = space.row(2, 9);
         let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125];

@@ -62,7 +62,7 @@ pub(super) struct PidControllers<'a> {
     pub(super) drives: &'a [Drive],
     /// The indices of the actuated joints among the coordinates.
     pub(super) joints: &'a [usize],
-    memories: Vec<PidState>,
+    states: Vec<PidState>,
 }
 
 impl<'a> PidControllers<'a> {
@@ -77,21 +77,21 @@ impl<'a> PidControllers<'a> {
             offset,
             drives,
             joints,
-            memories: vec![PidState::default(); joints.len()],
+            states: vec![PidState::default(); joints.len()],
         }
     }
 }
 
 impl Controller for PidControllers<'_> {
     fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
-        let loops = self.joints.iter().zip(self.pid).zip(&mut self.memories);
-        for (k, ((joint, pid), memory)) in loops.enumerate() {
+        let loops = self.joints.iter().zip(self.pid).zip(&mut self.states);
+        for (k, ((joint, pid), state)) in loops.enumerate() {
             let error = now.q[*joint] - now.measured[k];
             let offset = self.offset.get(k).copied().unwrap_or(0.0);
             let drive = self.drives.get(k).copied().unwrap_or_default();
             // the limits of the effort that the PID controller adds to the offset
             let limit = drive.limit.map(|l| l.map(|bound| bound - offset));
-            efforts[k] = offset + pid.command(memory, error, now.period, limit);
+            efforts[k] = offset + pid.command(state, error, now.period, limit);
         }
     }
 }
@@ -109,24 +109,24 @@ impl Pid {
     /// direction of the error.
     pub(super) fn command(
         self,
-        memory: &mut PidState,
+        state: &mut PidState,
         error: f64,
         period: f64,
         limit: Option<[f64; 2]>,
     ) -> f64 {
-        let rate = memory.last.map_or(0.0, |last| (error - last) / period);
-        memory.last = Some(error);
-        let grown = memory.integral + error * period;
+        let rate = state.last.map_or(0.0, |last| (error - last) / period);
+        state.last = Some(error);
+        let grown = state.integral + error * period;
         let effort_with = |integral: f64| self.kp * error + self.ki * integral + self.kd * rate;
         let Some([lo, hi]) = limit else {
-            memory.integral = grown;
+            state.integral = grown;
             return effort_with(grown);
         };
         let effort = effort_with(grown);
         if (effort > hi && error > 0.0) || (effort < lo && error < 0.0) {
-            return effort_with(memory.integral).max(lo).min(hi);
+            return effort_with(state.integral).max(lo).min(hi);
         }
-        memory.integral = grown;
+        state.integral = grown;
         effort.max(lo).min(hi)
     }
 }
@@ -143,12 +143,12 @@ mod tests {
             kd: 0.0,
         };
         let limit = Some([-1.0, 1.0]);
-        let mut memory = PidState::default();
+        let mut state = PidState::default();
         for _ in 0..1000 {
-            let effort = pid.command(&mut memory, 1.0, 0.01, limit);
+            let effort = pid.command(&mut state, 1.0, 0.01, limit);
             assert!((effort - 1.0).abs() < 1e-15);
         }
-        // as soon as the error is gone, so is the effort
-        assert!(pid.command(&mut memory, 0.0, 0.01, limit).abs() < 0.1);
+        // without an error there is almost no effort: the integral did not grow
+        assert!(pid.command(&mut state, 0.0, 0.01, limit).abs() < 0.1);
     }
 }

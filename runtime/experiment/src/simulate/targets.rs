@@ -23,9 +23,9 @@ pub(super) struct Targets<'m, M: ?Sized, R: ?Sized> {
     /// The independent positions, velocities and accelerations of the block, one after the other for
     /// each sample.
     rows: Vec<f64>,
-    /// The same of the sample that the reference was asked for last.
+    /// The same for the last sample at which the reference was evaluated.
     row: Vec<f64>,
-    /// All coordinates at the sample.
+    /// All coordinates at the sample that [`at`](Self::at) returned.
     q: Vec<f64>,
 }
 
@@ -61,7 +61,7 @@ impl<'m, M: Model<f64> + ?Sized, R: Reference + ?Sized> Targets<'m, M, R> {
         })
     }
 
-    /// The reference at a sample; samples are asked for in their order.
+    /// The reference at a sample; the samples must be requested in ascending order.
     ///
     /// # Errors
     /// When the position of the reference is not finite there.

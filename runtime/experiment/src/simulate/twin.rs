@@ -1,4 +1,4 @@
-//! A robot with known parameters: what all simulated runs of it share.
+//! A simulated robot with known parameters, and the settings that all its runs share.
 
 use core::fmt;
 
@@ -11,7 +11,7 @@ use super::noise::{Noise, perturb_parameters};
 use super::settings::{Sensors, Settings};
 use super::tuning::{Gains, TuningError, control};
 
-/// What is to be simulated.
+/// The options of a twin: its controllers, drives, friction, sensors and random parameters.
 #[derive(Clone, Debug)]
 pub struct TwinOptions<'a> {
     /// The bandwidth of the controllers without given gains, Hz.
@@ -28,10 +28,10 @@ pub struct TwinOptions<'a> {
     pub friction_width: f64,
     /// The sensors of positions and efforts.
     pub sensors: Sensors,
-    /// By which part parameters and nonlinear friction differ from the nominal ones at most, by
-    /// chance.
+    /// The largest random difference of parameters and nonlinear friction from the nominal values,
+    /// relative to these.
     pub perturb: f64,
-    /// The seed of this chance.
+    /// The seed of these random differences.
     pub seed: u64,
 }
 
@@ -85,16 +85,16 @@ impl Twin {
         options: &TwinOptions<'_>,
     ) -> Result<Self, TwinError> {
         let info = model.info();
-        let mut chance = Noise::new(options.seed);
+        let mut random = Noise::new(options.seed);
         let mut parameters = if options.perturb > 0.0 {
-            perturb_parameters(&info, nominal, options.perturb, &mut chance)
+            perturb_parameters(&info, nominal, options.perturb, &mut random)
         } else {
             nominal.to_vec()
         };
         let friction = if options.friction {
             let mut laws = fitted_friction(&info, &parameters, fitted)?;
             if options.perturb > 0.0 {
-                perturb_friction(&mut laws, options.perturb, &mut chance);
+                perturb_friction(&mut laws, options.perturb, &mut random);
             }
             laws
         } else {
@@ -121,13 +121,14 @@ impl Twin {
         })
     }
 
-    /// The settings of one run, with sensor noise of its own.
+    /// The settings of one run, whose sensor noise differs from that of other runs.
     ///
-    /// - `seed`: of the noise of all runs; `number`: of the run, from 0; `duration`: s.
+    /// - `seed`: the seed of the noise of all runs; `number`: that of the run, from 0; `duration`:
+    ///   s.
     pub fn run(&self, seed: u64, number: usize, duration: f64) -> Settings {
         Settings {
             duration,
-            // it differs from those of other runs and other small seeds
+            // the seed differs from those of other runs, and from those of other small seeds
             seed: seed ^ ((number as u64 + 1) << 32),
             ..self.settings.clone()
         }

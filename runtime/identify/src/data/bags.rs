@@ -1,4 +1,4 @@
-//! Rows of recordings of robots: MCAP files and ROS 2 bags.
+//! Reads the rows of recordings of robots: MCAP files and ROS 2 bags.
 
 use std::path::Path;
 

@@ -72,8 +72,9 @@ pub struct Assignment {
     pub quantity: Quantity,
     /// The column's header.
     pub column: String,
-    /// The column's number from 1, which finds it instead of its header; numbers go on from one
-    /// file to the next of those side by side, but that of a time counts in each file.
+    /// The column's number, from 1, if it is found by number instead of by header. Numbers continue
+    /// from one file to the next of those read side by side; the number of a time column is that
+    /// within each file.
     pub number: Option<usize>,
     /// The factor that converts the column's entries to SI: that of the unit times all others.
     pub factor: f64,
@@ -166,7 +167,7 @@ impl FromStr for Assignment {
                  q1=angle1:deg or tau_q1=current1:A*0.12"
             )));
         };
-        // behind a unit the whole rest is the factor, which may be a product itself
+        // all text after a unit and `*` is the factor, which may be a product itself
         let (rest, factor) = match rest.rsplit_once(':') {
             Some((column, behind)) if behind.contains('*') => {
                 let unit = behind.split_once('*');

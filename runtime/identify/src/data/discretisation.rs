@@ -35,9 +35,9 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     /// derivatives are measured, or where the encoder's noise made one neighbour the best choice.
     ///
     /// To first order the change `d` solves `W d = tau - tau_1` (Eq. 12) by least squares, where
-    /// `tau_1` are the efforts that the parameters predict with the other derivatives. Some hundred
-    /// states of each file represent the whole file; the factor of all states keeps `d` small where
-    /// these contain little information.
+    /// `tau_1` are the efforts that the parameters predict with the other derivatives. A few
+    /// hundred states of each file represent the whole file; the factor of all states keeps `d`
+    /// small where these contain little information.
     ///
     /// - `beta`: the identified parameters, SI; `weights`: one for each of the n equations of a
     ///   state;
@@ -79,7 +79,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         })
     }
 
-    /// Adds the equations of one file with `rows` good rows.
+    /// Adds the equations of one file with `rows` usable rows.
     fn changes(&self, log: &Log, rows: usize, out: &mut Changes<'_>) -> Result<(), DataError> {
         let measured = &log.file.layout.measured;
         let mut completions = Completions {
@@ -142,10 +142,10 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let (n, r) = (self.model.info().dof(), out.beta.len());
         let (mut w, mut tau, mut changed) = (vec![0.0; n * r], vec![0.0; n], vec![0.0; n]);
         for k in valid.step_by(every) {
-            let same = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
+            let same_sign = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
             // where a velocity's sign depends on the method, friction would change more than the
             // derivatives do
-            if !usual.iter().zip(&other).all(same) {
+            if !usual.iter().zip(&other).all(same_sign) {
                 continue;
             }
             let at = |all: &[Derivatives]| {
@@ -163,12 +163,12 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
                 continue;
             };
             let model = self.model;
-            let judged = [
+            let conditions = [
                 model.base_regressor(&a.q, &a.qd, &a.qdd, &mut w)?,
                 model.base_inverse_dynamics(&a.q, &a.qd, &a.qdd, out.beta, &mut tau)?,
                 model.base_inverse_dynamics(&b.q, &b.qd, &b.qdd, out.beta, &mut changed)?,
             ];
-            if judged
+            if conditions
                 .iter()
                 .any(|c| c.status() == regen_runtime::Status::Singular)
             {
@@ -248,7 +248,8 @@ fn derivatives_by_both_methods(
     Ok((usual, found))
 }
 
-/// Closures of the states with either method's derivatives; each starts from its last state.
+/// Solvers that close the loops of the states with either method's derivatives, each from its own
+/// last state.
 struct Completions<'m, M: ?Sized> {
     usual: Completion<'m, M>,
     other: Completion<'m, M>,

@@ -1,4 +1,4 @@
-//! Reads the rows of one file one after another, as the numbers that stand there.
+//! Reads the rows of one file one after another, as the numbers in the file, not converted to SI.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -69,7 +69,7 @@ pub(super) struct Opening<'a> {
 pub(super) struct FileRow {
     /// The line of a CSV file, the row of a Parquet file or the number of a message, from 1.
     pub(super) line: u64,
-    /// The numbers of the wanted columns as they stand in the file, or why they cannot be used.
+    /// The numbers of the wanted columns as in the file, or why they cannot be used.
     pub(super) values: Result<Vec<f64>, Fault>,
 }
 
@@ -112,8 +112,8 @@ fn unsupported(path: &Path, what: &str, feature: &str) -> DataError {
     }
 }
 
-/// Whether a path is a recording, by its extension; those with other names are found only with the
-/// feature.
+/// Whether a path is a recording, by its extension; recordings with other extensions are recognised
+/// only with the feature `bags`.
 #[cfg(not(feature = "bags"))]
 fn is_bag(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
@@ -121,8 +121,8 @@ fn is_bag(path: &Path) -> bool {
 }
 
 impl Opening<'_> {
-    /// Finds out how a file is written; several tables are those of publishers of different joints
-    /// in one recording.
+    /// Finds the format of a file. A recording has several tables if several publishers send
+    /// different joints.
     pub(super) fn tables(&mut self, path: &Path) -> Result<Vec<Table>, DataError> {
         #[cfg(feature = "bags")]
         if regen_bags::is_bag(path) {
@@ -145,7 +145,7 @@ impl Opening<'_> {
 }
 
 impl Table {
-    /// Finds out how a file is written.
+    /// Finds the format of a file.
     #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
     fn open(path: &Path, format: Format, episode: Option<u64>) -> Result<Self, DataError> {
         if is_parquet(path) {
@@ -246,7 +246,7 @@ impl CsvRows<'_> {
         Ok(Some(FileRow { line, values }))
     }
 
-    /// The fault of a last row that was cut short.
+    /// The fault of a last row that is cut off within an entry.
     fn cut_problem(&self) -> Fault {
         let text = self.record.iter().next_back().unwrap_or_default();
         Fault::Cut {

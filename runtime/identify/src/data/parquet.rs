@@ -141,7 +141,7 @@ struct Column {
     reader: ColumnReader,
     /// The length of its lists; `None` for numbers.
     width: Option<usize>,
-    /// Its deepest level.
+    /// Its largest definition level, that of entries which are not null.
     deepest: i16,
 }
 
@@ -220,7 +220,7 @@ pub(super) struct ParquetRows {
     /// The columns of the present row group.
     columns: Vec<Column>,
     /// Rows of the present row group that are not decoded yet.
-    left: usize,
+    undecoded: usize,
     /// Decoded rows, column by column.
     entries: Vec<Entries>,
     /// The next decoded row, and the number of decoded rows.
@@ -270,7 +270,7 @@ impl ParquetRows {
             reader,
             group: 0,
             columns: Vec::new(),
-            left: 0,
+            undecoded: 0,
             entries: Vec::new(),
             place: (0, 0),
             line: 0,
@@ -281,7 +281,7 @@ impl ParquetRows {
     pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
         let (first, last) = self.span.unwrap_or((1, u64::MAX));
         while self.line < last
-            && let Some(row) = self.any_row()?
+            && let Some(row) = self.advance()?
         {
             if row >= first {
                 return Ok(Some(FileRow {
@@ -293,14 +293,15 @@ impl ParquetRows {
         Ok(None)
     }
 
-    /// Goes on to the next row; returns its number, or `None` behind the last one.
-    fn any_row(&mut self) -> Result<Option<u64>, DataError> {
+    /// Advances to the next row of the file, whether it is wanted or not; returns its number, or
+    /// `None` after the last one.
+    fn advance(&mut self) -> Result<Option<u64>, DataError> {
         while self.place.0 == self.place.1 {
-            if self.left == 0 {
+            if self.undecoded == 0 {
                 let Some(rows) = self.groups.get(self.group) else {
                     return Ok(None);
                 };
-                self.left = *rows;
+                self.undecoded = *rows;
                 self.open_group()?;
                 self.group += 1;
             } else {
@@ -331,18 +332,18 @@ impl ParquetRows {
 
     /// Decodes the next rows of the present row group.
     fn decode(&mut self) -> Result<(), DataError> {
-        let count = self.left.min(BATCH);
-        self.left -= count;
+        let count = self.undecoded.min(BATCH);
+        self.undecoded -= count;
         self.entries.clear();
         for (column, Leaf { title, .. }) in self.columns.iter_mut().zip(&self.leaves) {
-            let found = batch(column, count).map_err(|e| failed(&self.path, &e))?;
-            let found = found
+            let decoded = batch(column, count).map_err(|e| failed(&self.path, &e))?;
+            let decoded = decoded
                 .ok_or_else(|| unfit(&self.path, format!("column `{title}` holds no numbers")))?;
-            if found.len() != count.saturating_mul(column.width.unwrap_or(1)) {
+            if decoded.len() != count.saturating_mul(column.width.unwrap_or(1)) {
                 let why = format!("column `{title}` ends before the others");
                 return Err(unfit(&self.path, why));
             }
-            self.entries.push(found);
+            self.entries.push(decoded);
         }
         self.place = (0, count);
         Ok(())

@@ -2,8 +2,8 @@
 
 use super::problem::Fault;
 
-/// The kinds of faults whose rows have only numbers and are in order of time, so that they can be
-/// used all the same.
+/// The kinds of faults whose rows can still be used, because all entries are numbers and the rows
+/// are in order of time.
 pub(super) const USABLE_KINDS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
 
 /// What to do with faulty rows.
@@ -35,7 +35,7 @@ impl Policy {
     }
 }
 
-/// What is done with rows that are doubtful, where it differs from what is done with others.
+/// What is done with doubtful rows; `None` where it is the same as with all other faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Checks {
     /// Rows in which a position is an outlier.
@@ -49,7 +49,7 @@ pub struct Checks {
 /// What is done with each kind of fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Policies {
-    /// What is done with all faults that `checks` leaves open.
+    /// What is done with all faults for which `checks` states nothing.
     pub all: Policy,
     /// What is done with doubtful rows.
     pub checks: Checks,
@@ -86,9 +86,9 @@ impl Policies {
         own.unwrap_or(self.all)
     }
 
-    pub(super) fn keeps(self) -> Keeps {
+    pub(super) fn used_faults(self) -> UsedFaults {
         let [outliers, saturated, stuck] = USABLE_KINDS.map(|kind| self.of(kind).keeps());
-        Keeps {
+        UsedFaults {
             outliers,
             saturated,
             stuck,
@@ -96,15 +96,15 @@ impl Policies {
     }
 }
 
-/// Which doubtful rows are used.
+/// The kinds of doubtful rows that are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Keeps {
+pub(super) struct UsedFaults {
     pub(super) outliers: bool,
     pub(super) saturated: bool,
     pub(super) stuck: bool,
 }
 
-impl Keeps {
+impl UsedFaults {
     /// Whether a row with this fault is used.
     pub(super) fn uses(self, fault: &Fault) -> bool {
         match fault {

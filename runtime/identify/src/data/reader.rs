@@ -6,7 +6,7 @@ use super::columns::Assignment;
 use super::file_rows::{Opening, Table};
 use super::joined::JoinedRows;
 use super::layout::{ColumnLayout, Search, Unfit};
-use super::policy::Keeps;
+use super::policy::UsedFaults;
 use super::problem::{DataError, Problem, median};
 use super::rates::Rates;
 use super::resample::Resampler;
@@ -104,7 +104,7 @@ pub(super) struct LogFile {
     /// The rate of the even grid that rows are interpolated onto, Hz.
     resample: Option<f64>,
     /// Which doubtful rows are used.
-    keeps: Keeps,
+    used_faults: UsedFaults,
     /// The rows, after the first pass, if they fit.
     pub(super) cache: RowCache,
 }
@@ -172,7 +172,7 @@ impl LogFile {
             tables,
             rate: settings.rate,
             resample: settings.resample,
-            keeps: settings.keeps(),
+            used_faults: settings.used_faults(),
             cache: RowCache::with_room(0),
         })
     }
@@ -326,7 +326,7 @@ impl LogFile {
             None => GAP_STEPS,
         };
         let longest_step = gap_steps * survey.raw_step;
-        let mut checker = RowChecker::new(&self.layout, survey, longest_step, self.keeps);
+        let mut checker = RowChecker::new(&self.layout, survey, longest_step, self.used_faults);
         self.records(&mut |row| checker.take(row, problem, each))?;
         checker.finish(problem, each)
     }

@@ -13,7 +13,7 @@ use super::reader::{LogRow, RowSink};
 
 /// Rows that one is interpolated between: two on either side.
 const POINTS: usize = 4;
-/// How far a time may be behind the last row, in steps of the grid: rounding.
+/// How far after the last row a time of the grid may be, in steps of the grid, because of rounding.
 const TIME_TOLERANCE: f64 = 1e-6;
 
 /// The value at time `t` of the polynomial through samples, relative to that of the sample `near`
@@ -65,7 +65,7 @@ pub(super) struct Resampler {
     /// The last rows of the present segment: time and the other entries.
     recent: VecDeque<(f64, Vec<f64>)>,
     lines: VecDeque<u64>,
-    /// Whether the next row follows the last one that was handed out.
+    /// Whether the next row of the grid follows the last one without a gap.
     follows: bool,
 }
 
@@ -82,7 +82,7 @@ impl Resampler {
         }
     }
 
-    /// Takes the next row of the log, and hands out the rows of the grid that are now known.
+    /// Adds the next row of the log, and calls `each` with the rows of the grid that are now known.
     pub(super) fn push(
         &mut self,
         row: LogRow,
@@ -105,17 +105,17 @@ impl Resampler {
         }
         self.recent.push_back((time, values));
         self.lines.push_back(line);
-        // the newest row is the second one behind the times that are now known
+        // a time is known once there are two rows after it
         match self.recent.len().checked_sub(3) {
-            Some(left) => self.hand_out(left, each),
+            Some(left) => self.emit(left, each),
             None => Ok(()),
         }
     }
 
-    /// Hands out the rest of a segment; the next row does not follow it.
+    /// Calls `each` with the remaining rows of a segment, after which there is a gap.
     pub(super) fn finish(&mut self, each: &mut RowSink<'_>) -> Result<(), DataError> {
         if let Some(left) = self.recent.len().checked_sub(2) {
-            self.hand_out(left, each)?;
+            self.emit(left, each)?;
         }
         self.recent.clear();
         self.lines.clear();
@@ -123,8 +123,8 @@ impl Resampler {
         Ok(())
     }
 
-    /// Hands out the rows of the grid up to that behind the recent row `left`.
-    fn hand_out(&mut self, left: usize, each: &mut RowSink<'_>) -> Result<(), DataError> {
+    /// Calls `each` with the rows of the grid up to the row after the recent row `left`.
+    fn emit(&mut self, left: usize, each: &mut RowSink<'_>) -> Result<(), DataError> {
         let (Some((before, _)), Some((after, _)), Some(start)) =
             (self.recent.get(left), self.recent.get(left + 1), self.start)
         else {
@@ -134,7 +134,10 @@ impl Resampler {
         let tolerance = TIME_TOLERANCE * self.step;
         // a gap leaves out the times within it
         let passed = ((before - tolerance - start) / self.step).ceil();
-        #[allow(clippy::cast_sign_loss, reason = "what is negative is 0")]
+        #[allow(
+            clippy::cast_sign_loss,
+            reason = "the next line replaces negative numbers by 0"
+        )]
         let passed = passed.max(0.0) as u64;
         if passed > self.next {
             self.next = passed;
@@ -189,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_is_exact_on_the_grid_and_a_constant_stays_one() {
+    fn the_grid_has_the_exact_values_of_a_cubic_and_of_a_constant() {
         let cubic = |t: f64| 2.0 - t + 3.0 * (t - 5.0).powi(2) - 5.0 * (t - 5.0).powi(3);
         let times = uneven(200);
         let rows: Vec<(f64, f64)> = times.iter().map(|t| (*t, cubic(*t))).collect();
@@ -214,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_interpolated_over_a_gap_and_the_grid_goes_on_behind_it() {
+    fn nothing_is_interpolated_over_a_gap_and_the_grid_continues_after_it() {
         let mut rows: Vec<(f64, f64)> = (0..10).map(|k| (0.01 * f64::from(k), 0.0)).collect();
         rows.extend((0..10).map(|k| (1.003 + 0.01 * f64::from(k), 1.0)));
         let found = grid(100.0, &rows, &[10]);

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::layout::ColumnLayout;
-use super::policy::Keeps;
+use super::policy::UsedFaults;
 use super::problem::{DataError, Fault, Problem, median};
 use super::reader::{LogRow, RowSink, Survey};
 
@@ -58,7 +58,7 @@ pub(super) struct RowChecker<'a> {
     /// For each effort, the number of consecutive rows so far at its smallest or largest value.
     rows_at_extreme: Vec<usize>,
     /// Which doubtful rows are used.
-    keeps: Keeps,
+    used_faults: UsedFaults,
 }
 
 impl<'a> RowChecker<'a> {
@@ -69,7 +69,7 @@ impl<'a> RowChecker<'a> {
         layout: &'a ColumnLayout,
         survey: &'a Survey,
         longest_step: f64,
-        keeps: Keeps,
+        used_faults: UsedFaults,
     ) -> Self {
         Self {
             layout,
@@ -84,7 +84,7 @@ impl<'a> RowChecker<'a> {
             stuck_until: 0,
             rows_skipped: false,
             rows_at_extreme: vec![0; layout.efforts],
-            keeps,
+            used_faults,
         }
     }
 
@@ -161,7 +161,7 @@ impl<'a> RowChecker<'a> {
             }
         }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
-            if !self.keeps.stuck {
+            if !self.used_faults.stuck {
                 self.stuck_until = self.stuck_until.max(stuck.last);
             }
             report(Fault::Stuck {
@@ -280,7 +280,7 @@ impl<'a> RowChecker<'a> {
             return Ok(());
         };
         if let Some(what) = pending.fault {
-            let keep = self.keeps.uses(&what);
+            let keep = self.used_faults.uses(&what);
             problem(Problem::of(pending.row.line, what));
             if !keep {
                 self.segment_ended = true;

@@ -64,7 +64,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             })?;
         self.states(log, &mut segment, every, &mut out);
         if log.series.is_some() {
-            out.left = spread.relative_residuals();
+            out.series_residuals = spread.relative_residuals();
         }
         Ok(out)
     }
@@ -81,11 +81,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut valid = 0..rows.len();
         let method = self.settings.method;
         for place in 0..m {
-            let Ok(found) = motion::derivatives(log, method, place, &times, &rows) else {
+            let Ok(own) = motion::derivatives(log, method, place, &times, &rows) else {
                 return;
             };
-            valid = valid.start.max(found.valid.start)..valid.end.min(found.valid.end);
-            motion.push([found.value, found.rate, found.acceleration]);
+            valid = valid.start.max(own.valid.start)..valid.end.min(own.valid.end);
+            motion.push([own.value, own.rate, own.acceleration]);
         }
         if matches!(method, Method::Butterworth { .. }) && !layout.derivatives {
             for effort in &mut efforts {

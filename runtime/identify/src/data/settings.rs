@@ -1,7 +1,7 @@
 //! How logs are read.
 
 use super::columns::Assignment;
-use super::policy::{Checks, Keeps, Policies, Policy};
+use super::policy::{Checks, Policies, Policy, UsedFaults};
 use super::table::Format;
 use crate::identify::{Filtering, Standstill};
 use crate::signals::Method;
@@ -26,12 +26,12 @@ pub struct Settings {
     pub measured_rates: bool,
     /// How positions are differentiated, and what filter efforts and regressor pass. Measured
     /// velocities pass the filter of the positions, and accelerations are their derivative; with a
-    /// Fourier series all is that of the positions. Where accelerations are measured too, velocities
-    /// and accelerations are used as they are.
+    /// Fourier series, velocities and accelerations are those of the series of the positions. Where
+    /// accelerations are measured too, velocities and accelerations are used as they are.
     pub method: Method,
     /// What is done with faulty rows.
     pub policy: Policy,
-    /// What is done with doubtful rows, where it differs from that.
+    /// What is done with doubtful rows, where it differs from `policy`.
     pub checks: Checks,
     /// Decimation ratio: one of this many states gives equations; at least 1.
     pub decimation: usize,
@@ -41,9 +41,9 @@ pub struct Settings {
     /// Standard deviations of positions by coordinate, rad or m, where more coordinates are
     /// measured than needed; 1 for those not named.
     pub deviations: Vec<(String, f64)>,
-    /// What is done with equations of coordinates that rest: whose raw positions stay within the
-    /// encoder's step or noise for 0.2 s, or whose velocities are within two standard deviations of
-    /// zero or reverse within the samples that they are computed from.
+    /// What is done with equations of coordinates at rest. A coordinate is at rest if its raw
+    /// positions stay within the encoder's step or noise for 0.2 s, or if its velocity is within
+    /// two standard deviations of zero or reverses within the samples that it is computed from.
     pub standstill: Standstill,
     /// The speed below which a coordinate counts as resting too, rad/s or m/s.
     pub rest_speed: f64,
@@ -121,7 +121,7 @@ impl Settings {
         }
     }
 
-    pub(super) fn keeps(&self) -> Keeps {
-        self.policies().keeps()
+    pub(super) fn used_faults(&self) -> UsedFaults {
+        self.policies().used_faults()
     }
 }

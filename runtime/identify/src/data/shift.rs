@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cubic_is_read_exactly_between_its_samples() {
+    fn a_cubic_is_interpolated_exactly_between_its_samples() {
         let times: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
         let cubic = |t: f64| 2.0 - t + 3.0 * t * t - 5.0 * t * t * t;
         for delay in [0.0043, -0.0127, 0.03] {

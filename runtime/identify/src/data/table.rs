@@ -1,5 +1,5 @@
-//! How the text of a log is divided into columns and numbers, as it is stated or found from its
-//! first rows.
+//! How the text of a log is divided into columns and numbers, as the user states it or as it is
+//! found from the first rows.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -10,10 +10,10 @@ use csv::{ByteRecord, Reader, ReaderBuilder};
 /// Whether the first row of a log names its columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Header {
-    /// It does unless it consists of numbers only.
+    /// The first row names the columns unless it consists of numbers only.
     #[default]
     Auto,
-    /// It does not; the columns are called by their numbers, from 1.
+    /// The first row has numbers; the columns are called by their numbers, from 1.
     None,
 }
 
@@ -70,7 +70,7 @@ pub(super) struct Written {
 
 /// Bytes at the start of a file from which its format is found.
 const SAMPLE_BYTES: u64 = 1 << 16;
-/// Rows among these that are looked at.
+/// The number of rows among these that are examined.
 const SAMPLE_ROWS: usize = 20;
 
 impl Written {
@@ -80,7 +80,7 @@ impl Written {
         File::open(path)?
             .take(SAMPLE_BYTES)
             .read_to_end(&mut bytes)?;
-        // a row that the sample cuts is not looked at, unless it is the only one
+        // a row that the end of the sample cuts off is not examined, unless it is the only one
         if bytes.len() as u64 == SAMPLE_BYTES
             && let Some(end) = bytes.iter().rposition(|byte| *byte == b'\n')
         {
@@ -93,7 +93,7 @@ impl Written {
         let mut samples = candidates
             .into_iter()
             .map(|separator| (separator, records(&bytes, separator.byte())));
-        // commas may stand in numbers, so the other separators are tried first
+        // numbers may contain commas, so the other separators are tried first
         let found = samples.find(|(separator, rows)| {
             *separator == Separator::Comma || asked.separator.is_some() || agree(rows)
         });
@@ -131,7 +131,7 @@ impl Written {
             .from_path(path)
     }
 
-    /// The number of an entry; `None` if it is none.
+    /// The number of an entry; `None` if the entry is not a number.
     pub(super) fn number(&self, text: &str) -> Option<f64> {
         number(text, self.decimal_comma)
     }
@@ -174,7 +174,7 @@ fn has_decimal_commas(rows: &[Vec<String>]) -> bool {
     with(',', true) && !with('.', false)
 }
 
-/// A finite or other number with a point or a comma before its decimals.
+/// The number, finite or not, with a point or a comma before its decimals.
 fn number(text: &str, decimal_comma: bool) -> Option<f64> {
     if decimal_comma && text.contains(',') {
         text.replacen(',', ".", 1).parse().ok()

@@ -13,8 +13,8 @@ use super::settings::Settings;
 use crate::signals::SignalError;
 use regen_runtime::Info;
 
-/// A stretch of a log without gaps: its columns in SI, by coordinate. What the log does not have is
-/// missing in the lists.
+/// A stretch of a log without gaps: its columns in SI, each with the index of its coordinate. The
+/// lists contain only the columns that the log has.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
     /// The times, s.
@@ -32,7 +32,7 @@ pub struct Track {
 /// Reads a run as stretches without gaps.
 ///
 /// - `settings`: how its files are read: columns, format, rate, even grid, whether velocities are
-///   used, and what is done with faulty rows; filters and delays count for nothing;
+///   used, and what is done with faulty rows; filters and delays are ignored;
 /// - `commands`: the columns of the commanded positions, as positions of the joints; a command
 ///   without one is in the column `cmd_NAME`, if there is such a column.
 ///

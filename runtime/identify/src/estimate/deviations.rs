@@ -17,8 +17,8 @@ const MAX_COSINES: usize = 32;
 /// transforms, nothing is known about the noise, and the standard deviation is infinite.
 const MIN_REMAINING_PART: f64 = 1e-3;
 /// A log that is shorter than this many independent samples gives standard deviations that are too
-/// small, as does one with fewer of them than parameters: at 200 filtered rows of a six-joint arm with
-/// 58 parameters, 59 % of the values were within 3 of them.
+/// small, as does one with fewer of them than parameters: with 200 filtered rows of a six-joint arm
+/// with 58 parameters, only 59 % of the values were within 3 standard deviations.
 const MIN_INDEPENDENT_SAMPLES: f64 = 20.0;
 
 /// The covariance of an estimate whose residuals are correlated in time and across efforts.
@@ -52,11 +52,11 @@ impl Deviations {
     pub fn white(estimate: &Estimate) -> Self {
         let n = estimate.values.len();
         let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
-            let mut apart = vec![0.0; n * n];
+            let mut diagonal = vec![0.0; n * n];
             for k in 0..n {
-                apart[k * n + k] = estimate.sigma(k);
+                diagonal[k * n + k] = estimate.sigma(k);
             }
-            apart
+            diagonal
         });
         Self {
             covariance: estimate.covariance.clone(),
@@ -284,12 +284,12 @@ impl Blocks {
             }
         }
         let root = root(&transforms, &scale, &expected[0], k).unwrap_or_else(|| {
-            // the correlation is not known: assume none
-            let mut apart = vec![0.0; k * k];
+            // the correlation of the parameters is not known: assume that there is none
+            let mut diagonal = vec![0.0; k * k];
             for a in 0..k {
-                apart[a * k + a] = covariance[a * k + a].sqrt();
+                diagonal[a * k + a] = covariance[a * k + a].sqrt();
             }
-            apart
+            diagonal
         });
         let found = Deviations {
             covariance,
@@ -434,10 +434,10 @@ fn omega(
     a: usize,
 ) -> Vec<f64> {
     let row = |matrix: &'_ [f64]| -> Vec<f64> { matrix[a * k..(a + 1) * k].to_vec() };
-    let taken: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
+    let slopes: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
     let own: Vec<Vec<f64>> = (1..=terms).map(|j| row(&expected[j])).collect();
     // the loss by the fit, times the covariance of all parameters
-    let through: Vec<Vec<f64>> = taken
+    let through: Vec<Vec<f64>> = slopes
         .iter()
         .map(|t| {
             let rows = expected[0].chunks_exact(k.max(1));
@@ -450,8 +450,8 @@ fn omega(
         for j in 0..=i {
             // sqrt(2) cos i sqrt(2) cos j = cos (i - j) + cos (i + j)
             let plain = at(i - j) + at(i + j + 2);
-            let crossed = SQRT_2 * (dot(&taken[i], &own[j]) + dot(&taken[j], &own[i]));
-            let value = plain - crossed + dot(&taken[i], &through[j]);
+            let crossed = SQRT_2 * (dot(&slopes[i], &own[j]) + dot(&slopes[j], &own[i]));
+            let value = plain - crossed + dot(&slopes[i], &through[j]);
             out[i * terms + j] = value;
             out[j * terms + i] = value;
         }
@@ -467,10 +467,10 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
         return None;
     }
-    let related: Vec<f64> = (0..k * k)
+    let correlation: Vec<f64> = (0..k * k)
         .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
         .collect();
-    let own = cholesky(&related, k)?;
+    let own = cholesky(&correlation, k)?;
     // the transforms, whitened by the expected covariance
     let terms = transforms.len() as f64;
     let white: Vec<Vec<f64>> = transforms
@@ -498,27 +498,27 @@ fn root(transforms: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> O
     let mean = (0..k).map(|a| found[a * k + a]).sum::<f64>() / k.max(1) as f64;
     let square = |matrix: &[f64]| matrix.iter().map(|x| x * x).sum::<f64>();
     // |S - mu I|^2, and the part of it that is due to chance: sum |x x^T - S|^2 / terms^2
-    let apart = square(&found) - k as f64 * mean * mean;
+    let distance = square(&found) - k as f64 * mean * mean;
     let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
     let chance = (lengths / terms - square(&found)) / terms;
-    let lean = if apart > 0.0 {
-        (chance / apart).clamp(0.0, 1.0)
+    let shrinkage = if distance > 0.0 {
+        (chance / distance).clamp(0.0, 1.0)
     } else {
         1.0
     };
     // a small part of the mean makes a singular matrix positive definite
-    let lean = lean.max(1e-6);
+    let shrinkage = shrinkage.max(1e-6);
     for (at, x) in found.iter_mut().enumerate() {
-        *x *= 1.0 - lean;
+        *x *= 1.0 - shrinkage;
         if at / k == at % k {
-            *x += lean * mean;
+            *x += shrinkage * mean;
         }
     }
-    let spread = cholesky(&found, k)?;
+    let shrunk = cholesky(&found, k)?;
     let mut out = zero;
     for j in 0..k {
         for i in j..k {
-            let sum: f64 = (j..=i).map(|l| own[l * k + i] * spread[j * k + l]).sum();
+            let sum: f64 = (j..=i).map(|l| own[l * k + i] * shrunk[j * k + l]).sum();
             out[j * k + i] = sizes[i] * sum;
         }
     }

@@ -18,7 +18,8 @@ pub enum EstimateError {
         /// The length that was given.
         got: usize,
     },
-    /// An entry is NaN or infinite.
+    /// An entry is NaN or infinite; of a factor's parts also: an entry below the diagonal is not
+    /// zero, or the sum of squares is negative.
     NotFinite {
         /// The name of the matrix or list that contains the entry.
         what: &'static str,

@@ -87,7 +87,9 @@ impl QrFactor {
         }
     }
 
-    /// A factor from its parts: `r` is n x n, column-major and upper triangular, `z` has n entries.
+    /// A factor from its parts: `r` is n x n, column-major and upper triangular, `z` has n entries,
+    /// `rss` is the sum of squared residuals and `rows` the number of rows. The signs of the
+    /// diagonal are left as they are.
     ///
     /// # Errors
     /// When lengths do not fit, an entry is not finite, `r` has entries below its diagonal, or
@@ -131,7 +133,8 @@ impl QrFactor {
         &self.labels
     }
 
-    /// R: n x n, column-major, upper triangular with a non-negative diagonal.
+    /// R: n x n, column-major, upper triangular, with a non-negative diagonal unless
+    /// [`from_parts`](Self::from_parts) received another one.
     pub fn r(&self) -> &[f64] {
         &self.r
     }
@@ -355,14 +358,14 @@ impl QrFactor {
             // row k of the scaled inverse: x R = norm e_k
             for j in k..n {
                 let column = &self.r[j * n..(j + 1) * n];
-                let known: f64 = (k..j).map(|i| row[i] * column[i]).sum();
+                let before: f64 = (k..j).map(|i| row[i] * column[i]).sum();
                 let side = if j == k { *norm } else { 0.0 };
-                row[j] = (side - known) / column[j];
+                row[j] = (side - before) / column[j];
             }
             squares += row[k..].iter().map(|x| x * x).sum::<f64>();
         }
         let condition = (n as f64 * squares).sqrt();
-        // false for NaN
+        // the comparison is false for NaN
         self.rows >= n && condition < SURE_PART / RANK_TOLERANCE
     }
 

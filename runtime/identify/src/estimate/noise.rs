@@ -49,7 +49,7 @@ impl Autoregression {
     /// ```
     pub fn fit(variance: f64, autocorrelation: &[f64], samples: usize) -> Self {
         let mut best = Self::white(variance);
-        // also true for a NaN
+        // a variance that is NaN is refused too
         if !(variance > 0.0 && variance.is_finite()) {
             return best;
         }
@@ -58,14 +58,15 @@ impl Autoregression {
             _ => autocorrelation.get(lag - 1).copied().unwrap_or(0.0),
         };
         let mut coefficients: Vec<f64> = Vec::new();
-        let mut left = at(0);
-        let criterion =
-            |left: f64, order: usize| samples as f64 * libm::log(left) + 2.0 * order as f64;
-        let mut least = criterion(left, 0);
+        let mut remaining = at(0);
+        let criterion = |remaining: f64, order: usize| {
+            samples as f64 * libm::log(remaining) + 2.0 * order as f64
+        };
+        let mut least = criterion(remaining, 0);
         for order in 1..=ORDER.min(autocorrelation.len()).min(samples / 4) {
             let known = coefficients.iter().enumerate();
-            let foretold: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
-            let reflection = (at(order) - foretold) / left;
+            let predicted: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
+            let reflection = (at(order) - predicted) / remaining;
             if reflection.is_nan() || reflection.abs() >= 1.0 {
                 break;
             }
@@ -74,12 +75,12 @@ impl Autoregression {
                 *a -= reflection * b;
             }
             coefficients.push(reflection);
-            left *= 1.0 - reflection * reflection;
-            let own = criterion(left, order);
+            remaining *= 1.0 - reflection * reflection;
+            let own = criterion(remaining, order);
             if own < least {
                 least = own;
                 best.coefficients.clone_from(&coefficients);
-                best.innovation = variance * left;
+                best.innovation = variance * remaining;
             }
         }
         best

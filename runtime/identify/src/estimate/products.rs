@@ -1,7 +1,7 @@
 //! Sums of outer products, several samples at a time in vector registers.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::{Arch, Simd, WithSimd};
@@ -14,8 +14,8 @@ const COLLECTED: usize = 64;
 
 /// The sum of `a b^T` over many pairs of vectors, n x n.
 ///
-/// Each entry is summed in the order of the pairs, each product rounded before it is added: the
-/// same bits as one pair after the other, on any machine.
+/// Each entry is summed in the order of the pairs, each product rounded before it is added, so that
+/// the bits are those of one pair added after the other, on any machine.
 #[derive(Clone, Debug)]
 pub(super) struct OuterProducts {
     n: usize,
@@ -63,8 +63,8 @@ impl OuterProducts {
         self.b.clear();
     }
 
-    /// The sum, row by row, which is then empty; entries before the diagonal of a symmetric one
-    /// are not filled.
+    /// Returns the sum, row by row, and starts an empty one; entries before the diagonal of a
+    /// symmetric sum are not filled.
     pub(super) fn take(&mut self) -> Vec<f64> {
         self.add();
         let rows = self.sum.chunks_exact(self.stride.max(1)).take(self.n);
@@ -73,7 +73,7 @@ impl OuterProducts {
         sum
     }
 
-    /// Starts from a sum that [`take`](Self::take) gave.
+    /// Continues a sum that [`take`](Self::take) returned.
     pub(super) fn set(&mut self, sum: &[f64]) {
         self.a.clear();
         self.b.clear();
@@ -155,7 +155,7 @@ mod tests {
                     }
                 }
                 if k == 70 {
-                    // a sum that is taken can be gone on with
+                    // after `take`, `set` continues the sum
                     let own = sums.take();
                     sums.set(&own);
                 }

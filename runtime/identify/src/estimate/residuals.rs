@@ -33,19 +33,22 @@ pub struct EffortError {
     pub white: f64,
 }
 
-/// A probability of white residuals below which they are called correlated.
-const WHITE: f64 = 0.01;
-/// An effort is unexplained where the residuals have more than this part of its size, in percent.
-const UNEXPLAINED: f64 = 50.0;
+/// Residuals count as correlated when white ones would have this little probability of at least
+/// their autocorrelation.
+const MIN_WHITE_PROBABILITY: f64 = 0.01;
+/// An effort counts as explained when the root mean square of its residuals is at most this
+/// percentage of that of the effort.
+const MAX_EXPLAINED_RMS_PERCENT: f64 = 50.0;
 
 impl EffortError {
     /// Whether the residuals are correlated in time; `None` where too few of them are known.
     pub fn is_correlated(&self) -> Option<bool> {
-        (!self.white.is_nan()).then_some(self.white < WHITE)
+        (!self.white.is_nan()).then_some(self.white < MIN_WHITE_PROBABILITY)
     }
 
-    /// Whether the model explains the effort: the residuals have at most half of its size. An
-    /// effort of nothing but zeros has no relative error, and is not explained.
+    /// Whether the model explains the effort: the root mean square of the residuals is at most half
+    /// of that of the effort. An effort that is always zero has no relative error and counts as not
+    /// explained.
     ///
     /// ```
     /// use regen_identify::estimate::EffortError;
@@ -64,7 +67,7 @@ impl EffortError {
     /// assert_eq!(error.is_correlated(), Some(true));
     /// ```
     pub fn is_explained(&self) -> bool {
-        self.relative_rms <= UNEXPLAINED
+        self.relative_rms <= MAX_EXPLAINED_RMS_PERCENT
     }
 }
 

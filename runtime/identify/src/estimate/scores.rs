@@ -56,7 +56,7 @@ pub struct Blocks {
     pub(super) parameters: usize,
     /// The parameters at which the residuals were computed, SI.
     pub(super) values: Vec<f64>,
-    #[allow(clippy::struct_field_names, reason = "the blocks are all that is kept")]
+    #[allow(clippy::struct_field_names, reason = "the field is the list of blocks")]
     pub(super) blocks: Vec<Block>,
     /// The number of samples that carry as much information as one independent sample, of the
     /// effort with the longest correlation.
@@ -158,9 +158,9 @@ pub struct Scores {
     whitened: Vec<f64>,
     /// The number of samples in a full block.
     length: usize,
-    /// The block so far, but for its matrices.
+    /// The current block, without its matrices.
     current: Block,
-    /// [`Block::slope`] and [`Block::expected`] of the block so far.
+    /// [`Block::slope`] and [`Block::expected`] of the current block.
     slope: OuterProducts,
     expected: OuterProducts,
     blocks: Vec<Block>,

@@ -1,5 +1,5 @@
-//! One QR factor for each effort of a robot, kept separately until the noise of the efforts is
-//! known, and stored as a file.
+//! One QR factor for each effort of a robot. The factors stay separate until the noise of the
+//! efforts is known, and can be stored as a file.
 
 use core::fmt;
 

@@ -63,8 +63,9 @@ impl Spectrum {
         (0..n).filter(|&c| part(c) > MIN_NULL_PART).collect()
     }
 
-    /// Orthonormal directions, columns scaled to unit length, whose singular values are below this
-    /// part of the largest: along them nothing changes.
+    /// Orthonormal directions, with columns scaled to unit length, whose singular values are at
+    /// most this fraction of the largest: changing the parameters along them does not change the
+    /// efforts.
     pub(crate) fn null_directions(&self, tolerance: f64) -> Vec<Vec<f64>> {
         let n = self.scaled.len();
         let floor = tolerance * self.scaled.first().copied().unwrap_or(0.0);

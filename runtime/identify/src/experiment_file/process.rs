@@ -9,7 +9,7 @@ use crate::data::{Checks, Decimal, Format, Header, Policy, Separator, Settings};
 use crate::identify::{EquationKind, Standstill};
 use crate::signals::Method;
 
-/// What a file says of the processing.
+/// How a file says that signals are processed.
 pub(super) struct Process {
     /// The settings, without columns.
     pub(super) settings: Settings,
@@ -17,7 +17,7 @@ pub(super) struct Process {
     pub(super) delay: Delay,
 }
 
-/// Reads all keys but those of columns and runs.
+/// Reads all keys except those of columns and runs.
 pub(super) fn read(root: &Node, info: &Info<'_>, sink: &mut Sink) -> Process {
     let process = root.get("process");
     let of = |key: &str| process.and_then(|process| process.get(key));

@@ -13,7 +13,7 @@ use super::interior::{InteriorOutcome, Precision, minimise, start};
 use super::known::{Central, Known, Similar, Starts};
 use super::problem::{Kind, Problem, Setting};
 use super::psd_completion::near_reference;
-use super::reduced::Directions;
+use super::reduced::PseudoInverse;
 use super::verdict::verdict;
 use super::{
     BaseMap, Body, Check, FeasibilityError, InfeasibilityCertificate, Options, ParameterLayout,
@@ -328,7 +328,7 @@ fn least_squares_residual(factor: &QrFactor) -> (f64, usize) {
     let r = factor.columns();
     let a = DMatrix::from_column_slice(r, r, factor.r());
     let z = DVector::from_column_slice(factor.z());
-    let spectrum = Directions::of(&a);
+    let spectrum = PseudoInverse::of(&a);
     let residual = &a * spectrum.solve(&z) - z;
     (residual.norm_squared() + factor.rss(), spectrum.rank)
 }
@@ -407,7 +407,7 @@ fn physical_least_squares(
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if options.constrain() {
+    if options.has_constraints() {
         return Ok(None);
     }
     if known.refutes(layout, combinations, &beta, options.scale)? {

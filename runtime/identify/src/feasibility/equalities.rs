@@ -28,7 +28,7 @@ pub(super) struct Equality {
 pub(super) struct Solved {
     /// One expression for each parameter, in its unit.
     pub(super) expressions: Vec<Affine>,
-    /// The index of the parameter that each variable stands for.
+    /// For each variable, the index of the parameter that it is.
     pub(super) variables: Vec<usize>,
 }
 
@@ -63,7 +63,8 @@ pub(super) fn solve(
     equalities: &[Equality],
 ) -> Result<Solved, FeasibilityError> {
     let mut eliminated: Vec<Option<Affine>> = vec![None; parameters];
-    let mut acting: Vec<(usize, &str, bool)> = Vec::new();
+    // each group of equations with its source, and whether one of them removed an unknown
+    let mut groups: Vec<(usize, &str, bool)> = Vec::new();
     for equality in equalities {
         let largest = equality.form.terms.iter().map(|(_, f)| f.abs());
         let largest = largest.fold(0.0, f64::max);
@@ -82,9 +83,9 @@ pub(super) fn solve(
             }
         });
         if let Some(group) = equality.group {
-            match acting.iter_mut().find(|(g, ..)| *g == group) {
+            match groups.iter_mut().find(|(g, ..)| *g == group) {
                 Some((.., acts)) => *acts |= pivot.is_some(),
-                None => acting.push((group, &equality.source, pivot.is_some())),
+                None => groups.push((group, &equality.source, pivot.is_some())),
             }
         }
         let Some(pivot) = pivot else {
@@ -107,6 +108,7 @@ pub(super) fn solve(
                 -constant / lead
             },
         };
+        // the new substitution is applied to the parameters that were eliminated before
         let mut one = vec![None; parameters];
         one[pivot] = Some(by);
         for slot in &mut eliminated {
@@ -125,7 +127,7 @@ pub(super) fn solve(
         }
         eliminated[pivot] = one[pivot].take();
     }
-    if let Some((_, source, _)) = acting.iter().find(|(.., acts)| !acts) {
+    if let Some((_, source, _)) = groups.iter().find(|(.., acts)| !acts) {
         return Err(FeasibilityError::Idle(format!(
             "{source} says nothing that the rest does not say already"
         )));

@@ -98,11 +98,12 @@ pub fn inertial_parameters(j: &[[f64; 4]; 4]) -> InertialParameters {
     ]
 }
 
-/// Mass, kg, centre of mass, m, and the tensor `Ixx Ixy Ixz Iyy Iyz Izz` about it in the body's axes,
-/// kg m^2, by the parallel axis theorem. The centre of a body without mass is the origin.
+/// Mass, kg, centre of mass in the body's frame, m, and the inertia tensor
+/// `Ixx Ixy Ixz Iyy Iyz Izz` about it in the axes of that frame, kg m^2, by the parallel axis
+/// theorem. The centre of a body without mass is the origin.
 ///
-/// A tensor that is unphysical by no more than the rounding of this difference, as for a body that is
-/// a point, is replaced by the nearest physical one.
+/// A tensor that is unphysical only by the rounding of this difference, as for a point mass, is
+/// replaced by the nearest physical one.
 pub(crate) fn about_centre(phi: &InertialParameters) -> (f64, [f64; 3], [f64; 6]) {
     let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *phi;
     let [x, y, z] = if m > 0.0 {
@@ -134,8 +135,9 @@ pub(crate) fn about_centre(phi: &InertialParameters) -> (f64, [f64; 3], [f64; 6]
     (m, [x, y, z], [xx, xy, xz, yy, yz, zz])
 }
 
-/// What conversion to the centre of mass may lose, of the moments about the origin: the division by
-/// the mass, products and differences, and a solver's own rounding at the boundary.
+/// The rounding error of the conversion to the centre of mass, as a fraction of the moments about
+/// the origin: that of the division by the mass, of products and differences, and of a solver at
+/// the boundary.
 const CENTRING_ROUNDING: f64 = 1e-10;
 
 /// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: the linear functional
@@ -194,11 +196,11 @@ impl Scale {
     /// programme above the solver's tolerances for robots in millimetres and tonnes and for
     /// mechanisms of milligrams alike.
     ///
-    /// - `length`: the size of the mechanism, in the description's unit of length, within a factor
-    ///   of sixteen: `LoopClosure::length_unit`.
-    /// - `beta`: base parameters of these combinations, SI. Each one of a body is a mass at a
-    ///   length of about the mechanism's; the largest gives the robot's mass, within a factor of
-    ///   2^8.
+    /// - `length`: the size of the mechanism within a factor of sixteen, in the description's unit
+    ///   of length, as `LoopClosure::length_unit` returns it.
+    /// - `beta`: base parameters of these combinations, SI. Each base parameter of a body is about
+    ///   a mass times a power of the mechanism's length; the largest of these masses is taken as
+    ///   the robot's mass, within a factor of 2^8.
     ///
     /// For robots of usual size and mass this is the default. If `length` is not finite and
     /// positive, it is the default too; if no base parameter of a body is finite and nonzero, the
@@ -209,10 +211,10 @@ impl Scale {
     ///
     /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     /// let (layout, all) = (ParameterLayout::new(&labels)?, BaseMap::identity(&labels));
-    /// let seen = all.select(&[5, 6])?;
-    /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
+    /// let observed = all.select(&[5, 6])?;
+    /// assert_eq!(Scale::near(&layout, &observed, &[0.02, 0.15], 1.0), Scale::default());
     /// // the same robot in millimetres and tonnes: t mm^2 and t mm
-    /// let scale = Scale::near(&layout, &seen, &[0.02e3, 0.15], 256.0);
+    /// let scale = Scale::near(&layout, &observed, &[0.02e3, 0.15], 256.0);
     /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
     /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
     /// ```
@@ -265,8 +267,8 @@ impl Scale {
     }
 
     /// The smallest eigenvalue of the pseudo-inertia in these units, dimensionless: at least 0
-    /// exactly when the body is physical. A value below zero that rounding explains counts as zero,
-    /// as for a rod, which has no extent across. NaN if a parameter is not finite.
+    /// exactly when the body is physical. A value below zero that is only rounding counts as zero,
+    /// as for a thin rod, which has no extent across its axis. NaN if a parameter is not finite.
     ///
     /// ```
     /// use regen_identify::feasibility::Scale;
@@ -327,7 +329,7 @@ mod tests {
             assert!(size < 1e-12 * m && (mass - m).abs() < 1e-15 * m);
             assert!((com[0] - x).abs() < 1e-14);
         }
-        // what rounding does not explain stays
+        // a tensor that is unphysical by more than rounding is not changed
         let (_, _, tensor) = about_centre(&[1.0, 0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
         assert!((tensor[5] - 3.0).abs() < 1e-15);
     }

@@ -97,7 +97,7 @@ impl Known {
         };
         let setting = Setting::new(factor, combinations, layout, options);
         let inside = find_interior_point(&setting);
-        if !options.constrain() {
+        if !options.has_constraints() {
             match verdict(layout, combinations, &beta, options.scale)? {
                 Verdict::Infeasible { certificate } => known.certificates.push(certificate.weights),
                 // the fit may not need a point inside the cones

@@ -39,7 +39,7 @@ pub struct Check {
 impl Check {
     /// The smallest of the eigenvalues; infinite without bodies, NaN if one is NaN.
     pub fn margin(&self) -> f64 {
-        // a NaN stays a NaN
+        // a NaN among the eigenvalues gives NaN
         let least = |m: f64, x: &f64| if *x >= m { m } else { *x };
         self.eigenvalues.iter().fold(f64::INFINITY, least)
     }
@@ -390,7 +390,8 @@ impl BaseMap {
         &self.zeros
     }
 
-    /// The identity: each parameter is observed by itself, for factors of a full regressor.
+    /// The identity: each parameter is a combination without others, for factors of a full
+    /// regressor.
     pub fn identity<S: AsRef<str>>(labels: &[S]) -> Self {
         let n = labels.len();
         let row = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect();
@@ -453,7 +454,7 @@ impl BaseMap {
         })
     }
 
-    /// The map with further parameters appended, each observed by itself.
+    /// The map with further parameters appended, each as a combination without others.
     #[must_use]
     pub fn extended(&self, more: &[String]) -> Self {
         let parameters = self.parameters + more.len();

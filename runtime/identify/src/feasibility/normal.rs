@@ -7,7 +7,7 @@
 //! than the cones do; the refinement of each direction gives them back.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::Arch;

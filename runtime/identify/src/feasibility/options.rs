@@ -7,9 +7,9 @@ use super::Scale;
 pub struct Bound {
     /// The label of the parameter.
     pub parameter: String,
-    /// The lowest value, SI. For a single parameter, a value below 0 replaces the sign that the
-    /// parameter must have otherwise: as needed for the offset of a torque sensor or a joint that
-    /// is driven.
+    /// The lowest value, SI. For a single parameter, a value below 0 replaces the condition that
+    /// the parameter is not negative, as is needed for the offset of a torque sensor or of a driven
+    /// joint.
     pub lowest: f64,
     /// The highest value, SI; may be infinite.
     pub highest: f64,
@@ -65,7 +65,7 @@ pub struct Options {
     /// Priors, weighted against the observations by their standard deviations.
     pub priors: Vec<Prior>,
     /// Reference values of all p parameters, SI, from CAD: the parameters that the observations
-    /// leave open are chosen as close to them as possible; without a reference, as small as
+    /// do not determine are chosen as close to them as possible; without a reference, as small as
     /// possible. `None` for a parameter without a reference.
     pub reference: Vec<Option<f64>>,
     /// The weight of the entropic prior towards the reference bodies: each body with a complete
@@ -77,15 +77,15 @@ pub struct Options {
     /// The standard deviation of the noise of the factor's rows, by default that of the
     /// least-squares residuals. It sets the weight of priors.
     pub noise: Option<f64>,
-    /// Skips the choice of the parameters that the observations leave open, which are then
-    /// somewhere inside the constraints. For the many fits inside a search, of which the last is
+    /// Skips the choice of the parameters that the observations do not determine, which are then
+    /// anywhere within the constraints. Meant for the many fits of a search, whose final fit is
     /// made without this option.
     pub rough: bool,
 }
 
 impl Options {
-    /// Whether there are priors, or constraints besides being physical.
-    pub(super) fn constrain(&self) -> bool {
+    /// Whether there are priors, or constraints besides physical consistency.
+    pub(super) fn has_constraints(&self) -> bool {
         !self.priors.is_empty()
             || self.entropic > 0.0
             || !self.known.is_empty()

@@ -10,8 +10,8 @@ const ACCURACY: f64 = 1e-9;
 /// pseudo-inertia, in units of the scale.
 const TARGET_MARGIN: f64 = 1e-6;
 
-/// Among the physical robots with these base parameters, finds one that is close to the reference,
-/// or small without one; it is physical by its check.
+/// Among the physical robots with these base parameters, finds one whose parameters are close to
+/// the reference, or small without one. [`ParameterLayout::check`] confirms that it is physical.
 ///
 /// - `inside`: the parameters of a physical robot with these base parameters, and its margin.
 ///
@@ -24,8 +24,8 @@ pub(super) fn near_reference(
     (inside, margin): (&[f64], f64),
     options: &Options,
 ) -> Result<(Vec<f64>, Check), FeasibilityError> {
-    let led = with_leads(combinations, beta)?;
-    let (combinations, beta) = (&led.combinations, led.values.as_slice());
+    let leading = with_leads(combinations, beta)?;
+    let (combinations, beta) = (&leading.combinations, leading.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(options.scale);
     let (expressions, free_units) = expressions(combinations, &roles, &units, beta);
@@ -40,10 +40,10 @@ pub(super) fn near_reference(
         off.constant -= reference.unwrap_or(0.0) / units[j];
         program.square(&off);
     }
-    let sought = options.margin.max((margin / 2.0).min(TARGET_MARGIN));
+    let target = options.margin.max((margin / 2.0).min(TARGET_MARGIN));
     for body in layout.bodies() {
         let triangle = body_triangle(&expressions, &body.columns, |diagonal: &mut Affine| {
-            diagonal.constant -= sought;
+            diagonal.constant -= target;
         });
         program.semidefinite(4, &triangle);
     }

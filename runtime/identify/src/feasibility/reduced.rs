@@ -5,14 +5,14 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 /// Singular values below this fraction of the largest count as zero.
 const RANK_TOLERANCE: f64 = 1e-11;
 
-/// The rank and pseudo-inverse of a matrix.
-pub(super) struct Directions {
+/// The rank of a matrix, and its pseudo-inverse.
+pub(super) struct PseudoInverse {
     pub(super) rank: usize,
     inverse: DMatrix<f64>,
 }
 
-impl Directions {
-    /// Computes both by the eigenvectors of `[0 A^T; A 0]`, whose eigenvalues are the singular
+impl PseudoInverse {
+    /// Computes both from the eigenvectors of `[0 A^T; A 0]`, whose eigenvalues are the singular
     /// values with both signs; those of A^T A would square the condition number.
     pub(super) fn of(a: &DMatrix<f64>) -> Self {
         let (m, n) = a.shape();

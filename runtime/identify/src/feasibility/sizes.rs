@@ -31,8 +31,8 @@ impl Setting<'_> {
     }
 
     /// The scale in which the problem is solved: that of the options, or one with a lighter unit of
-    /// mass if three of four certain base parameters are far below it, as happens when weights that
-    /// model springs set the scale.
+    /// mass if three of four certain base parameters are far below it, as happens when large masses
+    /// that stand for springs determine the scale.
     pub(super) fn scale(&self) -> Scale {
         let mut scale = self.options.scale;
         let mut sizes = self.certain_sizes(&self.layout.units(scale));

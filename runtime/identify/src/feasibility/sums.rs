@@ -2,7 +2,7 @@
 //! or many side by side in vector registers.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::Arch;
@@ -98,7 +98,7 @@ impl Sums {
         self.count += 1;
     }
 
-    fn each(self) -> impl Iterator<Item = Sum> {
+    fn into_sums(self) -> impl Iterator<Item = Sum> {
         let count = self.count;
         let sums = self.high.into_iter().zip(self.low).zip(self.size);
         sums.map(move |((high, low), size)| Sum {
@@ -124,7 +124,7 @@ pub(super) fn weighted_rows(first: &[f64], rows: &[Vec<f64>], factors: &[f64]) -
             }
         },
     );
-    sums.each().collect()
+    sums.into_sums().collect()
 }
 
 /// `A x - b`, each entry summed in twice the working precision and then rounded.
@@ -151,7 +151,7 @@ pub(super) fn residuals(rows: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
         *term = -*term;
     }
     sums.add(&column);
-    sums.each().map(|sum| sum.value()).collect()
+    sums.into_sums().map(|sum| sum.value()).collect()
 }
 
 #[cfg(test)]
@@ -189,7 +189,7 @@ mod tests {
         }
     }
 
-    /// What cancels in working precision is kept.
+    /// The result contains terms that cancellation in working precision would lose.
     #[test]
     fn small_terms_survive_large_ones() {
         let rows = [vec![1e16, 1.0, -1e16, 0.5]];

@@ -1,7 +1,7 @@
 //! An upper triangular factor, stored row by row, to which rows that begin with zeros can be added.
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use pulp::Arch;

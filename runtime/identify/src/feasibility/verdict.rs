@@ -63,7 +63,7 @@ impl InfeasibilityCertificate {
             .iter()
             .map(|body| eigenvalues(&functional(&body.columns.map(|k| c[k])))[0]);
         let of_single = layout.single().iter().map(|k| c[*k]);
-        // an offset of either sign is bounded by no condition
+        // an offset of either sign has no bound: its factor must be 0
         let of_offsets = layout.any_sign().iter().map(|k| -c[*k].abs());
         let all = of_bodies.chain(of_single).chain(of_offsets);
         let least = all.fold(0.0, f64::min);
@@ -208,7 +208,7 @@ pub(super) fn with_leads(
         }
         let pivot = (0..row.len()).fold(0, |b, j| if row[j].abs() > row[b].abs() { j } else { b });
         let lead = row.get(pivot).copied().unwrap_or(0.0);
-        // the form follows from the others
+        // the form follows from the others and is not needed
         if lead.abs() <= REPRODUCTION_TOLERANCE * size {
             continue;
         }
@@ -334,10 +334,10 @@ pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> b
 /// let layout = ParameterLayout::new(&labels)?;
 /// // only Izz and mx are observed: any mx is possible, because the mass is free
 /// let all = BaseMap::identity(&labels);
-/// let seen = all.select(&[5, 6])?;
-/// assert!(verdict(&layout, &seen, &[0.1, -3.0], Scale::default())?.is_feasible());
+/// let observed = all.select(&[5, 6])?;
+/// assert!(verdict(&layout, &observed, &[0.1, -3.0], Scale::default())?.is_feasible());
 /// let Verdict::Infeasible { certificate } =
-///     verdict(&layout, &seen, &[-0.1, 0.0], Scale::default())?
+///     verdict(&layout, &observed, &[-0.1, 0.0], Scale::default())?
 /// else {
 ///     panic!("a moment of inertia cannot be negative");
 /// };
@@ -360,8 +360,8 @@ pub fn verdict(
         });
     }
     let given = (combinations, beta);
-    let led = with_leads(combinations, beta)?;
-    let (combinations, beta) = (&led.combinations, led.values.as_slice());
+    let leading = with_leads(combinations, beta)?;
+    let (combinations, beta) = (&leading.combinations, leading.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(scale);
     let mut program = Program::default();
@@ -369,11 +369,11 @@ pub fn verdict(
     program.variables(free);
     let margin = program.variables(1);
 
-    // single parameters that are observed by themselves need no solver
+    // a single parameter that is a base parameter without others needs no solver
     let alone = |j: &usize| expressions[*j].terms.is_empty();
     let certify = |weights: Vec<f64>| {
         let mut sums = vec![0.0; given.1.len() + given.0.zeros().len()];
-        for (weight, row) in weights.iter().zip(&led.sums) {
+        for (weight, row) in weights.iter().zip(&leading.sums) {
             for (sum, factor) in sums.iter_mut().zip(row) {
                 *sum += weight * factor;
             }
@@ -409,7 +409,8 @@ pub fn verdict(
         rows.push((program.semidefinite(4, &triangle), body.columns.to_vec()));
     }
     program.minimise(margin, -1.0);
-    // the last digits of a dual that just misses being a proof depend on where the solver stops
+    // without a proof only the margin is returned: the last digits of a dual that just fails to be
+    // a proof depend on where the solver stops
     let mut margin_reached = f64::NEG_INFINITY;
     for accuracy in ACCURACIES {
         let solved = program.solve(accuracy)?;

@@ -1,5 +1,5 @@
-//! Reads and writes files of identified parameters, and reads states of motion; errors have the
-//! places of mistakes.
+//! Reads and writes files of identified parameters, and reads states of motion; errors say where in
+//! the text the mistakes are.
 
 mod constants;
 mod error;
@@ -149,18 +149,18 @@ impl ParameterFile {
     /// When parameters of the model have labels that no body or joint has.
     pub fn new<M: BaseModel<f64> + ?Sized>(
         model: &M,
-        found: &IdentifiedModel,
+        identified: &IdentifiedModel,
         shares: &EffortContributions,
         least: Vec<LeastSquaresRow>,
         confidence: f64,
     ) -> Result<Self, FileError> {
         let info = model.info();
         let base = model.base_info().base.iter().enumerate();
-        let values = base.zip(&found.beta);
+        let values = base.zip(&identified.beta);
         let parameters = values.map(|((k, parameter), value)| {
-            let interval = found.intervals.base.get(k).copied().flatten();
+            let interval = identified.intervals.base.get(k).copied().flatten();
             let sigma = interval.map_or(f64::NAN, |i| i.sigma);
-            let status = if found.left_out.contains(&k) {
+            let status = if identified.left_out.contains(&k) {
                 Status::LeftOut
             } else {
                 shares.status(k, *value, sigma)
@@ -171,26 +171,31 @@ impl ParameterFile {
         let mut file = Self {
             robot: info.name.to_owned(),
             model: digest(model),
-            method: found.name.clone(),
-            logs: found.provenance.logs.clone(),
-            date: found.provenance.date.clone(),
-            feasibility: (!found.feasibility.is_empty()).then(|| found.feasibility.clone()),
-            gap: found.gap,
+            method: identified.name.clone(),
+            logs: identified.provenance.logs.clone(),
+            date: identified.provenance.date.clone(),
+            feasibility: (!identified.feasibility.is_empty())
+                .then(|| identified.feasibility.clone()),
+            gap: identified.gap,
             confidence,
-            deviations: found.intervals.method.clone(),
+            deviations: identified.intervals.method.clone(),
             parameters: parameters.collect(),
             least_squares: least,
-            friction: rows::friction(found),
-            gains: found.gains.iter().map(|g| GainRow::new(g, &info)).collect(),
-            payloads: found.payloads.iter().map(PayloadRow::new).collect(),
-            covariance: found.covariance.as_ref().map(CovarianceRows::new),
+            friction: rows::friction(identified),
+            gains: identified
+                .gains
+                .iter()
+                .map(|g| GainRow::new(g, &info))
+                .collect(),
+            payloads: identified.payloads.iter().map(PayloadRow::new).collect(),
+            covariance: identified.covariance.as_ref().map(CovarianceRows::new),
             physical: Vec::new(),
             bodies: BTreeMap::new(),
             joints: BTreeMap::new(),
         };
-        if let Some(phi) = &found.phi {
+        if let Some(phi) = &identified.phi {
             let layout = ParameterLayout::of(info.parameters)?;
-            let intervals = &found.intervals.physical;
+            let intervals = &identified.intervals.physical;
             let labels = layout.labels().iter().enumerate();
             file.physical = labels
                 .zip(phi)
@@ -208,7 +213,7 @@ impl ParameterFile {
 
 /// The part of a file's content that is read: values without standard deviations.
 #[derive(Deserialize)]
-struct Read {
+struct FileContent {
     robot: String,
     model: String,
     #[serde(default)]
@@ -242,7 +247,8 @@ impl IdentifiedModel {
     ///
     /// # Errors
     /// [`FileError::Digest`] for parameters of another model; [`FileError::Missing`] for missing
-    /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`].
+    /// values; [`FileError::NoParameters`] for other content; [`FileError::Friction`] and
+    /// [`FileError::Covariance`] for friction or a covariance that cannot be read.
     ///
     /// ```
     /// # mod models {
@@ -254,19 +260,19 @@ impl IdentifiedModel {
     ///
     /// let model = models::Pendulum;
     /// let text = r#"{"Izz(1)": 0.1, "mx(1)": 0.5}"#;
-    /// let found = IdentifiedModel::read(&Format::Json.value(text)?, &model)?;
-    /// assert_eq!(found.beta, [0.1, 0.5]);
+    /// let identified = IdentifiedModel::read(&Format::Json.value(text)?, &model)?;
+    /// assert_eq!(identified.beta, [0.1, 0.5]);
     /// let short = IdentifiedModel::read(&Format::Json.value(r#"{"none": 1.0}"#)?, &model);
     /// assert!(matches!(short, Err(FileError::Missing(_))));
     /// # Ok::<(), FileError>(())
     /// ```
     pub fn read<M: BaseModel<f64> + ?Sized>(value: &Value, model: &M) -> Result<Self, FileError> {
-        let mut found = IdentifiedModel {
+        let mut identified = IdentifiedModel {
             name: "identified".to_owned(),
             ..IdentifiedModel::default()
         };
         let mut physical = BTreeMap::new();
-        let values: BTreeMap<String, f64> = match Read::deserialize(value) {
+        let values: BTreeMap<String, f64> = match FileContent::deserialize(value) {
             Ok(file) => {
                 let own = digest(model);
                 if file.model != own {
@@ -276,19 +282,19 @@ impl IdentifiedModel {
                         expected: own,
                     });
                 }
-                found.name = file.method.unwrap_or(found.name);
-                found.provenance = Provenance {
+                identified.name = file.method.unwrap_or(identified.name);
+                identified.provenance = Provenance {
                     model: file.model,
                     logs: file.logs,
                     date: file.date,
                 };
                 for row in &file.friction {
-                    found.friction.push(row.joint()?);
+                    identified.friction.push(row.joint()?);
                 }
-                found.gains = file.gains.iter().map(GainRow::gain).collect();
-                found.payloads = file.payloads.iter().map(PayloadRow::payload).collect();
+                identified.gains = file.gains.iter().map(GainRow::gain).collect();
+                identified.payloads = file.payloads.iter().map(PayloadRow::payload).collect();
                 let covariance = file.covariance.as_ref();
-                found.covariance = covariance.map(CovarianceRows::covariance).transpose()?;
+                identified.covariance = covariance.map(CovarianceRows::covariance).transpose()?;
                 let pair = |row: ReadRow| (row.label, row.value);
                 physical = file.physical.into_iter().map(pair).collect();
                 file.parameters.into_iter().map(pair).collect()
@@ -308,15 +314,15 @@ impl IdentifiedModel {
         if physical.is_empty()
             && let Some(phi) = all(&values, &labels)
         {
-            found.beta = vec![0.0; base.len()];
-            model.to_base(&phi, &mut found.beta)?;
-            found.phi = Some(phi);
-            return Ok(found);
+            identified.beta = vec![0.0; base.len()];
+            model.to_base(&phi, &mut identified.beta)?;
+            identified.phi = Some(phi);
+            return Ok(identified);
         }
         if let Some(beta) = all(&values, &base) {
-            found.beta = beta;
-            found.phi = all(&physical, &labels);
-            return Ok(found);
+            identified.beta = beta;
+            identified.phi = all(&physical, &labels);
+            return Ok(identified);
         }
         let missing = base
             .into_iter()

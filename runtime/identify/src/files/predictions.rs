@@ -8,7 +8,7 @@ use crate::data::DataError;
 use crate::identify::{EquationBuilder, EquationKind, Source};
 use crate::model::IdentifiedModel;
 
-/// The measured right-hand sides of all equations of some runs, and those that models predict.
+/// The measured right-hand sides of all equations of some runs, and the ones that models predict.
 ///
 /// The CSV file has the columns `run` (from 1, if there are several), `t`, then for each equation
 /// `tau_NAME` and `predicted_NAME`, and for the second and further models `predicted2_NAME` and so

@@ -205,12 +205,12 @@ impl PhysicalRow {
 }
 
 /// The rows of a model's nonlinear friction, which is not among the base parameters.
-pub(super) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
-    let joints = found.friction.iter().enumerate();
+pub(super) fn friction(identified: &IdentifiedModel) -> Vec<FrictionRow> {
+    let joints = identified.friction.iter().enumerate();
     joints
         .map(|(k, joint)| {
             let mut row = FrictionRow::new(joint);
-            let intervals = found
+            let intervals = identified
                 .intervals
                 .friction
                 .get(k)

@@ -1,5 +1,5 @@
-//! Reads and writes parameter files in YAML. Specs of robots are read by `regen_codegen`, which
-//! reports places in them by itself.
+//! Reads and writes parameter files in YAML. Specs of robots are read by `regen_codegen` with
+//! another reader, which reports places in them.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -30,7 +30,7 @@ mod tests {
     use super::{text, value};
 
     #[test]
-    fn what_is_written_is_read_to_the_last_bit() {
+    fn written_values_are_read_back_to_the_last_bit() {
         let numbers = [
             0.1,
             -2.5e22,
@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn plain_words_are_no_numbers_and_no_number_is_null() {
+    fn plain_words_are_text_and_nan_is_read_as_null() {
         let read = value("a: on\nb: 010\nc: 1_000\nd: 1e3\ne: .nan\nf: ~\ng: 0x10\n");
         let expected =
             json!({"a": "on", "b": "010", "c": "1_000", "d": 1e3, "e": null, "f": null, "g": 16});
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_their_place_and_bombs_are_refused() {
+    fn mistakes_are_reported_with_their_place_and_yaml_bombs_are_refused() {
         let error = value("a: 1\nb: [1, 2\n").unwrap_err();
         assert!(error.contains("line 2, column 4"), "{error}");
         assert!(value("a: 1\na: 2\n").unwrap_err().contains("line 2"));

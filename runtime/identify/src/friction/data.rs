@@ -11,8 +11,8 @@ use regen_runtime::friction::SHAPES;
 use regen_runtime::{Condition, Friction, Model, SizeError};
 
 /// How friction at joints acts on the rows of the reduced model: column k is the derivative of the
-/// joint's velocity by the independent velocities, which is a unit vector at an independent joint
-/// and a row of -X at a dependent one (Eq. 10).
+/// velocity of joint k by the independent velocities, which is a unit vector for an independent
+/// joint and a row of -X for a dependent one (Eq. 10).
 ///
 /// - `q`: n coordinates, rad or m; `joints`: indices of coordinates;
 /// - returns: dof x joints, column by column, and the worst condition of the linear solves.
@@ -230,8 +230,8 @@ impl FrictionData {
             return Ok(());
         };
         let after = run.equations.last().map_or(0, |last| last + 1);
-        let left = run.times.get(after..).unwrap_or_default();
-        let Some(place) = left.iter().position(|t| t.total_cmp(&time).is_eq()) else {
+        let remaining = run.times.get(after..).unwrap_or_default();
+        let Some(place) = remaining.iter().position(|t| t.total_cmp(&time).is_eq()) else {
             return Err(EstimateError::Size {
                 what: "samples of friction",
                 expected: run.times.len() + 1,

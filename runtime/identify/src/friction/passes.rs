@@ -69,7 +69,7 @@ struct Recorder<'a, 'm, M: ?Sized> {
     model: &'m M,
     at: &'a [usize],
     data: &'a RefCell<FrictionData>,
-    /// Whether the row before gave no equation.
+    /// Whether the previous row gave no equation.
     gap: bool,
 }
 
@@ -129,17 +129,17 @@ where
         data: &data,
         gap: false,
     };
-    let left = equations(
+    let left_out = equations(
         model,
         EquationKind::Forces,
         source,
         &mut recorder,
-        &mut |found| {
+        &mut |rows| {
             let mut data = data.borrow_mut();
-            data.push_equations(found.time, found.w, found.tau, found.weights)
+            data.push_equations(rows.time, rows.w, rows.tau, rows.weights)
         },
     )?;
-    Ok((data.into_inner(), left))
+    Ok((data.into_inner(), left_out))
 }
 
 /// The efforts of the joints' friction as one column of a stream of equations, so that they pass
@@ -233,20 +233,20 @@ where
         EquationKind::Forces,
         source,
         &mut columns,
-        &mut |found| {
-            if !found.follows {
+        &mut |rows| {
+            if !rows.follows {
                 out.interrupt();
             }
-            let dof = found.tau.len();
+            let dof = rows.tau.len();
             fitted.fill(0.0);
-            for (column, factor) in found.w.chunks_exact(dof.max(1)).zip(&factors) {
+            for (column, factor) in rows.w.chunks_exact(dof.max(1)).zip(&factors) {
                 for (sum, w) in fitted.iter_mut().zip(column) {
                     *sum += w * factor;
                 }
             }
             used.clear();
-            used.extend(found.weights.iter().map(|w| *w > 0.0));
-            out.push_used(found.tau, &fitted, &used)
+            used.extend(rows.weights.iter().map(|w| *w > 0.0));
+            out.push_used(rows.tau, &fitted, &used)
         },
     )?;
     Ok(out)

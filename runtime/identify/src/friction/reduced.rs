@@ -45,7 +45,7 @@ pub(super) struct Linearised {
     known: usize,
     /// The labels of the steps of the shape parameters.
     steps: Vec<String>,
-    /// For each derivative the step that it belongs to, and the column that it derives.
+    /// For each derivative the step that it belongs to, and the column that is differentiated.
     derived: Vec<(usize, usize)>,
 }
 
@@ -111,9 +111,9 @@ impl Reduced {
         let mut all = QrFactor::new(labels);
         let (mut rows, mut rss) = (0, 0.0);
         for (effort, own) in self.efforts.iter().zip(own) {
-            let (w, side, left) = own.reduced(effort, data.labels.len(), n);
+            let (w, side, squares) = own.reduced(effort, data.labels.len(), n);
             all.push_block(&w, &side)?;
-            rss += left;
+            rss += squares;
             rows += effort.equations.len();
         }
         Ok(Linearised {
@@ -181,8 +181,8 @@ impl Effort {
 
 /// The columns of friction that act on one effort.
 struct OwnColumns {
-    /// The place of each column among the entries of a sample, and its number behind the linear
-    /// columns.
+    /// The place of each column among the entries of a sample, and its number among the columns
+    /// after the linear ones.
     places: Vec<(usize, usize)>,
     /// The entries of each block, column by column.
     blocks: Vec<Vec<f64>>,
@@ -212,9 +212,9 @@ impl OwnColumns {
         }
     }
 
-    /// Reduces these columns behind the linear ones: rows of all `n` columns, of which the first
-    /// `linear` are the linear ones, column by column, their right sides, and the squared residuals
-    /// that are left.
+    /// Reduces these columns after the linear ones. Returns rows of all `n` columns, of which the
+    /// first `linear` are the linear ones, column by column, their right sides, and the sum of the
+    /// squared residuals that the reduced rows do not contain.
     fn reduced(mut self, effort: &Effort, linear: usize, n: usize) -> (Vec<f64>, Vec<f64>, f64) {
         let (first, later) = (effort.columns.len(), self.places.len());
         let mut tops = vec![0.0; first * later];
@@ -374,7 +374,7 @@ mod tests {
                 let whole = directly(&data, &columns);
                 assert_same(&whole, &found.with_steps(&x, reach).unwrap());
             }
-            // without effect of the shapes, the columns of the steps are zeros
+            // where the efforts do not depend on the shapes, the columns of the steps are zeros
             let columns = FrictionColumns {
                 laws,
                 shapes: &shapes,

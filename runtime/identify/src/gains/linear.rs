@@ -24,7 +24,7 @@ impl Column {
     }
 }
 
-/// The linearised equations: what the entries of a row are made of.
+/// The linearised equations, from which the entries of each row are computed.
 pub(super) struct Linear<'a> {
     solved: &'a Solved<'a>,
     pub(super) columns: Vec<Column>,
@@ -46,7 +46,8 @@ impl Linear<'_> {
         (&self.solved.problem.loads[load], column)
     }
 
-    /// The combination of base parameters that a column is for an effort.
+    /// The derivative of an effort's prediction by the unknown of a column, as a factor for the
+    /// regressor's entry of each base parameter.
     fn combination(&self, column: Column, effort: usize) -> Vec<f64> {
         let n = self.x.len();
         let g = self.inverse_gain(effort);
@@ -95,7 +96,8 @@ impl Linear<'_> {
         self.factor_of(self.solved.problem.set, columns, labels)
     }
 
-    /// The same of other triangles of the efforts, such as those without Huber's weights.
+    /// As [`factor`](Self::factor), with other triangles of the efforts, such as those without
+    /// Huber's weights.
     pub(super) fn factor_of(
         &self,
         set: &FactorSet,

@@ -1,4 +1,5 @@
-//! A robot that was identified before, in the base parameters of another model of it.
+//! Converts the parameters of a robot that was identified before to the base parameters of another
+//! model of it.
 
 use regen_runtime::{BaseModel, SizeError};
 
@@ -6,14 +7,13 @@ use super::KnownRobot;
 use crate::model::{Covariance, IdentifiedModel};
 
 impl KnownRobot {
-    /// The robot of an identification in the base parameters of `model`, such as one with payloads
-    /// apart. Parameters that `from` lacks are 0.
+    /// Converts an identified model to the base parameters of `model`, such as one that has
+    /// payloads as separate bodies. Parameters that `from` lacks are 0.
     ///
-    /// - `from`: the model that `found` belongs to; its parameters have the labels that they have in
-    ///   `model`.
+    /// - `from`: the model that was identified; its parameters have the same labels in `model`.
     ///
     /// # Errors
-    /// When `found` is not of `from`.
+    /// When `identified` does not have as many base parameters as `from`.
     ///
     /// ```
     /// # mod models {
@@ -24,12 +24,12 @@ impl KnownRobot {
     /// use regen_identify::IdentifiedModel;
     /// use regen_identify::gains::KnownRobot;
     ///
-    /// let found = IdentifiedModel { beta: vec![0.5, 2.0], ..IdentifiedModel::default() };
-    /// let robot = KnownRobot::new(&Pendulum, &Pendulum, &found)?;
+    /// let identified = IdentifiedModel { beta: vec![0.5, 2.0], ..IdentifiedModel::default() };
+    /// let robot = KnownRobot::new(&Pendulum, &Pendulum, &identified)?;
     /// assert_eq!(robot.beta, [0.5, 2.0]);
     /// # Ok::<(), regen_runtime::SizeError>(())
     /// ```
-    pub fn new<M, N>(model: &M, from: &N, found: &IdentifiedModel) -> Result<Self, SizeError>
+    pub fn new<M, N>(model: &M, from: &N, identified: &IdentifiedModel) -> Result<Self, SizeError>
     where
         M: BaseModel<f64> + ?Sized,
         N: BaseModel<f64> + ?Sized,
@@ -54,7 +54,7 @@ impl KnownRobot {
             model.to_base(&all, &mut out)?;
             Ok(out)
         };
-        let covariance = match &found.covariance {
+        let covariance = match &identified.covariance {
             None => None,
             Some(covariance) => {
                 let labels: Vec<&str> = from.base_info().base.iter().map(|b| b.label).collect();
@@ -64,22 +64,23 @@ impl KnownRobot {
                     unit[k] = 1.0;
                     columns.push(moved(&unit)?);
                 }
-                Some(changed(model, covariance, &labels, &columns))
+                Some(transformed(model, covariance, &labels, &columns))
             }
         };
-        let gains = found.gains.iter();
+        let gains = identified.gains.iter();
         Ok(Self {
-            beta: moved(&found.beta)?,
+            beta: moved(&identified.beta)?,
             gains: gains.map(|g| (g.effort.clone(), g.value)).collect(),
             covariance,
         })
     }
 }
 
-/// The covariance in the base parameters of a model, and the gains.
+/// The covariance of the base parameters of a model and of the gains.
 ///
-/// - `columns`: the base parameters of the model by those of these labels.
-fn changed<M: BaseModel<f64> + ?Sized>(
+/// - `columns`: for each of the labels, the derivatives of the model's base parameters by the
+///   parameter with that label.
+fn transformed<M: BaseModel<f64> + ?Sized>(
     model: &M,
     covariance: &Covariance,
     labels: &[&str],

@@ -1,5 +1,5 @@
-//! Huber's estimate of parameters, gains and payloads: outliers are judged in the units in which the
-//! efforts were measured.
+//! Huber's estimate of parameters, gains and payloads: residuals are weighted in the units in which
+//! the efforts were measured.
 
 use super::problem::{Point, Problem};
 use super::rows::{Rows, Sample};

@@ -41,6 +41,8 @@ where
     S: Source + ?Sized,
     S::Error: Into<DataError>,
 {
+    /// Prepares the equations of the runs; they are computed by the first [`visit`](Self::visit).
+    ///
     /// - `blocks`: the base parameters of each payload.
     pub(super) fn new(
         model: &'a M,
@@ -91,29 +93,30 @@ where
         let mut weights = vec![0.0; dof];
         for (replay, absent) in &mut self.runs {
             let by_drive = self.by_drive;
-            let result = replay.visit(&mut |found| {
-                if found.tau.is_empty() {
+            let result = replay.visit(&mut |rows| {
+                if rows.tau.is_empty() {
                     return Ok(());
                 }
-                let own = found.w.get(if by_drive { size..2 * size } else { 0..size });
+                let own = rows.w.get(if by_drive { size..2 * size } else { 0..size });
                 w.copy_from_slice(own.unwrap_or_default());
                 for column in absent.iter() {
                     w[column * dof..(column + 1) * dof].fill(0.0);
                 }
                 let measured = if by_drive {
-                    // static friction in one equation is in those of all drives
-                    let least = found.weights.iter().copied().fold(1.0, f64::min);
+                    // static friction in one equation affects the equations of all drives, because
+                    // each of these is a combination of all equations
+                    let least = rows.weights.iter().copied().fold(1.0, f64::min);
                     weights.fill(least);
-                    found.w.get(2 * size..).unwrap_or_default()
+                    rows.w.get(2 * size..).unwrap_or_default()
                 } else {
-                    weights.copy_from_slice(found.weights);
-                    found.tau
+                    weights.copy_from_slice(rows.weights);
+                    rows.tau
                 };
                 each(&Sample {
                     w: &w,
                     measured,
                     weights: &weights,
-                    follows: found.follows,
+                    follows: rows.follows,
                 })
             });
             result.map_err(|why| GainError::Data(why.into()))?;
@@ -121,14 +124,14 @@ where
         Ok(())
     }
 
-    /// What the last pass left out.
+    /// The numbers of rows and samples that the last pass left out.
     pub(super) fn left_out(&self) -> LeftOut {
         let mut out = LeftOut {
             resting: vec![0; self.efforts.len()],
             ..LeftOut::default()
         };
         for (replay, _) in &self.runs {
-            let own = replay.left();
+            let own = replay.left_out();
             out.samples += own.samples;
             out.singular += own.singular;
             out.unsettled += own.unsettled;

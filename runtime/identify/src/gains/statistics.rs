@@ -219,8 +219,8 @@ impl Solved<'_> {
         Ok((scores.finish(values)?, sums))
     }
 
-    /// The covariance of the unknowns that comes from that of a known robot; `None` where it is not
-    /// known or nothing of the robot is.
+    /// The part of the unknowns' covariance that the covariance of a known robot causes; `None` if
+    /// no robot is known, or its covariance is not.
     fn of_robot(
         &self,
         linear: &Linear<'_>,
@@ -279,7 +279,8 @@ impl Solved<'_> {
         let mut whole = QrFactor::new(set.labels().to_vec());
         for (effort, factor) in set.factors().iter().enumerate() {
             let g = linear.inverse_gain(effort);
-            // the sign of a gain does not matter, that of the diagonal is kept
+            // only the squares of the rows count, so the sign of the gain is moved to z to keep the
+            // diagonal positive
             let r = factor.r().iter().map(|r| g.abs() * r).collect();
             let z = factor.z().iter().map(|z| g.signum() * z).collect();
             let (rss, rows) = (factor.rss(), factor.rows());

@@ -87,8 +87,8 @@ pub struct Step {
     pub change: Change,
     /// The indices of the base parameters in the model, ascending.
     pub kept: Vec<usize>,
-    /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0 if they are not
-    /// feasible.
+    /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0
+    /// unless they are known to be feasible.
     pub well: usize,
     /// Whether a physical robot has these base parameters.
     pub feasibility: Feasibility,
@@ -194,17 +194,17 @@ impl Search<'_> {
         let mut estimate = Estimate::of(&selected)?;
         if let Some(blocks) = self.checks.blocks {
             // the residuals of this model include the effect of the parameters that are left out
-            let found = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
-            estimate = estimate.with_deviations(&found);
+            let deviations = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
+            estimate = estimate.with_deviations(&deviations);
         }
         let combinations = self.combinations.select(&kept)?;
-        let judged = verdict(
+        let decision = verdict(
             self.layout,
             &combinations,
             &estimate.values,
             self.checks.scale,
         )?;
-        let (feasibility, weights) = match judged {
+        let (feasibility, weights) = match decision {
             Verdict::Feasible { .. } => (Feasibility::Feasible, None),
             Verdict::Undecided { .. } => (Feasibility::Undecided, None),
             Verdict::Infeasible { certificate } => {
@@ -260,16 +260,17 @@ impl Search<'_> {
 ///
 /// First it leaves out the base parameters that the data do not determine. Then it leaves out the
 /// parameter with the largest relative standard deviation, one at a time, until all are below
-/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves out the one with the
-/// largest weight in the proof of infeasibility. At last it tries each parameter that was left out
-/// again and takes it back if all stay properly identified.
+/// [`WELL_IDENTIFIED_PERCENT`] and together feasible; if all are below but infeasible, it leaves
+/// out the one with the largest weight in the proof of infeasibility. At the end it adds each
+/// parameter that was left out once more, the last one first, and keeps it if all are properly
+/// identified.
 ///
 /// A base parameter that is left out is zero in the forces, as in the chapter's Models 2 to 4; the
 /// verdict of feasibility leaves it free.
 ///
 /// - `factor`: over the r base parameters of `combinations`, with rows weighted by 1/sigma.
 ///
-/// Each model is judged by its own standard deviations, which account for the correlation of its
+/// The standard deviations are those of each reduced model; they account for the correlation of its
 /// residuals if [`Checks::blocks`] is given.
 ///
 /// # Errors
@@ -330,19 +331,19 @@ pub fn reduce(
         let sigma = |k: usize| step.estimate.sigma_percent(k);
         // a value of exactly zero has no relative standard deviation: it counts as the least
         // certain
-        let size = |k: usize| {
+        let uncertainty = |k: usize| {
             if sigma(k).is_nan() {
                 f64::INFINITY
             } else {
                 sigma(k)
             }
         };
-        let worst = (0..kept.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)));
+        let worst = (0..kept.len()).max_by(|a, b| uncertainty(*a).total_cmp(&uncertainty(*b)));
         let place = match (worst, &weights) {
-            (Some(k), _) if size(k) >= WELL_IDENTIFIED_PERCENT => {
+            (Some(k), _) if uncertainty(k) >= WELL_IDENTIFIED_PERCENT => {
                 change = Change::Uncertain {
                     label: label(kept[k]),
-                    sigma: size(k),
+                    sigma: uncertainty(k),
                 };
                 Some(k)
             }
@@ -369,7 +370,7 @@ pub fn reduce(
             None => break,
         }
     }
-    // the parameter left out last is tried first
+    // the parameter that was left out last is tried first
     for candidate in out.into_iter().rev() {
         let Some(last) = steps.last() else { break };
         if last.feasibility != Feasibility::Feasible {

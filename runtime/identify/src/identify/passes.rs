@@ -105,7 +105,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<(FactorSet, LeftOut), S::Error> {
     let mut replay = Replay::new(model, kind, source);
     let set = reduce(&mut replay)?;
-    Ok((set, replay.left().clone()))
+    Ok((set, replay.left_out().clone()))
 }
 
 /// Reduces a log to one QR factor for each effort.
@@ -184,7 +184,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<Identified, S::Error> {
     let mut replay = Replay::new(model, kind, source);
     let plain = reduce(&mut replay)?;
-    let left_out = replay.left().clone();
+    let left_out = replay.left_out().clone();
     let mut estimate = Estimate::new(&plain, options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;

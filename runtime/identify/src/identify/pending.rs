@@ -33,14 +33,14 @@ struct OwnedSample {
     follows: bool,
 }
 
-/// Replaces the entries without giving the memory back.
+/// Replaces the entries, and reuses the memory.
 fn assign<T: Copy>(to: &mut Vec<T>, from: &[T]) {
     to.clear();
     to.extend_from_slice(from);
 }
 
 impl Pending {
-    /// Adds a sample; returns whether no more may wait.
+    /// Adds a sample; returns whether the buffer is full.
     pub(super) fn push(&mut self, sample: &StateSample<'_>) -> bool {
         if self.count == self.samples.len() {
             self.samples.push(OwnedSample::default());

@@ -47,7 +47,7 @@ impl Recorded {
     /// - `tau`: the generalized forces of the dof independent coordinates, N m or N, see
     ///   [`StateSample::tau`].
     ///
-    /// The lengths are not checked here, but where the log is used.
+    /// The lengths are checked when the log is used, not here.
     pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
         self.rows.push(RecordedSample {
             time,
@@ -60,8 +60,8 @@ impl Recorded {
         });
     }
 
-    /// Adds a copy of a row with all its fields; `row.follows` tells whether it follows the last
-    /// one without a gap.
+    /// Adds a copy of a row with all its fields; `row.follows` is true if it follows the last one
+    /// without a gap.
     pub fn push_row(&mut self, row: &StateSample<'_>) {
         self.rows.push(RecordedSample {
             time: row.time,

@@ -18,8 +18,8 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     columns: Box<dyn Columns + 'a>,
     /// The most numbers that are stored.
     most: usize,
-    kept: ReplayBlock,
-    left: LeftOut,
+    stored: ReplayBlock,
+    left_out: LeftOut,
 }
 
 /// Stored equations.
@@ -78,7 +78,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         Self::with_columns(model, kind, source, Box::new(NoColumns))
     }
 
-    /// Equations with columns in addition to those of the base parameters.
+    /// As [`new`](Self::new), with columns in addition to those of the base parameters.
     pub(crate) fn with_columns(
         model: &'a M,
         kind: EquationKind,
@@ -91,12 +91,12 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             source,
             columns,
             most: MAX_NUMBERS,
-            kept: ReplayBlock::default(),
-            left: LeftOut::default(),
+            stored: ReplayBlock::default(),
+            left_out: LeftOut::default(),
         }
     }
 
-    /// The same for one of several logs, which share the memory.
+    /// Limits the memory to the share of one of several logs.
     pub(crate) fn shared(self, logs: usize) -> Self {
         Self {
             most: MAX_NUMBERS / logs.max(1),
@@ -113,8 +113,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
     }
 
     /// The samples and equations that the last pass over the log left out.
-    pub(crate) fn left(&self) -> &LeftOut {
-        &self.left
+    pub(crate) fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     /// Passes the equations of all samples to `each` in order of time.
@@ -122,10 +122,10 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), S::Error> {
-        if self.kept.state == State::Complete {
+        if self.stored.state == State::Complete {
             let mut start = 0;
-            for sample in &self.kept.samples {
-                let values = &self.kept.values[start..sample.end];
+            for sample in &self.stored.samples {
+                let values = &self.stored.values[start..sample.end];
                 start = sample.end;
                 let (w, rest) = values.split_at(values.len() - 2 * sample.rows);
                 let (tau, weights) = rest.split_at(sample.rows);
@@ -139,19 +139,19 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             }
             return Ok(());
         }
-        let (kept, most) = (&mut self.kept, self.most);
-        self.left = equations(
+        let (stored, most) = (&mut self.stored, self.most);
+        self.left_out = equations(
             self.model,
             self.kind,
             self.source,
             &mut *self.columns,
-            &mut |found| {
-                kept.push(found, most);
-                each(found)
+            &mut |rows| {
+                stored.push(rows, most);
+                each(rows)
             },
         )?;
-        if kept.state == State::Empty {
-            kept.state = State::Complete;
+        if stored.state == State::Empty {
+            stored.state = State::Complete;
         }
         Ok(())
     }

@@ -34,10 +34,10 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
             .0
             .means();
         for (one, row) in models.iter().zip(&mut out) {
-            let found = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
+            let residuals = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
             row.push(LogError {
                 log: run.to_string(),
-                relative_absolute: found.relative_absolute(),
+                relative_absolute: residuals.relative_absolute(),
             });
         }
     }

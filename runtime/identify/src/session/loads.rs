@@ -16,7 +16,7 @@ use crate::model::IdentifiedModel;
 pub struct LoadedFits {
     /// The fit without constraints.
     pub free: GainFit,
-    /// The fit under physical constraints, where it was asked for.
+    /// The fit under physical constraints, if it was requested.
     pub physical: Option<PhysicalGains>,
     /// The summaries of the logs.
     pub reports: Vec<FileReport>,
@@ -25,8 +25,8 @@ pub struct LoadedFits {
 /// Fits parameters, unknown gains and payloads to runs.
 ///
 /// - `runs`: each with the index of the payload that it carries, see [`Plan::payloads`];
-/// - `knowledge`: for a fit under physical constraints too, what is known besides, with the number of
-///   draws for its intervals.
+/// - `knowledge`: if a fit under physical constraints is wanted too, the prior knowledge for it,
+///   and the number of draws for its intervals.
 ///
 /// # Errors
 /// [`SessionError::Gains`], see [`gains::fit`] and [`gains::feasible`]; when a log cannot be read.
@@ -40,7 +40,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
         return Err(GainError::EnergyBalance.into());
     }
     let measured = Session {
-        // currents in A
+        // currents of unknown gain are read in A
         reading: session.reading.clone().with_gains(&[]),
         ..*session
     };
@@ -103,11 +103,11 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
 pub fn loaded_residuals<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     run: &Run,
-    found: &IdentifiedModel,
+    identified: &IdentifiedModel,
     bodies: &[String],
     carried: Option<&str>,
 ) -> Result<(Residuals, LeftOut, Vec<FileReport>), SessionError> {
-    let gains = found.gains.iter();
+    let gains = identified.gains.iter();
     let gains: Vec<(String, f64)> = gains.map(|g| (g.effort.clone(), g.value)).collect();
     let scaled = Session {
         reading: session.reading.clone().with_gains(&gains),
@@ -116,7 +116,7 @@ pub fn loaded_residuals<M: BaseModel<f64> + ?Sized>(
     let model = session.model;
     let mut log = scaled.open(std::slice::from_ref(run))?;
     let (set, left_out) = identify::observe(model, session.kind, &mut log)?;
-    let own = found.carrying(model, bodies, carried);
+    let own = identified.carrying(model, bodies, carried);
     let lags = identify::Options::default().lags;
     let residuals = own.residuals(model, session.kind, &mut log, &set.means(), lags)?;
     Ok((residuals, left_out, log.logs().reports().to_vec()))

@@ -89,10 +89,10 @@ fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
         rows: Vec::new(),
         means: set.means(),
     };
-    identify::equations(model, kind, logs, &mut NoColumns, &mut |found| {
-        let resting = found.weights.contains(&0.0);
-        if !found.tau.is_empty() && !resting {
-            out.rows.push((found.w.to_vec(), found.tau.to_vec()));
+    identify::equations(model, kind, logs, &mut NoColumns, &mut |rows| {
+        let resting = rows.weights.contains(&0.0);
+        if !rows.tau.is_empty() && !resting {
+            out.rows.push((rows.w.to_vec(), rows.tau.to_vec()));
         }
         Ok(())
     })?;

@@ -2,7 +2,7 @@
 
 #![allow(
     clippy::inline_always,
-    reason = "what is left as a call is compiled without the token's instruction set"
+    reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
 use std::f64::consts::PI;

@@ -1,6 +1,6 @@
 //! Local regression: a cubic polynomial around each sample.
 
-use super::{Derivatives, SignalError, vec_of};
+use super::{Derivatives, SignalError, nans};
 use crate::qr_update::{reduce, substitute};
 
 /// Number of coefficients of a cubic polynomial.
@@ -25,9 +25,9 @@ pub(super) fn fit(
         });
     };
     let mut out = Derivatives {
-        value: vec_of(n),
-        rate: vec_of(n),
-        acceleration: vec_of(n),
+        value: nans(n),
+        rate: nans(n),
+        acceleration: nans(n),
         valid: 0..0,
     };
     // a window that ends at a sample includes it in spite of rounded times
@@ -169,9 +169,9 @@ fn kernel(
     // the polynomial's constant is e_1^T (R^T R)^-1 X^T y: solve R^T u = e_1, then R a = u
     let mut u = [0.0; TERMS];
     for k in 0..TERMS {
-        let known: f64 = (0..k).map(|i| r[k * TERMS + i] * u[i]).sum();
+        let before: f64 = (0..k).map(|i| r[k * TERMS + i] * u[i]).sum();
         let side = if k == 0 { 1.0 } else { 0.0 };
-        u[k] = (side - known) / r[k * TERMS + k];
+        u[k] = (side - before) / r[k * TERMS + k];
     }
     let a = substitute(&r, &u).ok_or(few)?;
     for (weight, time) in weights.iter_mut().zip(times) {

@@ -111,7 +111,7 @@ pub enum SignalError {
         /// Half the sampling rate, Hz.
         most: f64,
     },
-    /// A setting is out of its range; the text says which.
+    /// A setting is out of its range; the text names it.
     Setting(&'static str),
 }
 
@@ -299,8 +299,8 @@ impl Method {
         let times: Vec<f64> = (0..=2 * side).map(|k| k as f64 * step).collect();
         let mut impulse = vec![0.0; times.len()];
         impulse[side] = 1.0;
-        let found = self.differentiate(&times, &impulse)?;
-        let rates = found.rate.iter().filter(|r| r.is_finite());
+        let response = self.differentiate(&times, &impulse)?;
+        let rates = response.rate.iter().filter(|r| r.is_finite());
         Ok(rates.map(|r| r * r).sum::<f64>().sqrt())
     }
 }
@@ -322,9 +322,9 @@ fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
     }
 }
 
-/// By what part of the mean step a step may differ from it where sampling must be uniform: clocks
-/// jitter.
-const JITTER: f64 = 0.1;
+/// The largest difference of a step from the mean step, as a part of it, at which sampling counts
+/// as uniform: the times of a real clock jitter.
+const MAX_JITTER: f64 = 0.1;
 
 fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
     let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > 1) else {
@@ -335,7 +335,7 @@ fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
     };
     let mean = (last - first) / (times.len().max(2) - 1) as f64;
     let step = |pair: &[f64]| pair[1] - pair[0];
-    let off = |pair: &[f64]| (step(pair) - mean).abs() > JITTER * mean;
+    let off = |pair: &[f64]| (step(pair) - mean).abs() > MAX_JITTER * mean;
     match times.windows(2).position(off) {
         Some(before) => Err(SignalError::NotUniform {
             sample: before + 1,
@@ -391,8 +391,8 @@ pub fn differences(
         });
     }
     let side = neighbours.clamp(1, NEIGHBOURS).min((n - 1) / 2);
-    let mut rate = vec_of(n);
-    let mut acceleration = vec_of(n);
+    let mut rate = nans(n);
+    let mut acceleration = nans(n);
     for k in side..n - side {
         let around = k - side..=k + side;
         (rate[k], acceleration[k]) = if side == 1 {
@@ -455,6 +455,6 @@ fn polynomial(times: &[f64], values: &[f64], middle: usize) -> (f64, f64) {
     (rate, acceleration)
 }
 
-fn vec_of(n: usize) -> Vec<f64> {
+fn nans(n: usize) -> Vec<f64> {
     vec![f64::NAN; n]
 }

@@ -39,7 +39,7 @@ fn pairs(runs: &[usize], bandwidth: usize) -> [[f64; 2]; 2] {
 
 /// Runs of one sample, and runs shorter than, equal to and longer than the window.
 #[test]
-fn windows_add_up_to_all_pairs_within_a_run_however_short_it_is() {
+fn windows_add_up_to_all_pairs_within_a_run_of_any_length() {
     let runs = [1, 3, 5, 7, 30, 2];
     let samples: usize = runs.iter().sum();
     let mut factor = QrFactor::new(vec!["a".to_owned(), "b".to_owned()]);

@@ -56,7 +56,7 @@ fn origin(efforts: &[&str], n: usize) -> Origin {
 }
 
 #[test]
-fn merging_in_any_order_is_one_factor_of_all_rows() {
+fn merging_in_any_order_gives_one_factor_of_all_rows() {
     let mut random = Random(1);
     let x = [1.0, -2.0, 0.5, 3.0];
     let mut whole = Accumulator::new(&origin(&["a", "b"], 4));
@@ -84,7 +84,7 @@ fn merging_in_any_order_is_one_factor_of_all_rows() {
     parts.reverse();
     parts.swap(1, 3);
     let other = FactorSet::merged(parts).unwrap();
-    assert_eq!(forward, other, "the order shows in the bits");
+    assert_eq!(forward, other, "the result depends on the order");
     let merged = Estimate::new(&other, Weighting::PerEffort).unwrap();
     for (a, b) in merged.values.iter().zip(&whole.values) {
         assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
@@ -146,7 +146,7 @@ fn a_file_of_factors_reads_back_to_the_same_bits_and_mixes_are_refused() {
 }
 
 #[test]
-fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
+fn selecting_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
     let mut random = Random(3);
     let (w, tau) = block(&mut random, 50, &[1.0, 2.0, 3.0], 0.1);
     let columns: Vec<&[f64]> = w.chunks_exact(50).collect();
@@ -211,7 +211,7 @@ fn confidence_intervals_contain_the_true_values_as_often_as_stated() {
     let x = [1.0, -1.0, 0.3, 10.0, 0.01, 5.0];
     let rows = 25;
     let w: Vec<f64> = (0..rows * x.len()).map(|_| random.signed()).collect();
-    let mut held = [0_u32; 6];
+    let mut covered = [0_u32; 6];
     let mut mean = [0.0; 6];
     let mut own = [0.0; 6];
     for _ in 0..1000 {
@@ -226,13 +226,13 @@ fn confidence_intervals_contain_the_true_values_as_often_as_stated() {
         let estimate = Estimate::of(&factor).unwrap();
         for j in 0..6 {
             let off = estimate.values[j] - x[j];
-            held[j] += u32::from(off.abs() <= estimate.half_width(j, 0.95));
+            covered[j] += u32::from(off.abs() <= estimate.half_width(j, 0.95));
             mean[j] += off / 1000.0;
             own[j] += estimate.sigma(j).powi(2) / 1000.0;
         }
     }
     for j in 0..6 {
-        assert!((930..=970).contains(&held[j]), "{held:?}");
+        assert!((930..=970).contains(&covered[j]), "{covered:?}");
         // unbiased: within four standard deviations of the mean of 1,000 estimates
         assert!(mean[j].abs() < 4.0 * (own[j] / 1000.0).sqrt(), "{mean:?}");
     }

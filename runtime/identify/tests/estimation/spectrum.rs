@@ -88,7 +88,7 @@ fn a_known_last_column_is_subtracted_from_the_right_side() {
     ]);
     for column in 0..3 {
         let x = whole.solve().unwrap();
-        // fixed at what least squares finds, it changes nothing for the others
+        // a parameter that is fixed at its least-squares value does not change the others
         let fixed = whole.fixed(&[(column, x[column])]).unwrap();
         let rest = fixed.solve().unwrap();
         let others = x.iter().enumerate().filter(|(k, _)| *k != column);

@@ -151,15 +151,15 @@ fn fits_are_those_of_numpy() {
     }
     let half_width = v["half_width"].as_f64().unwrap();
     let fit = Method::Local { half_width }.differentiate(&t, &x).unwrap();
-    let mut seen = 0;
+    let mut compared = 0;
     for (k, row) in v["local"].as_array().unwrap().iter().enumerate() {
         assert_eq!(row.is_null(), !fit.valid.contains(&k), "sample {k}");
         if !row.is_null() {
             let row = numbers(row);
             // a second derivative over a window of 0.4 s magnifies rounding
             assert_near(&[fit.value[k], fit.rate[k], fit.acceleration[k]], &row);
-            seen += 1;
+            compared += 1;
         }
     }
-    assert!(seen > 100);
+    assert!(compared > 100);
 }

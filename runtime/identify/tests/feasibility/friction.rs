@@ -146,7 +146,7 @@ fn a_law_with_columns_of_its_own_is_refused() {
 }
 
 #[test]
-fn weighing_the_rows_of_data_is_as_weighing_them_when_they_come() {
+fn weighing_stored_rows_equals_weighing_them_when_they_are_added() {
     let labels = crate::robots::labels(1);
     let joints = [FrictionJoint {
         name: "j0".to_owned(),

@@ -82,7 +82,7 @@ fn log(off: impl Fn(usize) -> f64) -> Log {
 }
 
 #[test]
-fn residuals_are_what_neither_the_parameters_nor_the_laws_explain() {
+fn residuals_are_the_efforts_that_neither_parameters_nor_laws_explain() {
     let model = SliderCrank::default();
     // every tenth effort has an error that grows with time
     let off = |k: usize| {
@@ -139,7 +139,7 @@ fn a_log_is_collected_without_its_singular_samples() {
 }
 
 #[test]
-fn friction_of_a_passive_joint_acts_as_it_moves_with_the_crank() {
+fn friction_of_a_passive_joint_acts_through_its_velocity_ratio_to_the_crank() {
     let model = SliderCrank::default();
     for state in states() {
         let (d, condition) = directions(&model, &state.q, &[0, 2, 1]).unwrap();

@@ -103,8 +103,8 @@ fn the_solution_is_that_of_another_conic_solver() {
         assert!(found.check.margin() < 1e-6, "a body is at the border");
         let objective = |squares: f64, phi: &[f64]| {
             let off = phi.iter().zip(&vector.cad);
-            let beliefs = off.map(|(x, cad)| ((x - cad) / vector.deviation).powi(2));
-            squares + beliefs.sum::<f64>()
+            let prior_squares = off.map(|(x, cad)| ((x - cad) / vector.deviation).powi(2));
+            squares + prior_squares.sum::<f64>()
         };
         let ours = objective(found.squared_residual, &found.phi);
         let theirs = objective(vector.squared_residual, &vector.phi);
@@ -130,13 +130,13 @@ fn the_solution_is_that_of_another_conic_solver() {
         );
         assert!(close(&found.beta, &vector.beta, 1e-6));
         assert!(close(&found.phi, &vector.phi, 1e-6));
-        let judged = verdict(
+        let decision = verdict(
             &layout,
             &combinations,
             &vector.least_squares,
             Scale::default(),
         );
-        assert!(matches!(judged.unwrap(), Verdict::Infeasible { .. }));
+        assert!(matches!(decision.unwrap(), Verdict::Infeasible { .. }));
     }
 }
 
@@ -291,12 +291,12 @@ fn a_prior_is_weighted_by_its_deviation() {
     );
 }
 
-/// Parameters that the observations leave open equal the reference if that is physical.
+/// Parameters that the observations do not determine equal the reference if that is physical.
 #[test]
 fn undetermined_values_come_from_the_reference() {
     let (layout, _, _) = one(PLAIN);
-    let seen = BaseMap::identity(layout.labels()).select(&[5, 6]).unwrap();
-    let mut factor = QrFactor::new(seen.labels().to_vec());
+    let combinations = BaseMap::identity(layout.labels()).select(&[5, 6]).unwrap();
+    let mut factor = QrFactor::new(combinations.labels().to_vec());
     factor
         .push_block(&[1.0, 0.0, 0.0, 1.0], &[0.25, 0.3])
         .unwrap();
@@ -304,13 +304,13 @@ fn undetermined_values_come_from_the_reference() {
         reference: PLAIN.iter().copied().map(Some).collect(),
         ..Options::default()
     };
-    let found = identify(&factor, &seen, &layout, &options).unwrap();
+    let found = identify(&factor, &combinations, &layout, &options).unwrap();
     assert_eq!(found.outcome, Outcome::Unconstrained);
     let mut expected = PLAIN;
     (expected[5], expected[6]) = (0.25, 0.3);
     assert!(close(&found.phi, &expected, 1e-5), "{:?}", found.phi);
     // without a reference they are small and finite
-    let small = identify(&factor, &seen, &layout, &Options::default()).unwrap();
+    let small = identify(&factor, &combinations, &layout, &Options::default()).unwrap();
     assert!(small.check.is_physical() && small.phi.iter().all(|x| x.abs() < 5.0));
 }
 

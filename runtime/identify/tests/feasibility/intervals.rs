@@ -33,7 +33,7 @@ fn factor(robot: &Robot, size: f64) -> QrFactor {
     factor
 }
 
-fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrained) {
+fn fitted(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrained) {
     let options = Options::default();
     let fit = identify(factor, &robot.combinations, &robot.layout, &options).unwrap();
     let estimate = Estimate::of(factor).unwrap();
@@ -44,7 +44,7 @@ fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrain
         deviations: &deviations,
     };
     let adopted = (fit.phi.as_slice(), fit.beta.as_slice());
-    let mut told = 0;
+    let mut reported = 0;
     let found = constrained(
         data,
         &robot.combinations,
@@ -52,10 +52,10 @@ fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrain
         &options,
         adopted,
         draws,
-        &mut |done| told = done,
+        &mut |done| reported = done,
     )
     .unwrap();
-    assert_eq!((told, found.failed), (draws, 0));
+    assert_eq!((reported, found.failed), (draws, 0));
     (estimate, found)
 }
 
@@ -63,7 +63,7 @@ fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrain
 #[test]
 fn without_active_constraints_intervals_are_those_of_least_squares() {
     let robot = plain();
-    let (estimate, found) = found(&robot, &factor(&robot, 1e-4), 400);
+    let (estimate, found) = fitted(&robot, &factor(&robot, 1e-4), 400);
     for (k, spread) in found.base.iter().enumerate() {
         let (low, high) = spread.interval(0.95);
         let half = estimate.half_width(k, 0.95);
@@ -84,7 +84,7 @@ fn intervals_at_constraints_contain_the_value_and_satisfy_them() {
     let mut robot = plain();
     // no friction
     robot.phi[10] = 0.0;
-    let (_, found) = found(&robot, &factor(&robot, 0.5), 40);
+    let (_, found) = fitted(&robot, &factor(&robot, 0.5), 40);
     for spread in found.base.iter().chain(found.physical.iter().flatten()) {
         let (low, high) = spread.interval(0.95);
         assert!(low <= spread.value && spread.value <= high);
@@ -100,7 +100,7 @@ fn a_parameter_that_is_chosen_freely_has_no_interval() {
     let mut robot = plain();
     let kept: Vec<usize> = (0..11).filter(|k| *k != 3).collect();
     robot.combinations = robot.combinations.select(&kept).unwrap();
-    let (_, found) = found(&robot, &factor(&robot, 1e-3), 4);
+    let (_, found) = fitted(&robot, &factor(&robot, 1e-3), 4);
     for (k, spread) in found.physical.iter().enumerate() {
         assert_eq!(spread.is_some(), k != 3);
     }
@@ -127,7 +127,7 @@ fn nonlinear_friction_has_intervals_at_its_optimum() {
     )
     .unwrap();
     assert_eq!(found.failed, 0);
-    let mut held = 0;
+    let mut covered = 0;
     let joints = found.joints.iter().zip(&best.joints).zip(laws);
     for ((spreads, joint), (_, truth)) in joints {
         for ((spread, value), truth) in spreads.iter().zip(&joint.values).zip(truth) {
@@ -135,11 +135,11 @@ fn nonlinear_friction_has_intervals_at_its_optimum() {
             let (low, high) = spread.interval(0.95);
             assert!(low <= *value && *value <= high && spread.sigma > 0.0);
             assert!(spread.sigma < 0.3 * value.abs(), "{spread:?}");
-            held += usize::from(low <= *truth && *truth <= high);
+            covered += usize::from(low <= *truth && *truth <= high);
         }
     }
     // by chance, at most one of the nine intervals may miss its value
-    assert!(held >= 8, "{held}");
+    assert!(covered >= 8, "{covered}");
     for (spread, value) in found.base.iter().zip(&best.beta) {
         let (low, high) = spread.interval(0.95);
         assert!(low <= *value && *value <= high);

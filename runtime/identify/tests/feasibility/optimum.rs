@@ -1,5 +1,5 @@
-//! The optimum is proven even for data that leave parameters open; every constraint is fulfilled or
-//! refused.
+//! The optimum is proven even for data that do not determine all parameters; every constraint is
+//! fulfilled or refused.
 
 use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
@@ -62,27 +62,28 @@ pub(crate) fn problem(seed: u64) -> Problem {
     truth.extend((0..bodies).map(|_| 0.2 + 0.1 * random.signed()));
     let p = labels.len();
     // every third inertial parameter is observed only as a part of two others
-    let kept: Vec<usize> = (0..p).filter(|j| *j >= 10 * bodies || j % 3 != 1).collect();
-    let mut rows: Vec<Vec<f64>> = kept
+    let observed: Vec<usize> = (0..p).filter(|j| *j >= 10 * bodies || j % 3 != 1).collect();
+    let mut rows: Vec<Vec<f64>> = observed
         .iter()
         .map(|k| (0..p).map(|j| if j == *k { 1.0 } else { 0.0 }).collect())
         .collect();
     for j in (0..10 * bodies).filter(|j| j % 3 == 1) {
         for _ in 0..2 {
             #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
-            let to = (f64::midpoint(random.signed(), 1.0) * (kept.len() - bodies) as f64) as usize;
-            rows[to.min(kept.len() - bodies - 1)][j] += random.signed();
+            let to =
+                (f64::midpoint(random.signed(), 1.0) * (observed.len() - bodies) as f64) as usize;
+            rows[to.min(observed.len() - bodies - 1)][j] += random.signed();
         }
     }
-    let names: Vec<String> = kept.iter().map(|k| labels[*k].clone()).collect();
+    let names: Vec<String> = observed.iter().map(|k| labels[*k].clone()).collect();
     let combinations = BaseMap::new(names.clone(), rows).unwrap();
     let beta = combinations.apply(&truth).unwrap();
     let (r, samples) = (
-        kept.len(),
+        observed.len(),
         if seed.is_multiple_of(2) {
             60
         } else {
-            kept.len() - 3
+            observed.len() - 3
         },
     );
     // columns that differ by orders of magnitude, and two that are nearly the same
@@ -186,7 +187,7 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
     assert!(active >= 12, "constraints take part in {active} of 24");
 }
 
-/// Towards a reference the fit of poor data does not get worse.
+/// Choosing parameters near a reference does not increase the residual of poor data.
 #[test]
 fn the_reference_does_not_worsen_the_fit() {
     for seed in 0..12 {
@@ -213,11 +214,11 @@ fn the_reference_does_not_worsen_the_fit() {
 #[test]
 fn undetermined_parameters_follow_the_reference() {
     let (layout, _, _) = one();
-    let seen = BaseMap::identity(layout.labels())
+    let observed = BaseMap::identity(layout.labels())
         .select(&[5, 6, 9, 10])
         .unwrap();
     for friction in [0.3, -0.3] {
-        let mut factor = QrFactor::new(seen.labels().to_vec());
+        let mut factor = QrFactor::new(observed.labels().to_vec());
         let mut w = vec![0.0; 16];
         w.iter_mut().step_by(5).for_each(|x| *x = 1.0);
         factor.push_block(&w, &[0.2, 0.3, 2.0, friction]).unwrap();
@@ -228,7 +229,7 @@ fn undetermined_parameters_follow_the_reference() {
                 reference,
                 ..Options::default()
             };
-            let found = identify(&factor, &seen, &layout, &options).unwrap();
+            let found = identify(&factor, &observed, &layout, &options).unwrap();
             let active = found.outcome == Outcome::Constrained;
             assert_eq!(active, friction < 0.0);
             for column in [0, 3] {
@@ -357,24 +358,24 @@ fn options_without_effect_are_refused() {
 fn forms_that_the_spec_takes_as_zero_are_zero() {
     let (layout, _, _) = one();
     let all = BaseMap::identity(layout.labels());
-    let seen = all.select(&[5, 6, 9]).unwrap();
+    let observed = all.select(&[5, 6, 9]).unwrap();
     // my = 0.5 mx, and Iyy = 0
     let mut forms = vec![vec![0.0; 11]; 2];
     (forms[0][7], forms[0][6]) = (-1.0, 0.5);
     forms[1][3] = 1.0;
     let named = forms.into_iter().zip(["my(1)", "Iyy(1)"]);
     let zeros = named.map(|(row, name)| (name.to_owned(), row)).collect();
-    let kept = seen.clone().with_zeros(zeros).unwrap();
-    let mut factor = QrFactor::new(seen.labels().to_vec());
+    let with_forms = observed.clone().with_zeros(zeros).unwrap();
+    let mut factor = QrFactor::new(observed.labels().to_vec());
     let w = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     factor.push_block(&w, &[0.2, 0.3, 2.0]).unwrap();
     let beta = [0.2, 0.3, 2.0];
-    let free = verdict(&layout, &seen, &beta, Scale::default()).unwrap();
+    let free = verdict(&layout, &observed, &beta, Scale::default()).unwrap();
     assert!(free.is_feasible());
     // with Iyy = 0 all mass is on the y axis, so that mx is 0
-    let judged = verdict(&layout, &kept, &beta, Scale::default()).unwrap();
-    assert!(!judged.is_feasible(), "{judged:?}");
-    let found = identify(&factor, &kept, &layout, &Options::default()).unwrap();
+    let decision = verdict(&layout, &with_forms, &beta, Scale::default()).unwrap();
+    assert!(!decision.is_feasible(), "{decision:?}");
+    let found = identify(&factor, &with_forms, &layout, &Options::default()).unwrap();
     assert!(found.phi[3].abs() < 1e-9 && (found.phi[7] - 0.5 * found.phi[6]).abs() < 1e-9);
     assert!(found.phi[6].abs() < 1e-9, "{:?}", found.phi);
     assert!((found.phi[9] - 2.0).abs() < 1e-4 && (found.phi[5] - 0.2).abs() < 1e-4);
@@ -384,7 +385,7 @@ fn forms_that_the_spec_takes_as_zero_are_zero() {
         known: vec![("Iyy(1)".to_owned(), 0.1)],
         ..Options::default()
     };
-    let error = identify(&factor, &kept, &layout, &against).unwrap_err();
+    let error = identify(&factor, &with_forms, &layout, &against).unwrap_err();
     assert!(
         matches!(error, FeasibilityError::Contradiction(_)),
         "{error}"
@@ -393,16 +394,18 @@ fn forms_that_the_spec_takes_as_zero_are_zero() {
 
 /// With a single form the set still has an interior, and the proofs of both verdicts are valid.
 #[test]
-fn verdicts_with_a_form_that_is_zero_are_proven() {
+fn verdicts_with_a_zero_form_are_proven() {
     let (layout, _, _) = one();
-    let seen = BaseMap::identity(layout.labels()).select(&[0, 5]).unwrap();
+    let observed = BaseMap::identity(layout.labels()).select(&[0, 5]).unwrap();
     // Iyy = Izz + 2 Ixx contradicts the triangle inequality for every Ixx above 0
     let mut row = vec![0.0; 11];
     (row[3], row[5], row[0]) = (-1.0, 1.0, 2.0);
-    let kept = seen.with_zeros(vec![("Iyy(1)".to_owned(), row)]).unwrap();
-    let judged = verdict(&layout, &kept, &[0.1, 0.2], Scale::default()).unwrap();
-    let Verdict::Infeasible { certificate } = judged else {
-        panic!("{judged:?}");
+    let with_forms = observed
+        .with_zeros(vec![("Iyy(1)".to_owned(), row)])
+        .unwrap();
+    let decision = verdict(&layout, &with_forms, &[0.1, 0.2], Scale::default()).unwrap();
+    let Verdict::Infeasible { certificate } = decision else {
+        panic!("{decision:?}");
     };
     assert_eq!(certificate.weights.len(), 3);
     assert!(certificate.value < 0.0 && certificate.defect < 1e-9);
@@ -410,7 +413,7 @@ fn verdicts_with_a_form_that_is_zero_are_proven() {
 
 /// Bodies whose feasible set has no interior: without mass, or a rod along an axis.
 #[test]
-fn bodies_without_an_inside_are_found_on_their_faces() {
+fn bodies_whose_feasible_set_has_no_interior_are_found_on_its_faces() {
     let (layout, combinations, factor) = one();
     let known = |label: &str| Options {
         known: vec![(label.to_owned(), 0.0)],

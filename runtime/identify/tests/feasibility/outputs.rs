@@ -57,7 +57,7 @@ fn yaml(label: &str, ten: [f64; 10]) -> String {
 /// YAML reads `yes`, `on` and the like as something other than text, and some characters as syntax:
 /// these keys are quoted, and no others.
 #[test]
-fn keys_are_quoted_exactly_where_they_would_be_no_text() {
+fn keys_are_quoted_exactly_where_yaml_would_not_read_text() {
     for (label, key) in [
         ("1", "1"),
         ("upper_arm2", "upper_arm2"),

@@ -1,4 +1,5 @@
-//! Problems with our answers, for comparison with another conic solver: `tests/tools/conic`.
+//! Writes problems with this crate's solutions, for comparison with another conic solver:
+//! `tests/tools/conic`.
 
 use std::io::Write as _;
 
@@ -66,7 +67,7 @@ fn problems_for_another_solver() {
             }),
             Err(error) => json!({ "error": error.to_string() }),
         };
-        let judged = factor.solve().ok().map(|beta| {
+        let decision = factor.solve().ok().map(|beta| {
             let says = match verdict(layout, combinations, &beta, Scale::default()).unwrap() {
                 Verdict::Feasible { .. } => "feasible",
                 Verdict::Infeasible { .. } => "infeasible",
@@ -94,7 +95,7 @@ fn problems_for_another_solver() {
             "known": options.known,
             "totals": totals.collect::<Vec<_>>(),
             "ours": ours,
-            "verdict": judged,
+            "verdict": decision,
         });
         writeln!(out, "{line}").unwrap();
     }

@@ -81,7 +81,10 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
                 "{mass} kg, {length} m: {scale:?}"
             );
             let steps = scale.mass.log2() / 16.0;
-            assert!((steps - steps.round()).abs() < 1e-12, "a unit of its own");
+            assert!(
+                (steps - steps.round()).abs() < 1e-12,
+                "the unit of mass is not 1 kg times a power of 65536"
+            );
         }
     }
     // without any mass the unit of mass is the usual one; without a valid length both are
@@ -105,8 +108,8 @@ fn measured(units: Units, options: fn(Units, Options) -> Options) -> PhysicalFit
     (rows[0][5], rows[0][10]) = (1.0, 1.0);
     (rows[1][6], rows[2][9], rows[3][3]) = (1.0, 1.0, 1.0);
     let names = ["Izz(1)", "mx(1)", "m(1)", "Iyy(1)"].map(str::to_owned);
-    let seen = BaseMap::new(names.to_vec(), rows).unwrap();
-    assert_eq!(all.parameters(), seen.parameters());
+    let observed = BaseMap::new(names.to_vec(), rows).unwrap();
+    assert_eq!(all.parameters(), observed.parameters());
     let mut factor = QrFactor::new(names.to_vec());
     let mut w = vec![0.0; 16];
     for (k, name) in names.iter().enumerate() {
@@ -119,7 +122,7 @@ fn measured(units: Units, options: fn(Units, Options) -> Options) -> PhysicalFit
         ..Options::default()
     };
     let options = options(units, plain);
-    identify(&factor, &seen, &layout, &options).unwrap()
+    identify(&factor, &observed, &layout, &options).unwrap()
 }
 
 #[test]

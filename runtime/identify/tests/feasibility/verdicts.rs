@@ -156,7 +156,7 @@ fn a_pseudo_inertia_is_the_integral_that_defines_it() {
 }
 
 #[test]
-fn friction_that_drives_is_infeasible_by_itself() {
+fn negative_friction_is_infeasible_by_itself() {
     let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     labels.push("Fv(q1)".to_owned());
     let layout = ParameterLayout::new(&labels).unwrap();

@@ -48,19 +48,19 @@ fn intervals_contain_the_true_values_in_95_of_100_logs_with_correlated_residuals
             huber,
             ..Options::default()
         };
-        let (mut held, mut white) = ([0; 2], [0; 2]);
+        let (mut covered, mut white) = ([0; 2], [0; 2]);
         for seed in 0..LOGS {
             let found =
                 identify(&Pendulum, EquationKind::Forces, &options, &mut log(seed)).unwrap();
             let used = found.correlated();
             for k in 0..2 {
                 let off = (used.values[k] - TRUTH[k]).abs();
-                held[k] += usize::from(off <= used.half_width(k, 0.95));
+                covered[k] += usize::from(off <= used.half_width(k, 0.95));
                 white[k] += usize::from(off <= found.estimate.half_width(k, 0.95));
             }
         }
         for k in 0..2 {
-            assert!((180..=198).contains(&held[k]), "{huber:?}: {held:?}");
+            assert!((180..=198).contains(&covered[k]), "{huber:?}: {covered:?}");
             assert!(white[k] < 150, "{white:?}");
         }
     }

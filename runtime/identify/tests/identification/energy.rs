@@ -21,7 +21,7 @@ fn model() -> SliderCrank {
 }
 
 /// A sample of the crank's motion: the state and the crank's effort.
-struct Made {
+struct CrankSample {
     time: f64,
     q: Vec<f64>,
     qd: Vec<f64>,
@@ -29,7 +29,7 @@ struct Made {
     tau: f64,
 }
 
-fn made(samples: u32, step: f64) -> Vec<Made> {
+fn crank_samples(samples: u32, step: f64) -> Vec<CrankSample> {
     let model = model();
     let mut closure = LoopClosure::new(&model).unwrap();
     (0..samples)
@@ -43,7 +43,7 @@ fn made(samples: u32, step: f64) -> Vec<Made> {
             // d'Alembert: the force on the slider from its acceleration and its weight
             let ratio = state.qd[2] / state.qd[0];
             let slide = PHI[2] * (state.qdd[2] + GRAVITY);
-            Made {
+            CrankSample {
                 time: START + t,
                 tau: PHI[0] * state.qdd[0] + PHI[1] * state.qd[0] + ratio * slide,
                 q: state.q,
@@ -55,7 +55,7 @@ fn made(samples: u32, step: f64) -> Vec<Made> {
 }
 
 fn row<'a>(
-    made: &'a Made,
+    made: &'a CrankSample,
     tau: &'a [f64; 1],
     weights: &'a [f64; 1],
     follows: bool,
@@ -76,8 +76,8 @@ fn row<'a>(
 /// The equation of a window by its definition: the gains of the kinetic energies, and the
 /// trapezoidal integrals of the powers of friction and weight; the right side is the integral of
 /// the power of the crank's effort.
-fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
-    let trapezoid = |power: &dyn Fn(&Made) -> f64| -> f64 {
+fn by_hand(window: &[CrankSample]) -> ([f64; 3], f64) {
+    let trapezoid = |power: &dyn Fn(&CrankSample) -> f64| -> f64 {
         let pairs = window.windows(2);
         pairs
             .map(|p| (p[1].time - p[0].time) * (power(&p[0]) + power(&p[1])) / 2.0)
@@ -85,7 +85,7 @@ fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
     };
     let (first, last) = (&window[0], &window[window.len() - 1]);
     let gained = |coordinate: usize| {
-        let half = |m: &Made| 0.5 * m.qd[coordinate] * m.qd[coordinate];
+        let half = |m: &CrankSample| 0.5 * m.qd[coordinate] * m.qd[coordinate];
         half(last) - half(first)
     };
     let w = [
@@ -135,11 +135,11 @@ fn a_window_balances_work_with_energy_and_friction_losses() {
 /// The error of trapezoids grows with the square of their step: a quarter of the step gives a
 /// sixteenth of the error.
 #[test]
-fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
+fn parameters_from_energy_converge_as_the_step_shrinks() {
     let model = model();
     let off = |samples: u32, step: f64| {
         let mut log = Recorded::new();
-        for m in made(samples, step) {
+        for m in crank_samples(samples, step) {
             // the energy equation does not use accelerations
             log.push(m.time, &m.q, &m.qd, &[f64::NAN; 3], &[m.tau]);
         }
@@ -155,9 +155,9 @@ fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
 #[test]
 fn forces_and_energy_without_an_equation_are_counted_as_singular() {
     let model = model();
-    let rows = made(6, 0.1);
+    let rows = crank_samples(6, 0.1);
     // the rod is perpendicular to the slider's axis: the crank does not determine the motion
-    let mut across = made(1, 0.1).remove(0);
+    let mut across = crank_samples(1, 0.1).remove(0);
     across.q[1] = std::f64::consts::FRAC_PI_2 - across.q[0];
     for kind in [EquationKind::Forces, EquationKind::Energy { window: 0.15 }] {
         let mut observer = EquationBuilder::new(&model, kind);
@@ -198,7 +198,7 @@ fn a_row_that_is_not_finite_gives_no_equation() {
 #[test]
 fn residuals_of_the_true_parameters_are_errors_of_the_trapezoidal_rule() {
     let mut log = Recorded::new();
-    for m in made(400, 0.005) {
+    for m in crank_samples(400, 0.005) {
         log.push(m.time, &m.q, &m.qd, &m.qdd, &[m.tau]);
     }
     let forces = residuals(&model(), EquationKind::Forces, &mut log, &PHI, &[0.0], 3).unwrap();
@@ -213,7 +213,7 @@ fn residuals_of_the_true_parameters_are_errors_of_the_trapezoidal_rule() {
 }
 
 #[test]
-fn kinds_of_equations_are_named_as_files_name_them() {
+fn kinds_of_equations_have_the_names_of_files() {
     assert_eq!(EquationKind::Forces.name(), "forces");
     assert_eq!(
         EquationKind::Energy { window: 0.5 }.name(),

@@ -17,7 +17,7 @@ const SEEDS: u64 = 10;
 /// A log of 20 s of a pendulum at 100 Hz: the angle has noise of 1 mrad if `noisy` and is
 /// differentiated by central differences, the effort has noise of 0.05 N m.
 fn log(seed: u64, noisy: bool) -> Recorded {
-    let mut chance = Random(seed);
+    let mut random = Random(seed);
     let parts = [(0.5, 0.3, 0.0), (0.3, 0.7, 1.0), (0.2, 1.1, 2.0)];
     let mut angles = Vec::new();
     let mut efforts = Vec::new();
@@ -29,8 +29,8 @@ fn log(seed: u64, noisy: bool) -> Recorded {
             q += size * (w * t + phase).sin();
             qdd -= size * w * w * (w * t + phase).sin();
         }
-        efforts.push(TRUTH[0] * qdd + TRUTH[1] * 9.81 * q.sin() + 0.05 * chance.normal());
-        angles.push(q + if noisy { 1e-3 * chance.normal() } else { 0.0 });
+        efforts.push(TRUTH[0] * qdd + TRUTH[1] * 9.81 * q.sin() + 0.05 * random.normal());
+        angles.push(q + if noisy { 1e-3 * random.normal() } else { 0.0 });
     }
     let mut out = Recorded::new();
     for (k, around) in angles.windows(3).enumerate() {
@@ -75,19 +75,18 @@ fn noise_of_positions_biases_least_squares_and_not_instrumental_variables() {
             off <= 3.0 * estimate.sigma(k)
         }));
     }
-    // 95 % intervals: two of 10 would be beyond 3 standard deviations by chance once in hundreds of
-    // times
+    // by chance, two of 10 logs would be beyond 3 standard deviations once in several hundred times
     assert!(within >= 9, "{within} of {SEEDS}");
 }
 
 #[test]
 fn without_noise_of_positions_the_test_finds_no_bias() {
-    let told = (0..SEEDS)
+    let biased = (0..SEEDS)
         .filter(|seed| both(&mut log(*seed, false)).0.test.probability < 0.01)
         .count();
     // the test errs in 1 of 100 cases: two or more of 10 would occur by chance once in 230 times;
     // the seeds are fixed
-    assert!(told <= 1, "{told} of {SEEDS}");
+    assert!(biased <= 1, "{biased} of {SEEDS}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The observation matrix holds the regressors of its samples.
+//! The observation matrix consists of the regressors of its samples.
 
 use regen_identify::observation::{Sample, observation_matrix};
 use regen_runtime::{LoopClosure, Model, SizeError, State};

@@ -46,7 +46,7 @@ fn pendulum(noise: impl FnMut() -> f64) -> (Vec<[f64; 2]>, Vec<f64>, Recorded) {
     (w, y, log)
 }
 
-fn found(log: &mut Recorded, options: &Options) -> Identified {
+fn identified(log: &mut Recorded, options: &Options) -> Identified {
     identify(&Pendulum, EquationKind::Forces, options, log).unwrap()
 }
 
@@ -103,7 +103,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
             bandwidth: Some(1),
             ..Options::default()
         };
-        let robust = found(&mut log, &options);
+        let robust = identified(&mut log, &options);
         let beta = &robust.estimate.values;
         let sigma = robust.estimate.efforts[0].sigma;
         let r = residuals(&w, &y, beta);
@@ -148,13 +148,13 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
             }
         }
         // outliers move the least-squares estimate more than twice as far as the robust one
-        let plain = found_off(&found(&mut log, &Options::default()));
-        let off = found_off(&robust);
+        let plain = largest_error(&identified(&mut log, &Options::default()));
+        let off = largest_error(&robust);
         assert!(off < 0.5 * plain, "{bound}: {off} {plain}");
     }
 }
 
-fn found_off(found: &Identified) -> f64 {
+fn largest_error(found: &Identified) -> f64 {
     let values = &found.estimate.values;
     (values[0] - INERTIA).abs().max((values[1] - MOMENT).abs())
 }
@@ -165,8 +165,8 @@ fn found_off(found: &Identified) -> f64 {
 fn on_normal_noise_robust_and_plain_estimates_agree_within_their_deviations() {
     let mut random = Random(3);
     let (_, _, mut log) = pendulum(|| 0.05 * random.normal());
-    let plain = found(&mut log, &Options::default());
-    let robust = found(
+    let plain = identified(&mut log, &Options::default());
+    let robust = identified(
         &mut log,
         &Options {
             huber: Some(1.345),
@@ -186,7 +186,7 @@ fn on_normal_noise_robust_and_plain_estimates_agree_within_their_deviations() {
 
 /// Noise of an autoregression counts as (1 - rho) / (1 + rho) times as many independent samples.
 #[test]
-fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
+fn the_bandwidth_follows_from_the_correlation_of_residuals() {
     let mut longest = 0;
     for rho in [0.0_f64, 0.3, 0.6, 0.9, 0.98] {
         let mut random = Random(11);
@@ -195,7 +195,7 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
             last = rho * last + 0.05 * random.normal();
             last
         });
-        let found = found(&mut log, &Options::default());
+        let found = identified(&mut log, &Options::default());
         let exact = (1.0 + rho) / (1.0 - rho);
         // with 300 samples a correlation of 0.9 is accurate to 0.03, and this number to a third
         let ratio = found.bandwidth as f64 / exact;
@@ -233,12 +233,12 @@ fn a_bound_beyond_all_residuals_has_no_effect() {
             follows: k > 0,
         });
     }
-    let plain = found(&mut log, &Options::default());
+    let plain = identified(&mut log, &Options::default());
     let options = Options {
         huber: Some(100.0),
         ..Options::default()
     };
-    let robust = found(&mut log, &options);
+    let robust = identified(&mut log, &options);
     for k in 0..2 {
         let (a, b) = (plain.estimate.values[k], robust.estimate.values[k]);
         assert!((a / b - 1.0).abs() < 1e-12);

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug)]
 pub(super) struct Directed {
     pub(super) coordinate: usize,
-    /// Whether the coefficient counts in both directions, only forward or only backward.
+    /// The directions of motion in which the coefficient counts.
     pub(super) side: Side,
     /// The coefficient as a linear combination of base parameters.
     pub(super) combination: Vec<f64>,

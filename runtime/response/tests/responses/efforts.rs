@@ -10,7 +10,7 @@ use crate::models::arm::Arm;
 use crate::models::picker_asymmetric::PickerAsymmetric;
 use crate::twin::{Twin, off};
 
-fn found<M: BaseModel<f64> + Sync>(
+fn estimated<M: BaseModel<f64> + Sync>(
     twin: &Twin<'_, M>,
     controllers: Controllers<'_>,
     start: &[f64],
@@ -51,7 +51,7 @@ fn all_within<M: BaseModel<f64> + Sync>(twin: &Twin<'_, M>) {
         pid: &twin.pid,
         offset: &[],
     };
-    let found = found(twin, known, &off(&truth, 0.2)).unwrap();
+    let found = estimated(twin, known, &off(&truth, 0.2)).unwrap();
     assert!(
         found.settled && found.rounds <= 10,
         "{} {:?}",
@@ -103,6 +103,6 @@ fn an_estimate_that_cannot_be_simulated_is_refused_with_its_reason() {
         pid: &twin.pid,
         offset: &[],
     };
-    let error = found(&twin, known, &start).unwrap_err();
+    let error = estimated(&twin, known, &start).unwrap_err();
     assert!(matches!(error, DidimError::Loop(_)), "{error}");
 }

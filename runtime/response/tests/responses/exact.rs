@@ -51,7 +51,7 @@ fn exact_responses_of_a_five_bar_with_friction_by_direction_give_its_parameters(
         found.model.beta
     );
     assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
-    // with exact derivatives the fourth step has nothing left but what integration rounds
+    // with exact derivatives, only the errors of integration remain after the fourth step
     assert!(squares[3] < 1e-5 * squares[0], "{squares:?}");
 }
 
@@ -74,7 +74,7 @@ fn an_integral_an_offset_and_effort_limits_are_simulated_as_the_controller_has_t
 /// A log of a fast controller of which the fit gets every eighth sample, while commands change only
 /// there.
 #[test]
-fn controllers_that_act_all_the_time_need_no_sample_of_theirs() {
+fn continuous_controllers_are_fitted_without_their_own_samples() {
     let twin = Twin {
         step: 0.000_625,
         duration: 0.8,
@@ -97,7 +97,8 @@ fn controllers_that_act_all_the_time_need_no_sample_of_theirs() {
     }
     let truth = twin.beta();
     let (found, _) = fitted(&Arm, &[run], &setup, &off(&truth, 0.05));
-    // its damping is late by a sample of its own: Fv of 0.4 feels 1 % of kd = 12
+    // the controller's damping is late by one of its samples, which changes Fv = 0.4 by up to 1 %
+    // of kd = 12
     let off_by = worst(&found.model.beta, &truth);
     assert!(off_by < 0.1, "{off_by}: {:?} {truth:?}", found.model.beta);
 }

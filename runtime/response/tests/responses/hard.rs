@@ -1,5 +1,5 @@
-//! What ends or misleads other programs: candidates that cannot be simulated, windows of several
-//! lengths, directions without information, work repeated for every window.
+//! Cases in which a fit may fail or be wrong: candidates that cannot be simulated, windows of
+//! several lengths, directions without information, work repeated for every window.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -18,7 +18,7 @@ fn a_candidate_that_cannot_be_simulated_shortens_the_step() {
     let twin = short(Twin::new(&Arm, &ARM));
     let truth = twin.beta();
     let mut start = truth.clone();
-    // an arm five times as heavy: full steps from there leave what can be simulated
+    // an arm five times as heavy: full steps from there lead to robots that cannot be simulated
     start[0] *= 5.0;
     let (found, _) = fitted(&Arm, &[twin.run()], &twin.setup(), &start);
     assert!(found.refused > 0, "{found:?}");
@@ -94,13 +94,13 @@ fn unknown_gains_have_an_undetermined_common_scale_that_is_named_and_no_variance
         words[0].contains("kp(q1)") && words[0].contains("kd(q2)"),
         "{words:?}"
     );
-    // nothing is said of what is not determined
+    // parameters that are not determined have no interval
     assert!(found.model.intervals.base[0].is_none());
     assert!(found.estimated.iter().all(|e| e.interval.is_none()));
     for k in 0..found.deviations.degrees_of_freedom.len() {
         assert!(found.deviations.sigma(k) >= 0.0, "{k}");
     }
-    // ratios are right all the same
+    // the ratios of the parameters are determined
     let scale = found.model.beta[0] / truth[0];
     let scaled: Vec<f64> = truth.iter().map(|x| x * scale).collect();
     assert!(
@@ -129,7 +129,7 @@ fn unknown_gains_have_an_undetermined_common_scale_that_is_named_and_no_variance
     }
 }
 
-/// A model that counts what is computed with it.
+/// A model that counts its evaluations.
 struct Counting<'m, M>(&'m M, AtomicUsize);
 
 impl<M: Model<f64>> Model<f64> for Counting<'_, M> {
@@ -165,7 +165,7 @@ impl<M: BaseModel<f64>> BaseModel<f64> for Counting<'_, M> {
 }
 
 #[test]
-fn ten_windows_cost_what_one_costs() {
+fn ten_windows_cost_as_much_as_one() {
     let twin = short(Twin::new(&Picker, &FIVE));
     let (truth, run) = (twin.beta(), twin.run());
     let count = |window: f64| {
@@ -178,6 +178,6 @@ fn ten_windows_cost_what_one_costs() {
         model.1.load(Ordering::Relaxed) as f64
     };
     let ratio = count(0.08) / count(10.0);
-    // every window closes the loops once from home, and nothing else is done again
+    // the only repeated work is that every window closes the loops once from home
     assert!(ratio < 1.1, "{ratio}");
 }

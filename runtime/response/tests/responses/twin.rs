@@ -118,7 +118,7 @@ impl<'m, M: BaseModel<f64>> Twin<'m, M> {
         log
     }
 
-    /// What a fit to responses reads of the log.
+    /// The run of the log as a fit to responses reads it.
     pub(crate) fn run(&self) -> Run {
         let info = self.model.info();
         let log = self.log();

@@ -1,7 +1,7 @@
 //! The type of each field of the format's structures (`parquet.thrift` of the specification).
 //!
-//! The library reads each known field with the type of the specification, even if the file gives
-//! another one, and then goes on from a wrong position. The checks here can predict what the
+//! The library reads each known field with the type of the specification, even if the file states
+//! another one, and then continues at a wrong position. The checks here can predict what the
 //! library reads only where both types agree.
 
 /// An outermost structure of the format.

@@ -10,8 +10,8 @@ std::thread_local! {
     static DECODING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Calls the library and returns an error if it panics, as it does on some broken files. Nothing
-/// that the call was working on may be used again after a panic.
+/// Calls the library and returns an error if it panics, as it does on some broken files. After a
+/// panic the caller must not use anything again that the call has changed.
 pub(super) fn solve_guarded<T>(
     call: impl FnOnce() -> Result<T, ParquetError>,
 ) -> Result<T, ParquetError> {

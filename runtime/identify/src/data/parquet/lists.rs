@@ -20,7 +20,8 @@ pub(super) fn first_length<T: DataType>(
     Ok(repetitions.len())
 }
 
-/// The numbers of the next lists, one list after the other; a list of another length has none.
+/// The numbers of the next lists, one list after the other; a list of another length gives `width`
+/// entries without a number.
 ///
 /// - `width`: the length of the lists;
 /// - `deepest`: the level of elements that are numbers.

@@ -96,11 +96,11 @@ pub(super) fn nesting(footer: &[u8]) -> Option<usize> {
         // schema elements, each group before its children
         [2, 5] => children = value,
         [2, END] => {
-            while open.last().is_some_and(|left| *left <= 0) {
+            while open.last().is_some_and(|unread| *unread <= 0) {
                 open.pop();
             }
-            if let Some(left) = open.last_mut() {
-                *left -= 1;
+            if let Some(unread) = open.last_mut() {
+                *unread -= 1;
             }
             if children > 0 {
                 open.push(children);
@@ -193,12 +193,12 @@ impl Compact<'_> {
             15 => self.varint()?,
             count => u64::from(count),
         };
-        let left = self.bytes.len().saturating_sub(self.at) as u64;
+        let remaining = self.bytes.len().saturating_sub(self.at) as u64;
         let kind = head & 0x0f;
         // An element has a byte or more. The format has no lists of booleans, which some readers
         // take to have no bytes, and no lists of lists, which could be nested without end.
         let known = (BYTE..LIST).contains(&kind) || kind == STRUCTURE;
-        (count == 0 || (known && count <= left)).then_some((kind, count))
+        (count == 0 || (known && count <= remaining)).then_some((kind, count))
     }
 
     /// Reads a structure and calls `visit` with the path of field numbers and the value of each of
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_ends_is_no_header() {
+    fn a_header_that_does_not_end_is_invalid() {
         // structures in structures, a varint without end, a text longer than the file
         assert_eq!(Page::read(&[&[0xcc][..], &[0x1c; 100]].concat()), None);
         assert_eq!(Page::read(&[&[0x15][..], &[0xff; 100]].concat()), None);

@@ -10,17 +10,18 @@ use crate::identify::digest;
 use crate::model::IdentifiedModel;
 
 /// Writes a C header with the constants of an identified model as initialisers, which take the type
-/// of their numbers: `static const float beta[] = RPS3_BETA(float);`. It holds what
-/// [`rust_constants`](super::rust_constants) writes, with method, logs and date.
+/// of their numbers: `static const float beta[] = RPS3_BETA(float);`. It contains the same
+/// constants as [`rust_constants`](super::rust_constants), with method, logs and date.
 ///
-/// - `prefix`: what the names of the robot's C functions begin with. The header includes the robot's,
-///   `PREFIX.h`, and does not compile with that of another model: the digests are compared.
+/// - `prefix`: what the names of the robot's C functions begin with. The header includes the
+///   robot's header `PREFIX.h` and does not compile with that of another model, because it compares
+///   the digests.
 ///
 /// # Errors
 /// When parameters of the model have labels that no body or joint has.
 pub fn c_constants<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    found: &IdentifiedModel,
+    identified: &IdentifiedModel,
     prefix: &str,
 ) -> Result<String, FileError> {
     let macros = prefix.to_ascii_uppercase();
@@ -30,7 +31,7 @@ pub fn c_constants<M: BaseModel<f64> + ?Sized>(
         comment(model.info().name)
     );
     // writing to a String cannot fail
-    for line in origin(found) {
+    for line in origin(identified) {
         let _ = writeln!(out, "   {}", comment(&line));
     }
     let _ = write!(
@@ -42,7 +43,7 @@ pub fn c_constants<M: BaseModel<f64> + ?Sized>(
          #error \"these parameters are of another model: identify again\"\n\
          #endif\n"
     );
-    for list in lists(model, found)? {
+    for list in lists(model, identified)? {
         let _ = write!(
             out,
             "\n/* {} */\n#define {macros}_{}(NUMBER) {{ \\\n",

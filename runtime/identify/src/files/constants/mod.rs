@@ -28,10 +28,10 @@ struct List {
 /// and the nonlinear friction of each joint that has it.
 fn lists<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    found: &IdentifiedModel,
+    identified: &IdentifiedModel,
 ) -> Result<Vec<List>, FileError> {
     let info = model.info();
-    let base = model.base_info().base.iter().zip(&found.beta);
+    let base = model.base_info().base.iter().zip(&identified.beta);
     let mut all = vec![List {
         name: "BETA".to_owned(),
         doc: "Base parameters, in the order of the base regressor's columns.".to_owned(),
@@ -39,7 +39,7 @@ fn lists<M: BaseModel<f64> + ?Sized>(
             .map(|(p, value)| (*value, one_line(p.label), unit(p.label, &info).to_owned()))
             .collect(),
     }];
-    if let Some(phi) = &found.phi {
+    if let Some(phi) = &identified.phi {
         let layout = ParameterLayout::of(info.parameters)?;
         let labels = layout.labels().iter().zip(phi);
         all.push(List {
@@ -50,7 +50,7 @@ fn lists<M: BaseModel<f64> + ?Sized>(
                 .collect(),
         });
     }
-    for joint in &found.friction {
+    for joint in &identified.friction {
         let symbols = joint.friction.symbols().iter().zip(&joint.values);
         all.push(List {
             name: format!("FRICTION_{}", constant(&joint.name, &info)),
@@ -69,13 +69,18 @@ fn lists<M: BaseModel<f64> + ?Sized>(
 
 /// The provenance of the values as lines of text: the method, the logs, and the date if the caller
 /// gave one.
-fn origin(found: &IdentifiedModel) -> Vec<String> {
-    let mut lines = vec![format!("Method: {}.", one_line(&found.name))];
-    if !found.provenance.logs.is_empty() {
-        let logs: Vec<String> = found.provenance.logs.iter().map(|l| one_line(l)).collect();
+fn origin(identified: &IdentifiedModel) -> Vec<String> {
+    let mut lines = vec![format!("Method: {}.", one_line(&identified.name))];
+    if !identified.provenance.logs.is_empty() {
+        let logs: Vec<String> = identified
+            .provenance
+            .logs
+            .iter()
+            .map(|l| one_line(l))
+            .collect();
         lines.push(format!("Logs: {}.", logs.join(", ")));
     }
-    if let Some(date) = &found.provenance.date {
+    if let Some(date) = &identified.provenance.date {
         lines.push(format!("Date: {}.", one_line(date)));
     }
     lines

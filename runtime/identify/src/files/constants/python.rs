@@ -18,10 +18,15 @@ use crate::model::IdentifiedModel;
 /// When parameters of the model have labels that no body or joint has.
 pub fn python_constants<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    found: &IdentifiedModel,
+    identified: &IdentifiedModel,
 ) -> Result<String, FileError> {
-    let logs: Vec<String> = found.provenance.logs.iter().map(|log| text(log)).collect();
-    let date = found.provenance.date.as_deref();
+    let logs: Vec<String> = identified
+        .provenance
+        .logs
+        .iter()
+        .map(|log| text(log))
+        .collect();
+    let date = identified.provenance.date.as_deref();
     let mut out = format!(
         "\"\"\"Identified parameters of a robot, SI units.\n\n\
          Call check(digest) with the digest of the model that they are used with.\"\"\"\n\n\
@@ -34,11 +39,11 @@ pub fn python_constants<M: BaseModel<f64> + ?Sized>(
                  raise ValueError(f\"the parameters are of model {{DIGEST}}, not of {{given}}: identify again\")\n",
         text(model.info().name),
         digest(model),
-        text(&found.name),
+        text(&identified.name),
         logs.join(", "),
         date.map_or_else(|| "None".to_owned(), text),
     );
-    for list in lists(model, found)? {
+    for list in lists(model, identified)? {
         let _ = write!(out, "\n# {}\n{} = {{\n", one_line(&list.doc), list.name);
         for (value, label, unit) in &list.values {
             let unit = if unit.is_empty() {

@@ -19,7 +19,7 @@ use crate::model::IdentifiedModel;
 /// When parameters of the model have labels that no body or joint has.
 pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    found: &IdentifiedModel,
+    identified: &IdentifiedModel,
     module: Option<&str>,
 ) -> Result<String, FileError> {
     let mut out = format!(
@@ -27,7 +27,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
         one_line(model.info().name)
     );
     // writing to a String cannot fail
-    for line in origin(found) {
+    for line in origin(identified) {
         let _ = writeln!(out, "// {line}");
     }
     if let Some(module) = module {
@@ -39,7 +39,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
             digest(model)
         );
     }
-    for list in lists(model, found)? {
+    for list in lists(model, identified)? {
         let _ = write!(
             out,
             "\n/// {}\npub const {}: [f64; {}] = [\n",

@@ -12,8 +12,8 @@ use crate::identify::passes::{Source, predicted};
 use crate::qr_update::substitute;
 use regen_runtime::BaseModel;
 
-/// Differences of which the others explain all but this part of the variance are left out of the
-/// test.
+/// A difference is left out of the test if the other differences explain all of its variance except
+/// at most this part.
 const MIN_UNEXPLAINED_PART: f64 = 1e-6;
 /// The highest order of the autoregression that whitens scores.
 const MAX_ORDER: usize = 6;
@@ -40,12 +40,12 @@ pub(super) struct Covariances {
 /// large.
 pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     log: &mut Log<'_, M, S>,
-    found: &RoundResult,
+    round: &RoundResult,
     bandwidth: usize,
 ) -> Result<Covariances, S::Error> {
-    let solution = &found.solution;
+    let solution = &round.solution;
     let r = solution.values.len();
-    let noise = autoregression(&found.efforts);
+    let noise = autoregression(&round.efforts);
     let mut past: VecDeque<Vec<f64>> = VecDeque::new();
     let mut scores = Autocorrelated::new(2 * r, bandwidth);
     let mut score = vec![0.0; 2 * r];
@@ -57,7 +57,7 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         score.fill(0.0);
         let count = equations.tau.len();
         for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
-            let weight = own * found.weights.get(e).copied().unwrap_or(1.0);
+            let weight = own * round.weights.get(e).copied().unwrap_or(1.0);
             if weight == 0.0 {
                 continue;
             }
@@ -162,18 +162,18 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
             .filter_map(|e| Some(e.samples as f64 * e.autocorrelation.get(lag - 1)?));
         parts.sum::<f64>() / samples.max(1) as f64
     };
-    let criterion = |left: f64, order: usize| {
+    let criterion = |remaining: f64, order: usize| {
         let (n, p) = (samples as f64, order as f64 + 1.0);
-        left * (n + p) / (n - p).max(1.0)
+        remaining * (n + p) / (n - p).max(1.0)
     };
     let (mut best, mut coefficients): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let mut left = at(0);
-    let mut least = criterion(left, 0);
+    let mut remaining = at(0);
+    let mut least = criterion(remaining, 0);
     for order in 1..=MAX_ORDER.min(lags.unwrap_or(0)) {
         let known = coefficients.iter().enumerate();
         let predicted_part: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
-        let reflection = (at(order) - predicted_part) / left;
-        // also ends for NaN
+        let reflection = (at(order) - predicted_part) / remaining;
+        // a reflection that is NaN ends the search too
         if reflection.is_nan() || reflection.abs() >= 1.0 {
             break;
         }
@@ -182,8 +182,8 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
             *a -= reflection * b;
         }
         coefficients.push(reflection);
-        left *= 1.0 - reflection * reflection;
-        let own = criterion(left, order);
+        remaining *= 1.0 - reflection * reflection;
+        let own = criterion(remaining, order);
         if own < least {
             least = own;
             best.clone_from(&coefficients);
@@ -194,14 +194,21 @@ fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
 
 /// Computes the test from both estimates and the covariance of their difference.
 ///
+/// - `least`, `instrumental`: the parameters by least squares and by instrumental variables;
 /// - `stretches`: the number of independent stretches of the log that the covariance was computed
-///   from: 1.5 samples over the bandwidth, for Bartlett's weights (Priestley, 1981, table 6.2).
-pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretches: f64) -> Hausman {
+///   from: 1.5 times the number of samples over the bandwidth, for Bartlett's weights (Priestley,
+///   1981, table 6.2).
+pub(super) fn hausman(
+    least: &[f64],
+    instrumental: &[f64],
+    covariance: &[f64],
+    stretches: f64,
+) -> Hausman {
     let n = least.len();
-    let differences: Vec<f64> = least.iter().zip(found).map(|(a, b)| a - b).collect();
+    let differences: Vec<f64> = least.iter().zip(instrumental).map(|(a, b)| a - b).collect();
     let sigma = |k: usize| covariance[k * n + k].max(0.0).sqrt();
     // a difference that is only rounding has no meaningful standard deviation
-    let rounding = |k: usize| 1e-9 * (least[k].abs() + found[k].abs());
+    let rounding = |k: usize| 1e-9 * (least[k].abs() + instrumental[k].abs());
     let counts: Vec<usize> = (0..n).filter(|&k| sigma(k) > rounding(k)).collect();
     let ratios: Vec<f64> = (0..n)
         .map(|k| {
@@ -221,22 +228,23 @@ pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretche
         }
     }
     let mut side: Vec<f64> = counts.iter().map(|k| ratios[*k]).collect();
-    let mut left: Vec<usize> = (0..m).collect();
+    let mut remaining: Vec<usize> = (0..m).collect();
     let (mut wald, mut rank) = (0.0, 0);
-    while let Some(place) = (0..left.len())
-        .max_by(|a, b| matrix[left[*a] * m + left[*a]].total_cmp(&matrix[left[*b] * m + left[*b]]))
-    {
-        let k = left.remove(place);
+    while let Some(place) = (0..remaining.len()).max_by(|a, b| {
+        matrix[remaining[*a] * m + remaining[*a]]
+            .total_cmp(&matrix[remaining[*b] * m + remaining[*b]])
+    }) {
+        let k = remaining.remove(place);
         let pivot = matrix[k * m + k];
         if pivot.is_nan() || pivot <= MIN_UNEXPLAINED_PART {
             break;
         }
         wald += side[k] * side[k] / pivot;
         rank += 1;
-        for i in &left {
+        for i in &remaining {
             let part = matrix[i * m + k] / pivot;
             side[*i] -= part * side[k];
-            for j in &left {
+            for j in &remaining {
                 matrix[i * m + j] -= part * matrix[k * m + j];
             }
         }

@@ -60,8 +60,8 @@ pub(super) struct Log<'a, M: ?Sized, S: ?Sized> {
     source: &'a mut S,
     motion: MotionSeries,
     /// All samples after the first pass, unless there are too many.
-    kept: Vec<Sample>,
-    pub(super) left: LeftOut,
+    stored: Vec<Sample>,
+    pub(super) left_out: LeftOut,
 }
 
 struct Sample {
@@ -78,15 +78,15 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
             model,
             source,
             motion: MotionSeries::new(model.info().dof()),
-            kept: Vec::new(),
-            left: LeftOut::default(),
+            stored: Vec::new(),
+            left_out: LeftOut::default(),
         }
     }
 
-    /// Computes the instruments from another motion from now on.
-    pub(super) fn change(&mut self, motion: MotionSeries) {
+    /// Replaces the motion from which the instruments are computed.
+    pub(super) fn set_motion(&mut self, motion: MotionSeries) {
         self.motion = motion;
-        self.kept.clear();
+        self.stored.clear();
     }
 
     /// Passes all equations to `each`; their columns are those of W, and then those of Z.
@@ -94,8 +94,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), S::Error> {
-        if !self.kept.is_empty() {
-            for sample in &self.kept {
+        if !self.stored.is_empty() {
+            for sample in &self.stored {
                 each(&Equations {
                     time: sample.time,
                     w: &sample.w,
@@ -116,31 +116,31 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
             last: None,
         };
         let mut numbers = 0;
-        let mut kept = Vec::new();
-        self.left = equations(
+        let mut stored = Vec::new();
+        self.left_out = equations(
             self.model,
             EquationKind::Forces,
             self.source,
             &mut at,
-            &mut |found| {
-                if found.tau.is_empty() {
+            &mut |rows| {
+                if rows.tau.is_empty() {
                     return Ok(());
                 }
-                numbers += found.w.len() + 2 * found.tau.len();
+                numbers += rows.w.len() + 2 * rows.tau.len();
                 if numbers <= MAX_NUMBERS {
-                    kept.push(Sample {
-                        time: found.time,
-                        w: found.w.to_vec(),
-                        tau: found.tau.to_vec(),
-                        weights: found.weights.to_vec(),
-                        follows: found.follows,
+                    stored.push(Sample {
+                        time: rows.time,
+                        w: rows.w.to_vec(),
+                        tau: rows.tau.to_vec(),
+                        weights: rows.weights.to_vec(),
+                        follows: rows.follows,
                     });
                 }
-                each(found)
+                each(rows)
             },
         )?;
         if numbers <= MAX_NUMBERS {
-            self.kept = kept;
+            self.stored = stored;
         }
         Ok(())
     }

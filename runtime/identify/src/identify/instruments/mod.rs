@@ -70,14 +70,14 @@ pub struct Hausman {
     pub joint: bool,
 }
 
-/// Below this probability least squares is called biased.
-const BIASED: f64 = 0.01;
+/// Least squares counts as biased if the probability of the differences is below this.
+const MIN_UNBIASED_PROBABILITY: f64 = 0.01;
 
 impl Hausman {
     /// Whether least squares is biased: differences as large come by chance in less than one of a
     /// hundred logs.
     pub fn is_biased(&self) -> bool {
-        self.probability < BIASED
+        self.probability < MIN_UNBIASED_PROBABILITY
     }
 }
 
@@ -163,7 +163,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut rounds = 0;
     let (sums, mut found, settled) = loop {
         if let Some(next) = motion(&values)? {
-            log.change(next);
+            log.set_motion(next);
             sums = None;
         }
         let now = match sums.take() {
@@ -189,7 +189,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             weights: own,
             efforts,
         };
-        // weights come from the residuals of the round before, so the first is never the last
+        // the weights come from the residuals of the previous round, so the first round never
+        // settles
         let settled = rounds > 1 && moved < TOLERANCE_DEVIATIONS;
         if settled || rounds >= options.rounds.max(1) {
             break (now, round, settled);
@@ -230,7 +231,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         relative_absolute: found.relative_absolute,
         at_instruments: found.at_instruments,
         bandwidth,
-        left_out: log.left,
+        left_out: log.left_out,
     })
 }
 
@@ -268,25 +269,25 @@ fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut measured = Residuals::new(&names, &means, options.lags);
     let mut smooth = measured.clone();
     let (mut fitted, mut other, mut used) = (Vec::new(), Vec::new(), Vec::new());
-    log.visit(&mut |found| {
-        if !found.follows {
+    log.visit(&mut |rows| {
+        if !rows.follows {
             measured.interrupt();
             smooth.interrupt();
         }
-        let count = found.tau.len();
-        let (_, instruments) = found.w.split_at(values.len() * count);
+        let count = rows.tau.len();
+        let (_, instruments) = rows.w.split_at(values.len() * count);
         let at = Equations {
             w: instruments,
-            ..*found
+            ..*rows
         };
         fitted.clear();
-        fitted.extend((0..count).map(|e| predicted(found, e, values)));
+        fitted.extend((0..count).map(|e| predicted(rows, e, values)));
         other.clear();
         other.extend((0..count).map(|e| predicted(&at, e, values)));
         used.clear();
-        used.extend(found.weights.iter().map(|w| *w > 0.0));
-        measured.push_used(found.tau, &fitted, &used)?;
-        smooth.push_used(found.tau, &other, &used)
+        used.extend(rows.weights.iter().map(|w| *w > 0.0));
+        measured.push_used(rows.tau, &fitted, &used)?;
+        smooth.push_used(rows.tau, &other, &used)
     })?;
     Ok((measured, smooth))
 }

@@ -9,7 +9,7 @@ use regen_runtime::Model;
 const FILTER_ORDER: usize = 4;
 /// Least number of samples of a run that can be smoothed: the filter extends both ends.
 const MIN_RUN_SAMPLES: usize = 3 * (FILTER_ORDER + 1) + 2;
-/// Ratio of one tried cutoff frequency to the one before: four to an octave.
+/// Ratio of each cutoff frequency that is tried to the previous one: four to an octave.
 const CUTOFF_RATIO: f64 = 1.189_207_115_002_721;
 /// Allowed variance of what smoothing removes, over that of the noise of the positions.
 const REMOVED_NOISE_RATIO: f64 = 1.1;
@@ -121,7 +121,7 @@ impl MotionSeries {
     pub(super) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
         let from = last.map_or(0, |k| k + 1);
         let rest = self.times.get(from..)?;
-        // every pass reads the same times from a file
+        // every pass reads the same times, so the two agree up to rounding
         let place = rest
             .iter()
             .position(|t| (t - time).abs() <= 1e-9 * (1.0 + time.abs()))?;
@@ -236,7 +236,7 @@ impl MotionSeries {
             } else {
                 0..times.len()
             };
-            let mut enough = true;
+            let mut suffices = true;
             for (x, noise) in columns.iter().zip(&noises) {
                 let smooth = filter.zero_phase(&mirrored(x, pad))?;
                 let pairs = x.iter().zip(smooth.iter().skip(pad));
@@ -246,11 +246,11 @@ impl MotionSeries {
                 let allowed = REMOVED_NOISE_RATIO * part * noise
                     + REMOVED_MOTION_PART * REMOVED_MOTION_PART * variance(x);
                 if squares / inside.len() as f64 > allowed {
-                    enough = false;
+                    suffices = false;
                     break;
                 }
             }
-            if enough {
+            if suffices {
                 return Ok(cutoff);
             }
             cutoff *= CUTOFF_RATIO;

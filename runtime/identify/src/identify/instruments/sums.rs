@@ -28,20 +28,20 @@ impl Sums {
         origin: &Origin,
     ) -> Result<Self, S::Error> {
         let (r, efforts) = (origin.labels.len(), origin.efforts.len());
-        let mut rows = Accumulator::new(origin);
+        let mut accumulated = Accumulator::new(origin);
         let mut products = vec![vec![0.0; r * r]; efforts];
         let mut sides = vec![vec![0.0; r]; efforts];
         let mut squares = vec![vec![0.0; r]; efforts];
         let mut row = vec![0.0; r];
-        log.visit(&mut |found| {
-            let count = found.tau.len();
-            let (own, instruments) = found.w.split_at(r * count);
-            for (e, (tau, weight)) in found.tau.iter().zip(found.weights).enumerate() {
+        log.visit(&mut |rows| {
+            let count = rows.tau.len();
+            let (own, instruments) = rows.w.split_at(r * count);
+            for (e, (tau, weight)) in rows.tau.iter().zip(rows.weights).enumerate() {
                 if *weight == 0.0 {
                     continue;
                 }
                 let entries = own.get(e..).unwrap_or_default();
-                rows.push(e, entries, count, *tau, *weight)?;
+                accumulated.push(e, entries, count, *tau, *weight)?;
                 let square = weight * weight;
                 for (slot, w) in row.iter_mut().zip(entries.iter().step_by(count)) {
                     *slot = w * square;
@@ -60,7 +60,7 @@ impl Sums {
             Ok(())
         })?;
         Ok(Self {
-            factors: rows.finish()?,
+            factors: accumulated.finish()?,
             products,
             sides,
             squares,
@@ -157,10 +157,12 @@ struct Square<'a> {
 }
 
 impl<'a> Square<'a> {
-    /// - `rows`: n x n, row-major; `labels`: of the parameters, for the error.
+    /// Checks that the matrix is regular.
+    ///
+    /// - `rows`: n x n, row-major; `labels`: those of the parameters, for the error.
     fn new(rows: &'a [f64], n: usize, labels: &[String]) -> Result<Self, EstimateError> {
-        let found = Self { rows, n };
-        let (r, _) = found.reduced(&vec![0.0; n]);
+        let square = Self { rows, n };
+        let (r, _) = square.reduced(&vec![0.0; n]);
         let pivots: Vec<f64> = (0..n).map(|k| r[k * n + k].abs()).collect();
         let largest = pivots.iter().copied().fold(0.0, f64::max);
         let least = pivots.iter().copied().fold(f64::INFINITY, f64::min);
@@ -179,7 +181,7 @@ impl<'a> Square<'a> {
                 reciprocal_condition: if largest > 0.0 { least / largest } else { 0.0 },
             });
         }
-        Ok(found)
+        Ok(square)
     }
 
     fn reduced(&self, side: &[f64]) -> (Vec<f64>, Vec<f64>) {

@@ -97,8 +97,8 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         sign: false,
         efforts: read,
     };
-    if let Some(turned) = flip_driving_signs(model, grams, &change.efforts, &offsets, &now) {
-        change.efforts = turned.0;
+    if let Some(flipped) = flip_driving_signs(model, grams, &change.efforts, &offsets, &now) {
+        change.efforts = flipped.0;
     }
     Some(change)
 }
@@ -137,7 +137,7 @@ fn candidates(
     touched: &[usize],
     now: &Fit,
 ) -> Vec<Candidate> {
-    let bad = |k: usize| {
+    let poorly_fitted = |k: usize| {
         let alone = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k));
         alone.is_none_or(|i| now.errors[i] > GOOD_ERROR)
     };
@@ -165,14 +165,14 @@ fn candidates(
         {
             out.push(with(&[(k, times(k, factor))], MIN_GAIN_OF_FACTOR));
         }
-        if !offsets.contains(&k) && bad(k) {
+        if !offsets.contains(&k) && poorly_fitted(k) {
             let mut shifted = with(&[], MIN_GAIN_PER_COLUMN);
             shifted.offsets.push(k);
             shifted.touched.push(k);
             out.push(shifted);
         }
-        for l in (0..k).filter(|l| bad(*l) || bad(k)) {
-            // a torque constant belongs to the motor and stays when columns are exchanged
+        for l in (0..k).filter(|l| poorly_fitted(*l) || poorly_fitted(k)) {
+            // a torque constant is that of a motor, so it does not move with the column
             let constant =
                 |a: usize, b: usize| own.get(a).zip(own.get(b)).map_or(1.0, |(a, b)| a / b);
             for (a, b) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
@@ -251,7 +251,7 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
 ) -> Option<(Vec<Reading>, Fit)> {
     let info = model.info();
     let before = facts::driving(model, grams, now);
-    let mut turned = read.to_vec();
+    let mut flipped = read.to_vec();
     for (coordinate, _) in &before {
         let k = info.actuated.iter().position(|a| a == coordinate)?;
         let equation = (0..grams.rows()).find(|i| grams.only_effort(*i) == Some(k))?;
@@ -262,19 +262,19 @@ fn flip_driving_signs<M: BaseModel<f64> + ?Sized>(
         if nominal.flatten().is_some_and(|(c, _, _)| c > 0.5) {
             return None;
         }
-        turned[k].factor = -turned[k].factor;
+        flipped[k].factor = -flipped[k].factor;
     }
     if before.is_empty() {
         return None;
     }
-    let fit = grams.fit(&turned, offsets)?;
+    let fit = grams.fit(&flipped, offsets)?;
     let worse = fit
         .errors
         .iter()
         .zip(&now.errors)
         .any(|(a, b)| *a > MAX_LOSS_OF_SIGNS * b.max(0.01));
     let fewer = implausible_count(model, grams, &fit) < implausible_count(model, grams, now);
-    (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((turned, fit))
+    (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((flipped, fit))
 }
 
 /// A change of signs only, for a log whose errors are normal.

@@ -8,7 +8,7 @@ use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 /// Friction drives a joint if its power into the joint is more than this part of the efforts'
 /// power.
 const DRIVING_POWER_PART: f64 = 0.05;
-/// A position or velocity of more than this many times its limit is not of this robot.
+/// Positions or velocities of more than this many times their limits cannot be those of this robot.
 const MAX_LIMIT_RATIO: f64 = 5.0;
 /// A value more than this many standard deviations below zero is certainly negative.
 const CERTAIN_DEVIATIONS: f64 = 6.0;
@@ -41,8 +41,8 @@ pub struct NegativeParameter {
     pub sigma: f64,
 }
 
-/// A constant offset of a joint's effort, as friction suggests that brakes in one direction and
-/// drives in the other.
+/// A constant offset of a joint's effort, inferred from friction that brakes in one direction and
+/// drives the joint in the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shift {
     /// The effort: an index into `Info::actuated`.
@@ -143,13 +143,13 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     let pairs = values.iter().zip(sigmas).enumerate();
     let mut out = Vec::new();
     for (k, (value, sigma)) in pairs {
-        let sure = |value: f64, sigma: f64| value < -CERTAIN_DEVIATIONS * sigma;
+        let certainly_negative = |value: f64, sigma: f64| value < -CERTAIN_DEVIATIONS * sigma;
         let Some(parameter) = base.get(k) else {
             continue;
         };
         let joints = all(&info, parameter.terms, Parameter::is_friction)
             || all(&info, parameter.terms, Parameter::is_rotor);
-        if !joints || !sure(*value, *sigma) {
+        if !joints || !certainly_negative(*value, *sigma) {
             continue;
         }
         // with an offset larger than the friction, only one of both directions is negative
@@ -158,7 +158,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
             place.map(|c| (values[c], sigmas[c]))
         });
         match other {
-            Some(Some((v, s))) if sure(value + v, sigma + s) => {}
+            Some(Some((v, s))) if certainly_negative(value + v, sigma + s) => {}
             Some(_) => continue,
             None => {}
         }

@@ -305,13 +305,13 @@ impl Grams {
             spreads.push(spread);
             sides.push(right);
         }
-        let mut left = spreads.clone();
+        let mut residuals = spreads.clone();
         let mut values = vec![0.0; n];
         for _ in 0..REWEIGHTING_PASSES {
             let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
             for i in 0..rows {
-                let weight =
-                    self.count / left[i].max(MIN_RELATIVE_ERROR * MIN_RELATIVE_ERROR * spreads[i]);
+                let weight = self.count
+                    / residuals[i].max(MIN_RELATIVE_ERROR * MIN_RELATIVE_ERROR * spreads[i]);
                 let (size, own, place) = (self.size(i), &self.matrices[i], &places[i]);
                 for (a, p) in place.iter().enumerate() {
                     let Some(p) = p else { continue };
@@ -325,13 +325,14 @@ impl Grams {
             }
             values = solve(&mut gram, &right)?;
             for i in 0..rows {
-                left[i] = self.squared_residuals(i, &places[i], &values, squares[i], &sides[i]);
+                residuals[i] =
+                    self.squared_residuals(i, &places[i], &values, squares[i], &sides[i]);
             }
         }
-        let pairs = left.iter().zip(&spreads);
+        let pairs = residuals.iter().zip(&spreads);
         Some(Fit {
             values,
-            errors: pairs.map(|(l, s)| (l / s).sqrt()).collect(),
+            errors: pairs.map(|(r, s)| (r / s).sqrt()).collect(),
             sizes: squares.iter().map(|s| (s / self.count).sqrt()).collect(),
         })
     }
@@ -371,15 +372,15 @@ impl Grams {
         read: &[Reading],
     ) -> Option<(f64, f64, f64)> {
         let last = self.size(i) - 1;
-        let aside: Vec<usize> = (0..self.columns)
+        let separate: Vec<usize> = (0..self.columns)
             .filter(|c| lacks_nominal(model, *c))
             .filter(|c| self.entry(i, *c, *c) > 0.0)
             .chain([last])
             .collect();
-        let n = aside.len();
+        let n = separate.len();
         let mut gram = vec![0.0; n * n];
-        for (a, p) in aside.iter().enumerate() {
-            for (b, q) in aside[..=a].iter().enumerate() {
+        for (a, p) in separate.iter().enumerate() {
+            for (b, q) in separate[..=a].iter().enumerate() {
                 gram[a * n + b] = self.entry(i, *p, *q);
             }
         }
@@ -387,16 +388,17 @@ impl Grams {
         let nominal = [(last - 1, 1.0)];
         let of = |what: &[(usize, f64)]| -> Vec<f64> {
             let one = |p: &usize| self.product(i, &[(*p, 1.0)], what);
-            aside.iter().map(one).collect()
+            separate.iter().map(one).collect()
         };
         let (tau, own) = (of(&side), of(&nominal));
         let solved = solve(&mut gram, &own)?;
-        let taken = |other: &[f64]| -> f64 { solved.iter().zip(other).map(|(a, b)| a * b).sum() };
-        let pp = self.product(i, &nominal, &nominal) - taken(&own);
-        let pt = self.product(i, &nominal, &side) - taken(&tau);
+        let explained =
+            |other: &[f64]| -> f64 { solved.iter().zip(other).map(|(a, b)| a * b).sum() };
+        let pp = self.product(i, &nominal, &nominal) - explained(&own);
+        let pt = self.product(i, &nominal, &side) - explained(&tau);
         let mut again = vec![0.0; n * n];
-        for (a, p) in aside.iter().enumerate() {
-            for (b, q) in aside[..=a].iter().enumerate() {
+        for (a, p) in separate.iter().enumerate() {
+            for (b, q) in separate[..=a].iter().enumerate() {
                 again[a * n + b] = self.entry(i, *p, *q);
             }
         }

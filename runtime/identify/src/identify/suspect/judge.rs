@@ -119,7 +119,7 @@ impl std::fmt::Display for Suspicion {
 ///
 /// - `columns`: the log and the assignment of its columns;
 /// - `sample`: some of its states, see [`Logs::sample`](crate::data::Logs::sample);
-/// - `found`: the estimate from all logs, with standard deviations; `None` where there is none;
+/// - `estimate`: that from all logs, with standard deviations; `None` where there is none;
 /// - `step`: called with the number of hypotheses tried so far and in total.
 ///
 /// ```
@@ -169,7 +169,7 @@ impl std::fmt::Display for Suspicion {
 pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
-    found: Option<&Estimate>,
+    estimate: Option<&Estimate>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Vec<Suspicion> {
     let model = columns.model;
@@ -188,20 +188,20 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         .iter()
         .map(|c| columns.own(&Quantity::Effort(columns.name(*c))))
         .collect();
-    let sigmas = found.map(|f| (0..f.values.len()).map(|k| f.sigma(k)).collect::<Vec<_>>());
-    let estimate = found.zip(sigmas.as_ref());
-    let estimate = estimate.map(|(f, sigmas)| (f.values.as_slice(), sigmas.as_slice()));
+    let sigmas = estimate.map(|e| (0..e.values.len()).map(|k| e.sigma(k)).collect::<Vec<_>>());
+    let estimate = estimate.zip(sigmas.as_ref());
+    let estimate = estimate.map(|(e, sigmas)| (e.values.as_slice(), sigmas.as_slice()));
     let findings = look(model, sample, &own, estimate, step);
     if let Some(change) = &findings.change {
         out.extend(columns.change(change, sample, &findings.nominal));
     }
-    out.extend(weights(columns, &findings));
+    out.extend(against_nominal(columns, &findings));
     if out.is_empty() {
         out.extend(limits(columns, sample));
     }
     if out.is_empty()
         && let Some((values, sigmas)) = estimate
-        && upside_down(model, values, sigmas)
+        && has_negative_inertia(model, values, sigmas)
     {
         let all: Vec<usize> = (0..info.actuated.len()).collect();
         out.push(columns.say(
@@ -264,15 +264,15 @@ fn series<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     sample: &Sample,
 ) -> Option<Suspicion> {
-    let pairs = sample.left.iter().zip(&sample.measured);
+    let pairs = sample.series_residuals.iter().zip(&sample.measured);
     let worst = pairs.max_by(|a, b| a.0.total_cmp(b.0))?;
     if *worst.0 < MAX_SERIES_RESIDUAL {
         return None;
     }
-    let bad = sample
-        .left
+    let above = sample
+        .series_residuals
         .iter()
-        .filter(|left| **left >= MAX_SERIES_RESIDUAL)
+        .filter(|residual| **residual >= MAX_SERIES_RESIDUAL)
         .count();
     Some(columns.say(
         format!(
@@ -280,8 +280,8 @@ fn series<M: BaseModel<f64> + ?Sized>(
              {:.0} %)",
             100.0 * worst.0,
             columns.name(*worst.1),
-            bad,
-            sample.left.len(),
+            above,
+            sample.series_residuals.len(),
             100.0 * MAX_SERIES_RESIDUAL,
         ),
         Remedy::Series,
@@ -289,7 +289,7 @@ fn series<M: BaseModel<f64> + ?Sized>(
 }
 
 /// Compares the efforts with those that the nominal bodies need.
-fn weights<M: BaseModel<f64> + ?Sized>(
+fn against_nominal<M: BaseModel<f64> + ?Sized>(
     columns: &LogColumns<'_, M>,
     findings: &Findings,
 ) -> Vec<Suspicion> {
@@ -421,7 +421,11 @@ fn inertia<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64]) -> Option<Vec<
 /// Whether a fit makes the inertia of every coordinate negative, by more than the standard
 /// deviations of the parameters allow: then the signs of all efforts, or of all positions, are
 /// flipped.
-fn upside_down<M: BaseModel<f64> + ?Sized>(model: &M, values: &[f64], sigmas: &[f64]) -> bool {
+fn has_negative_inertia<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    values: &[f64],
+    sigmas: &[f64],
+) -> bool {
     let Some(mut inertia) = inertia(model, values) else {
         return false;
     };

@@ -34,7 +34,7 @@ pub struct Sample {
     pub whole: usize,
     /// For each measured coordinate, the rms of the residuals of its Fourier series over the rms
     /// about its mean; empty where no series was fitted.
-    pub left: Vec<f64>,
+    pub series_residuals: Vec<f64>,
 }
 
 /// One state of a [`Sample`].

@@ -33,13 +33,13 @@ type TriedCandidate = (f64, (usize, usize), Candidate, Vec<f64>);
 /// Finds the best change of position columns; `None` if none is better than the change of efforts.
 ///
 /// - `own`: a factor for each effort that belongs to its joint, such as a torque constant;
-/// - `open`: whether the log as it is cannot be fitted;
+/// - `cannot_fit`: whether the log cannot be fitted with its columns as they are;
 /// - `step`: called with the number of hypotheses tried and of all.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     model: &M,
     sample: &Sample,
     own: &[f64],
-    open: bool,
+    cannot_fit: bool,
     efforts: Option<&Change>,
     step: &mut dyn FnMut(usize, usize),
 ) -> Option<Change> {
@@ -56,7 +56,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let present = Grams::of(model, sample, &positions, every);
     let present = present.filter(Grams::closes);
     let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
-    let start = start.filter(|_| !open);
+    let start = start.filter(|_| !cannot_fit);
     // the change of efforts is fitted to the same states, with its offsets
     let rival = match (efforts, &present) {
         (Some(change), Some(grams)) => {
@@ -67,7 +67,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         _ => None,
     };
     let mut now = start.as_ref().map(|fit| quality(&fit.errors));
-    let mut found = None;
+    let mut best_errors = None;
     for round in 0..MAX_ROUNDS {
         let mut fits: Vec<TriedCandidate> = Vec::new();
         for (k, candidate) in candidates(model, sample, own, &positions, &read)
@@ -116,12 +116,12 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         positions = best.2.positions;
         read = best.2.efforts;
         let good = best.3.iter().all(|e| *e < UNEXPLAINED_ERROR);
-        found = Some(best.3);
+        best_errors = Some(best.3);
         if good {
             break;
         }
     }
-    let after = found?;
+    let after = best_errors?;
     if let Some(rival) = rival
         && quality(&rival.errors) < MIN_GAIN_OVER_EFFORTS * quality(&after)
     {
@@ -207,12 +207,12 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         if sample.measured.len() > 1 {
             out.push(plain(scaled(&|other| other == *c), 1));
         }
-        let mut turned = plain(positions.to_vec(), 1);
-        turned.positions[k].factor *= -1.0;
+        let mut flipped = plain(positions.to_vec(), 1);
+        flipped.positions[k].factor *= -1.0;
         if let Some(a) = actuator(*c) {
-            turned.efforts[a].factor *= -1.0;
+            flipped.efforts[a].factor *= -1.0;
         }
-        out.push(turned);
+        out.push(flipped);
         for (l, other) in sample.measured[..k].iter().enumerate() {
             if motion(*c) != motion(*other) {
                 continue;
