@@ -98,7 +98,7 @@ fn by_hand(window: &[CrankSample]) -> ([f64; 3], f64) {
 
 #[test]
 fn a_window_balances_work_with_energy_and_friction_losses() {
-    let (model, rows) = (model(), made(200, 0.01));
+    let (model, rows) = (model(), crank_samples(200, 0.01));
     let mut observer = EquationBuilder::new(&model, EquationKind::Energy { window: 0.25 });
     let mut from = 0;
     let mut windows = 0;
