@@ -96,7 +96,9 @@ impl Random {
                 }
             }
             let left = norm(&normal);
-            normal.iter_mut().for_each(|x| *x /= left);
+            for x in &mut normal {
+                *x /= left;
+            }
             let mut step = vec![0.0; n];
             for (column, x) in deviations.root().chunks_exact(n.max(1)).zip(&normal) {
                 for (sum, l) in step.iter_mut().zip(column) {
