@@ -1,6 +1,6 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use regen_identify::data::{DataError, Run};
+use regen_identify::data::DataError;
 use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
@@ -243,13 +243,8 @@ fn models(
     }
     let more = found.len() > 1;
     if more || !args.physical.against.is_empty() {
-        let logs: Vec<Run> = args
-            .logs
-            .iter()
-            .chain(&args.physical.against)
-            .cloned()
-            .collect();
-        let errors = session::compare(session, &logs, &found)?;
+        let logs = (args.logs.as_slice(), args.physical.against.as_slice());
+        let errors = session::compare(session, Some(start), logs, &found)?;
         summary.models = found
             .iter()
             .zip(errors)
@@ -267,7 +262,7 @@ fn models(
     let last = last.ok_or_else(|| Failure::Input("no model was found".to_owned()))?;
     if more && !args.logs.is_empty() {
         let lags = Options::default().lags;
-        let errors = session::residuals_of(session, &args.logs, &last, lags)?;
+        let errors = session::residuals_of(session, start, &args.logs, &last, lags)?;
         summary.relative_absolute = Some(errors.relative_absolute());
         for (effort, error) in summary.efforts.iter_mut().zip(errors.efforts()) {
             effort.error = Some(error);

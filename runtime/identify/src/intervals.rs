@@ -30,8 +30,12 @@ use crate::feasibility::{
 
 /// Default number of draws. The next draw lies between the k-th from below and the k-th from above
 /// of n draws with the probability 1 - 2 k / (n + 1) for any n: intervals from fewer draws vary
-/// more in length, but cover the true value as often.
-pub const DEFAULT_DRAWS: usize = 100;
+/// more in length, but cover the true value as often. 95 % needs at least 39.
+///
+/// With 60, a sigma differs from that of a thousand draws by 6 and 10 % (root mean square over the
+/// parameters of two arms with 58 and 73 of them), and the length of an interval of 95 % by 14 and
+/// 16 %; 50 pairs of opposite draws in independent directions gave 11 and 9 %, 14 and 21 %.
+pub const DEFAULT_DRAWS: usize = 60;
 /// The number of draws that a thread projects between two reports of the progress.
 const DRAWS_PER_THREAD: usize = 4;
 /// The relative gap at which the projection of a draw stops: with ten thousand equations a value is
@@ -40,8 +44,8 @@ const DRAW_GAP: f64 = 1e-8;
 /// A limit is uncertain if more than this part of the draws, and less than all but this part, are
 /// at it.
 const UNCERTAIN_LIMIT_PART: f64 = 0.025;
-/// Parameters whose correlation is below this count as independent: the correlation of a hundred
-/// draws differs from the true one by a tenth.
+/// Parameters whose correlation is below this count as independent: the correlation of some
+/// tens of draws differs from the true one by a tenth.
 const MIN_CORRELATION: f64 = 0.3;
 /// A value within this part of a standard deviation from a limit is at the limit.
 const LIMIT_DEVIATIONS: f64 = 1e-3;
@@ -324,7 +328,6 @@ pub(crate) fn replicate(
         deviations,
     } = data;
     let n = factor.columns();
-    let mut random = Random(draws.seed);
     let mut out = ProjectedDraws {
         phi: Vec::with_capacity(replicates),
         beta: Vec::with_capacity(replicates),
@@ -336,7 +339,6 @@ pub(crate) fn replicate(
     if deviations.root().iter().any(|x| !x.is_finite()) {
         return Ok(out);
     }
-    let mut step = vec![0.0; n];
     let mut error = None;
     // undetermined parameters have no interval, so their values need not be chosen
     let options = &Options {
@@ -344,15 +346,7 @@ pub(crate) fn replicate(
         ..options.clone()
     };
     let mut moved_data = Vec::with_capacity(replicates);
-    for k in 0..replicates {
-        // every other draw mirrors the one before it, so that the mean of the draws is exact
-        if k.is_multiple_of(2) {
-            step = random.step(deviations, n);
-        } else {
-            for x in &mut step {
-                *x = -*x;
-            }
-        }
+    for step in Random(draws.seed).steps(deviations, n, replicates) {
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
         moved_data.push((factor_with_solution(factor, &moved)?, moved));
     }

@@ -164,7 +164,8 @@ where
         }
         let errors = compare(
             session,
-            std::slice::from_ref(run),
+            None,
+            (std::slice::from_ref(run), &[]),
             std::slice::from_ref(model),
         )?;
         let error = errors.first().and_then(|logs| logs.first());

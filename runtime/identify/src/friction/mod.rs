@@ -16,6 +16,7 @@ mod fit;
 mod intervals;
 mod passes;
 mod reduced;
+mod residuals;
 mod starts;
 mod values;
 

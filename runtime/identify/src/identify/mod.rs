@@ -13,6 +13,7 @@ mod pending;
 mod recorded;
 mod replay;
 mod residual_passes;
+mod stored;
 mod stream;
 pub mod suspect;
 
@@ -23,9 +24,12 @@ pub use instruments::{
     Hausman, InstrumentOptions, Instrumental, MotionSeries, MotionSource, instrumental,
 };
 pub use motion::{Completed, CompletedStates, Completeness, Completion};
+pub(crate) use passes::identify_and_store;
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
+pub(crate) use stored::Means;
+pub use stored::StoredEquations;
 pub use stream::{Columns, LeftOut, NoColumns, equations};
 
 use crate::estimate::EstimateError;

@@ -8,6 +8,7 @@ use super::filtering::Filtering;
 use super::huber::{Reweighting, partitioned, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
+use super::stored::StoredEquations;
 use super::stream::LeftOut;
 use crate::estimate::huber as loss;
 use crate::estimate::{
@@ -182,6 +183,16 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &Options,
     source: &mut S,
 ) -> Result<Identified, S::Error> {
+    Ok(identify_and_store(model, kind, options, source)?.0)
+}
+
+/// As [`identify`]; also returns the equations, unless they are too many to be stored.
+pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    kind: EquationKind,
+    options: &Options,
+    source: &mut S,
+) -> Result<(Identified, Option<StoredEquations>), S::Error> {
     let mut replay = Replay::new(model, kind, source);
     let plain = reduce(&mut replay)?;
     let left_out = replay.left_out().clone();
@@ -263,7 +274,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     if options.huber.is_some() {
         estimate.covariance = psi_sums.covariance(&effort_weighted)?;
     }
-    Ok(Identified {
+    let identified = Identified {
         relative_absolute: errors.relative_absolute(),
         errors: efforts,
         estimate,
@@ -273,7 +284,8 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         blocks,
         left_out,
         delays,
-    })
+    };
+    Ok((identified, replay.into_stored()))
 }
 
 /// Computes the residuals of given parameters on a log.

@@ -2,6 +2,7 @@
 
 use super::equation_builder::{EquationKind, Equations};
 use super::passes::Source;
+use super::stored::StoredEquations;
 use super::stream::{Columns, LeftOut, NoColumns, equations};
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
@@ -18,17 +19,9 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     columns: Box<dyn Columns + 'a>,
     /// The most numbers that are stored.
     most: usize,
-    stored: ReplayBlock,
-    left_out: LeftOut,
-}
-
-/// Stored equations.
-#[derive(Default)]
-struct ReplayBlock {
     state: State,
-    /// Sample by sample: `w`, `tau`, `weights`.
-    values: Vec<f64>,
-    samples: Vec<Sample>,
+    stored: StoredEquations,
+    left_out: LeftOut,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
@@ -37,40 +30,6 @@ enum State {
     Empty,
     Complete,
     TooMany,
-}
-
-struct Sample {
-    time: f64,
-    /// The number of equations.
-    rows: usize,
-    /// The end of the sample's numbers in `values`.
-    end: usize,
-    follows: bool,
-}
-
-impl ReplayBlock {
-    fn push(&mut self, equations: &Equations<'_>, most: usize) {
-        let Equations {
-            w, tau, weights, ..
-        } = equations;
-        if self.state == State::TooMany {
-            return;
-        }
-        if self.values.len() + w.len() + 2 * tau.len() > most {
-            self.state = State::TooMany;
-            (self.values, self.samples) = (vec![], vec![]);
-            return;
-        }
-        for part in [w, tau, weights] {
-            self.values.extend_from_slice(part);
-        }
-        self.samples.push(Sample {
-            time: equations.time,
-            rows: tau.len(),
-            end: self.values.len(),
-            follows: equations.follows,
-        });
-    }
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
@@ -91,7 +50,8 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             source,
             columns,
             most: MAX_NUMBERS,
-            stored: ReplayBlock::default(),
+            state: State::Empty,
+            stored: StoredEquations::default(),
             left_out: LeftOut::default(),
         }
     }
@@ -122,37 +82,35 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         &mut self,
         each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), S::Error> {
-        if self.stored.state == State::Complete {
-            let mut start = 0;
-            for sample in &self.stored.samples {
-                let values = &self.stored.values[start..sample.end];
-                start = sample.end;
-                let (w, rest) = values.split_at(values.len() - 2 * sample.rows);
-                let (tau, weights) = rest.split_at(sample.rows);
-                each(&Equations {
-                    time: sample.time,
-                    w,
-                    tau,
-                    weights,
-                    follows: sample.follows,
-                })?;
-            }
-            return Ok(());
+        if self.state == State::Complete {
+            return Ok(self.stored.visit(each)?);
         }
-        let (stored, most) = (&mut self.stored, self.most);
+        let (state, stored, most) = (&mut self.state, &mut self.stored, self.most);
         self.left_out = equations(
             self.model,
             self.kind,
             self.source,
             &mut *self.columns,
-            &mut |rows| {
-                stored.push(rows, most);
-                each(rows)
+            &mut |found| {
+                if *state == State::Empty {
+                    if stored.numbers() + found.w.len() + 2 * found.tau.len() > most {
+                        *state = State::TooMany;
+                        *stored = StoredEquations::default();
+                    } else {
+                        stored.push(found);
+                    }
+                }
+                each(found)
             },
         )?;
-        if stored.state == State::Empty {
-            stored.state = State::Complete;
+        if *state == State::Empty {
+            *state = State::Complete;
         }
         Ok(())
+    }
+
+    /// The stored equations; `None` if there were too many, or no pass yet.
+    pub(crate) fn into_stored(self) -> Option<StoredEquations> {
+        (self.state == State::Complete).then_some(self.stored)
     }
 }

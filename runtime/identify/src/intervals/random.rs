@@ -5,7 +5,7 @@ use crate::estimate::Deviations;
 use crate::feasibility::Known;
 
 /// Decimals of the least-squares parameters that seed the draws: the same log gives the same
-/// intervals on every machine, and another log other draws, so that the chance of a hundred draws
+/// intervals on every machine, and another log other draws, so that the chance of some draws
 /// is not the same for all logs.
 const SEED_DECIMALS: usize = 6;
 
@@ -62,20 +62,57 @@ impl Random {
         radius * libm::cos(core::f64::consts::TAU * self.part())
     }
 
-    /// A draw of the difference between another log's least-squares parameters and these, from
+    /// Draws of the difference between other logs' least-squares parameters and these, from
     /// Student's distribution, as the covariance is itself an estimate.
-    pub(super) fn step(&mut self, deviations: &Deviations, n: usize) -> Vec<f64> {
+    ///
+    /// As many draws as there are parameters have orthogonal directions, uniformly distributed:
+    /// each draw alone is distributed as without that, and together they scatter alike in all
+    /// directions, so that a standard deviation varies less.
+    pub(super) fn steps(
+        &mut self,
+        deviations: &Deviations,
+        n: usize,
+        count: usize,
+    ) -> Vec<Vec<f64>> {
         // with more than a hundred degrees of freedom it is almost normal
         let freedom = deviations.terms.clamp(1, 100);
-        let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
-        let by = (freedom as f64 / squares).sqrt();
-        let normal: Vec<f64> = (0..n).map(|_| by * self.normal()).collect();
-        let mut out = vec![0.0; n];
-        for (column, x) in deviations.root().chunks_exact(n.max(1)).zip(&normal) {
-            for (sum, l) in out.iter_mut().zip(column) {
-                *sum += l * x;
+        let mut block: Vec<Vec<f64>> = Vec::with_capacity(n);
+        let mut out = Vec::with_capacity(count);
+        while out.len() < count {
+            if block.len() >= n {
+                block.clear();
             }
+            let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
+            let by = (freedom as f64 / squares).sqrt();
+            let mut normal: Vec<f64> = (0..n).map(|_| self.normal()).collect();
+            let length = norm(&normal);
+            // twice, so that rounding leaves nothing of the earlier directions
+            for _ in 0..2 {
+                for earlier in &block {
+                    let along: f64 = normal.iter().zip(earlier).map(|(x, y)| x * y).sum();
+                    for (x, y) in normal.iter_mut().zip(earlier) {
+                        *x -= along * y;
+                    }
+                }
+            }
+            let left = norm(&normal);
+            for x in &mut normal {
+                *x /= left;
+            }
+            let mut step = vec![0.0; n];
+            for (column, x) in deviations.root().chunks_exact(n.max(1)).zip(&normal) {
+                for (sum, l) in step.iter_mut().zip(column) {
+                    *sum += l * (by * length * x);
+                }
+            }
+            block.push(normal);
+            out.push(step);
         }
         out
     }
+}
+
+/// Euclid's norm.
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -3,10 +3,10 @@
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
-use super::{Session, SessionError};
+use super::{LeastSquaresStart, MonitoredLogs, Session, SessionError};
 use crate::data::Run;
 use crate::estimate::Residuals;
-use crate::identify;
+use crate::identify::{self, EquationBuilder, EquationKind};
 use crate::model::IdentifiedModel;
 
 /// The error of a model on one log.
@@ -20,21 +20,35 @@ pub struct LogError {
 
 /// Computes eps_RA of each model on each log; returns a list for each model.
 ///
+/// - `start`: the one that was identified from `logs`, if it is at hand;
+/// - `against`: further logs.
+///
 /// # Errors
 /// When a log cannot be read or predicted.
 pub fn compare<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &[Run],
+    start: Option<&LeastSquaresStart>,
+    (logs, against): (&[Run], &[Run]),
     models: &[IdentifiedModel],
 ) -> Result<Vec<Vec<LogError>>, SessionError> {
-    let mut out = vec![Vec::with_capacity(logs.len()); models.len()];
-    for run in logs {
-        let mut log = session.open(std::slice::from_ref(run))?;
-        let means = identify::observe(session.model, session.kind, &mut log)?
-            .0
-            .means();
+    let mut out = vec![Vec::with_capacity(logs.len() + against.len()); models.len()];
+    for run in logs.iter().chain(against) {
+        // the equations that are stored are those of all logs together
+        let stored = logs.len() == 1 && out.iter().all(Vec::is_empty);
+        let mut read = None;
         for (one, row) in models.iter().zip(&mut out) {
-            let residuals = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
+            let start = start.filter(|_| stored);
+            let known = start.and_then(|start| stored_residuals(session, start, one, 1));
+            let residuals = if let Some(residuals) = known {
+                residuals?
+            } else {
+                let log = match read.take() {
+                    Some(log) => log,
+                    None => observed(session, std::slice::from_ref(run))?,
+                };
+                let (log, means) = read.insert(log);
+                one.residuals(session.model, session.kind, log, means, 1)?
+            };
             row.push(LogError {
                 log: run.to_string(),
                 relative_absolute: residuals.relative_absolute(),
@@ -44,20 +58,56 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// Computes the residuals' statistics of a model on all logs together, with `lags`
-/// autocorrelations.
+/// Computes the residuals' statistics of a model on all logs that `start` was identified from
+/// together, with `lags` autocorrelations.
 ///
 /// # Errors
 /// When a log cannot be read or predicted.
 pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
+    start: &LeastSquaresStart,
     logs: &[Run],
     model: &IdentifiedModel,
     lags: usize,
 ) -> Result<Residuals, SessionError> {
-    let mut log = session.open(logs)?;
+    if let Some(found) = stored_residuals(session, start, model, lags) {
+        return found;
+    }
+    let (mut log, means) = observed(session, logs)?;
+    Ok(model.residuals(session.model, session.kind, &mut log, &means, lags)?)
+}
+
+/// Opens runs, and reads the means of their efforts.
+fn observed<'a, M: BaseModel<f64> + ?Sized>(
+    session: &Session<'a, M>,
+    runs: &[Run],
+) -> Result<(MonitoredLogs<'a, M>, Vec<f64>), SessionError> {
+    let mut log = session.open(runs)?;
     let means = identify::observe(session.model, session.kind, &mut log)?
         .0
         .means();
-    Ok(model.residuals(session.model, session.kind, &mut log, &means, lags)?)
+    Ok((log, means))
+}
+
+/// The residuals' statistics of a model on the equations that `start` has stored; `None` if it has
+/// stored none that the model predicts.
+fn stored_residuals<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    start: &LeastSquaresStart,
+    model: &IdentifiedModel,
+    lags: usize,
+) -> Option<Result<Residuals, SessionError>> {
+    let efforts = EquationBuilder::new(session.model, session.kind)
+        .origin()
+        .efforts;
+    let found = match (&start.data, &start.equations) {
+        (Some(data), _) if session.kind == EquationKind::Forces => {
+            data.residuals(&efforts, &model.beta, &model.friction, lags)
+        }
+        (None, Some(equations)) if model.friction.is_empty() => {
+            equations.residuals(&efforts, &model.beta, lags)
+        }
+        _ => return None,
+    };
+    Some(found.map_err(SessionError::from))
 }

@@ -277,8 +277,9 @@ pub(crate) fn describe_fit(found: &PhysicalFit, layout: &ParameterLayout) -> Str
 }
 
 /// Bodies heavier than this part of the safety limit of their mass are reported. The limit is a
-/// thousand times the mass that is known of the robot.
-const MAX_LIMIT_PART: f64 = 0.02;
+/// thousand times the mass that is known of the robot, so that a reported body is a hundred times as
+/// heavy as that: no load or counterweight is.
+const MAX_LIMIT_PART: f64 = 0.1;
 
 /// The labels of masses far above any that the robot can have, without bodies that reach their
 /// limit.

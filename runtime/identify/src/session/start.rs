@@ -9,7 +9,9 @@ use crate::estimate::{
     Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Weighting,
 };
 use crate::friction::{FrictionData, collect, nonlinear_joints};
-use crate::identify::{self, Delays, EquationKind, Identified, LeftOut, digest};
+use crate::identify::{
+    self, Delays, EquationBuilder, EquationKind, Identified, LeftOut, StoredEquations, digest,
+};
 use crate::model::{IdentifiedModel, Intervals};
 
 /// The result of least squares, and the data that further estimators need.
@@ -33,6 +35,9 @@ pub struct LeastSquaresStart {
     pub score_blocks: Option<Blocks>,
     /// The samples of all logs; `None` unless the start is for nonlinear friction.
     pub data: Option<FrictionData>,
+    /// The equations of all logs, which residuals of other models are computed from; `None` where
+    /// they were too many to be stored, and for other starts than those from logs.
+    pub equations: Option<StoredEquations>,
     /// The residuals' statistics of each effort; empty for a start from QR factors.
     pub errors: Vec<EffortError>,
     /// eps_RA in percent (Eq. 33); `None` for a start from QR factors.
@@ -69,6 +74,7 @@ impl LeastSquaresStart {
             estimate_for_intervals,
             score_blocks: Some(identified.blocks),
             data: None,
+            equations: None,
             errors: identified.errors,
             relative_absolute: Some(identified.relative_absolute),
             bandwidth: Some(identified.bandwidth),
@@ -105,7 +111,8 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     logs: &mut MonitoredLogs<'_, M>,
 ) -> Result<LeastSquaresStart, SessionError> {
     let (model, kind) = (session.model, session.kind);
-    let mut identified = identify::identify(model, kind, &session.options, logs)?;
+    let (mut identified, equations) =
+        identify::identify_and_store(model, kind, &session.options, logs)?;
     let sampling_note = match kind {
         EquationKind::Forces => add_sampling_error(&mut identified, logs)?,
         EquationKind::Energy { .. } => "",
@@ -122,6 +129,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     };
     Ok(LeastSquaresStart {
         kind: kind.name(),
+        equations,
         reports: logs.logs().reports().to_vec(),
         ..LeastSquaresStart::of_identified(identified, session.confidence, method)
     })
@@ -216,6 +224,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
         estimate,
         score_blocks: None,
         data: None,
+        equations: None,
         errors: Vec::new(),
         relative_absolute: None,
         bandwidth: None,
@@ -243,24 +252,20 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         return Err(SessionError::NoNonlinearFriction(info.name.to_owned()));
     }
     let mut logs = session.open(logs)?;
-    let means = identify::observe(model, EquationKind::Forces, &mut logs)?
-        .0
-        .means();
     let (mut data, left_out) = collect(model, &mut logs, &joints)?;
 
+    let efforts = EquationBuilder::new(model, EquationKind::Forces)
+        .origin()
+        .efforts;
     let mut weights = vec![1.0; info.dof()];
+    // residuals are computed from the equations as they were read, so that weights round nothing
+    let unweighted = data.clone();
     let mut factor = data.linear_factor()?;
     let mut estimate = Estimate::of(&factor)?;
     let mut residuals = None;
     for _ in 0..NOISE_PASSES {
         let (beta, friction) = physical::linear_part(model, &joints, &estimate.values);
-        let linear_model = IdentifiedModel {
-            beta,
-            friction,
-            ..IdentifiedModel::default()
-        };
-        let statistics =
-            linear_model.residuals(model, EquationKind::Forces, &mut logs, &means, 1)?;
+        let statistics = unweighted.residuals(&efforts, &beta, &friction, 1)?;
         let effort_errors = statistics.efforts();
         if session.options.weighting == Weighting::PerEffort {
             // the lower bound of 1e-9 of the largest noise keeps the weights finite
