@@ -83,9 +83,9 @@ where
         variables: &[f64],
         sharpness: f64,
     ) -> Result<Option<ScaledEvaluation>, ExciteError> {
-        let found = self
-            .problem
-            .evaluate(&mut self.closure, variables, sharpness)?;
+        let found =
+            self.problem
+                .evaluate(&mut self.closure, variables, sharpness, f64::INFINITY, None)?;
         Ok(found.map(|found| ScaledEvaluation {
             slopes: (0..found.values.len())
                 .map(|k| self.problem.slope(&found, k))
