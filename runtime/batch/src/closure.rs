@@ -117,6 +117,24 @@ struct Block {
     accepted: usize,
 }
 
+/// Checks the lengths of positions, velocities and accelerations of `dof` coordinates at `count`
+/// states, and that they are finite.
+fn check_series(dof: usize, count: usize, parts: [&[f64]; 3]) -> Result<(), ClosureError> {
+    for (argument, series) in ["q_i", "qd_i", "qdd_i"].into_iter().zip(parts) {
+        if series.len() != dof * count {
+            return Err(ClosureError::Size(SizeError {
+                argument,
+                expected: dof * count,
+                got: series.len(),
+            }));
+        }
+        if let Some(index) = series.iter().position(|x| !x.is_finite()) {
+            return Err(ClosureError::NotFinite { argument, index });
+        }
+    }
+    Ok(())
+}
+
 impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     /// Closes the model at home.
     ///
@@ -212,18 +230,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
         let info = self.model.info();
         let (n, dof) = (info.coordinates.len(), info.dof());
         let parts = [q_i, qd_i, qdd_i];
-        for (argument, series) in ["q_i", "qd_i", "qdd_i"].into_iter().zip(parts) {
-            if series.len() != dof * count {
-                return Err(ClosureError::Size(SizeError {
-                    argument,
-                    expected: dof * count,
-                    got: series.len(),
-                }));
-            }
-            if let Some(index) = series.iter().position(|x| !x.is_finite()) {
-                return Err(ClosureError::NotFinite { argument, index });
-            }
-        }
+        check_series(dof, count, parts)?;
         let mut states = TrackedStates {
             q: vec![f64::NAN; n * count],
             qd: vec![f64::NAN; n * count],
@@ -263,6 +270,100 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
             alone = BLOCK.min(2 * alone);
         }
         Ok(states)
+    }
+
+    /// Closes the loops at states each of which is near a closed state of another trajectory, from
+    /// that state: by a predictor along the tangent and steps that halve and are short compared to
+    /// it. `None` where a state breaks this rule or is near a singularity.
+    ///
+    /// This takes about half as long as [`track`](Self::track), but does not check whether the
+    /// states are on the same branch as each other: an optimiser that varies a trajectory uses it,
+    /// and follows the result by `track`.
+    ///
+    /// - `from`: the states of the other trajectory, as many; other arguments as for `track`.
+    ///
+    /// # Errors
+    /// When an argument has a wrong length or an entry that is not finite.
+    ///
+    /// ```
+    /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/slider_crank.rs")); }
+    /// # use models::SliderCrank;
+    /// use regen_batch::TrajectoryClosure;
+    ///
+    /// // crank 1 m, rod 2 m: half a turn, then the same motion 0.1 rad ahead
+    /// let model = SliderCrank::default();
+    /// let mut closure = TrajectoryClosure::new(&model)?;
+    /// let crank = |ahead: f64| (0..51).map(|k| 0.06 * f64::from(k) + ahead).collect::<Vec<f64>>();
+    /// let (qd, qdd) = ([1.0; 51], [0.5; 51]);
+    /// let from = closure.track(51, &crank(0.0), &qd, &qdd)?;
+    /// let moved = closure.moved(&from, &crank(0.1), &qd, &qdd)?.expect("all are near");
+    /// closure.restart();
+    /// let tracked = closure.track(51, &crank(0.1), &qd, &qdd)?;
+    /// for (moved, tracked) in [(&moved.q, &tracked.q), (&moved.qdd, &tracked.qdd)] {
+    ///     assert!(moved.iter().zip(tracked).all(|(a, b)| (a - b).abs() < 1e-12));
+    /// }
+    /// assert!(closure.moved(&from, &crank(1.5), &qd, &qdd)?.is_none());
+    /// # Ok::<(), regen_runtime::ClosureError>(())
+    /// ```
+    pub fn moved(
+        &self,
+        from: &TrackedStates,
+        q_i: &[f64],
+        qd_i: &[f64],
+        qdd_i: &[f64],
+    ) -> Result<Option<TrackedStates>, ClosureError> {
+        let (info, len) = (self.model.info(), from.len());
+        check_series(info.dof(), len, [q_i, qd_i, qdd_i])?;
+        if len == 0 || from.q.len() != info.coordinates.len() * len {
+            return Ok(None);
+        }
+        let mut ok = vec![true; len];
+        let line = difference(q_i, &from.q, info.independent, len);
+        let (mut q, moves) = self.predicted(&from.q, &line, q_i, len)?;
+        for (ok, moved) in ok.iter_mut().zip(&moves) {
+            *ok &= *moved <= MAX_PREDICTOR_MOVE;
+        }
+        if !info.dependent.is_empty() && ok.iter().all(|ok| *ok) {
+            self.newton(&mut q, &mut ok, Some(&moves), len)?;
+        }
+        if !ok.iter().all(|ok| *ok) {
+            return Ok(None);
+        }
+        let (qd, qdd) = self.rates(&q, qd_i, qdd_i, &mut ok)?;
+        let outcomes = vec![Outcome::Closed; len];
+        let states = TrackedStates {
+            q,
+            qd,
+            qdd,
+            outcomes,
+        };
+        Ok(ok.iter().all(|ok| *ok).then_some(states))
+    }
+
+    /// The velocities and accelerations of closed states; states with a small pivot are no longer
+    /// `ok`.
+    fn rates(
+        &self,
+        q: &[f64],
+        qd_i: &[f64],
+        qdd_i: &[f64],
+        ok: &mut [bool],
+    ) -> Result<(Vec<f64>, Vec<f64>), ClosureError> {
+        let (mut qd, mut qdd) = (vec![0.0; q.len()], vec![0.0; q.len()]);
+        let arguments = Arguments {
+            q,
+            qd_i,
+            ..Arguments::EMPTY
+        };
+        self.eval(Function::Velocities, arguments, &mut qd, ok)?;
+        let arguments = Arguments {
+            q,
+            qd: &qd,
+            qdd_i,
+            ..Arguments::EMPTY
+        };
+        self.eval(Function::Accelerations, arguments, &mut qdd, ok)?;
+        Ok((qd, qdd))
     }
 
     /// Solves one state by [`LoopClosure`].
@@ -337,20 +438,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
             trajectory.block(1, first, len),
             trajectory.block(2, first, len),
         );
-        let (mut qd, mut qdd) = (vec![0.0; q.len()], vec![0.0; q.len()]);
-        let arguments = Arguments {
-            q: &q,
-            qd_i: &qd_i,
-            ..Arguments::EMPTY
-        };
-        self.eval(Function::Velocities, arguments, &mut qd, &mut ok)?;
-        let arguments = Arguments {
-            q: &q,
-            qd: &qd,
-            qdd_i: &qdd_i,
-            ..Arguments::EMPTY
-        };
-        self.eval(Function::Accelerations, arguments, &mut qdd, &mut ok)?;
+        let (qd, qdd) = self.rates(&q, &qd_i, &qdd_i, &mut ok)?;
         let accepted = ok.iter().take_while(|ok| **ok).count();
         Ok(Some(Block {
             len,

@@ -73,7 +73,7 @@ pub(crate) struct ExciteArgs {
     /// The number of random starts, of which the best result is used
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) starts: usize,
-    /// The number of steps in each of the five stages of a start
+    /// The most steps in the last of the five stages of a start; the others take up to a third
     #[arg(long, value_name = "N", default_value_t = 60)]
     pub(crate) steps: usize,
     /// The number of threads [default: as many as the machine has]

@@ -64,7 +64,7 @@ class ExciteOptions(TypedDict, total=False):
     seed: Value | None
     #: The number of random starts, of which the best result is used
     starts: Value | None
-    #: The number of steps in each of the five stages of a start
+    #: The most steps in the last of the five stages of a start; the others take up to a third
     steps: Value | None
     #: The number of threads [default: as many as the machine has]
     threads: Value | None

@@ -71,6 +71,44 @@ fn add(sums: &mut [f64], x: &[f64], factor: f64) {
     }
 }
 
+/// `sums + factor x`, for as many entries as `sums` has.
+pub(super) fn add_scaled(sums: &mut [f64], x: &[f64], factor: f64) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || add(sums, x, factor),
+    );
+}
+
+/// The columns of the inverse of `L^T`, where `L L^T` is the symmetric matrix `m` of n x n entries;
+/// `None` where it is not positive definite.
+pub(super) fn inverse_factor(m: &[f64], n: usize) -> Option<Vec<Vec<f64>>> {
+    let mut columns = m.to_vec();
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            if !factor(&mut columns, n) {
+                return None;
+            }
+            let mut out: Vec<Vec<f64>> = (0..n).map(|_| vec![0.0; n]).collect();
+            // row i of the inverse of L: that of the unit matrix minus the rows before, over L's
+            // diagonal
+            for i in 0..n {
+                let (before, rest) = out.split_at_mut(i);
+                let own = &mut rest[0];
+                own[i] = 1.0;
+                for (k, row) in before.iter().enumerate() {
+                    add(&mut own[..=k], &row[..=k], -columns[k * n + i]);
+                }
+                let diagonal = columns[i * n + i];
+                for x in &mut own[..=i] {
+                    *x /= diagonal;
+                }
+            }
+            Some(out)
+        },
+    )
+}
+
 /// The Cholesky factor of a matrix.
 pub(super) struct Cholesky {
     /// The columns of the lower triangle, `size` entries each, of which those above the diagonal are

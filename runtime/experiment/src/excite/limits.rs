@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::{ExciteError, Settings};
-use regen_runtime::{Info, Scalar};
+use regen_runtime::Info;
 
 /// The quantity that a limit bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,37 +59,27 @@ impl fmt::Display for Limit {
     }
 }
 
-/// The quantities of one state on which limits depend.
-pub(super) struct LimitInputs<'a, T> {
-    pub(super) q: &'a [T],
-    pub(super) qd: &'a [T],
-    pub(super) qdd: &'a [T],
-    /// The efforts of the actuated joints, in the order of `Info::actuated`.
-    pub(super) efforts: &'a [T],
-    /// The cosines of the swing angles.
-    pub(super) cones: &'a [T],
-    pub(super) pivot: T,
-}
-
 impl Limit {
-    /// The excess over the limit in units of half its range: at most zero within the limit.
-    pub(super) fn value<T: Scalar>(&self, inputs: &LimitInputs<'_, T>) -> T {
-        let entry = |values: &[T]| values.get(self.at).copied().unwrap_or(inputs.pivot);
-        let value = match self.quantity {
-            Quantity::Position => entry(inputs.q),
-            Quantity::Velocity => entry(inputs.qd),
-            Quantity::Acceleration => entry(inputs.qdd),
-            Quantity::Effort => entry(inputs.efforts),
-            Quantity::Singularity => inputs.pivot,
-            Quantity::SwingLimit => {
-                // within the limit the cosine of the angle is at least that of the bound
-                let cosine = entry(inputs.cones);
-                return (cosine.splat(libm::cos(self.bound)) - cosine) / cosine.splat(self.size);
-            }
-        };
-        let beyond = value - value.splat(self.bound);
-        let beyond = if self.upper { beyond } else { -beyond };
-        beyond / value.splat(self.size)
+    /// The index of the coordinate, the actuated joint or the swing limit.
+    pub(super) fn index(&self) -> usize {
+        self.at
+    }
+
+    /// The excess over the limit in units of half its range, at most zero within the limit, for a
+    /// value of the limited quantity; of swing limits, the cosine of the angle.
+    pub(super) fn excess(&self, value: f64) -> f64 {
+        if self.quantity == Quantity::SwingLimit {
+            // within the limit the cosine of the angle is at least that of the bound
+            return ((1.0 - self.size) - value) / self.size;
+        }
+        let beyond = value - self.bound;
+        (if self.upper { beyond } else { -beyond }) / self.size
+    }
+
+    /// The derivative of the excess, for that of the limited quantity.
+    pub(super) fn rate(&self, rate: f64) -> f64 {
+        let rises = self.upper && self.quantity != Quantity::SwingLimit;
+        (if rises { rate } else { -rate }) / self.size
     }
 }
 

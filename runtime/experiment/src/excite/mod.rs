@@ -13,9 +13,11 @@
 //! harmonic, with a bound on the excess between these points, and reduced where needed. The same
 //! seed gives the same result, on any number of threads.
 
+mod active_set;
 mod check;
 mod criterion;
 mod dense;
+mod derivatives;
 mod evaluate;
 mod limits;
 mod quadratic;
@@ -71,7 +73,8 @@ pub struct Settings {
     pub starts: usize,
     /// The number of threads; 0: as many as the machine has.
     pub threads: usize,
-    /// The maximum number of steps in each of the five stages of a start.
+    /// The maximum number of steps in the last of the five stages of a start; the others have a third
+    /// of it each.
     pub steps: usize,
 }
 

@@ -83,9 +83,9 @@ where
         variables: &[f64],
         sharpness: f64,
     ) -> Result<Option<ScaledEvaluation>, ExciteError> {
-        let evaluation = self
-            .problem
-            .evaluate(&mut self.closure, variables, sharpness)?;
+        let evaluation =
+            self.problem
+                .evaluate(&mut self.closure, variables, sharpness, f64::INFINITY, None)?;
         Ok(evaluation.map(|evaluation| ScaledEvaluation {
             slopes: (0..evaluation.values.len())
                 .map(|k| self.problem.slope(&evaluation, k))

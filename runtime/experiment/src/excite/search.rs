@@ -13,7 +13,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::ExciteError;
-use super::evaluate::{Evaluation, Number, Problem};
+use super::active_set::{ActiveSet, State};
+use super::derivatives::Evaluation;
+use super::evaluate::{Number, Problem};
 use super::quadratic::{Quadratic, Step};
 use super::space::dot;
 use regen_batch::TrajectoryClosure;
@@ -26,6 +28,9 @@ const STAGES: [f64; 5] = [2.0, 5.0, 12.0, 30.0, 80.0];
 /// Limits whose value is above minus this are constraints of a step's quadratic programme from the
 /// beginning; others are added where the step would exceed them.
 const ACTIVE_MARGIN: f64 = 0.05;
+/// Derivatives are computed of limits whose value is above minus this. A step is not predicted to
+/// change the others; if it exceeds one of them, it is judged by the values at its end.
+const NEAR_LIMIT: f64 = 0.3;
 /// The value up to which the search counts a limit as met. The final check (`shrink_to_limits`)
 /// reduces the motion until it is within all limits.
 const EXCESS_TOLERANCE: f64 = 1e-7;
@@ -68,6 +73,9 @@ const BOUNDARY_FRACTION: f64 = 0.9;
 const MIN_DECREASE: f64 = 1e-3;
 /// The same for the last stage, whose result is final.
 const FINAL_MIN_DECREASE: f64 = 1e-6;
+/// The maximum number of steps of all stages but the last is that of the last divided by this: more
+/// steps in an early stage do not make the final result better.
+const EARLY_STEPS_DIVISOR: usize = 3;
 /// A stage ends after this number of small accepted steps in a row, if the limits are met.
 const MAX_SMALL_DECREASES: usize = 5;
 /// A stage also ends if the limits are met and the predicted decrease is below this part of the
@@ -194,8 +202,8 @@ where
         &self.y
     }
 
-    /// Takes up to `steps` steps of the stage with the index `stage`; calls `keep_going` before
-    /// each and stops if it returns false.
+    /// Takes steps of the stage with the index `stage`, up to `steps` in the last stage and a third
+    /// of that in the others; calls `keep_going` before each and stops if it returns false.
     pub(super) fn stage(
         &mut self,
         stage: usize,
@@ -204,12 +212,12 @@ where
     ) -> Result<Stage, ExciteError> {
         let sharpness = STAGES.get(stage).copied().unwrap_or(1.0);
         let last = stage + 1 >= STAGES.len();
-        let min_decrease = if last {
-            FINAL_MIN_DECREASE
+        let (min_decrease, steps) = if last {
+            (FINAL_MIN_DECREASE, steps)
         } else {
-            MIN_DECREASE
+            (MIN_DECREASE, steps.div_ceil(EARLY_STEPS_DIVISOR))
         };
-        let evaluated = self.evaluate(&self.y.clone(), sharpness)?;
+        let evaluated = self.evaluate(&self.y.clone(), sharpness, None)?;
         let Some(mut current) = evaluated else {
             return Ok(Stage::NotClosed);
         };
@@ -228,7 +236,7 @@ where
                 break;
             }
             let trial_y: Vec<f64> = self.y.iter().zip(&step.d).map(|(y, d)| y + d).collect();
-            let Some(trial) = self.evaluate(&trial_y, sharpness)? else {
+            let Some(trial) = self.evaluate(&trial_y, sharpness, Some(&current))? else {
                 self.trust_radius *= NOT_CLOSED_FACTOR;
                 continue;
             };
@@ -263,8 +271,16 @@ where
 
     /// Computes objective, limits and their derivatives at the variables `y`; `None` if the loops
     /// do not stay closed along the trajectory.
-    fn evaluate(&mut self, y: &[f64], sharpness: f64) -> Result<Option<Evaluation>, ExciteError> {
-        self.problem.evaluate(&mut self.closure, y, sharpness)
+    ///
+    /// - `from`: the evaluation at variables nearby, if there is one.
+    fn evaluate(
+        &mut self,
+        y: &[f64],
+        sharpness: f64,
+        from: Option<&Evaluation>,
+    ) -> Result<Option<Evaluation>, ExciteError> {
+        self.problem
+            .evaluate(&mut self.closure, y, sharpness, NEAR_LIMIT, from)
     }
 
     /// The merit, an exact penalty function: the objective plus the penalty times the largest
@@ -281,22 +297,23 @@ where
         &mut self,
         current: &Evaluation,
     ) -> Result<Option<(Step, Vec<usize>, f64)>, ExciteError> {
-        let count = current.values.len();
-        let mut active: Vec<usize> = (0..count)
-            .filter(|k| current.values[*k] > -ACTIVE_MARGIN)
-            .collect();
-        let mut is_included = vec![false; count];
-        for k in &active {
-            is_included[*k] = true;
-        }
+        // whether each limit near its bound is in the programme
+        let value = |k: &usize| current.values[*k];
+        let near = current.near.iter();
+        let mut is_included: Vec<bool> = near.map(|k| value(k) > -ACTIVE_MARGIN).collect();
+        let near = current.near.iter().copied().zip(&is_included);
+        let mut active: Vec<usize> = near.filter_map(|(k, is)| is.then_some(k)).collect();
         let limit_gradients = |active: &[usize]| -> Vec<Vec<f64>> {
             let gradient_of = |k: &usize| self.problem.slope(current, *k);
             active.iter().map(gradient_of).collect()
         };
         let mut rows = limit_gradients(&active);
+        // the active-set method goes on where limits were added; once it fails, the interior-point
+        // method solves this and all later programmes of the step
+        let mut state = State::new(&current.gradient, &self.hessian);
         let mut solution = None;
         for _ in 0..MAX_PROGRAMMES {
-            let values: Vec<f64> = active.iter().map(|k| current.values[*k]).collect();
+            let values: Vec<f64> = active.iter().map(value).collect();
             let quadratic = Quadratic {
                 gradient: &current.gradient,
                 hessian: &self.hessian,
@@ -305,18 +322,36 @@ where
                 trust_radius: self.trust_radius,
                 penalty: self.penalty,
             };
-            let Some(step) = quadratic.solve() else {
+            state = state.and_then(|state| {
+                let solved = ActiveSet::new(state, &rows, &values, self.trust_radius).solve()?;
+                let sum: f64 = solved.limit_multipliers(values.len()).iter().sum();
+                // otherwise exceeding the limits costs less than meeting them
+                (sum <= self.penalty).then_some(solved)
+            });
+            let step = match &state {
+                Some(state) => Some(Step {
+                    d: state.d.clone(),
+                    multipliers: state.limit_multipliers(values.len()),
+                }),
+                None => quadratic.solve(),
+            };
+            let Some(step) = step else {
                 break;
             };
             let changes = self.problem.changes(current, &step.d);
-            let linearised = |k: usize| current.values[k] + changes[k];
-            let max_active_excess = active.iter().fold(0.0, |m: f64, k| m.max(linearised(*k)));
-            let violated: Vec<usize> = (0..count)
-                .filter(|k| {
-                    !is_included[*k] && linearised(*k) > max_active_excess + VIOLATION_TOLERANCE
+            let near = current.near.iter().zip(&changes);
+            let linearised: Vec<f64> = near.map(|(k, change)| value(k) + change).collect();
+            let pairs = || linearised.iter().zip(&is_included);
+            let included = pairs().filter_map(|(value, is)| is.then_some(*value));
+            let max_active_excess = included.fold(0.0, f64::max);
+            let violated: Vec<usize> = pairs()
+                .enumerate()
+                .filter(|(_, (value, is))| {
+                    !**is && **value > max_active_excess + VIOLATION_TOLERANCE
                 })
+                .map(|(at, _)| at)
                 .collect();
-            let max_excess = (0..count).fold(0.0, |m: f64, k| m.max(linearised(k)));
+            let max_excess = linearised.iter().copied().fold(0.0, f64::max);
             let curvature = self.curvature(&step.d);
             let predicted_merit = current.objective
                 + dot(&current.gradient, &step.d)
@@ -327,9 +362,10 @@ where
             if violated.is_empty() {
                 break;
             }
-            for k in &violated {
-                is_included[*k] = true;
+            for at in &violated {
+                is_included[*at] = true;
             }
+            let violated: Vec<usize> = violated.iter().map(|at| current.near[*at]).collect();
             rows.extend(limit_gradients(&violated));
             active.extend(violated);
         }
@@ -369,7 +405,8 @@ where
             .map(|(b, a)| b - a)
             .collect();
         for (k, multiplier) in active.iter().zip(&step.multipliers) {
-            if *multiplier > MIN_MULTIPLIER {
+            // of a limit that is now far away there are no derivatives
+            if *multiplier > MIN_MULTIPLIER && trial.values[*k] > -NEAR_LIMIT {
                 let current_gradient = self.problem.slope(current, *k);
                 let trial_gradient = self.problem.slope(trial, *k);
                 for (c, (b, a)) in gradient_change
