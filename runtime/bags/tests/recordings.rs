@@ -285,7 +285,7 @@ fn a_changed_byte_is_refused_or_changes_nothing_but_numbers() {
 
 #[test]
 fn files_that_are_no_recordings_are_named_with_a_remedy() {
-    let said = |name: &str, bytes: &[u8]| {
+    let message = |name: &str, bytes: &[u8]| {
         let file = Scratch::new(name);
         fs::write(&file.0, bytes).unwrap();
         Log::open(&file.0, None).unwrap_err().to_string()
