@@ -63,9 +63,13 @@ pub(super) struct MotionWithinLimits {
     pub(super) bounds: Vec<Worst>,
 }
 
+/// The largest part by which a motion is reduced: what is left of it still moves. Standing still is
+/// within the limits of most poses, and excites nothing.
+const MAX_CUT: f64 = 0.99;
+
 /// Returns the motion `y` or, if it exceeds a limit, a smaller motion of the same shape about one
-/// of the `poses` that is within all limits. Otherwise returns the limit that is exceeded most even
-/// when standing still at the pose, or `None` if no tried motion could be closed.
+/// of the `poses` that is within all limits. Otherwise returns the limit that the last motion tried
+/// exceeds most, or `None` if no tried motion could be closed.
 pub(super) fn shrink_to_limits<M, D>(
     problem: &Problem<'_, M, D>,
     closure: &mut TrajectoryClosure<'_, M>,
@@ -81,7 +85,7 @@ where
     let limits = problem.limits.len();
     for pose in poses {
         let mut cut = 0.0;
-        while cut <= 1.0 {
+        loop {
             let trial = problem.space.between(pose, y, 1.0 - cut);
             let values = problem.values(closure, dense, &trial)?;
             let mut worst = 0.0;
@@ -99,11 +103,12 @@ where
                     _ => return Ok(Ok(MotionWithinLimits { y: trial, bounds })),
                 }
             }
-            if cut >= 1.0 {
+            if cut >= MAX_CUT {
                 break;
             }
             let more = if worst.is_finite() { 1.2 * worst } else { 0.0 };
-            cut = (cut + more.max(1e-4).max(0.5 * cut)).min(1.0);
+            // at most half of what is left: a motion of useful size may be in between
+            cut = (cut + more.max(1e-4).max(0.5 * cut)).min(0.5 * (1.0 + cut));
         }
     }
     Ok(Err(most_exceeded))
