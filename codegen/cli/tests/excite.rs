@@ -64,6 +64,21 @@ fn the_same_seed_writes_the_same_file_and_prints_which_limits_are_near() {
 
 const LIMITS: [&str; 2] = ["q1.position=0.5,2.5", "q3.position=0.5,2.5"];
 
+/// The motion that this start ends with can only be reduced to the limits in large steps.
+#[test]
+fn a_single_start_ends_with_a_motion_and_not_with_standing_still() {
+    let file = common::root().join("runtime/guide/fivebar/fivebar.yaml");
+    let file = file.display().to_string();
+    let options = "--harmonics 5 --frequency 0.2 --starts 1 --steps 20 --seed 3 --format json";
+    let args: Vec<&str> = ["excite", file.as_str()]
+        .into_iter()
+        .chain(options.split(' '))
+        .collect();
+    let json = common::regen(&std::env::temp_dir(), &args).ended(0).json();
+    let condition = json["trajectory"]["criterion"]["scaled_condition"].as_f64();
+    assert!(condition.is_some_and(|condition| condition < 1e3), "{json}");
+}
+
 #[test]
 fn obstacles_to_a_search_are_reported_with_their_exit_code() {
     // no range, no such coordinate, no such cone: wrong input

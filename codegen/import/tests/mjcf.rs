@@ -182,10 +182,10 @@ fn included_files_are_read_in_place() {
         &reports[0].to_string(),
         "'part.xml' is included more than once",
     );
-    let many: String = (0..101)
+    let includes: Vec<String> = (0..101)
         .map(|k| format!("<include file=\"{k}.xml\"/>"))
         .collect();
-    let many = Source::new("robot.xml", single(&many));
+    let many = Source::new("robot.xml", single(&includes.concat()));
     let mut empty = |_: &str| Ok(b"<mujoco/>".to_vec());
     let reports = import(&many, &mut empty, &Options::default()).unwrap_err();
     assert_has(&reports[0].to_string(), "more than 100 files are included");

@@ -8,28 +8,35 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
+/// A command of cargo whose release builds are those of a user's workspace: this one turns link-time
+/// optimisation off. The macro, which these builds only run, is optimised less, since that builds in
+/// less time and on all processors.
+pub fn cargo(name: &str, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO"));
+    command
+        .arg(name)
+        .args(arguments)
+        .env("CARGO_PROFILE_RELEASE_LTO", "false");
+    for setting in ["opt-level=1", "codegen-units=16"] {
+        let setting = format!("profile.release.package.regen-codegen.{setting}");
+        command.args(["--config", &setting]);
+    }
+    command
+}
+
 /// Builds `regen-image` with some features, in release or in the profile that
 /// `REGEN_IMAGE_PROFILE` names, and returns the libraries of it and of what it depends on.
 pub fn image(features: &str) -> Vec<PathBuf> {
     let profile = std::env::var("REGEN_IMAGE_PROFILE").unwrap_or_else(|_| "release".to_owned());
-    let output = Command::new(env!("CARGO"))
-        .args(["build", "--package", "regen-image", "--features", features])
-        .args(["--message-format", "json-render-diagnostics", "--profile"])
-        .arg(profile)
-        // the default of a user's workspace, while the release profile of this one turns it off
-        .env("CARGO_PROFILE_RELEASE_LTO", "false")
-        // The macro reads what the tests' build derived: its own speed does not count here.
-        .args([
-            "--config",
-            "profile.release.package.regen-codegen.opt-level=0",
-        ])
-        .args([
-            "--config",
-            "profile.release.package.regen-codegen.codegen-units=16",
-        ])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .unwrap();
+    let output = cargo(
+        "build",
+        &["--package", "regen-image", "--features", features],
+    )
+    .args(["--message-format", "json-render-diagnostics", "--profile"])
+    .arg(profile)
+    .current_dir(env!("CARGO_MANIFEST_DIR"))
+    .output()
+    .unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
     let text = String::from_utf8(output.stdout).unwrap();

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use regen_objects::{Graph, cycle, deepest, fixture, image, root};
+use regen_objects::{Graph, cargo, cycle, deepest, fixture, image, root};
 
 /// The functions to which a compiler may turn copies and comparisons; every target has them.
 const MEMORY: [&str; 4] = ["memcpy", "memmove", "memset", "memcmp"];
@@ -184,10 +184,8 @@ fn the_stack_of_each_robot_is_within_what_is_stated() {
 /// Runs the tests in `tests/image/tests/` in release, with the robots built above.
 #[test]
 fn results_show_nan_infinity_and_singularities_in_release() {
-    let output = std::process::Command::new(env!("CARGO"))
-        .args(["test", "--release", "--package", "regen-image"])
+    let output = cargo("test", &["--release", "--package", "regen-image"])
         .args(["--features", "robots,closure", "--test", "numbers"])
-        .env("CARGO_PROFILE_RELEASE_LTO", "false")
         .current_dir(root())
         .output()
         .unwrap();
