@@ -1,9 +1,4 @@
 //! Crates that a user of the macro or of the generated crate never builds.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
-
-use std::process::Command;
-
-use regen_downstream::root;
 
 /// Crates of the solvers and the command line: they take minutes to build, or are of no use in a
 /// controller.
@@ -23,31 +18,13 @@ const HEAVY: [&str; 13] = [
     "num-dual",
 ];
 
-/// The crates that are built for a package, itself included, without dev-dependencies.
+/// The names of the crates that are built for a package, itself included, without dev-dependencies.
 fn tree(package: &str, flags: &[&str]) -> Vec<String> {
-    let output = Command::new(env!("CARGO"))
-        .args([
-            "tree",
-            "--edges",
-            "normal,build",
-            "--prefix",
-            "none",
-            "--format",
-            "{p}",
-        ])
-        .args(["--package", package])
-        .args(flags)
-        .current_dir(root())
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{errors}");
-    String::from_utf8(output.stdout)
-        .unwrap()
-        .lines()
-        .filter_map(|line| line.split_whitespace().next())
-        .map(str::to_owned)
-        .collect()
+    let lines = regen_downstream::tree(package, flags);
+    let names = lines
+        .iter()
+        .filter_map(|line| line.split_whitespace().next());
+    names.map(str::to_owned).collect()
 }
 
 fn contains(tree: &[String], name: &str) -> bool {

@@ -3,22 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::process::Command;
 use std::sync::LazyLock;
 
-use regen_downstream::root;
+use regen_downstream::{cargo, root, tree};
 use serde_json::Value;
-
-fn cargo(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO"))
-        .args(arguments)
-        .current_dir(root())
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{errors}");
-    String::from_utf8(output.stdout).unwrap()
-}
 
 /// The packages of the workspace and all packages that Cargo.lock lists for them.
 static PACKAGES: LazyLock<Vec<Value>> = LazyLock::new(|| {
@@ -180,25 +168,15 @@ fn every_crate_in_several_versions_is_explained() {
 
 /// The names and versions of the crates that a package builds, itself included.
 fn built(package: &str, features: &str) -> BTreeSet<String> {
-    let base = [
-        "tree",
-        "--locked",
-        "--edges",
-        "normal,build",
-        "--prefix",
-        "none",
-        "--format",
-        "{p}",
-    ];
-    let mut arguments = base.to_vec();
-    arguments.extend(["--package", package]);
-    if !features.is_empty() {
-        arguments.extend(["--features", features]);
-    }
-    let tree = cargo(&arguments);
-    let crates = tree.lines().filter(|line| !line.is_empty());
+    let flags = if features.is_empty() {
+        vec![]
+    } else {
+        vec!["--features", features]
+    };
+    let crates = tree(package, &flags);
     // a crate that was listed before is followed by a star
     crates
+        .iter()
         .map(|line| {
             line.split_whitespace()
                 .take(2)
