@@ -276,7 +276,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     /// that state: by a predictor along the tangent and steps that halve and are short compared to
     /// it. `None` where a state breaks this rule or is near a singularity.
     ///
-    /// This takes about half as long as [`track`](Self::track), but does not check whether the
+    /// This takes less time than [`track`](Self::track), but does not check whether the
     /// states are on the same branch as each other: an optimiser that varies a trajectory uses it,
     /// and follows the result by `track`.
     ///

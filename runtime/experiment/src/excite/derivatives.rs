@@ -1,10 +1,11 @@
 //! Derivatives of objective and limits by the variables.
 //!
-//! Values are computed at blocks of states. Derivatives by dual numbers take about twenty times as
-//! long, so they are computed only of the observation matrix at its samples and of the quantities
-//! that are near a limit. The derivatives of the coordinates by the independent ones, which are
-//! also those of their velocities and accelerations by the independent ones', are the velocities
-//! when one independent coordinate has velocity 1 and the others stand still.
+//! Values are computed at blocks of states. Derivatives by dual numbers are computed state by state
+//! and take many times as long, so they are computed only of the observation matrix at its samples
+//! and of the quantities that are near a limit. The derivatives of the coordinates by the
+//! independent ones, which are also those of their velocities and accelerations by the independent
+//! ones', are the velocities when one independent coordinate has velocity 1 and the others stand
+//! still.
 
 use super::criterion::Objective;
 use super::evaluate::{Number, Problem};
