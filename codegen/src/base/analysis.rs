@@ -11,7 +11,7 @@ use super::{Base, derive_with_completion, meant, payloads};
 const SEED: u64 = 1;
 /// The seed of the last states that are sampled where those before may have been special.
 const LAST_SEED: u64 = 7;
-/// The seed of the further states over which a poor condition is measured; none that a certificate
+/// The seed of the random motions over which a poor condition is measured; none that a certificate
 /// takes.
 const FURTHER_SEED: u64 = 11;
 
@@ -22,8 +22,8 @@ pub struct Analysis {
     pub base: Base,
     /// The condition of the sampled rows in the kept columns, each column scaled to length 1: the
     /// largest singular value divided by the smallest; infinite above 1e7. Of several groups of
-    /// columns (payloads) the largest. Above 1000 it is measured again over further states. `None`
-    /// where the base is not complete.
+    /// columns (payloads) the largest. Above 1000 it is measured again with rows of the regressor
+    /// at random motions. `None` where the base is not complete.
     pub condition: Option<f64>,
     /// The rank over all columns from sampled states; or why it could not be sampled.
     pub certificate: Result<Certificate, String>,

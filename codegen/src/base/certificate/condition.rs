@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 
 use super::rank::Samples;
-use super::rows_at;
+use super::rows_in_motion;
 use super::sparse::Row;
 use crate::model::Model;
 
 /// Larger conditions cannot be computed from scalar products in double precision, whose condition
 /// is the square.
 const MAX_CONDITION: f64 = 1e7;
-/// If the condition is above this, the rows of further states are added.
+/// If the condition is above this, the rows of the regressor in motion are added.
 const POOR_CONDITION: f64 = 1000.0;
-/// The number of these states.
+/// The number of states of these rows.
 const FURTHER_STATES: usize = 56;
 /// The largest number of steps of a power iteration.
 const MAX_STEPS: usize = 1000;
@@ -21,9 +21,11 @@ const MIN_CHANGE: f64 = 1e-7;
 
 /// The condition of the kept columns of a mechanism, see [`Samples::condition_of_groups`].
 ///
-/// The certificate samples about eight states within a radian of each other. They suffice for the
-/// rank, but a column that acts weakly in all of them makes the condition poor whatever is kept. If it
-/// is poor, the rows of further states count too, which a random walk from home with this seed visits.
+/// The certificate samples energies at about eight states. They suffice for the rank, but a column that
+/// acts weakly in all of them makes the condition poor whatever is kept, and what acts by centrifugal
+/// and Coriolis forces shows in no mass matrix of one state alone. If the condition is poor, the rows of
+/// W at random motions through further states count too, which a random walk from home with this
+/// seed visits.
 pub(in crate::base) fn condition_of_kept(
     samples: &Samples,
     model: &Model,
@@ -35,7 +37,7 @@ pub(in crate::base) fn condition_of_kept(
     if found <= POOR_CONDITION {
         return found;
     }
-    rows_at(model, home, seed, FURTHER_STATES).map_or(found, |further| {
+    rows_in_motion(model, home, seed, FURTHER_STATES).map_or(found, |further| {
         samples.with_further(model, is_kept, replaced, &further)
     })
 }

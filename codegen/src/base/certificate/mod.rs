@@ -13,6 +13,7 @@ mod condition;
 mod evaluate;
 mod float320;
 mod linear;
+mod motion;
 mod rank;
 mod rows;
 mod sparse;
@@ -32,8 +33,9 @@ pub use float320::{DIGITS, Float320};
 pub use linear::{Relation, rank_of, relations};
 pub use rank::{Certificate, Samples};
 
+use motion::Pace;
 use rows::Rows;
-use states::Walk;
+use states::{State, Walk};
 use units::Units;
 
 /// Number of additional states, sampled at the end, that must not raise the rank.
@@ -89,7 +91,10 @@ impl core::error::Error for CertificateError {}
 /// it, or if the mechanism is too large.
 pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, CertificateError> {
     let needed = rows::states_needed(model);
-    sampled(model, home, seed, |sample, units| {
+    let energies = |rows: &mut Rows<'_>, state: &State, walk: &mut Walk<'_>| {
+        rows.sample(state, walk.random()).is_some()
+    };
+    sampled(model, home, seed, energies, |sample, units| {
         let (first, states) = sample(needed)?;
         let mut samples = Samples::new(first, rows::column_units(model, units), states);
         // No number of rows is a proof, as each state might raise the rank by one only. But energies
@@ -107,22 +112,27 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
     })
 }
 
-/// The rows of a number of states, as [`certify`] samples them.
-fn rows_at(
+/// The rows of the regressor at random motions through a number of states.
+fn rows_in_motion(
     model: &Model,
     home: &[f64],
     seed: u64,
     states: usize,
 ) -> Result<Vec<sparse::Row>, CertificateError> {
-    sampled(model, home, seed, |sample, _| Ok(sample(states)?.0))
+    let pace = Pace::of(model);
+    let forces = |rows: &mut Rows<'_>, state: &State, walk: &mut Walk<'_>| {
+        rows.sample_motion(state, walk, pace).is_some()
+    };
+    sampled(model, home, seed, forces, |sample, _| Ok(sample(states)?.0))
 }
 
 /// Gives the function that samples further states, and returns their rows and the number of all
-/// states so far.
+/// states so far. `add_rows` adds the rows of a state; it returns false if the state has none.
 fn sampled<T>(
     model: &Model,
     home: &[f64],
     seed: u64,
+    add_rows: impl Fn(&mut Rows<'_>, &State, &mut Walk<'_>) -> bool,
     use_samples: impl FnOnce(&mut Sampler<'_>, Units) -> Result<T, CertificateError>,
 ) -> Result<T, CertificateError> {
     // a separate graph, with only the expressions to be sampled; its first symbols are the
@@ -153,7 +163,7 @@ fn sampled<T>(
             let state = walk
                 .next()
                 .ok_or(CertificateError::TooFewStates { found, needed })?;
-            if rows.sample(&state, walk.random()).is_some() {
+            if add_rows(&mut rows, &state, &mut walk) {
                 found += 1;
             }
         }

@@ -21,7 +21,16 @@ use super::states::{Random, State};
 use super::units::Units;
 
 /// A twist (w, v) of a body in its own frame at its own origin.
-type Twist = [Float320; 6];
+pub(super) type Twist = [Float320; 6];
+
+/// A body at a state.
+#[derive(Clone, Debug)]
+pub(super) struct BodyAt {
+    /// The twist for a unit rate of each independent coordinate.
+    pub(super) twists: Vec<Twist>,
+    /// Gravity in the body's frame, as the linear part of a twist.
+    gamma: Twist,
+}
 
 /// The least number of states, even if fewer give enough rows.
 const MIN_STATES: usize = 8;
@@ -165,6 +174,37 @@ impl EffortExpressions {
     }
 }
 
+/// The forces of inertia at an independent coordinate, for parameters of 1.
+#[derive(Debug)]
+pub(super) struct Inertia {
+    /// For each body, those of its inertial parameters.
+    pub(super) bodies: Vec<[Float320; 10]>,
+    /// For each coordinate, that of its rotor.
+    pub(super) rotors: Vec<Float320>,
+}
+
+impl BodyAt {
+    /// The twist at some rates of the independent coordinates.
+    pub(super) fn moving(&self, rates: &[Float320]) -> Twist {
+        let mut sum = [Float320::ZERO; 6];
+        for (twist, rate) in self.twists.iter().zip(rates) {
+            for (sum, x) in sum.iter_mut().zip(twist).filter(|(_, x)| !x.is_zero()) {
+                *sum = *sum + *rate * *x;
+            }
+        }
+        sum
+    }
+}
+
+/// The values of all coordinates for given ones of the independent coordinates.
+pub(super) fn project(j: &[Vec<Float320>], values: &[Float320]) -> Vec<Float320> {
+    let rows = j.iter().map(|row| {
+        let terms = row.iter().zip(values);
+        terms.fold(Float320::ZERO, |sum, (x, v)| sum + *x * *v)
+    });
+    rows.collect()
+}
+
 /// The names of the symbols of the coordinates' rates.
 pub(super) fn rate_names(model: &Model) -> impl Iterator<Item = String> {
     model.coordinates.iter().map(|c| format!("{}'", c.name))
@@ -270,6 +310,10 @@ impl<'a> Rows<'a> {
         }
     }
 
+    pub(super) fn model(&self) -> &'a Model {
+        self.model
+    }
+
     /// The rows collected since the last call.
     pub(super) fn take(&mut self) -> Vec<Row> {
         core::mem::take(&mut self.collected)
@@ -277,35 +321,9 @@ impl<'a> Rows<'a> {
 
     /// Adds the rows of a state; `None` where the expressions have no value.
     pub(super) fn sample(&mut self, state: &State, random: &mut Random) -> Option<()> {
-        let values = self.evaluator.run(&state.q)?;
-        let state = &self.with_unit_rates(state);
         let width = self.model.independent.len();
-        let mut bodies = Vec::new();
-        let mut at = 0;
-        for body in &self.expressions.bodies {
-            let mut twists = vec![[Float320::ZERO; 6]; width];
-            for (coordinate, _) in &body.twists {
-                let unit = &values[at..at + 6];
-                at += 6;
-                for (twist, weight) in twists.iter_mut().zip(&state.j[*coordinate]) {
-                    if weight.is_zero() {
-                        continue;
-                    }
-                    for (sum, x) in twist.iter_mut().zip(unit) {
-                        *sum = *sum + *weight * *x;
-                    }
-                }
-            }
-            let mut gamma = [Float320::ZERO; 6];
-            gamma[3..].copy_from_slice(&values[at..at + 3]);
-            at += 3;
-            bodies.push((twists, gamma));
-        }
-        let mut forces = vec![Vec::new(); self.model.parameters.len()];
-        let mut values = values.into_iter().skip(at);
-        for effort in &self.expressions.at_rest {
-            effort.project(&mut values, state, &mut forces);
-        }
+        let state = &self.with_unit_rates(state);
+        let (bodies, mut forces) = self.at(state)?;
         self.sample_kinetic(state, &bodies, random);
         let separate = self.expressions.in_motion.is_empty();
         for j in 0..width {
@@ -332,14 +350,43 @@ impl<'a> Rows<'a> {
         Some(())
     }
 
+    /// The bodies at a state, and for each spring or effort term that does not depend on velocities
+    /// its generalised forces for a parameter of 1; `None` where the expressions have no value.
+    pub(super) fn at(&self, state: &State) -> Option<(Vec<BodyAt>, Vec<Vec<Float320>>)> {
+        let values = self.evaluator.run(&state.q)?;
+        let width = self.model.independent.len();
+        let mut bodies = Vec::new();
+        let mut at = 0;
+        for body in &self.expressions.bodies {
+            let mut twists = vec![[Float320::ZERO; 6]; width];
+            for (coordinate, _) in &body.twists {
+                let unit = &values[at..at + 6];
+                at += 6;
+                for (twist, weight) in twists.iter_mut().zip(&state.j[*coordinate]) {
+                    if weight.is_zero() {
+                        continue;
+                    }
+                    for (sum, x) in twist.iter_mut().zip(unit) {
+                        *sum = *sum + *weight * *x;
+                    }
+                }
+            }
+            let mut gamma = [Float320::ZERO; 6];
+            gamma[3..].copy_from_slice(&values[at..at + 3]);
+            at += 3;
+            bodies.push(BodyAt { twists, gamma });
+        }
+        let mut forces = vec![Vec::new(); self.model.parameters.len()];
+        let mut values = values.into_iter().skip(at);
+        for effort in &self.expressions.at_rest {
+            effort.project(&mut values, state, &mut forces);
+        }
+        Some((bodies, forces))
+    }
+
     /// Adds the rows of kinetic energy: the entries of the mass matrix, or, where these are many, its
     /// products with random velocities, which contain every entry.
-    fn sample_kinetic(
-        &mut self,
-        state: &State,
-        bodies: &[(Vec<Twist>, Twist)],
-        random: &mut Random,
-    ) {
+    fn sample_kinetic(&mut self, state: &State, bodies: &[BodyAt], random: &mut Random) {
         let width = self.model.independent.len();
         let unit = |j: usize| {
             let rates = (0..width).map(|k| {
@@ -354,7 +401,7 @@ impl<'a> Rows<'a> {
         let Some(momenta) = self.momenta else {
             for j in 0..width {
                 for k in j..width {
-                    let twists = bodies.iter().map(|(twists, _)| twists[k]);
+                    let twists = bodies.iter().map(|body| body.twists[k]);
                     self.push_kinetic(state, bodies, j, &twists.collect::<Vec<_>>(), &unit(k));
                 }
             }
@@ -364,15 +411,7 @@ impl<'a> Rows<'a> {
             let rates: Vec<Float320> = (0..width)
                 .map(|_| Float320::from_f64(random.next()))
                 .collect();
-            let moving = bodies.iter().map(|(twists, _)| {
-                let mut sum = [Float320::ZERO; 6];
-                for (twist, rate) in twists.iter().zip(&rates) {
-                    for (sum, x) in sum.iter_mut().zip(twist).filter(|(_, x)| !x.is_zero()) {
-                        *sum = *sum + *rate * *x;
-                    }
-                }
-                sum
-            });
+            let moving = bodies.iter().map(|body| body.moving(&rates));
             let moving: Vec<Twist> = moving.collect();
             for j in 0..width {
                 self.push_kinetic(state, bodies, j, &moving, &rates);
@@ -385,7 +424,7 @@ impl<'a> Rows<'a> {
     fn push_kinetic(
         &mut self,
         state: &State,
-        bodies: &[(Vec<Twist>, Twist)],
+        bodies: &[BodyAt],
         j: usize,
         moving: &[Twist],
         rates: &[Float320],
@@ -400,7 +439,7 @@ impl<'a> Rows<'a> {
             _ => Float320::ZERO,
         };
         let blocks = bodies.iter().zip(moving);
-        let blocks = blocks.map(|((twists, _), twist)| polar(&twists[j], twist));
+        let blocks = blocks.map(|(body, twist)| polar(&body.twists[j], twist));
         self.push(0, &blocks.collect::<Vec<_>>(), entry);
     }
 
@@ -409,17 +448,32 @@ impl<'a> Rows<'a> {
     fn sample_forces(
         &mut self,
         state: &State,
-        bodies: &[(Vec<Twist>, Twist)],
+        bodies: &[BodyAt],
         forces: &mut [Vec<Float320>],
         random: &mut Random,
     ) -> Option<()> {
         let qd = self.random_rates(state, random);
-        let inputs: Vec<Float320> = state.q.iter().chain(&qd).copied().collect();
+        self.push_forces(state, bodies, forces, &qd, |_| None)
+    }
+
+    /// Adds a row of forces for each independent coordinate: weights, forces at rest, friction and
+    /// effort terms, and `inertia`, which gives the forces of inertia at an independent coordinate
+    /// if they count. `None` where an effort term has no value.
+    pub(super) fn push_forces(
+        &mut self,
+        state: &State,
+        bodies: &[BodyAt],
+        forces: &mut [Vec<Float320>],
+        qd: &[Float320],
+        inertia: impl Fn(usize) -> Option<Inertia>,
+    ) -> Option<()> {
+        let inputs: Vec<Float320> = state.q.iter().chain(qd).copied().collect();
         let mut values = self.in_motion.run(&inputs)?.into_iter();
         for effort in &self.expressions.in_motion {
             effort.project(&mut values, state, forces);
         }
         for j in 0..self.model.independent.len() {
+            let inertia = inertia(j);
             let entry = |index: usize, kind: ParameterKind| match kind {
                 ParameterKind::Friction { coordinate, column } => {
                     let parts = FrictionHalves::of(column);
@@ -430,9 +484,22 @@ impl<'a> Rows<'a> {
                         + halves(sign * parts.c + parts.o, Float320::ONE);
                     effort * state.j[coordinate][j]
                 }
+                ParameterKind::Rotor { coordinate } => {
+                    let rotors = inertia.as_ref().map(|inertia| &inertia.rotors);
+                    rotors.map_or(Float320::ZERO, |rotors| rotors[coordinate])
+                }
                 _ => force_at_rest(state, forces, index, kind, j),
             };
-            self.push(-self.units.time, &weights(bodies, j), entry);
+            let mut blocks = weights(bodies, j);
+            for (block, part) in blocks
+                .iter_mut()
+                .zip(inertia.iter().flat_map(|inertia| &inertia.bodies))
+            {
+                for (sum, x) in block.iter_mut().zip(part) {
+                    *sum = *sum + *x;
+                }
+            }
+            self.push(-self.units.time, &blocks, entry);
         }
         Some(())
     }
@@ -443,11 +510,7 @@ impl<'a> Rows<'a> {
         let rates: Vec<Float320> = (0..width)
             .map(|_| Float320::from_f64(random.next()))
             .collect();
-        let rows = state.j.iter().map(|row| {
-            let terms = row.iter().zip(&rates);
-            terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r)
-        });
-        rows.collect()
+        project(&state.j, &rates)
     }
 
     /// Adds the rows of friction at random velocities of both signs.
@@ -471,7 +534,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The state with the rates of independent coordinates in the units of their size.
-    fn with_unit_rates(&self, state: &State) -> State {
+    pub(super) fn with_unit_rates(&self, state: &State) -> State {
         let mut state = state.clone();
         for k in 0..self.model.independent.len() {
             let rates = state.j.iter().enumerate();
@@ -524,16 +587,16 @@ fn force_at_rest(
 
 /// The derivative of the potential energy by the independent coordinate `j`, minus the power of
 /// gravity, for each body's parameters.
-fn weights(bodies: &[(Vec<Twist>, Twist)], j: usize) -> Vec<[Float320; 10]> {
-    let blocks = bodies.iter().map(|(twists, gamma)| {
-        let power = polar(gamma, &twists[j]);
+fn weights(bodies: &[BodyAt], j: usize) -> Vec<[Float320; 10]> {
+    let blocks = bodies.iter().map(|body| {
+        let power = polar(&body.gamma, &body.twists[j]);
         power.map(|x| -x)
     });
     blocks.collect()
 }
 
 /// The symmetric form h: h(V, V) . phi / 2 is the kinetic energy of a body with the twist V.
-fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
+pub(super) fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
     let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
     [
         ax * bx,

@@ -275,11 +275,22 @@ impl<'a> Walk<'a> {
         None
     }
 
-    /// Refines a state to multiple precision, by Newton's method over the dependent coordinates.
+    /// The closed state that the independent coordinates reach from a state at some rates after a
+    /// short time, s; `None` if the loops do not close there.
+    pub(super) fn after(&self, state: &State, qd: &[Float320], time: Float320) -> Option<State> {
+        let moved = state.q.iter().zip(qd);
+        self.refine(moved.map(|(q, qd)| *q + *qd * time).collect())
+    }
+
+    /// Refines a state of double precision.
     fn polish(&self, q: &[f64]) -> Option<State> {
+        self.refine(q.iter().map(|x| Float320::from_f64(*x)).collect())
+    }
+
+    /// Closes a state in multiple precision, by Newton's method over the dependent coordinates.
+    fn refine(&self, mut q: Vec<Float320>) -> Option<State> {
         let model = self.model;
         let width = model.independent.len();
-        let mut q: Vec<Float320> = q.iter().map(|x| Float320::from_f64(*x)).collect();
         let mut j = vec![vec![Float320::ZERO; width]; q.len()];
         for (k, &c) in model.independent.iter().enumerate() {
             j[c][k] = Float320::ONE;
