@@ -33,18 +33,20 @@ impl Kind {
 
 /// Runs `regen new`.
 pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
+    // the file's name is as good as the robot's
+    let name = args.name.strip_suffix(".yaml").unwrap_or(&args.name);
     // other characters, such as a line break, could end the value of `name` in the YAML
     let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
-    if !args.name.chars().all(plain) {
+    if !name.chars().all(plain) {
         return Err(Failure::Input(format!(
             "{:?} is not a name for a module: lower-case letters, digits and _, such as my_arm",
-            args.name
+            name
         )));
     }
     let out = args
         .out
         .clone()
-        .unwrap_or_else(|| PathBuf::from(format!("{}.yaml", args.name)));
+        .unwrap_or_else(|| PathBuf::from(format!("{name}.yaml")));
     let text = match (&args.from_dh, args.kind) {
         (Some(table), _) => {
             let rows = if args.classic {
@@ -52,13 +54,13 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
             } else {
                 Rows::Modified
             };
-            from_dh_table(&load::source(table)?, &args.name, rows)
+            from_dh_table(&load::source(table)?, name, rows)
                 .map_err(|report| Failure::Spec(vec![report]))?
         }
         (None, kind) => kind
             .unwrap_or(Kind::Serial)
             .template()
-            .replace("NAME", &args.name)
+            .replace("NAME", name)
             .replace("FILE", &out.display().to_string()),
     };
     // templates and tables are valid by now, so only the name can be wrong: reading the spec checks
@@ -72,7 +74,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
     let written = out.display().to_string();
     match args.format {
         Format::Json => terminal::print(&table::document(&Printed {
-            robot: &args.name,
+            robot: name,
             written,
         })),
         Format::Human => terminal::print(&format!(

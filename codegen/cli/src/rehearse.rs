@@ -71,7 +71,9 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
             Some(PayloadArg::Carried)
         },
     };
-    let (mut twin, nominal) = simulate::twin(&args.twin, described, &model, &motion, step)?;
+    let span = (step, durations.first().copied().unwrap_or_default());
+    let tried = simulate::twin(&args.twin, described, &model, &motion, span, &mut |_| ())?;
+    let (mut twin, nominal) = (tried.twin, tried.nominal);
     let unmodelled = add_unmodelled(args, &mut twin)?;
     let mut start = vec![0.0; model.rank()];
     BaseModel::<f64>::to_base(&model, &nominal, &mut start)?;

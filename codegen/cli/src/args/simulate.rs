@@ -90,9 +90,10 @@ pub(crate) struct TwinArgs {
     /// Gains of all controllers, or of one: [NAME=]KP,KI,KD (may be repeated)
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
-    /// The bandwidth of controllers without --pid, Hz
-    #[arg(long, value_name = "HZ", default_value_t = 3.0)]
-    pub(crate) bandwidth: f64,
+    /// The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where
+    /// the loops cannot be kept closed with less]
+    #[arg(long, value_name = "HZ")]
+    pub(crate) bandwidth: Option<f64>,
     /// Time constant of the drives, s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub(crate) lag: f64,

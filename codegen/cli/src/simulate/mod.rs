@@ -85,10 +85,20 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         file: &args.file,
         payload: args.payload,
     };
-    let (twin, _) = twin::of(&args.twin, source, &model, &motion, step)?;
     let duration = args.twin.duration.unwrap_or(motion.period());
     let settle = args.twin.settle;
-    let settings = twin.run(args.twin.seed, 0, duration + settle);
+    // all runs are simulated before any file is written: an interrupt leaves all files or none
+    let total = duration + settle;
+    let bar = progress::bar(
+        thousandths(args.runs as f64 * total),
+        "{bar:24} {percent:>3} %, {eta} left",
+    );
+    let mut progress = |t: f64| bar.set_position(thousandths(t));
+    let span = (step, total);
+    let tried = twin::of(&args.twin, source, &model, &motion, span, &mut progress)?;
+    let twin = tried.twin;
+    let mut first = Some(tried.first);
+    let settings = twin.run(args.twin.seed, 0, total);
     if let Some(file) = &args.controller {
         let text = Format::of(file).text(&gains_of(&info, &settings));
         let text = text.map_err(|why| Failure::Input(format!("{}: {why}", file.display())))?;
@@ -107,18 +117,19 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         })
         .collect();
 
-    // all runs are simulated before any file is written: an interrupt leaves all files or none
-    let length = thousandths(args.runs as f64 * settings.duration);
-    let bar = progress::bar(length, "{bar:24} {percent:>3} %, {eta} left");
     let mut texts = Vec::with_capacity(args.runs);
     let mut runs = Vec::with_capacity(args.runs);
     for number in 0..args.runs {
-        let settings = twin.run(args.twin.seed, number, duration + settle);
-        let from = number as f64 * settings.duration;
+        let settings = twin.run(args.twin.seed, number, total);
+        let from = number as f64 * total;
         let mut progress = |t: f64| bar.set_position(thousandths(from + t));
-        let found =
-            simulate_with_progress(&model, &twin.parameters, &motion, &settings, &mut progress);
-        let found = found.map_err(|error| misuse(&error))?;
+        let found = match first.take() {
+            Some(first) => first,
+            None => {
+                simulate_with_progress(&model, &twin.parameters, &motion, &settings, &mut progress)
+                    .map_err(|error| misuse(&error))?
+            }
+        };
         if let Some(why) = reason(found.ended) {
             bar.finish_and_clear();
             let at = found.t.last().copied().unwrap_or(0.0);
@@ -203,7 +214,7 @@ pub(crate) fn check(args: &TwinArgs) -> Result<(), Failure> {
     let positive = [
         ("--step", args.step),
         ("--duration", args.duration),
-        ("--bandwidth", Some(args.bandwidth)),
+        ("--bandwidth", args.bandwidth),
         ("--friction-width", Some(args.friction_width)),
     ];
     for (name, value) in positive {

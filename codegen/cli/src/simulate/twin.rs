@@ -1,18 +1,74 @@
 //! The simulated robot that the options describe.
 
-use regen_experiment::simulate::{Sensors, Twin, TwinError, TwinOptions};
+use regen_experiment::simulate::{
+    Log, Sensors, Termination, Twin, TwinError, TwinOptions, default_bandwidths,
+    simulate_with_progress,
+};
 use regen_experiment::trajectory::FourierReference;
 use regen_interpreted::Interpreted;
 
 use super::parameters::{self, Described};
 use crate::args::TwinArgs;
 use crate::exit::Failure;
+use crate::terminal;
 
-/// The simulated robot, and the nominal parameters around which its own are drawn.
+/// A simulated robot with its first run.
+pub(crate) struct Tried {
+    pub(crate) twin: Twin,
+    /// The parameters around which those of the simulated robot are drawn.
+    pub(crate) nominal: Vec<f64>,
+    pub(crate) first: Log,
+}
+
+/// The simulated robot. Without `--bandwidth` its controllers have the first of the default bandwidths
+/// with which the first run keeps the loops closed; a higher one than usual is told.
 ///
 /// - `step`: the time between samples, s.
+/// - `duration`: of the first run, s; `progress` is called with the time it has reached.
 pub(crate) fn of(
     args: &TwinArgs,
+    source: Described<'_>,
+    model: &Interpreted<'_>,
+    motion: &FourierReference,
+    (step, duration): (f64, f64),
+    progress: &mut dyn FnMut(f64),
+) -> Result<Tried, Failure> {
+    let mut bandwidths = match args.bandwidth {
+        Some(bandwidth) => vec![bandwidth],
+        None => default_bandwidths(step),
+    }
+    .into_iter()
+    .peekable();
+    let mut usual = None;
+    while let Some(bandwidth) = bandwidths.next() {
+        let (twin, nominal) = with_bandwidth(args, bandwidth, source, model, motion, step)?;
+        let settings = twin.run(args.seed, 0, duration);
+        let first = simulate_with_progress(model, &twin.parameters, motion, &settings, progress);
+        let first = first.map_err(|error| super::misuse(&error))?;
+        if matches!(first.ended, Termination::Open(_)) && bandwidths.peek().is_some() {
+            usual.get_or_insert(bandwidth);
+            continue;
+        }
+        if let Some(usual) = usual
+            && first.ended == Termination::Complete
+        {
+            terminal::note(&format!(
+                "note: controllers of {usual} Hz leave the motion until the loops cannot be kept closed; these \
+                 have {bandwidth} Hz (--bandwidth)"
+            ));
+        }
+        return Ok(Tried {
+            twin,
+            nominal,
+            first,
+        });
+    }
+    Err(Failure::Input("--bandwidth must be above 0".to_owned()))
+}
+
+fn with_bandwidth(
+    args: &TwinArgs,
+    bandwidth: f64,
     source: Described<'_>,
     model: &Interpreted<'_>,
     motion: &FourierReference,
@@ -22,7 +78,7 @@ pub(crate) fn of(
     let [position_noise, effort_noise] = args.noise.unwrap_or_default();
     let [position_step, effort_step] = args.quantum.unwrap_or_default();
     let options = TwinOptions {
-        bandwidth: args.bandwidth,
+        bandwidth,
         gains: &args.pid,
         period: step,
         lag: args.lag,

@@ -88,6 +88,24 @@ pub struct Control {
     pub offset: Vec<f64>,
 }
 
+/// The bandwidths of controllers to try in turn if none is given, Hz, for a controller with this
+/// sampling time, s: a slow one, which tells most of friction and of the robot's own motion, and faster
+/// ones for a robot that it would let leave its motion until the loops cannot be kept closed. All but the
+/// first are at most an eighth of the sampling rate, beyond which sampled controllers do not damp.
+///
+/// ```
+/// use regen_experiment::simulate::default_bandwidths;
+///
+/// assert_eq!(default_bandwidths(0.01), [3.0, 6.0, 12.0]);
+/// assert_eq!(default_bandwidths(0.02), [3.0, 6.0]);
+/// assert_eq!(default_bandwidths(1.0), [3.0]);
+/// ```
+pub fn default_bandwidths(step: f64) -> Vec<f64> {
+    let faster = [6.0, 12.0].into_iter();
+    let faster = faster.filter(|bandwidth| bandwidth * step <= 0.125);
+    std::iter::once(3.0).chain(faster).collect()
+}
+
 /// Tunes the controllers of all actuated joints at the state `start`.
 ///
 /// - `bandwidth`: of the controllers without given gains, Hz.
