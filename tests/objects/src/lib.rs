@@ -18,5 +18,5 @@ mod stack;
 
 pub use code::Code;
 pub use graph::{Graph, Section};
-pub use libraries::{cargo, fixture, image, root};
+pub use libraries::{cargo, features, fixture, full, image, root};
 pub use stack::{cycle, deepest};

@@ -24,6 +24,21 @@ pub fn cargo(name: &str, arguments: &[&str]) -> Command {
     command
 }
 
+/// Whether every robot is read (`.ci/full`), or only those whose source is checked in, for which no
+/// macro is built.
+pub fn full() -> bool {
+    std::env::var_os("REGEN_FULL").is_some()
+}
+
+/// The features of `regen-image` with these robots and the closure.
+pub fn features() -> &'static str {
+    if full() {
+        "derived,closure"
+    } else {
+        "robots,closure"
+    }
+}
+
 /// Builds `regen-image` with some features, in release or in the profile that
 /// `REGEN_IMAGE_PROFILE` names, and returns the libraries of it and of what it depends on.
 pub fn image(features: &str) -> Vec<PathBuf> {

@@ -10,22 +10,11 @@ pub mod fixtures;
 pub use regen_generated::{delta, fivebar, fourbar, puma560, rps3, rps3_friction};
 #[cfg(feature = "all")]
 use regen_runtime::BaseModel;
-use regen_runtime::robot_model;
 
-robot_model!("../../../robots/3prs.yaml");
-robot_model!("../../../robots/3rrr.yaml");
-robot_model!("../../../robots/hybrid.yaml");
-robot_model!("../../../robots/iiwa14.yaml");
-robot_model!("../../../robots/linear_delta.yaml");
-robot_model!("../../../robots/palletiser.yaml");
-robot_model!("../../../robots/panda.yaml");
-robot_model!("../../../robots/rx90.yaml");
-robot_model!("../../../robots/scara.yaml");
-robot_model!("../../../robots/slider_crank.yaml");
-robot_model!("../../../robots/stanford.yaml");
-robot_model!("../../../robots/stewart.yaml");
-robot_model!("../../../robots/tree_branch.yaml");
-robot_model!("../../../robots/ur5e.yaml");
+#[cfg(feature = "derived")]
+mod derived;
+#[cfg(feature = "derived")]
+pub use derived::*;
 
 /// A robot for `f64`.
 #[cfg(feature = "all")]

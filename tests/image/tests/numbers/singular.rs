@@ -53,16 +53,15 @@ macro_rules! exact {
 /// Robots whose loops can be led into a singularity. Four-bar and slider-crank have none, and
 /// Stewart platform and hybrid take long to compile so.
 fn exact() -> Vec<Exact> {
-    exact![
-        delta::Delta,
-        fivebar::Fivebar,
+    let robots = exact![delta::Delta, fivebar::Fivebar, rps3::Rps3].into_iter();
+    #[cfg(feature = "derived")]
+    let robots = robots.chain(exact![
         linear_delta::LinearDelta,
         palletiser::Palletiser,
         prs3::Prs3,
-        rps3::Rps3,
         rrr3::Rrr3
-    ]
-    .into()
+    ]);
+    robots.collect()
 }
 
 /// Directions of the independent coordinates, the same each time.
