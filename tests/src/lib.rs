@@ -26,3 +26,8 @@ pub use regen_reference as reference;
 pub fn full() -> bool {
     std::env::var_os("REGEN_FULL").is_some()
 }
+
+/// The size of a sample that has `all` members in `.ci/full` and `gate` in the gate.
+pub fn sample_size(all: u64, gate: u64) -> u64 {
+    if full() { all } else { gate }
+}

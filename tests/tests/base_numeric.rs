@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use regen_tests::base::{Derivation, Verdict, judge as judge_analysis, states_for};
 use regen_tests::random_checks::agreement;
 use regen_tests::reference::Mechanism;
-use regen_tests::{files, random_spec};
+use regen_tests::{files, random_spec, sample_size};
 
 /// Mechanisms with fewer base parameters than the analysis of spanning trees finds: the file, the
 /// number that it finds and the true number.
@@ -309,22 +309,22 @@ fn check_random(specs: impl Iterator<Item = String>, complete: bool) {
 
 #[test]
 fn combinations_are_right_on_random_trees_and_kept_columns_are_independent() {
-    check_random((0..25).map(random_spec::tree), true);
+    check_random((0..sample_size(25, 8)).map(random_spec::tree), true);
 }
 
 #[test]
 fn combinations_are_right_on_random_loops() {
     check_random(
-        (0..12).map(|seed| random_spec::closed_loop(seed).unwrap()),
+        (0..sample_size(12, 4)).map(|seed| random_spec::closed_loop(seed).unwrap()),
         false,
     );
 }
 
 #[test]
 fn combinations_are_right_on_random_screws() {
-    check_random((0..8).map(random_spec::screw_tree), true);
+    check_random((0..sample_size(8, 3)).map(random_spec::screw_tree), true);
     check_random(
-        (0..6).map(|seed| random_spec::screw_loop(seed).unwrap()),
+        (0..sample_size(6, 2)).map(|seed| random_spec::screw_loop(seed).unwrap()),
         false,
     );
 }
@@ -350,7 +350,7 @@ fn bases_of_random_loops_are_complete_and_reproduce_the_regressor() {
     };
     let failed: Vec<String> = (0..200)
         .filter(small)
-        .take(16)
+        .take(sample_size(16, 6) as usize)
         .filter_map(|seed| check_loop(seed).err())
         .collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));

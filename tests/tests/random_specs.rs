@@ -8,12 +8,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use regen_tests::derived::Derived;
 use regen_tests::engine::check_pair;
 use regen_tests::random::{self, Sample, TOPOLOGIES, cut_word};
-use regen_tests::{files, full, reference::Mechanism};
+use regen_tests::{files, reference::Mechanism, sample_size};
 
 /// The number of seeds: `RANDOM_SPECS`, or by default the first part of the seeds of `.ci/full`.
 fn seeds() -> u64 {
     let asked = std::env::var("RANDOM_SPECS").ok();
-    let usual = if full() { 240 } else { 60 };
+    let usual = sample_size(240, 30);
     asked.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
