@@ -27,8 +27,13 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
         let spans = message["spans"].as_array().unwrap_or(&empty);
         let mut here = BTreeSet::new();
         for span in spans.iter().filter(|s| s["is_primary"] == true) {
-            for text in span["text"].as_array().unwrap_or(&empty) {
-                here.extend(numbers(text["text"].as_str().unwrap_or_default()));
+            // within a macro the place is that of its call, or of the call around that
+            let mut span = span;
+            while span.is_object() {
+                for text in span["text"].as_array().unwrap_or(&empty) {
+                    here.extend(numbers(text["text"].as_str().unwrap_or_default()));
+                }
+                span = &span["expansion"]["span"];
             }
         }
         if here.is_empty() && !spans.is_empty() {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -21,6 +22,10 @@ pub struct Program {
     links: BTreeSet<String>,
     /// The time of a run without faults.
     pub takes: Duration,
+    /// Held while it runs: two runs at once would write the same files.
+    alone: Mutex<()>,
+    /// Whether it passes without any fault, once that is known.
+    pub passes: OnceLock<bool>,
 }
 
 pub enum TestOutcome {
@@ -72,6 +77,8 @@ pub fn programs(copy: &Path, packages: &[&str]) -> TextResult<Vec<Program>> {
                 tests,
                 links: links.get(manifest).cloned().unwrap_or_default(),
                 takes: Duration::ZERO,
+                alone: Mutex::new(()),
+                passes: OnceLock::new(),
             });
         }
     }
@@ -174,6 +181,7 @@ impl Program {
         most: Duration,
         by_the_clock: Duration,
     ) -> TextResult<TestOutcome> {
+        let _alone = self.alone.lock().map_err(|e| e.to_string())?;
         // a fault may also ask for memory or write without end; in units of 1024 and 512 bytes
         let mut child = Command::new("sh")
             .args([

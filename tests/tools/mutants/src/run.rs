@@ -13,27 +13,40 @@ use crate::{TextResult, read};
 /// The number of faults that each program has caught, by the folder of the fault.
 type Caught = BTreeMap<(String, usize), usize>;
 
+/// The beginnings of names of programs that are tried for the faults of each package.
+type Only = BTreeMap<String, Vec<String>>;
+
 /// Builds the tests of some crates, then runs them for every mutant that compiles, until the first
 /// failure. Programs run in the order in which a failure is likely soonest: quick ones first, and
 /// those that caught faults nearby. Each mutant gets a line in `results.jsonl`; if it has
 /// several, the last one is its result.
 ///
 /// Programs that take longer than `seconds` are skipped; mutants that survive the others can be
-/// tried with them later, in another run with more seconds. `REGEN_MUTANTS_AGAIN` lists beginnings
-/// of names of programs, separated by commas: then these alone are run, again if they were before.
+/// tried with them later, in another run with more seconds. `REGEN_MUTANTS_ONLY` names a file
+/// of JSON with beginnings of names of programs for each package with faults: then these alone are
+/// run for its faults, again if they were before.
 pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextResult<()> {
     let most: f64 = seconds.parse().map_err(|e| format!("seconds: {e}"))?;
-    let again = std::env::var("REGEN_MUTANTS_AGAIN").ok();
-    let mut programs = programs(copy, crates)?;
-    if let Some(again) = &again {
-        programs.retain(|p| again.split(',').any(|start| p.name().starts_with(start)));
-    }
-    let list = read(drawn)?;
-    let faulty = |program: &Program| {
-        let packages = list.iter().filter_map(|m| m["package"].as_str());
-        packages.into_iter().any(|p| program.links(p))
+    let only: Option<Only> = match std::env::var("REGEN_MUTANTS_ONLY") {
+        Err(_) => None,
+        Ok(file) => {
+            let text = std::fs::read_to_string(&file).map_err(|e| format!("{file}: {e}"))?;
+            Some(serde_json::from_str(&text).map_err(|e| format!("{file}: {e}"))?)
+        }
     };
-    programs.retain(faulty);
+    let list = read(drawn)?;
+    let may_catch = |program: &Program, package: &str| {
+        let chosen = only.as_ref().is_none_or(|only| {
+            let starts = only.get(package).map_or(&[][..], Vec::as_slice);
+            starts.iter().any(|start| program.name().starts_with(start))
+        });
+        chosen && program.links(package)
+    };
+    let mut programs = programs(copy, crates)?;
+    programs.retain(|program| {
+        let mut packages = list.iter().filter_map(|m| m["package"].as_str());
+        packages.any(|package| may_catch(program, package))
+    });
     let mut programs = timed(copy, programs, Duration::from_secs_f64(4.0 * most))?;
     programs.sort_by_key(|p| p.takes);
     for program in &programs {
@@ -53,7 +66,7 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
     }
     let before = |m: &Value| m["number"].as_u64().and_then(|n| tried.get(&n)).copied();
     let left = |m: &Value| {
-        let limit = if again.is_some() { f64::INFINITY } else { most };
+        let limit = if only.is_some() { f64::INFINITY } else { most };
         m["unviable"] != true && before(m).is_none_or(|b| b < limit)
     };
     let list: Vec<Value> = list.into_iter().filter(left).collect();
@@ -73,10 +86,10 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
                     let caught = caught.lock().map_err(|e| e.to_string())?;
                     order(&programs, &folder, &caught)
                         .into_iter()
-                        .filter(|&at| programs[at].links(package))
+                        .filter(|&at| may_catch(&programs[at], package))
                         .filter(|&at| {
                             let takes = programs[at].takes.as_secs_f64();
-                            let new = again.is_some() || before(&mutant).is_none_or(|b| takes > b);
+                            let new = only.is_some() || before(&mutant).is_none_or(|b| takes > b);
                             takes <= most && new
                         })
                         .collect::<Vec<_>>()
@@ -107,8 +120,9 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
     })
 }
 
-/// The programs that pass without any fault in at most a time, with their times. These are stored
-/// beside the results, to continue a run; a program built since is timed again.
+/// The programs that pass without any fault, with their times; those that take longer than `most`
+/// are not known to pass yet. Times are stored beside the results, negative for the latter, to
+/// continue a run; a program built since is timed again.
 fn timed(copy: &Path, programs: Vec<Program>, most: Duration) -> TextResult<Vec<Program>> {
     let file = copy.join("times.json");
     let written = modified(&file);
@@ -132,19 +146,22 @@ fn timed(copy: &Path, programs: Vec<Program>, most: Duration) -> TextResult<Vec<
                     Some(takes) => takes,
                     None => match program.run_with(0, most, most)? {
                         TestOutcome::Passed => start.elapsed().as_secs_f64(),
-                        TestOutcome::Hung => {
-                            eprintln!("left out, slower: {name}");
-                            continue;
-                        }
+                        // what was ended takes at least this time
+                        TestOutcome::Hung => -start.elapsed().as_secs_f64(),
                         // a test that reads the sources fails, because it finds the switches
-                        TestOutcome::Failed => {
-                            eprintln!("left out, fails without any fault: {name}");
-                            continue;
-                        }
+                        TestOutcome::Failed => f64::NEG_INFINITY,
                     },
                 };
-                program.takes = Duration::from_secs_f64(takes);
+                if takes == f64::NEG_INFINITY {
+                    eprintln!("left out, fails without any fault: {name}");
+                    continue;
+                }
+                if takes > 0.0 {
+                    program.passes = true.into();
+                }
                 times.lock().map_err(|e| e.to_string())?.insert(name, takes);
+                let takes = takes.abs();
+                program.takes = Duration::from_secs_f64(takes);
                 passing.lock().map_err(|e| e.to_string())?.push(program);
             }
         };
@@ -190,11 +207,23 @@ fn caught_by(
     for &at in order {
         let program = &programs[at];
         let most = program.takes * 6 + Duration::from_secs(10);
-        match program.run_with(number, most, most * 4)? {
-            TestOutcome::Passed => {}
-            TestOutcome::Failed => return Ok(Some((at, false))),
-            TestOutcome::Hung => return Ok(Some((at, true))),
+        let hung = match program.run_with(number, most, most * 4)? {
+            TestOutcome::Passed => continue,
+            TestOutcome::Failed => false,
+            TestOutcome::Hung => true,
+        };
+        let passes = match program.passes.get() {
+            Some(passes) => *passes,
+            None => {
+                let without = program.run_with(0, most, most * 4)?;
+                let passes = matches!(without, TestOutcome::Passed);
+                *program.passes.get_or_init(|| passes)
+            }
+        };
+        if passes {
+            return Ok(Some((at, hung)));
         }
+        eprintln!("fails without any fault: {}", program.name());
     }
     Ok(None)
 }
