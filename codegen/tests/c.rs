@@ -176,3 +176,15 @@ fn fused_products_are_those_of_each_precision() {
         );
     }
 }
+
+#[test]
+fn headers_tell_what_the_choice_of_base_parameters_left_out() {
+    let text = "name: flap\nlimbs:\n  - name: arm\n    joints:\n      \
+        - {name: q1, type: revolute, axis: y, body: b, actuated: true}\n";
+    let left_out = |text: &str| {
+        let files = c::files(&robot(text));
+        (files.header + &files.source).contains("before `base.drop` left 1 out")
+    };
+    assert!(left_out(&format!("{text}base: {{drop: [mz(b)]}}\n")));
+    assert!(!left_out(text));
+}

@@ -134,4 +134,11 @@ mod tests {
         );
         assert_eq!(digests(None, new(&[])), HEAD);
     }
+
+    #[test]
+    fn a_file_beside_a_folder_is_named_without_a_way_through_it() {
+        assert_eq!(sibling(Path::new("a/src"), "b"), Path::new("a/b"));
+        assert_eq!(sibling(Path::new("src"), "b"), Path::new("b"));
+        assert_eq!(sibling(Path::new(".."), "b"), Path::new("../../b"));
+    }
 }
