@@ -316,3 +316,16 @@ fn columns_followed_by_smoother_ones_are_not_taken_for_positions_and_efforts() {
     let o = Role::Other;
     assert_eq!(roles, [Role::Time, o, o, o, o]);
 }
+
+#[test]
+fn a_log_in_which_nothing_moves_has_no_cutoff() {
+    let mut text = String::from("t,a,tau_a\n");
+    for k in 0..2000 {
+        writeln!(text, "{:.3},0.3,{}", 0.005 * f64::from(k), k % 7).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-still-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(found.cutoff, None);
+}
