@@ -178,13 +178,18 @@ fn fused_products_are_those_of_each_precision() {
 }
 
 #[test]
-fn headers_tell_what_the_choice_of_base_parameters_left_out() {
+fn headers_tell_what_the_choice_of_base_parameters_left_out_and_knew() {
     let text = "name: flap\nlimbs:\n  - name: arm\n    joints:\n      \
         - {name: q1, type: revolute, axis: y, body: b, actuated: true}\n";
-    let left_out = |text: &str| {
-        let files = c::files(&robot(text));
-        (files.header + &files.source).contains("before `base.drop` left 1 out")
-    };
-    assert!(left_out(&format!("{text}base: {{drop: [mz(b)]}}\n")));
-    assert!(!left_out(text));
+    for (choice, words) in [
+        ("drop", "before `base.drop` left 1 out"),
+        ("zero", "with 1 parameters known by `base.zero`"),
+    ] {
+        let tells = |text: &str| {
+            let files = c::files(&robot(text));
+            (files.header + &files.source).contains(words)
+        };
+        assert!(tells(&format!("{text}base: {{{choice}: [mz(b)]}}\n")));
+        assert!(!tells(text));
+    }
 }
