@@ -331,6 +331,8 @@ impl From<EstimateError> for DidimError {
 mod tests {
     use core::error::Error;
 
+    use regen_runtime::ClosureError;
+
     use super::*;
     use crate::TrackError;
 
