@@ -305,7 +305,7 @@ mod tests {
         for k in 0..20 {
             let wanted = 0.6 * 1.23_f64.powi(k);
             let found = nearest_bandwidth(0.002, &mut |hz| Some((hz - wanted).abs()));
-            let near = found.is_some_and(|hz| (hz / wanted - 1.0).abs() < 0.03);
+            let near = found.is_some_and(|hz| (hz / wanted - 1.0).abs() < 0.01);
             assert!(near, "{wanted} {found:?}");
         }
     }
