@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_digest_takes_the_place_of_the_one_of_the_same_robot_only() {
-        let old = "# head\nb: 1\n    f: 1\n    g: 2\nc: 1\n    f: 1\n";
+        let old = "# head: of a file\nb: 1\n    f: 1\n    g: 2\nc: 1\n    f: 1\n";
         let new = |list: &[(&str, &str)]| {
             let own = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
             list.iter().map(own).collect::<BTreeMap<_, _>>()

@@ -191,7 +191,7 @@ fn steps_noise_cutoff_and_period_are_those_of_the_log() {
 #[test]
 fn the_delay_of_efforts_is_found_within_its_deviation() {
     for delay in [0.0, 0.012] {
-        let (found, _) = inspected("delay", &Facts { delay, ..PLAIN });
+        let (found, path) = inspected("delay", &Facts { delay, ..PLAIN });
         for effort in &found.efforts {
             let [seconds, sigma] = effort.delay.unwrap();
             assert!((seconds - delay).abs() < 4.0 * sigma, "{effort:?}");
@@ -201,6 +201,8 @@ fn the_delay_of_efforts_is_found_within_its_deviation() {
             has_note(&found, "efforts are behind the motion"),
             delay > 0.0
         );
+        let text = proposal(&[Run::from(path)], &[found], false).unwrap();
+        assert_eq!(text.contains("  delay: auto\n"), delay > 0.0, "{text}");
     }
 }
 
