@@ -125,3 +125,71 @@ fn a_vanishing_pivot_is_replaced_by_other_pivots_in_c() {
     let pivot: f64 = run(&folder, "./run", &[]).trim().parse().unwrap();
     assert!(pivot < 1e-10, "{pivot}");
 }
+
+/// The entries of a result that a line stores.
+fn stored(line: &str, next: &str, name: &str) -> Vec<usize> {
+    let entry = |text: &str| text.split_once(']').and_then(|(k, _)| k.parse().ok());
+    if let Some(bounds) = line.strip_prefix("    for (int i_ = ")
+        && next.trim_start().starts_with(&format!("{name}[i_] = "))
+    {
+        let (first, rest) = bounds.split_once(';').unwrap();
+        let last = rest.split_once("<= ").unwrap().1.split_once(';').unwrap().0;
+        return (first.parse().unwrap()..=last.parse().unwrap()).collect();
+    }
+    let own = line.strip_prefix(&format!("    {name}["));
+    own.and_then(entry).into_iter().collect()
+}
+
+#[test]
+fn every_entry_of_a_result_with_many_zeros_is_stored_once_and_long_runs_by_a_loop() {
+    // the last row of the regressor has a run of zeros for all bodies but the last
+    let joints: String = (1..=8)
+        .map(|k| format!("      - {{name: q{k}, type: prismatic, body: b{k}, actuated: true}}\n"))
+        .collect();
+    let robot = robot(&format!(
+        "name: stack\nlimbs:\n  - name: arm\n    joints:\n{joints}"
+    ));
+    let regressor = robot.function(FunctionKind::Regressor).unwrap();
+    let output = &regressor.program.output.name;
+    let source = c::files(&robot).source;
+    for name in ["stack_regressor", "stack_regressor_f"] {
+        let function = source.split_once(&format!(" {name}(\n")).unwrap().1;
+        let lines: Vec<&str> = function.split("\n}\n").next().unwrap().lines().collect();
+        let mut all: Vec<usize> = lines
+            .windows(2)
+            .flat_map(|pair| stored(pair[0], pair[1], output))
+            .collect();
+        all.sort_unstable();
+        let expected: Vec<usize> = (0..regressor.program.outputs.len()).collect();
+        assert_eq!(all, expected, "{name}");
+        assert!(lines.iter().any(|l| l.contains("for (int i_ = ")), "{name}");
+    }
+}
+
+#[test]
+fn fused_products_are_those_of_each_precision() {
+    let source = c::files(&robot(&reserved("arm"))).source;
+    for (macros, function) in [("FP_FAST_FMA)", "fma("), ("FP_FAST_FMAF)", "fmaf(")] {
+        assert!(
+            source.contains(macros) && source.contains(function),
+            "{function}"
+        );
+    }
+}
+
+#[test]
+fn headers_tell_what_the_choice_of_base_parameters_left_out_and_knew() {
+    let text = "name: flap\nlimbs:\n  - name: arm\n    joints:\n      \
+        - {name: q1, type: revolute, axis: y, body: b, actuated: true}\n";
+    for (choice, words) in [
+        ("drop", "before `base.drop` left 1 out"),
+        ("zero", "with 1 parameters known by `base.zero`"),
+    ] {
+        let tells = |text: &str| {
+            let files = c::files(&robot(text));
+            (files.header + &files.source).contains(words)
+        };
+        assert!(tells(&format!("{text}base: {{{choice}: [mz(b)]}}\n")));
+        assert!(!tells(text));
+    }
+}

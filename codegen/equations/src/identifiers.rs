@@ -110,6 +110,7 @@ mod tests {
         let mut names = Identifiers::default();
         assert_eq!(names.give("m(3)"), "m_3");
         assert_eq!(names.give("m[3]"), "m_3_2");
+        assert_eq!(names.give("m{3}"), "m_3_3");
         assert_eq!(names.give("lambda"), "lambda_2");
         assert_eq!(names.give("3rps"), "x_3rps");
     }

@@ -241,3 +241,28 @@ impl Tree {
         self.links.iter().position(|l| l.name == name)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::across;
+    use crate::pose::{cross, dot};
+
+    #[test]
+    fn any_normal_gets_a_right_handed_frame() {
+        for normal in [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [0.6, 0.8, 0.0],
+            [0.0, -0.6, 0.8],
+            [0.48, 0.6, 0.64],
+        ] {
+            let [first, second] = across(normal);
+            assert!((dot(first, first) - 1.0).abs() < 1e-12, "{normal:?}");
+            let third = cross(first, second);
+            for (a, b) in third.iter().zip(normal) {
+                assert!((a - b).abs() < 1e-12, "{normal:?}");
+            }
+        }
+    }
+}

@@ -184,4 +184,12 @@ mod tests {
         );
         assert!(serde_json::from_str::<Joint>(r#"{"Fs": "high"}"#).is_err());
     }
+
+    #[test]
+    fn a_mistake_is_shown_on_its_line() {
+        let text = "{\"bodies\": {},\n \"joints\": 3}";
+        let wrong = Parameters::from_json(&Source::new("p.json", text)).unwrap_err();
+        let lines: Vec<usize> = wrong.shown().map(|m| m.line()).collect();
+        assert_eq!(lines, [2]);
+    }
 }

@@ -494,3 +494,23 @@ fn encoder_zeros_that_are_shifted_in_the_spec_are_followed() {
         "'shoulder_lift_joint' from another zero: in the file it is more by 0.300000",
     );
 }
+
+#[test]
+fn a_spring_that_rests_elsewhere_in_the_spec_is_reported() {
+    let spec = imported(MJCF).spec;
+    assert_has(&spec, "rest: 0.2");
+    let stiff = JointParameters {
+        stiffness: Some(5.5),
+        ..of_friction(None, None)
+    };
+    let parameters = Parameters {
+        bodies: Vec::new(),
+        joints: vec![("q".to_owned(), stiff)],
+    };
+    for (rest, expected) in [("rest: 0.2", false), ("rest: 0.3", true)] {
+        let found = tried(MJCF, &spec.replace("rest: 0.2", rest), &parameters).unwrap();
+        let notes: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
+        let told = notes.join("\n").contains("is relaxed at 0.2");
+        assert_eq!(told, expected, "{notes:?}");
+    }
+}

@@ -387,6 +387,7 @@ fn compact(pose: &Pose) -> Vec<Fixed> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -423,6 +424,34 @@ mod tests {
                     assert!((a - b).abs() < 1e-5, "{axis} {angle}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_sweep_takes_each_joint_in_turn_through_nine_tenths_of_its_range() {
+        let text = "\
+name: arm
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: a, actuated: true, limits: {position: [-1, 2]}}
+      - {name: q2, type: revolute, body: b, actuated: true, limits: {position: [-0.5, 0.5]}}
+";
+        let source = regen_codegen::diag::Source::new("arm.yaml", text);
+        let mechanism = regen_codegen::Mechanism::open(&source).unwrap();
+        let functions = regen_codegen::pipeline::functions_without_base();
+        let robot = mechanism.robot(&functions).unwrap();
+        let model = regen_interpreted::Interpreted::new(&robot);
+        let data = moving(&mechanism.scene(), &model, None).unwrap();
+        // four seconds each
+        assert_eq!(data.duration.to_bits(), 8.0_f64.to_bits());
+        for (joint, [low, high]) in [[-0.9, 1.8], [-0.45, 0.45]].into_iter().enumerate() {
+            let values = data.q.iter().map(|q| q[joint].0);
+            let ends = values.fold([0.0_f64; 2], |[a, b], q| [a.min(q), b.max(q)]);
+            assert!(
+                (ends[0] - low).abs() < 1e-6 && (ends[1] - high).abs() < 1e-6,
+                "{ends:?}"
+            );
         }
     }
 }

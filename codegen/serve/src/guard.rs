@@ -126,6 +126,13 @@ mod tests {
     }
 
     #[test]
+    fn the_address_of_the_page_contains_the_token() {
+        let guard = Guard::with([0xab; TOKEN_BYTES], 8000);
+        assert_eq!(guard.token(), "ab".repeat(TOKEN_BYTES));
+        assert!(guard.url().ends_with(guard.token()));
+    }
+
+    #[test]
     fn tokens_differ() {
         assert_ne!(Guard::new(1).unwrap().url(), Guard::new(1).unwrap().url());
     }

@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_digest_takes_the_place_of_the_one_of_the_same_robot_only() {
-        let old = "# head\nb: 1\n    f: 1\n    g: 2\nc: 1\n    f: 1\n";
+        let old = "# head: of a file\nb: 1\n    f: 1\n    g: 2\nc: 1\n    f: 1\n";
         let new = |list: &[(&str, &str)]| {
             let own = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
             list.iter().map(own).collect::<BTreeMap<_, _>>()
@@ -133,5 +133,12 @@ mod tests {
             format!("{HEAD}a: 1\nb: 2\n    f: 3\nc: 1\n    f: 1\n")
         );
         assert_eq!(digests(None, new(&[])), HEAD);
+    }
+
+    #[test]
+    fn a_file_beside_a_folder_is_named_without_a_way_through_it() {
+        assert_eq!(sibling(Path::new("a/src"), "b"), Path::new("a/b"));
+        assert_eq!(sibling(Path::new("src"), "b"), Path::new("b"));
+        assert_eq!(sibling(Path::new(".."), "b"), Path::new("../../b"));
     }
 }

@@ -216,3 +216,38 @@ fn inverse_of(mut a: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     }
     Some(b.into_iter().flatten().collect())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn states_are_near_exactly_where_the_change_of_each_is_small() {
+        // rows and columns of different sizes; the first column is not dependent
+        let home = [9.0, 200.0, 3.0, 7.0, -10.0, 0.2];
+        let mut reference = Reference::new(&home, 3, &[1, 2]).unwrap();
+        let factors = [1.0, 1.2, 1.45, 1.55, 3.0, 0.6, 0.4, -1.0];
+        let states: Vec<Vec<f64>> = factors
+            .iter()
+            .map(|factor| {
+                let mut state = home.to_vec();
+                state[1] *= factor;
+                state
+            })
+            .collect();
+        let series: Vec<f64> = (0..home.len())
+            .flat_map(|entry| states.iter().map(move |state| state[entry]))
+            .collect();
+        let near = reference.is_near(&series, states.len());
+        let one_by_one: Vec<bool> = states
+            .iter()
+            .map(|state| reference.change(state) <= MAX_CHANGE)
+            .collect();
+        assert_eq!(near, one_by_one);
+        assert!(near[0] && !near[4]);
+        let change = reference.change(&home);
+        assert!(change < 1e-12, "{change}");
+    }
+}

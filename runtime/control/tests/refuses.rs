@@ -73,3 +73,15 @@ fn an_unreachable_target_leaves_the_state_closed() {
     legs.restart();
     assert!(legs.resume(&near));
 }
+
+#[test]
+fn a_target_whose_rates_overflow_is_refused_at_once() {
+    let mut legs = Closure::<f64, 9, 3, 6, 6, _>::new(&Rps3).unwrap();
+    let before = *legs.q();
+    let far = [f64::MAX, -f64::MAX, f64::MAX];
+    assert!(matches!(
+        legs.track(&far, 100),
+        Outcome::Singular { at: 0.0 }
+    ));
+    assert_eq!(*legs.q(), before);
+}

@@ -295,3 +295,18 @@ impl From<SizeError> for LoopError {
         Self::Size(why)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_bandwidth_is_found_anywhere_between_its_bounds() {
+        for k in 0..20 {
+            let wanted = 0.6 * 1.23_f64.powi(k);
+            let found = nearest_bandwidth(0.002, &mut |hz| Some((hz - wanted).abs()));
+            let near = found.is_some_and(|hz| (hz / wanted - 1.0).abs() < 0.01);
+            assert!(near, "{wanted} {found:?}");
+        }
+    }
+}

@@ -186,3 +186,47 @@ impl Motions {
         info.independent.iter().enumerate().map(one).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use regen_runtime::{Joint, Limits};
+
+    use super::*;
+
+    #[test]
+    fn the_covered_part_of_a_range_is_that_between_the_extreme_positions() {
+        let limits = Limits {
+            position: Some([-1.0, 3.0]),
+            ..Limits::NONE
+        };
+        let joint = Joint {
+            limits,
+            ..Joint::ROTATION
+        };
+        let info = Info {
+            coordinates: &["q"],
+            independent: &[0],
+            joints: &[joint],
+            ..Info::EMPTY
+        };
+        let mut motions = Motions::new(1);
+        for (q, qd) in [(1.0, 2.0), (1.5, -2.0), (0.5, 0.5)] {
+            let row = StateSample {
+                time: 0.0,
+                q: &[q],
+                qd: &[qd],
+                qdd: &[0.0],
+                tau: &[],
+                efforts: &[],
+                at_standstill: &[],
+                weights: &[],
+                follows: true,
+            };
+            motions.push(&info, &row);
+        }
+        let found = motions.finish(&info);
+        assert_eq!(found[0].positions, [0.5, 1.5]);
+        assert_eq!(found[0].covered, Some(0.25));
+        assert_eq!(found[0].lacks, [""; 0]);
+    }
+}

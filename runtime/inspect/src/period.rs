@@ -160,4 +160,24 @@ mod tests {
         };
         assert_eq!(period(&trace(40.0, &[&once]), &[0]), None);
     }
+
+    #[test]
+    fn the_period_is_found_between_the_samples_of_the_thinned_log() {
+        // a whole number of points and a quarter, and a half, and three quarters
+        for part in [0.25, 0.5, 0.75] {
+            let seconds = (150.0 + part) * 0.04;
+            let w = core::f64::consts::TAU / seconds;
+            let times: Vec<f64> = (0..1000).map(|k| 0.04 * f64::from(k)).collect();
+            let trace = Trace {
+                columns: vec![times.iter().map(|t| (w * t).sin()).collect()],
+                times,
+                ..Trace::default()
+            };
+            let found = period(&trace, &[0]).unwrap();
+            assert!(
+                (found.seconds - seconds).abs() < 0.05 * 0.04,
+                "{part} {found:?}"
+            );
+        }
+    }
 }

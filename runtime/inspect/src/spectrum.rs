@@ -354,4 +354,10 @@ mod tests {
         assert_eq!(block_rows(10_000_000, 1e-5), 16_384);
         assert_eq!(block_rows(5000, f64::NAN), 64);
     }
+
+    #[test]
+    fn a_straight_line_without_its_trend_is_zero() {
+        let line: Vec<f64> = (0..50).map(|k| 3.0 - 0.7 * f64::from(k)).collect();
+        assert!(without_trend(&line).iter().all(|x| x.abs() < 1e-12));
+    }
 }

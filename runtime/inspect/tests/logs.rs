@@ -191,7 +191,7 @@ fn steps_noise_cutoff_and_period_are_those_of_the_log() {
 #[test]
 fn the_delay_of_efforts_is_found_within_its_deviation() {
     for delay in [0.0, 0.012] {
-        let (found, _) = inspected("delay", &Facts { delay, ..PLAIN });
+        let (found, path) = inspected("delay", &Facts { delay, ..PLAIN });
         for effort in &found.efforts {
             let [seconds, sigma] = effort.delay.unwrap();
             assert!((seconds - delay).abs() < 4.0 * sigma, "{effort:?}");
@@ -201,6 +201,8 @@ fn the_delay_of_efforts_is_found_within_its_deviation() {
             has_note(&found, "efforts are behind the motion"),
             delay > 0.0
         );
+        let text = proposal(&[Run::from(path)], &[found], false).unwrap();
+        assert_eq!(text.contains("  delay: auto\n"), delay > 0.0, "{text}");
     }
 }
 
@@ -298,4 +300,34 @@ fn a_log_without_header_and_time_is_understood_by_its_derivatives() {
     ] {
         assert!(text.contains(line), "{line}\n{text}");
     }
+}
+
+#[test]
+fn columns_followed_by_smoother_ones_are_not_taken_for_positions_and_efforts() {
+    let mut text = String::new();
+    for k in 0..4000 {
+        let t = 0.01 * f64::from(k);
+        let cells = [0.53, 1.13, 0.31, 0.77].map(|f| format!("{:.6}", (TAU * f * t).sin()));
+        writeln!(text, "{t:.2},{}", cells.join(",")).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-smoother-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let roles: Vec<Role> = found.columns.iter().map(|c| c.role).collect();
+    let o = Role::Other;
+    assert_eq!(roles, [Role::Time, o, o, o, o]);
+}
+
+#[test]
+fn a_log_in_which_nothing_moves_has_no_cutoff() {
+    let mut text = String::from("t,a,tau_a\n");
+    for k in 0..2000 {
+        writeln!(text, "{:.3},0.3,{}", 0.005 * f64::from(k), k % 7).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-still-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(found.cutoff, None);
 }

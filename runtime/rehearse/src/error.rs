@@ -183,3 +183,21 @@ impl From<SizeError> for RehearseError {
         Self::Size(why)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn is_of_one_seed(why: SessionError) -> bool {
+        RehearseError::Session(why).is_of_one_seed()
+    }
+
+    #[test]
+    fn an_estimate_that_fails_within_a_feasible_fit_is_one_of_its_seed() {
+        let noisy = || EstimateError::NoConvergence;
+        let fit = |why| SessionError::Feasibility(FeasibilityError::Estimate(why));
+        assert!(is_of_one_seed(fit(noisy())));
+        let data = DataError::Feasibility(FeasibilityError::Estimate(noisy()));
+        assert!(is_of_one_seed(SessionError::Data(data)));
+    }
+}

@@ -326,3 +326,29 @@ impl From<EstimateError> for DidimError {
         Self::Estimate(why)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::error::Error;
+
+    use regen_runtime::ClosureError;
+
+    use super::*;
+    use crate::TrackError;
+
+    #[test]
+    fn errors_that_pass_on_another_name_it_as_their_source() {
+        let why = DidimError::Estimate(EstimateError::NoConvergence);
+        assert_eq!(
+            why.source().map(ToString::to_string),
+            Some(EstimateError::NoConvergence.to_string())
+        );
+        let size = SizeError {
+            argument: "q",
+            expected: 2,
+            got: 1,
+        };
+        let why = TrackError::from(ClosureError::from(size));
+        assert!(why.source().is_some());
+    }
+}

@@ -204,3 +204,19 @@ fn number(value: &Json, place: &str) -> Result<Value, ControllerError> {
         "a number is needed, or `{estimate: NUMBER}` with the number to start from",
     )
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn delay_gain_and_bias_of_a_signal_are_read_each_into_its_own_place() {
+        let text = r#"{"delay": 0.01, "gain": 2.5, "bias": {"estimate": 0.3}}"#;
+        let found = signal(&serde_json::from_str(text).unwrap(), "signals.q").unwrap();
+        let values = [found.delay, found.gain, found.bias].map(|v| v.value);
+        assert_eq!(values, [0.01, 2.5, 0.3]);
+        let estimated = [found.delay, found.gain, found.bias].map(|v| v.is_estimated());
+        assert_eq!(estimated, [false, false, true]);
+    }
+}

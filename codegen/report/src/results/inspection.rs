@@ -278,3 +278,22 @@ fn predicted(out: &mut String, found: &Prediction, robot: &str) {
     ));
     out.push('\n');
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_of_the_clock_has_its_figures() {
+        let found = Clock {
+            span: [1.0, 41.0],
+            rate: 200.0,
+            jitter: 1.234e-3,
+            gaps: 2,
+            source: ClockSource::Rate,
+            ..Clock::default()
+        };
+        let expected = "40.00 s at 200.0 Hz from the stated rate; jitter 1.23 ms, 2 gaps";
+        assert_eq!(clock(&found), expected);
+    }
+}

@@ -233,4 +233,17 @@ mod tests {
             ("1e-13".into(), "1e-2".into())
         );
     }
+
+    #[test]
+    fn a_check_that_does_not_apply_shows_its_reason_without_figures() {
+        let report = Report {
+            robot: "arm".to_owned(),
+            states: 1,
+            checks: vec![Check::absent(INDEPENDENT[0], "no loops")],
+        };
+        let text = in_full(&report);
+        let line = text.lines().find(|l| l.contains("no loops"));
+        let words: Vec<&str> = line.unwrap_or_default().split_whitespace().collect();
+        assert!(words.ends_with(&["no", "loops", "-"]), "{text}");
+    }
 }

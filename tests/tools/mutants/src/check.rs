@@ -1,30 +1,18 @@
-//! Finds out which of the planted faults compile.
+//! Finds out which of the planted faults compile, and builds the tests as far as they do.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
+use crate::programs::build;
 use crate::{TextResult, read};
 
 /// Marks the mutants in the list that the compiler rejects; the copy must then be made and planted
 /// again.
 pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
-    let output = Command::new("cargo")
-        .args([
-            "check",
-            "--profile",
-            &crate::profile(),
-            "--tests",
-            "--keep-going",
-            "--message-format=json",
-        ])
-        .args(crates.iter().flat_map(|name| ["-p", name]))
-        .current_dir(copy)
-        .output()
-        .map_err(|e| e.to_string())?;
+    let output = build(copy, crates)?;
     let mut rejected = BTreeSet::new();
     let mut others = Vec::new();
     for line in String::from_utf8_lossy(&output.stdout).lines() {
@@ -39,8 +27,13 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> TextResult<()> {
         let spans = message["spans"].as_array().unwrap_or(&empty);
         let mut here = BTreeSet::new();
         for span in spans.iter().filter(|s| s["is_primary"] == true) {
-            for text in span["text"].as_array().unwrap_or(&empty) {
-                here.extend(numbers(text["text"].as_str().unwrap_or_default()));
+            // within a macro the place is that of its call, or of the call around that
+            let mut span = span;
+            while span.is_object() {
+                for text in span["text"].as_array().unwrap_or(&empty) {
+                    here.extend(numbers(text["text"].as_str().unwrap_or_default()));
+                }
+                span = &span["expansion"]["span"];
             }
         }
         if here.is_empty() && !spans.is_empty() {

@@ -4,7 +4,7 @@
 //!
 //! ```sh
 //! cargo mutants --list --json -f 'codegen/src/base/**' ... > all.json
-//! regen-mutants draw all.json SEED COUNT > drawn.json
+//! regen-mutants draw all.json SEED COUNT LEAST > drawn.json
 //! regen-mutants plant COPY drawn.json          # rewrites the copy's sources
 //! regen-mutants check COPY drawn.json CRATE... # which of them compile
 //! regen-mutants run COPY drawn.json SECONDS CRATE... # tests each, one line of JSON a mutant
@@ -13,6 +13,7 @@
 mod check;
 mod draw;
 mod plant;
+mod programs;
 mod run;
 
 use std::path::Path;
@@ -25,14 +26,14 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = match words[..] {
-        ["draw", list, seed, count] => draw::draw(Path::new(list), seed, count),
+        ["draw", list, seed, count, least] => draw::draw(Path::new(list), seed, count, least),
         ["plant", copy, drawn] => plant::plant(Path::new(copy), Path::new(drawn)),
         ["check", copy, drawn, ref crates @ ..] => check::check(Path::new(copy), Path::new(drawn), crates),
         ["run", copy, drawn, seconds, ref crates @ ..] => {
             run::run(Path::new(copy), Path::new(drawn), seconds, crates)
         }
         _ => Err(
-            "draw LIST SEED COUNT | plant COPY DRAWN | check COPY DRAWN CRATE... | run COPY DRAWN SECONDS CRATE..."
+            "draw LIST SEED COUNT LEAST | plant COPY DRAWN | check COPY DRAWN CRATE... | run COPY DRAWN SECONDS CRATE..."
                 .into(),
         ),
     };

@@ -15,6 +15,8 @@ use crate::{TextResult, read};
 /// The switch, written into each crate that has faults.
 const SWITCH: &str = "\
 //! Which fault is switched on.
+// also in a crate that does without it
+extern crate std;
 pub(crate) fn on(number: u32) -> bool {
     static ON: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
     *ON.get_or_init(|| {
@@ -270,7 +272,12 @@ impl<'a> Visit<'a> for Search<'_> {
     }
 
     fn visit_expr_binary(&mut self, binary: &'a syn::ExprBinary) {
+        let binds = binds(&binary.left) || binds(&binary.right);
         for (number, operator) in self.at("BinaryOperator", binary.op.span()) {
+            // only `&&` may stand beside `let`
+            if binds {
+                continue;
+            }
             let how = Rewrite::Binary {
                 left: self.lines.range(binary.left.span()),
                 right: self.lines.range(binary.right.span()),
@@ -315,6 +322,15 @@ impl<'a> Visit<'a> for Search<'_> {
             }
         }
         visit::visit_arm(self, arm);
+    }
+}
+
+/// Whether an expression is a condition with `let`.
+fn binds(expression: &syn::Expr) -> bool {
+    match expression {
+        syn::Expr::Let(_) => true,
+        syn::Expr::Binary(binary) => binds(&binary.left) || binds(&binary.right),
+        _ => false,
     }
 }
 

@@ -1,31 +1,20 @@
 //! Runs the tests with each fault.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
 
+use crate::programs::{Program, TestOutcome, programs};
 use crate::{TextResult, read};
-
-/// A test program.
-struct Program {
-    path: PathBuf,
-    package: PathBuf,
-    /// The time of a run without faults.
-    takes: Duration,
-}
 
 /// The number of faults that each program has caught, by the folder of the fault.
 type Caught = BTreeMap<(String, usize), usize>;
 
-enum TestOutcome {
-    Passed,
-    Failed,
-    Hung,
-}
+/// The beginnings of names of programs that are tried for the faults of each package.
+type Only = BTreeMap<String, Vec<String>>;
 
 /// Builds the tests of some crates, then runs them for every mutant that compiles, until the first
 /// failure. Programs run in the order in which a failure is likely soonest: quick ones first, and
@@ -33,42 +22,32 @@ enum TestOutcome {
 /// several, the last one is its result.
 ///
 /// Programs that take longer than `seconds` are skipped; mutants that survive the others can be
-/// tried with them later, in another run with more seconds.
+/// tried with them later, in another run with more seconds. `REGEN_MUTANTS_ONLY` names a file
+/// of JSON with beginnings of names of programs for each package with faults: then these alone are
+/// run for its faults, again if they were before.
 pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextResult<()> {
     let most: f64 = seconds.parse().map_err(|e| format!("seconds: {e}"))?;
-    let programs = build(copy, crates)?;
-    // the time of each program is stored beside the results, to continue a run; a program built
-    // since is timed again, which also checks that it passes without any fault
-    let times_file = copy.join("times.json");
-    let timed = modified(&times_file);
-    let mut times: BTreeMap<String, f64> = std::fs::read_to_string(&times_file)
-        .ok()
-        .and_then(|t| serde_json::from_str(&t).ok())
-        .unwrap_or_default();
-    let mut passing = Vec::new();
-    for mut program in programs {
-        let known = times.get(&program.name()).copied();
-        let takes = if let Some(takes) = known.filter(|_| modified(&program.path) < timed) {
-            takes
-        } else {
-            let before = Instant::now();
-            match program.run_with(0, Duration::from_secs(900))? {
-                TestOutcome::Passed => before.elapsed().as_secs_f64(),
-                // a test that reads the sources fails, because it finds the switches in them
-                _ => f64::NAN,
-            }
-        };
-        if takes.is_finite() {
-            times.insert(program.name(), takes);
-            program.takes = Duration::from_secs_f64(takes);
-            passing.push(program);
-        } else {
-            eprintln!("left out, fails without any fault: {}", program.name());
+    let only: Option<Only> = match std::env::var("REGEN_MUTANTS_ONLY") {
+        Err(_) => None,
+        Ok(file) => {
+            let text = std::fs::read_to_string(&file).map_err(|e| format!("{file}: {e}"))?;
+            Some(serde_json::from_str(&text).map_err(|e| format!("{file}: {e}"))?)
         }
-    }
-    let text = serde_json::to_string_pretty(&times).map_err(|e| e.to_string())?;
-    std::fs::write(&times_file, text).map_err(|e| e.to_string())?;
-    let mut programs = passing;
+    };
+    let list = read(drawn)?;
+    let may_catch = |program: &Program, package: &str| {
+        let chosen = only.as_ref().is_none_or(|only| {
+            let starts = only.get(package).map_or(&[][..], Vec::as_slice);
+            starts.iter().any(|start| program.name().starts_with(start))
+        });
+        chosen && program.links(package)
+    };
+    let mut programs = programs(copy, crates)?;
+    programs.retain(|program| {
+        let mut packages = list.iter().filter_map(|m| m["package"].as_str());
+        packages.any(|package| may_catch(program, package))
+    });
+    let mut programs = timed(copy, programs, Duration::from_secs_f64(4.0 * most))?;
     programs.sort_by_key(|p| p.takes);
     for program in &programs {
         eprintln!("{:8.1} s  {}", program.takes.as_secs_f64(), program.name());
@@ -86,10 +65,11 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
         }
     }
     let before = |m: &Value| m["number"].as_u64().and_then(|n| tried.get(&n)).copied();
-    let list: Vec<Value> = read(drawn)?
-        .into_iter()
-        .filter(|m| m["unviable"] != true && before(m).is_none_or(|b| b < most))
-        .collect();
+    let left = |m: &Value| {
+        let limit = if only.is_some() { f64::INFINITY } else { most };
+        m["unviable"] != true && before(m).is_none_or(|b| b < limit)
+    };
+    let list: Vec<Value> = list.into_iter().filter(left).collect();
     let queue = Mutex::new(list.into_iter());
     let caught = Mutex::new(Caught::new());
     let lines = Mutex::new(known);
@@ -101,14 +81,16 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
                 };
                 let number = mutant["number"].as_u64().unwrap_or(0);
                 let folder = folder(&mutant);
+                let package = mutant["package"].as_str().unwrap_or_default();
                 let order = {
                     let caught = caught.lock().map_err(|e| e.to_string())?;
                     order(&programs, &folder, &caught)
                         .into_iter()
-                        .filter(|&at| programs[at].can_reach(&folder))
+                        .filter(|&at| may_catch(&programs[at], package))
                         .filter(|&at| {
                             let takes = programs[at].takes.as_secs_f64();
-                            takes <= most && before(&mutant).is_none_or(|b| takes > b)
+                            let new = only.is_some() || before(&mutant).is_none_or(|b| takes > b);
+                            takes <= most && new
                         })
                         .collect::<Vec<_>>()
                 };
@@ -122,8 +104,9 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
                     *caught.entry((folder, at)).or_default() += 1;
                 }
                 let by = by.map(|b| b.1);
+                let up_to = before(&mutant).map_or(most, |b| b.max(most));
                 let line =
-                    json!({ "number": number, "name": mutant["name"], "by": by, "up to": most });
+                    json!({ "number": number, "name": mutant["name"], "by": by, "up to": up_to });
                 let mut lines = lines.lock().map_err(|e| e.to_string())?;
                 lines.push_str(&format!("{line}\n"));
                 std::fs::write(&results, &*lines).map_err(|e| e.to_string())?;
@@ -135,6 +118,62 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> TextRes
             .into_iter()
             .try_for_each(|w| w.join().map_err(|_| "a worker died".to_owned())?)
     })
+}
+
+/// The programs that pass without any fault, with their times; those that take longer than `most`
+/// are not known to pass yet. Times are stored beside the results, negative for the latter, to
+/// continue a run; a program built since is timed again.
+fn timed(copy: &Path, programs: Vec<Program>, most: Duration) -> TextResult<Vec<Program>> {
+    let file = copy.join("times.json");
+    let written = modified(&file);
+    let known: BTreeMap<String, f64> = std::fs::read_to_string(&file)
+        .ok()
+        .and_then(|t| serde_json::from_str(&t).ok())
+        .unwrap_or_default();
+    let queue = Mutex::new(programs.into_iter());
+    let times = Mutex::new(known.clone());
+    let passing = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        let work = || -> TextResult<()> {
+            loop {
+                let Some(mut program) = queue.lock().map_err(|e| e.to_string())?.next() else {
+                    return Ok(());
+                };
+                let name = program.name();
+                let before = known.get(&name).copied();
+                let start = Instant::now();
+                let takes = match before.filter(|_| modified(program.path()) < written) {
+                    Some(takes) => takes,
+                    None => match program.run_with(0, most, most)? {
+                        TestOutcome::Passed => start.elapsed().as_secs_f64(),
+                        // what was ended takes at least this time
+                        TestOutcome::Hung => -start.elapsed().as_secs_f64(),
+                        // a test that reads the sources fails, because it finds the switches
+                        TestOutcome::Failed => f64::NEG_INFINITY,
+                    },
+                };
+                if takes == f64::NEG_INFINITY {
+                    eprintln!("left out, fails without any fault: {name}");
+                    continue;
+                }
+                if takes > 0.0 {
+                    program.passes = true.into();
+                }
+                times.lock().map_err(|e| e.to_string())?.insert(name, takes);
+                let takes = takes.abs();
+                program.takes = Duration::from_secs_f64(takes);
+                passing.lock().map_err(|e| e.to_string())?.push(program);
+            }
+        };
+        let workers = [scope.spawn(work), scope.spawn(work)];
+        workers
+            .into_iter()
+            .try_for_each(|w| w.join().map_err(|_| "a worker died".to_owned())?)
+    })?;
+    let times = times.into_inner().map_err(|e| e.to_string())?;
+    let text = serde_json::to_string_pretty(&times).map_err(|e| e.to_string())?;
+    std::fs::write(&file, text).map_err(|e| e.to_string())?;
+    passing.into_inner().map_err(|e| e.to_string())
 }
 
 /// The folder of the source file of a fault.
@@ -167,134 +206,30 @@ fn caught_by(
 ) -> TextResult<Option<(usize, bool)>> {
     for &at in order {
         let program = &programs[at];
-        match program.run_with(number, program.takes * 6 + Duration::from_secs(20))? {
-            TestOutcome::Passed => {}
-            TestOutcome::Failed => return Ok(Some((at, false))),
-            TestOutcome::Hung => return Ok(Some((at, true))),
+        let most = program.takes * 6 + Duration::from_secs(10);
+        let hung = match program.run_with(number, most, most * 4)? {
+            TestOutcome::Passed => continue,
+            TestOutcome::Failed => false,
+            TestOutcome::Hung => true,
+        };
+        let passes = match program.passes.get() {
+            Some(passes) => *passes,
+            None => {
+                let without = program.run_with(0, most, most * 4)?;
+                let passes = matches!(without, TestOutcome::Passed);
+                *program.passes.get_or_init(|| passes)
+            }
+        };
+        if passes {
+            return Ok(Some((at, hung)));
         }
+        eprintln!("fails without any fault: {}", program.name());
     }
     Ok(None)
-}
-
-/// Programs that take longer than this test the derivation, not the runtime.
-const MAX_RUNTIME_TEST_TIME: Duration = Duration::from_secs(20);
-
-impl Program {
-    /// Whether the program can reach the code in a folder: one crate's own tests do not link the
-    /// other.
-    fn can_reach(&self, folder: &str) -> bool {
-        match (folder.starts_with("runtime"), folder.starts_with("codegen")) {
-            (true, _) => !self.package.ends_with("codegen") && self.takes < MAX_RUNTIME_TEST_TIME,
-            (_, true) => !self.package.ends_with("runtime"),
-            _ => true,
-        }
-    }
-
-    /// The folder of its crate, and its name there.
-    fn name(&self) -> String {
-        let name = |path: &Path| {
-            path.file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        };
-        let (package, own) = (name(&self.package), name(&self.path));
-        let own = own.rsplit_once('-').map_or(&*own, |(n, _)| n);
-        format!("{package}/{own}")
-    }
 }
 
 /// The time at which a file was written; the epoch if there is none.
 fn modified(path: &Path) -> SystemTime {
     let written = std::fs::metadata(path).and_then(|m| m.modified());
     written.unwrap_or(SystemTime::UNIX_EPOCH)
-}
-
-impl Program {
-    /// Runs the program with the fault of this number, or without any for 0, for at most a time.
-    fn run_with(&self, number: u64, most: Duration) -> TextResult<TestOutcome> {
-        let mut child = Command::new(&self.path)
-            .current_dir(&self.package)
-            .env("CARGO_MANIFEST_DIR", &self.package)
-            .env("REGEN_MUTANT", number.to_string())
-            .env("INSTA_UPDATE", "no")
-            // do not store a failing case, which the next fault would run too
-            .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
-            .env("RUST_TEST_THREADS", "1")
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(|e| format!("{}: {e}", self.path.display()))?;
-        let start = Instant::now();
-        loop {
-            if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
-                return Ok(if status.success() {
-                    TestOutcome::Passed
-                } else {
-                    TestOutcome::Failed
-                });
-            }
-            let spent = processor_time(child.id()).unwrap_or_else(|| start.elapsed());
-            if spent > most {
-                child.kill().map_err(|e| e.to_string())?;
-                child.wait().map_err(|e| e.to_string())?;
-                return Ok(TestOutcome::Hung);
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-}
-
-/// The processor time of a process, on Linux. It is used instead of elapsed time, so that a busy
-/// machine is not mistaken for an infinite loop.
-fn processor_time(process: u32) -> Option<Duration> {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // the name in brackets may contain anything; user and system time are the 14th and 15th fields
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let ticks: u64 = fields.next()?.parse::<u64>().ok()? + fields.next()?.parse::<u64>().ok()?;
-    Some(Duration::from_millis(10 * ticks))
-}
-
-fn build(copy: &Path, crates: &[&str]) -> TextResult<Vec<Program>> {
-    let mut command = Command::new("cargo");
-    command.args([
-        "test",
-        "--profile",
-        &crate::profile(),
-        "--no-run",
-        "--tests",
-        "--message-format=json",
-    ]);
-    command.args(crates.iter().flat_map(|name| ["-p", name]));
-    let output = command
-        .current_dir(copy)
-        .stderr(Stdio::inherit())
-        .output()
-        .map_err(|e| e.to_string())?;
-    if !output.status.success() {
-        return Err("the tests do not build".into());
-    }
-    let mut programs = Vec::new();
-    for line in String::from_utf8_lossy(&output.stdout).lines() {
-        let Ok(message) = serde_json::from_str::<Value>(line) else {
-            continue;
-        };
-        let (path, manifest) = (
-            message["executable"].as_str(),
-            message["manifest_path"].as_str(),
-        );
-        if let (Some(path), Some(manifest)) = (path, manifest)
-            && message["profile"]["test"] == true
-        {
-            programs.push(Program {
-                path: path.into(),
-                package: Path::new(manifest)
-                    .parent()
-                    .map(Path::to_owned)
-                    .unwrap_or_default(),
-                takes: Duration::ZERO,
-            });
-        }
-    }
-    Ok(programs)
 }
