@@ -142,29 +142,32 @@ impl Reference {
         let mut worst = vec![0.0; len];
         let mut sums = vec![0.0; n * len];
         let mut entries = vec![0.0; n * len];
-        Arch::new().dispatch(|| {
-            for (j, c) in self.dependent.iter().enumerate() {
-                // column j of the scaled matrix
-                for (k, row) in self.rows.iter().enumerate() {
-                    let at = (row * self.columns + c) * len;
-                    let scale = self.row_scale[k] * self.column_scale[j];
-                    let own = a[at..at + len].iter();
-                    for (slot, x) in entries[k * len..(k + 1) * len].iter_mut().zip(own) {
-                        *slot = x * scale;
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (j, c) in self.dependent.iter().enumerate() {
+                    // column j of the scaled matrix
+                    for (k, row) in self.rows.iter().enumerate() {
+                        let at = (row * self.columns + c) * len;
+                        let scale = self.row_scale[k] * self.column_scale[j];
+                        let own = a[at..at + len].iter();
+                        for (slot, x) in entries[k * len..(k + 1) * len].iter_mut().zip(own) {
+                            *slot = x * scale;
+                        }
+                    }
+                    for i in 0..n {
+                        let unit = if i == j { -1.0 } else { 0.0 };
+                        let row = &self.inverse[i * n..(i + 1) * n];
+                        add_products(unit, row, &entries, &mut sums[i * len..(i + 1) * len]);
                     }
                 }
-                for i in 0..n {
-                    let unit = if i == j { -1.0 } else { 0.0 };
-                    let row = &self.inverse[i * n..(i + 1) * n];
-                    add_products(unit, row, &entries, &mut sums[i * len..(i + 1) * len]);
+                for sums in sums.chunks_exact(len) {
+                    for (worst, sum) in worst.iter_mut().zip(sums) {
+                        *worst = largest(*worst, *sum);
+                    }
                 }
-            }
-            for sums in sums.chunks_exact(len) {
-                for (worst, sum) in worst.iter_mut().zip(sums) {
-                    *worst = largest(*worst, *sum);
-                }
-            }
-        });
+            },
+        );
         worst
             .into_iter()
             .map(|change| change <= MAX_CHANGE)

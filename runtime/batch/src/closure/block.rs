@@ -64,14 +64,17 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut pivots,
         )?;
         let mut moves = vec![0.0; len];
-        Arch::new().dispatch(|| {
-            for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
-                raise(&mut moves, series, *unit);
-            }
-            for (step, q) in tangent.iter_mut().zip(q) {
-                *step += q;
-            }
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
+                    raise(&mut moves, series, *unit);
+                }
+                for (step, q) in tangent.iter_mut().zip(q) {
+                    *step += q;
+                }
+            },
+        );
         set(&mut tangent, info.independent, targets, len);
         Ok((tangent, moves))
     }
@@ -137,14 +140,17 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
                 before[state] = size;
                 done[state] = size <= floor[state];
             }
-            Arch::new().dispatch(|| {
-                for (c, step) in info.dependent.iter().zip(step.chunks_exact(len)) {
-                    let series = q[c * len..(c + 1) * len].iter_mut();
-                    for ((q, step), stepping) in series.zip(step).zip(&stepping) {
-                        *q = if *stepping { *q + step } else { *q };
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (c, step) in info.dependent.iter().zip(step.chunks_exact(len)) {
+                        let series = q[c * len..(c + 1) * len].iter_mut();
+                        for ((q, step), stepping) in series.zip(step).zip(&stepping) {
+                            *q = if *stepping { *q + step } else { *q };
+                        }
                     }
-                }
-            });
+                },
+            );
             if done.iter().all(|done| *done) {
                 return Ok(());
             }
@@ -198,11 +204,14 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut pivots,
         )?;
         let mut out = vec![0.0; len];
-        Arch::new().dispatch(|| {
-            for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
-                raise(&mut out, series, *unit);
-            }
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
+                    raise(&mut out, series, *unit);
+                }
+            },
+        );
         Ok(out)
     }
 
@@ -212,38 +221,44 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         let mut out = vec![0.0; len];
         let mut sizes = vec![0.0; q.len()];
         let mut sums = vec![0.0; len];
-        Arch::new().dispatch(|| {
-            let series = sizes.chunks_exact_mut(len).zip(q.chunks_exact(len));
-            for ((sizes, q), unit) in series.zip(&self.units) {
-                for (size, q) in sizes.iter_mut().zip(q) {
-                    *size = (q / unit).abs().max(1.0);
-                }
-            }
-            for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
-                sums.fill(0.0);
-                let entries = row.chunks_exact(len).zip(sizes.chunks_exact(len));
-                for ((entries, sizes), unit) in entries.zip(&self.units) {
-                    let ratio = unit / row_unit;
-                    for (sum, (a, size)) in sums.iter_mut().zip(entries.iter().zip(sizes)) {
-                        *sum += (a * ratio).abs() * size;
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let series = sizes.chunks_exact_mut(len).zip(q.chunks_exact(len));
+                for ((sizes, q), unit) in series.zip(&self.units) {
+                    for (size, q) in sizes.iter_mut().zip(q) {
+                        *size = (q / unit).abs().max(1.0);
                     }
                 }
-                for (out, sum) in out.iter_mut().zip(&sums) {
-                    *out = largest(*out, RELATIVE_TOLERANCE * sum);
+                for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
+                    sums.fill(0.0);
+                    let entries = row.chunks_exact(len).zip(sizes.chunks_exact(len));
+                    for ((entries, sizes), unit) in entries.zip(&self.units) {
+                        let ratio = unit / row_unit;
+                        for (sum, (a, size)) in sums.iter_mut().zip(entries.iter().zip(sizes)) {
+                            *sum += (a * ratio).abs() * size;
+                        }
+                    }
+                    for (out, sum) in out.iter_mut().zip(&sums) {
+                        *out = largest(*out, RELATIVE_TOLERANCE * sum);
+                    }
                 }
-            }
-        });
+            },
+        );
         out
     }
 
     /// The largest of these coordinates of each state, in units.
     fn sizes(&self, q: &[f64], which: &[usize], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
-        Arch::new().dispatch(|| {
-            for c in which {
-                raise(&mut out, &q[c * len..(c + 1) * len], self.units[*c]);
-            }
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for c in which {
+                    raise(&mut out, &q[c * len..(c + 1) * len], self.units[*c]);
+                }
+            },
+        );
         out
     }
 
@@ -251,11 +266,14 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
     fn step_sizes(&self, step: &[f64], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
         let dependent = self.model.info().dependent;
-        Arch::new().dispatch(|| {
-            for (series, c) in step.chunks_exact(len).zip(dependent) {
-                raise(&mut out, series, self.units[*c]);
-            }
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, c) in step.chunks_exact(len).zip(dependent) {
+                    raise(&mut out, series, self.units[*c]);
+                }
+            },
+        );
         out
     }
 }

@@ -276,22 +276,25 @@ impl Scores {
             let (whitened, score) = (&mut self.whitened, &mut self.current.score);
             let scaled = &mut self.scaled;
             scaled.clear();
-            Arch::new().dispatch(|| {
-                for (a, before) in noise.coefficients.iter().zip(past.iter()) {
-                    for (sum, x) in g.iter_mut().zip(before) {
-                        *sum += a * x;
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (a, before) in noise.coefficients.iter().zip(past.iter()) {
+                        for (sum, x) in g.iter_mut().zip(before) {
+                            *sum += a * x;
+                        }
                     }
-                }
-                for (a, after) in noise.coefficients.iter().zip(waiting.iter().skip(1)) {
-                    for (sum, x) in whitened.iter_mut().zip(after.sloped(e, n)) {
-                        *sum -= a * x;
+                    for (a, after) in noise.coefficients.iter().zip(waiting.iter().skip(1)) {
+                        for (sum, x) in whitened.iter_mut().zip(after.sloped(e, n)) {
+                            *sum -= a * x;
+                        }
                     }
-                }
-                for (sum, g) in score.iter_mut().zip(&g) {
-                    *sum += g * eps;
-                }
-                scaled.extend(g.iter().map(|g| g * noise.innovation));
-            });
+                    for (sum, g) in score.iter_mut().zip(&g) {
+                        *sum += g * eps;
+                    }
+                    scaled.extend(g.iter().map(|g| g * noise.innovation));
+                },
+            );
             self.slope.push(&g, &self.whitened);
             self.expected.push(&self.scaled, &g);
             past.push_front(g);

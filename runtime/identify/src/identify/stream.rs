@@ -440,10 +440,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if range.is_empty() {
             return Ok(());
         }
-        self.filtered.clear();
-        self.filtered.extend_from_slice(&self.values);
         let smoothing = self.filtering.smoothing;
-        match smoothing.apply(&self.times, &mut self.filtered, self.width) {
+        let filtered = &mut self.filtered;
+        match smoothing.apply_to(&self.times, &self.values, self.width, filtered) {
             Ok(()) => {}
             // a run shorter than the filter gives no equation
             Err(SignalError::TooFew { .. }) => return Ok(()),

@@ -173,7 +173,7 @@ fn coefficients(
 
 /// Smooths several channels: each value becomes that of the cubic polynomial around its sample.
 ///
-/// - `values`: sample by sample, `channels` entries each.
+/// - `values`: sample by sample, `channels` entries each; `out`: as many entries.
 ///
 /// Samples whose window does not lie within the data keep their values.
 pub(super) fn smooth(
@@ -181,13 +181,13 @@ pub(super) fn smooth(
     times: &[f64],
     values: &[f64],
     channels: usize,
-) -> Result<Vec<f64>, SignalError> {
+    out: &mut [f64],
+) -> Result<(), SignalError> {
     if !(half_width > 0.0 && half_width.is_finite()) {
         return Err(SignalError::Setting("the half width must be positive"));
     }
-    let mut out = values.to_vec();
     let (Some(start), Some(end)) = (times.first(), times.last()) else {
-        return Ok(out);
+        return Ok(());
     };
     let bounds = bounds(half_width, times, 0..times.len());
     let slack = 1e-9 * half_width;
@@ -199,6 +199,11 @@ pub(super) fn smooth(
     let first = (0..times.len()).find(|k| !cut(*k)).unwrap_or(times.len());
     let last = (first..times.len()).rfind(|k| !cut(*k));
     let last = last.map_or(first, |k| k + 1);
+    for kept in [0..first * channels, last * channels..values.len()] {
+        if let (Some(out), Some(values)) = (out.get_mut(kept.clone()), values.get(kept)) {
+            out.copy_from_slice(values);
+        }
+    }
     let task = Smooth {
         half_width,
         times,
@@ -206,10 +211,9 @@ pub(super) fn smooth(
         channels,
         bounds: bounds.get(first..last).unwrap_or_default(),
         first,
-        out: &mut out,
+        out,
     };
-    Arch::new().dispatch(task)?;
-    Ok(out)
+    Arch::new().dispatch(task)
 }
 
 /// The smoothing of consecutive samples as a task for one instruction set.
