@@ -125,8 +125,11 @@ impl<S: Simd, const WORDS: usize> Register for Block<S, WORDS> {
     }
 
     #[inline(always)]
+    #[allow(
+        clippy::needless_bitwise_bool,
+        reason = "without a branch for each state"
+    )]
     fn is_above(&self, bound: f64, _: S) -> bool {
-        // without a branch for each state
         let states = self.states().iter();
         states.fold(true, |above, x| above & (*x > bound))
     }

@@ -192,8 +192,8 @@ impl<S: Simd> Windows<S> {
         u[0] = simd.div_f64s(simd.splat_f64s(1.0), self.r[0][0]);
         for k in 1..TERMS {
             let mut before = simd.mul_f64s(self.r[k][0], u[0]);
-            for i in 1..k {
-                before = simd.add_f64s(before, simd.mul_f64s(self.r[k][i], u[i]));
+            for (r, u) in self.r[k][1..k].iter().zip(&u[1..k]) {
+                before = simd.add_f64s(before, simd.mul_f64s(*r, *u));
             }
             u[k] = simd.div_f64s(simd.sub_f64s(simd.splat_f64s(0.0), before), self.r[k][k]);
         }
