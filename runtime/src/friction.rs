@@ -128,14 +128,7 @@ impl Friction {
                     let e = libm::exp(-libm::pow((v / vs).abs(), delta));
                     [sign, sign * e, v, 0.0]
                 },
-                slopes: |v, sign, [vs, delta]| {
-                    let ratio = (v / vs).abs();
-                    let power = libm::pow(ratio, delta);
-                    let e = libm::exp(-power);
-                    let by_vs = sign * e * delta * power;
-                    let by_delta = -sign * e * delta * times_logarithm(power, ratio);
-                    [[0.0, by_vs, 0.0, 0.0], [0.0, by_delta, 0.0, 0.0]]
-                },
+                slopes: |v, sign, shape| stribeck(v, sign, shape).1,
                 ..Law::linear("stribeck", &["Fc", "Fs", "vs", "delta", "Fv"])
             },
             Friction::Atan => Law {
@@ -228,6 +221,20 @@ impl Friction {
     /// The derivatives of the columns by the logarithm of each shape parameter, then zeros.
     pub fn slopes(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES] {
         (self.row().slopes)(v, sign, shape)
+    }
+
+    /// The [`columns`](Self::columns) and the [`slopes`](Self::slopes), which take less time
+    /// together.
+    pub fn columns_and_slopes(
+        self,
+        v: f64,
+        sign: f64,
+        shape: [f64; SHAPES],
+    ) -> ([f64; COEFFICIENTS], [[f64; COEFFICIENTS]; SHAPES]) {
+        match self {
+            Friction::Stribeck => stribeck(v, sign, shape),
+            law => (law.columns(v, sign, shape), law.slopes(v, sign, shape)),
+        }
     }
 
     /// Splits values in the order of [`symbols`](Self::symbols) into coefficients and shape. A
@@ -399,6 +406,23 @@ impl JointFriction {
             values,
         }
     }
+}
+
+/// The columns of Stribeck's law and their slopes, with one power for all of them.
+fn stribeck(
+    v: f64,
+    sign: f64,
+    [vs, delta]: [f64; SHAPES],
+) -> ([f64; COEFFICIENTS], [[f64; COEFFICIENTS]; SHAPES]) {
+    let ratio = (v / vs).abs();
+    let power = libm::pow(ratio, delta);
+    let e = libm::exp(-power);
+    let by_vs = sign * e * delta * power;
+    let by_delta = -sign * e * delta * times_logarithm(power, ratio);
+    (
+        [sign, sign * e, v, 0.0],
+        [[0.0, by_vs, 0.0, 0.0], [0.0, by_delta, 0.0, 0.0]],
+    )
 }
 
 /// `power ln(base)`; 0 at the base 0, the limit there.

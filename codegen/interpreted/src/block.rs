@@ -110,6 +110,31 @@ impl<S: Simd, const WORDS: usize> Register for Block<S, WORDS> {
     }
 
     #[inline(always)]
+    fn smaller_size(mut self, other: Self, simd: S) -> Self {
+        let zero = simd.splat_f64s(0.0);
+        for word in 0..WORDS {
+            let (own, value) = (self.0[word], other.0[word]);
+            let negative = simd.less_than_f64s(value, zero);
+            let size = simd.select_f64s(negative, simd.neg_f64s(value), value);
+            let number = simd.equal_f64s(size, size);
+            // not above, unless it is NaN
+            let least = simd.select_f64s(simd.less_than_f64s(size, own), size, own);
+            self.0[word] = simd.select_f64s(number, least, size);
+        }
+        self
+    }
+
+    #[inline(always)]
+    #[allow(
+        clippy::needless_bitwise_bool,
+        reason = "without a branch for each state"
+    )]
+    fn is_above(&self, bound: f64, _: S) -> bool {
+        let states = self.states().iter();
+        states.fold(true, |above, x| above & (*x > bound))
+    }
+
+    #[inline(always)]
     fn load(simd: S, series: &[f64], first: usize) -> Self {
         let rest = series.get(first..).unwrap_or(&[]);
         if let Some(whole) = rest.get(..Self::STATES) {

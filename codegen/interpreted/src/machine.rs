@@ -8,7 +8,8 @@
     reason = "what is left as a call is compiled without the token's instruction set"
 )]
 
-use std::cell::Cell;
+use std::any::Any;
+use std::cell::{Cell, RefCell};
 
 use pulp::{Arch, Simd, WithSimd};
 use regen_codegen::interpret::{self, PIVOT_BOUND};
@@ -75,6 +76,23 @@ pub(super) trait Register: Copy {
     fn load(token: Self::Token, series: &[Self::Number], first: usize) -> Self;
     /// Stores the states from `first` on of a series, as many as it has.
     fn store(&self, series: &mut [Self::Number], first: usize);
+    /// At each state the smaller of this number and the size of `other`; NaN if `other` is.
+    fn smaller_size(mut self, other: Self, _: Self::Token) -> Self {
+        for state in 0..Self::STATES {
+            let value = other.get(state);
+            let size = if value.value() < 0.0 {
+                value.opposite()
+            } else {
+                value
+            };
+            self.set(state, smaller(self.get(state), size));
+        }
+        self
+    }
+    /// Whether the number is above a bound at all states.
+    fn is_above(&self, bound: f64, _: Self::Token) -> bool {
+        (0..Self::STATES).all(|state| self.get(state).value() > bound)
+    }
 }
 
 /// Implements loads and stores for registers of one number.
@@ -217,6 +235,21 @@ pub(super) struct Run<'a, T> {
     pub pivots: &'a mut [T],
 }
 
+thread_local! {
+    /// The registers of the last run at many states, whose memory is used again: filling fresh
+    /// memory takes as long as running a short tape.
+    static BLOCKS: RefCell<Option<Box<dyn Any>>> = const { RefCell::new(None) };
+}
+
+/// Registers of one kind.
+struct Registers<R>(Vec<R>);
+
+/// The registers that this thread keeps, or new ones.
+fn taken<R: 'static>() -> Box<Registers<R>> {
+    let kept = BLOCKS.take().and_then(|kept| kept.downcast().ok());
+    kept.unwrap_or_else(|| Box::new(Registers(Vec::new())))
+}
+
 impl Run<'_, f64> {
     /// Runs it with the widest registers of this processor.
     pub(super) fn run(self) {
@@ -232,7 +265,9 @@ impl WithSimd for Run<'_, f64> {
         if self.count <= S::F64_LANES {
             self.run_in::<Block<S, 1>>(simd, &mut Vec::new());
         } else {
-            self.run_in::<Block<S, WORDS>>(simd, &mut Vec::new());
+            let mut registers = taken::<Block<S, WORDS>>();
+            self.run_in::<Block<S, WORDS>>(simd, &mut registers.0);
+            BLOCKS.set(Some(registers));
         }
     }
 }
@@ -379,18 +414,14 @@ fn solve<R: Register>(token: R::Token, system: &System, r: &mut [R], pivot: &mut
     let mut margin = R::splat(token, 1.0);
     for (value, size) in &system.pivots {
         let part = register(r, value).div(R::splat(token, *size), token);
-        for state in 0..R::STATES {
-            let part = part.get(state);
-            let size = if part.value() < 0.0 {
-                part.opposite()
-            } else {
-                part
-            };
-            margin.set(state, smaller(margin.get(state), size));
-        }
+        margin = margin.smaller_size(part, token);
     }
     for (fixed, result) in system.fixed.iter().zip(&system.results) {
         r[*result as usize] = register(r, fixed);
+    }
+    if margin.is_above(PIVOT_BOUND, token) {
+        *pivot = pivot.smaller_size(margin, token);
+        return;
     }
     for state in 0..R::STATES {
         let own = margin.get(state);

@@ -1,5 +1,7 @@
 //! The inverse of A's dependent columns at one state, to which those of other states are compared.
 
+use pulp::Arch;
+
 /// The most that A may change, as the largest row sum of `A^-1 B - 1`: half of the distance at which
 /// B could be singular.
 pub(super) const MAX_CHANGE: f64 = 0.5;
@@ -140,35 +142,32 @@ impl Reference {
         let mut worst = vec![0.0; len];
         let mut sums = vec![0.0; n * len];
         let mut entries = vec![0.0; n * len];
-        let mut product = vec![0.0; len];
-        for (j, c) in self.dependent.iter().enumerate() {
-            // column j of the scaled matrix
-            for (k, row) in self.rows.iter().enumerate() {
-                let at = (row * self.columns + c) * len;
-                let scale = self.row_scale[k] * self.column_scale[j];
-                let own = a[at..at + len].iter().map(|x| x * scale);
-                for (slot, x) in entries[k * len..(k + 1) * len].iter_mut().zip(own) {
-                    *slot = x;
-                }
-            }
-            for i in 0..n {
-                product.fill(if i == j { -1.0 } else { 0.0 });
-                for (k, entries) in entries.chunks_exact(len).enumerate() {
-                    let factor = self.inverse[i * n + k];
-                    for (sum, x) in product.iter_mut().zip(entries) {
-                        *sum += factor * x;
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (j, c) in self.dependent.iter().enumerate() {
+                    // column j of the scaled matrix
+                    for (k, row) in self.rows.iter().enumerate() {
+                        let at = (row * self.columns + c) * len;
+                        let scale = self.row_scale[k] * self.column_scale[j];
+                        let own = a[at..at + len].iter();
+                        for (slot, x) in entries[k * len..(k + 1) * len].iter_mut().zip(own) {
+                            *slot = x * scale;
+                        }
+                    }
+                    for i in 0..n {
+                        let unit = if i == j { -1.0 } else { 0.0 };
+                        let row = &self.inverse[i * n..(i + 1) * n];
+                        add_products(unit, row, &entries, &mut sums[i * len..(i + 1) * len]);
                     }
                 }
-                for (sum, x) in sums[i * len..(i + 1) * len].iter_mut().zip(&product) {
-                    *sum += x.abs();
+                for sums in sums.chunks_exact(len) {
+                    for (worst, sum) in worst.iter_mut().zip(sums) {
+                        *worst = largest(*worst, *sum);
+                    }
                 }
-            }
-        }
-        for sums in sums.chunks_exact(len) {
-            for (worst, sum) in worst.iter_mut().zip(sums) {
-                *worst = largest(*worst, *sum);
-            }
-        }
+            },
+        );
         worst
             .into_iter()
             .map(|change| change <= MAX_CHANGE)
@@ -176,7 +175,41 @@ impl Reference {
     }
 }
 
+/// Adds to each sum the size of `unit` plus the product of the row with the state's column, whose
+/// entries are series of as many states.
+#[inline(always)]
+fn add_products(unit: f64, row: &[f64], column: &[f64], sums: &mut [f64]) {
+    /// States at a time, whose products stay in registers.
+    const STATES: usize = 16;
+    let len = sums.len();
+    let (whole, rest) = sums.as_chunks_mut::<STATES>();
+    let first = whole.len() * STATES;
+    for (block, sums) in whole.iter_mut().enumerate() {
+        let at = block * STATES;
+        let mut products = [unit; STATES];
+        for (factor, series) in row.iter().zip(column.chunks_exact(len)) {
+            let Some(series) = series[at..].first_chunk::<STATES>() else {
+                continue;
+            };
+            for (sum, x) in products.iter_mut().zip(series) {
+                *sum += factor * x;
+            }
+        }
+        for (sum, x) in sums.iter_mut().zip(&products) {
+            *sum += x.abs();
+        }
+    }
+    for (state, sum) in rest.iter_mut().enumerate() {
+        let entries = column.iter().skip(first + state).step_by(len);
+        let product = row.iter().zip(entries);
+        *sum += product
+            .fold(unit, |sum, (factor, x)| sum + factor * x)
+            .abs();
+    }
+}
+
 /// The larger of two sizes; NaN if one of them is.
+#[inline(always)]
 pub(super) fn largest(a: f64, b: f64) -> f64 {
     if b <= a || a.is_nan() { a } else { b }
 }

@@ -1,5 +1,8 @@
 //! Newton's method for a block of states: prediction, steps, and the check that the loops are closed.
+//! Loops over the states of a block are dispatched, so that they are compiled for the instruction set
+//! that the machine has.
 
+use pulp::Arch;
 use regen_runtime::{Arguments, ClosureError, Function, Model};
 
 use super::series::set;
@@ -61,14 +64,17 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut pivots,
         )?;
         let mut moves = vec![0.0; len];
-        for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
-            for (moved, step) in moves.iter_mut().zip(series) {
-                *moved = largest(*moved, (step / unit).abs());
-            }
-        }
-        for (step, q) in tangent.iter_mut().zip(q) {
-            *step += q;
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
+                    raise(&mut moves, series, *unit);
+                }
+                for (step, q) in tangent.iter_mut().zip(q) {
+                    *step += q;
+                }
+            },
+        );
         set(&mut tangent, info.independent, targets, len);
         Ok((tangent, moves))
     }
@@ -101,6 +107,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         let mut moved = vec![0.0; len];
         let mut before = vec![f64::INFINITY; len];
         let mut done: Vec<bool> = ok.iter().map(|ok| !ok).collect();
+        let mut stepping = vec![false; len];
         for _ in 0..MAX_STEPS {
             let arguments = Arguments {
                 q,
@@ -116,6 +123,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             )?;
             let sizes = self.step_sizes(&step, len);
             for (state, size) in sizes.into_iter().enumerate() {
+                stepping[state] = false;
                 if done[state] {
                     continue;
                 }
@@ -128,12 +136,21 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
                     (ok[state], done[state]) = (false, true);
                     continue;
                 }
-                for (k, c) in info.dependent.iter().enumerate() {
-                    q[c * len + state] += step[k * len + state];
-                }
+                stepping[state] = true;
                 before[state] = size;
                 done[state] = size <= floor[state];
             }
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (c, step) in info.dependent.iter().zip(step.chunks_exact(len)) {
+                        let series = q[c * len..(c + 1) * len].iter_mut();
+                        for ((q, step), stepping) in series.zip(step).zip(&stepping) {
+                            *q = if *stepping { *q + step } else { *q };
+                        }
+                    }
+                },
+            );
             if done.iter().all(|done| *done) {
                 return Ok(());
             }
@@ -187,11 +204,14 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut pivots,
         )?;
         let mut out = vec![0.0; len];
-        for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
-            for (out, f) in out.iter_mut().zip(series) {
-                *out = largest(*out, (f / unit).abs());
-            }
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
+                    raise(&mut out, series, *unit);
+                }
+            },
+        );
         Ok(out)
     }
 
@@ -199,41 +219,69 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
     /// size of the terms of the largest row, `|A| max(1, |q|)`.
     fn tolerances(&self, a: &[f64], q: &[f64], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
-        for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
-            let mut sums = vec![0.0; len];
-            let entries = row.chunks_exact(len).zip(q.chunks_exact(len));
-            for ((entries, q), unit) in entries.zip(&self.units) {
-                for (sum, (a, q)) in sums.iter_mut().zip(entries.iter().zip(q)) {
-                    *sum += (a * unit / row_unit).abs() * (q / unit).abs().max(1.0);
+        let mut sizes = vec![0.0; q.len()];
+        let mut sums = vec![0.0; len];
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let series = sizes.chunks_exact_mut(len).zip(q.chunks_exact(len));
+                for ((sizes, q), unit) in series.zip(&self.units) {
+                    for (size, q) in sizes.iter_mut().zip(q) {
+                        *size = (q / unit).abs().max(1.0);
+                    }
                 }
-            }
-            for (out, sum) in out.iter_mut().zip(&sums) {
-                *out = largest(*out, RELATIVE_TOLERANCE * sum);
-            }
-        }
+                for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
+                    sums.fill(0.0);
+                    let entries = row.chunks_exact(len).zip(sizes.chunks_exact(len));
+                    for ((entries, sizes), unit) in entries.zip(&self.units) {
+                        let ratio = unit / row_unit;
+                        for (sum, (a, size)) in sums.iter_mut().zip(entries.iter().zip(sizes)) {
+                            *sum += (a * ratio).abs() * size;
+                        }
+                    }
+                    for (out, sum) in out.iter_mut().zip(&sums) {
+                        *out = largest(*out, RELATIVE_TOLERANCE * sum);
+                    }
+                }
+            },
+        );
         out
     }
 
     /// The largest of these coordinates of each state, in units.
     fn sizes(&self, q: &[f64], which: &[usize], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
-        for c in which {
-            for (out, q) in out.iter_mut().zip(&q[c * len..(c + 1) * len]) {
-                *out = largest(*out, (q / self.units[*c]).abs());
-            }
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for c in which {
+                    raise(&mut out, &q[c * len..(c + 1) * len], self.units[*c]);
+                }
+            },
+        );
         out
     }
 
     /// The largest entry of each state's Newton step, in units.
     fn step_sizes(&self, step: &[f64], len: usize) -> Vec<f64> {
         let mut out = vec![0.0; len];
-        let dependent = self.model.info().dependent.iter();
-        for (series, c) in step.chunks_exact(len).zip(dependent) {
-            for (out, step) in out.iter_mut().zip(series) {
-                *out = largest(*out, (step / self.units[*c]).abs());
-            }
-        }
+        let dependent = self.model.info().dependent;
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, c) in step.chunks_exact(len).zip(dependent) {
+                    raise(&mut out, series, self.units[*c]);
+                }
+            },
+        );
         out
+    }
+}
+
+/// Raises each entry to the size of that of the series, in this unit; NaN if one of them is.
+#[inline(always)]
+fn raise(largest_so_far: &mut [f64], series: &[f64], unit: f64) {
+    for (out, value) in largest_so_far.iter_mut().zip(series) {
+        *out = largest(*out, (value / unit).abs());
     }
 }

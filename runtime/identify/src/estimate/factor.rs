@@ -74,6 +74,22 @@ pub(super) fn size(what: &'static str, expected: usize, got: usize) -> Result<()
     })
 }
 
+/// Refuses rows with an entry that is not finite.
+fn require_finite(w: &[f64], tau: &[f64]) -> Result<(), EstimateError> {
+    // without a branch for each entry
+    let finite = |all: &[f64]| all.iter().fold(true, |finite, x| finite & x.is_finite());
+    let place = |all: &[f64]| all.iter().position(|x| !x.is_finite()).unwrap_or(0);
+    if !finite(tau) {
+        let row = place(tau);
+        return Err(EstimateError::NotFinite { what: "tau", row });
+    }
+    if !finite(w) {
+        let row = place(w) % tau.len().max(1);
+        return Err(EstimateError::NotFinite { what: "w", row });
+    }
+    Ok(())
+}
+
 impl QrFactor {
     /// A factor without rows, for parameters with these labels.
     pub fn new(labels: Vec<String>) -> Self {
@@ -175,13 +191,7 @@ impl QrFactor {
     pub fn push_block(&mut self, w: &[f64], tau: &[f64]) -> Result<(), EstimateError> {
         let (n, rows) = (self.columns(), tau.len());
         size("w", n * rows, w.len())?;
-        if let Some(row) = tau.iter().position(|x| !x.is_finite()) {
-            return Err(EstimateError::NotFinite { what: "tau", row });
-        }
-        if let Some(k) = w.iter().position(|x| !x.is_finite()) {
-            let row = k % rows.max(1);
-            return Err(EstimateError::NotFinite { what: "w", row });
-        }
+        require_finite(w, tau)?;
         let mut block = vec![0.0; BLOCK.min(rows) * n];
         let mut side = vec![0.0; BLOCK.min(rows)];
         for start in (0..rows).step_by(BLOCK) {
@@ -194,6 +204,20 @@ impl QrFactor {
             let (block, side) = (&mut block[..m * n], &mut side[..m]);
             self.rss += reduce(&mut self.r, &mut self.z, block, side, m);
         }
+        self.rows += rows;
+        Ok(())
+    }
+
+    /// As [`push_block`](Self::push_block) for at most [`BLOCK`] rows, which are overwritten.
+    pub(super) fn push_owned(
+        &mut self,
+        mut w: Vec<f64>,
+        tau: &mut [f64],
+    ) -> Result<(), EstimateError> {
+        let rows = tau.len();
+        size("w", self.columns() * rows, w.len())?;
+        require_finite(&w, tau)?;
+        self.rss += reduce(&mut self.r, &mut self.z, &mut w, tau, rows);
         self.rows += rows;
         Ok(())
     }

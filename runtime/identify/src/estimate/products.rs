@@ -46,10 +46,10 @@ impl OuterProducts {
     }
 
     /// Adds a pair of vectors of n entries.
-    pub(super) fn push(&mut self, a: impl Iterator<Item = f64>, b: impl Iterator<Item = f64>) {
+    pub(super) fn push(&mut self, a: &[f64], b: &[f64]) {
         let end = self.a.len() + self.stride;
-        self.a.extend(a.take(self.n));
-        self.b.extend(b.take(self.n));
+        self.a.extend_from_slice(&a[..self.n]);
+        self.b.extend_from_slice(&b[..self.n]);
         self.a.resize(end, 0.0);
         self.b.resize(end, 0.0);
         if end >= COLLECTED * self.stride {
@@ -146,8 +146,9 @@ mod tests {
             let (mut all, mut symmetric) = (vec![0.0; n * n], vec![0.0; n * n]);
             for k in 0..150 {
                 let (a, b) = (|i| value(k, i), |i| value(k + 1000, i));
-                sums.push((0..n).map(a), (0..n).map(b));
-                upper.push((0..n).map(a), (0..n).map(a));
+                let (first, second): (Vec<f64>, Vec<f64>) = (0..n).map(|i| (a(i), b(i))).unzip();
+                sums.push(&first, &second);
+                upper.push(&first, &first);
                 for i in 0..n {
                     for j in 0..n {
                         all[i * n + j] += a(i) * b(j);

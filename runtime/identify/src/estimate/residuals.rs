@@ -274,6 +274,8 @@ pub struct Autocorrelated {
     bandwidth: usize,
     /// The scores in the current window, the oldest first.
     recent: VecDeque<Vec<f64>>,
+    /// The score that left the window last, whose memory is used again.
+    spare: Vec<f64>,
     /// Their sum.
     window: Vec<f64>,
     /// The sum of the squares (outer products) of the window sums.
@@ -287,6 +289,7 @@ impl Autocorrelated {
         Self {
             bandwidth: bandwidth.max(1),
             recent: VecDeque::new(),
+            spare: Vec::new(),
             window: vec![0.0; parameters],
             squares: OuterProducts::new(parameters, true),
         }
@@ -302,7 +305,10 @@ impl Autocorrelated {
         for (sum, u) in self.window.iter_mut().zip(score) {
             *sum += u;
         }
-        self.recent.push_back(score.to_vec());
+        let mut own = core::mem::take(&mut self.spare);
+        own.clear();
+        own.extend_from_slice(score);
+        self.recent.push_back(own);
         self.add_window();
         if self.recent.len() == self.bandwidth {
             self.drop_oldest();
@@ -330,12 +336,12 @@ impl Autocorrelated {
             for (sum, u) in self.window.iter_mut().zip(&oldest) {
                 *sum -= u;
             }
+            self.spare = oldest;
         }
     }
 
     fn add_window(&mut self) {
-        let sums = || self.window.iter().copied();
-        self.squares.push(sums(), sums());
+        self.squares.push(&self.window, &self.window);
     }
 
     /// The covariance (W^T W)^-1 S (W^T W)^-1 of the estimate from this weighted factor, corrected

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::factor::size;
@@ -130,10 +131,18 @@ impl Blocks {
 struct PendingSample {
     /// The weighted regressor rows, efforts x n, effort by effort.
     w: Vec<f64>,
-    /// `w` times the slope of psi.
+    /// `w` times the slope of psi; empty where all slopes are 1.
     v: Vec<f64>,
     /// The weighted and bounded residuals, one for each effort.
     psi: Vec<f64>,
+}
+
+impl PendingSample {
+    /// The weighted regressor row of an effort times the slope of its psi, n entries.
+    fn sloped(&self, effort: usize, n: usize) -> &[f64] {
+        let all = if self.v.is_empty() { &self.w } else { &self.v };
+        &all[effort * n..(effort + 1) * n]
+    }
 }
 
 /// Collects the scores `w psi(e)` of an estimate in order of time, in memory that does not grow.
@@ -156,6 +165,7 @@ pub struct Scores {
     /// For each effort, the last regressors after multiplication by F^-T, the newest first.
     past: Vec<VecDeque<Vec<f64>>>,
     whitened: Vec<f64>,
+    scaled: Vec<f64>,
     /// The number of samples in a full block.
     length: usize,
     /// The current block, without its matrices.
@@ -179,6 +189,7 @@ impl Scores {
             spare: Vec::new(),
             past: vec![VecDeque::new(); noise.len()],
             whitened: vec![0.0; parameters],
+            scaled: Vec::with_capacity(parameters),
             length: 1,
             current: Block::new(parameters),
             slope: OuterProducts::new(parameters, false),
@@ -211,12 +222,16 @@ impl Scores {
         let mut next = self.spare.pop().unwrap_or_default();
         next.w.clear();
         next.v.clear();
+        // without Huber's bound all slopes are 1
+        let sloped = slopes.iter().any(|slope| *slope != 1.0);
         for (effort, (weight, slope)) in weights.iter().zip(slopes).enumerate() {
-            let row = w.iter().skip(effort).step_by(efforts);
-            next.w.extend(row.map(|x| x * weight));
-            let start = effort * self.n;
-            let own = next.w.get(start..).unwrap_or_default();
-            next.v.extend(own.iter().map(|x| x * slope));
+            let columns = w.chunks_exact(efforts);
+            next.w.extend(columns.map(|column| column[effort] * weight));
+            if sloped {
+                let start = effort * self.n;
+                let own = next.w.get(start..).unwrap_or_default();
+                next.v.extend(own.iter().map(|x| x * slope));
+            }
         }
         next.psi.clear();
         let used = psi.iter().zip(weights);
@@ -256,25 +271,32 @@ impl Scores {
             g.clear();
             if let Some(sample) = waiting.front() {
                 g.extend_from_slice(&sample.w[e * n..(e + 1) * n]);
-                self.whitened.copy_from_slice(&sample.v[e * n..(e + 1) * n]);
+                self.whitened.copy_from_slice(sample.sloped(e, n));
             }
-            for (a, before) in noise.coefficients.iter().zip(past.iter()) {
-                for (sum, x) in g.iter_mut().zip(before) {
-                    *sum += a * x;
-                }
-            }
-            for (a, after) in noise.coefficients.iter().zip(waiting.iter().skip(1)) {
-                for (sum, x) in self.whitened.iter_mut().zip(&after.v[e * n..(e + 1) * n]) {
-                    *sum -= a * x;
-                }
-            }
-            for (sum, g) in self.current.score.iter_mut().zip(&g) {
-                *sum += g * eps;
-            }
-            let values = || g.iter().copied();
-            self.slope.push(values(), self.whitened.iter().copied());
-            let scaled = g.iter().map(|g| g * noise.innovation);
-            self.expected.push(scaled, values());
+            let (whitened, score) = (&mut self.whitened, &mut self.current.score);
+            let scaled = &mut self.scaled;
+            scaled.clear();
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (a, before) in noise.coefficients.iter().zip(past.iter()) {
+                        for (sum, x) in g.iter_mut().zip(before) {
+                            *sum += a * x;
+                        }
+                    }
+                    for (a, after) in noise.coefficients.iter().zip(waiting.iter().skip(1)) {
+                        for (sum, x) in whitened.iter_mut().zip(after.sloped(e, n)) {
+                            *sum -= a * x;
+                        }
+                    }
+                    for (sum, g) in score.iter_mut().zip(&g) {
+                        *sum += g * eps;
+                    }
+                    scaled.extend(g.iter().map(|g| g * noise.innovation));
+                },
+            );
+            self.slope.push(&g, &self.whitened);
+            self.expected.push(&self.scaled, &g);
             past.push_front(g);
         }
         if let Some(done) = self.waiting.pop_front() {

@@ -6,8 +6,8 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::factor::size;
+use super::row_block::RowBlock;
 use super::{EstimateError, QrFactor};
-use crate::qr_update::BLOCK;
 
 /// The version of the file format.
 const VERSION: u32 = 1;
@@ -240,19 +240,16 @@ impl core::error::Error for FileError {}
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     set: FactorSet,
-    /// For each effort: up to [`BLOCK`] rows, column-major with a stride of `BLOCK`, and their
-    /// right side.
-    pending: Vec<(Vec<f64>, Vec<f64>)>,
+    /// The rows of each effort that are not yet reduced.
+    pending: Vec<RowBlock>,
 }
 
 impl Accumulator {
     /// Starts with a set without rows.
     pub fn new(origin: &Origin) -> Self {
-        let n = origin.labels.len();
-        let buffer = (vec![0.0; n * BLOCK], Vec::with_capacity(BLOCK));
         Self {
             set: FactorSet::new(origin),
-            pending: vec![buffer; origin.efforts.len()],
+            pending: vec![RowBlock::new(origin.labels.len()); origin.efforts.len()],
         }
     }
 
@@ -275,47 +272,21 @@ impl Accumulator {
     ) -> Result<(), EstimateError> {
         let n = self.set.labels().len();
         let got = self.pending.len();
-        let Some((block, side)) = self.pending.get_mut(effort) else {
+        let Some(block) = self.pending.get_mut(effort) else {
             return Err(EstimateError::Size {
                 what: "effort",
                 expected: got,
                 got: effort + 1,
             });
         };
-        let at = side.len();
-        let mut given = 0;
-        for (slot, entry) in block
-            .iter_mut()
-            .skip(at)
-            .step_by(BLOCK)
-            .zip(entries.iter().step_by(stride.max(1)))
-        {
-            *slot = entry * weight;
-            given += 1;
-        }
-        size("row", n, given)?;
-        side.push(tau * weight);
+        let stride = stride.max(1);
+        size("row", n, entries.len().div_ceil(stride).min(n))?;
+        let row = entries.chunks(stride).map(|column| column[0] * weight);
+        block.push(row, tau * weight);
         self.set.sums[effort] += tau;
-        if side.len() == BLOCK {
-            self.flush(effort)?;
+        if block.is_full() {
+            block.flush(&mut self.set.factors[effort])?;
         }
-        Ok(())
-    }
-
-    fn flush(&mut self, effort: usize) -> Result<(), EstimateError> {
-        let (block, side) = &mut self.pending[effort];
-        let factor = &mut self.set.factors[effort];
-        if side.len() == BLOCK {
-            factor.push_block(block, side)?;
-        } else {
-            let rows = side.len();
-            let packed: Vec<f64> = block
-                .chunks_exact(BLOCK)
-                .flat_map(|column| column[..rows].iter().copied())
-                .collect();
-            factor.push_block(&packed, side)?;
-        }
-        side.clear();
         Ok(())
     }
 
@@ -324,8 +295,8 @@ impl Accumulator {
     /// # Errors
     /// When an entry is not finite.
     pub fn finish(mut self) -> Result<FactorSet, EstimateError> {
-        for effort in 0..self.pending.len() {
-            self.flush(effort)?;
+        for (block, factor) in self.pending.iter_mut().zip(&mut self.set.factors) {
+            block.flush(factor)?;
         }
         Ok(self.set)
     }

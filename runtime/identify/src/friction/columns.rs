@@ -112,12 +112,17 @@ impl FrictionColumns<'_> {
                     out.extend(rows.map(|(d, _)| d * value));
                 };
                 let used = law.coefficients().len();
-                for value in &law.columns(v, sign, shape)[..used] {
+                let symbols = law.shape_symbols().len();
+                let (own, slopes) = if symbols > 0 {
+                    law.columns_and_slopes(v, sign, shape)
+                } else {
+                    (law.columns(v, sign, shape), <_>::default())
+                };
+                for value in &own[..used] {
                     add(*value);
                 }
-                let symbols = law.shape_symbols().len();
                 if symbols > 0 {
-                    for slope in &law.slopes(v, sign, shape)[..symbols] {
+                    for slope in &slopes[..symbols] {
                         match self.behind {
                             Behind::Slopes => curved[k].iter().for_each(|c| add(slope[*c])),
                             Behind::Steps(x, reach) => {

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::equation_builder::Equations;
-use super::passes::{predicted, predictions};
-use crate::estimate::{Autocorrelated, EstimateError, QrFactor};
+use super::passes::predictions;
+use crate::estimate::{Autocorrelated, EstimateError, QrFactor, RowBlock};
 
 /// The delay of one effort.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub(super) struct DelayFit<'a> {
     weights: &'a [f64],
     window: RateWindow<'a>,
     factor: QrFactor,
-    block: Block,
+    block: RowBlock,
 }
 
 /// The second pass over the equations, which gives the standard deviations of the delays.
@@ -57,6 +57,7 @@ pub(super) struct DelayScores<'a> {
     parameters: usize,
     scores: Autocorrelated,
     score: Vec<f64>,
+    fitted: Vec<f64>,
 }
 
 impl<'a> DelayFit<'a> {
@@ -76,8 +77,8 @@ impl<'a> DelayFit<'a> {
             names,
             weights,
             window: RateWindow::new(values),
+            block: RowBlock::new(all.len()),
             factor: QrFactor::new(all),
-            block: Block::default(),
         }
     }
 
@@ -93,9 +94,15 @@ impl<'a> DelayFit<'a> {
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
             let weight = own * self.weights.get(e).copied().unwrap_or(1.0);
             if weight > 0.0 {
-                let row = found.w.iter().skip(e).step_by(found.tau.len());
-                self.block.push(row, (e, -rates[e]), efforts, *tau, weight);
-                self.block.flush(&mut self.factor, BLOCK_ROWS)?;
+                let row = found
+                    .w
+                    .chunks(found.tau.len())
+                    .map(|column| column[e] * weight);
+                let delays = (0..efforts).map(|k| if k == e { -rates[e] * weight } else { 0.0 });
+                self.block.push(row.chain(delays), tau * weight);
+                if self.block.is_full() {
+                    self.block.flush(&mut self.factor)?;
+                }
             }
         }
         Ok(())
@@ -111,7 +118,7 @@ impl<'a> DelayFit<'a> {
         mut self,
         bandwidth: usize,
     ) -> Result<Option<DelayScores<'a>>, EstimateError> {
-        self.block.flush(&mut self.factor, 1)?;
+        self.block.flush(&mut self.factor)?;
         let Ok(extended) = self.factor.solve() else {
             return Ok(None);
         };
@@ -123,6 +130,7 @@ impl<'a> DelayFit<'a> {
             parameters: self.window.values.len(),
             scores: Autocorrelated::new(extended.len(), bandwidth),
             score: vec![0.0; extended.len()],
+            fitted: Vec::new(),
             extended,
         }))
     }
@@ -142,14 +150,14 @@ impl DelayScores<'_> {
             self.scores.interrupt();
         }
         self.score.fill(0.0);
+        predictions(&found, &self.extended, &mut self.fitted);
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
             let weight = own * self.weights.get(e).copied().unwrap_or(1.0);
-            let fitted = predicted(&found, e, &self.extended);
-            let residual = tau - fitted + rates[e] * self.extended[n + e];
+            let residual = tau - self.fitted[e] + rates[e] * self.extended[n + e];
             let psi = weight * weight * residual;
-            let row = found.w.iter().skip(e).step_by(found.tau.len());
-            for (sum, w) in self.score.iter_mut().zip(row.take(n)) {
-                *sum += w * psi;
+            let columns = found.w.chunks(found.tau.len());
+            for (sum, column) in self.score[..n].iter_mut().zip(columns) {
+                *sum += column[e] * psi;
             }
             self.score[n + e] -= rates[e] * psi;
         }
@@ -208,47 +216,6 @@ fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<
     })
 }
 
-/// Number of rows that are reduced into the QR factor at a time.
-const BLOCK_ROWS: usize = 256;
-
-/// Rows that are still to be reduced into a QR factor.
-#[derive(Default)]
-struct Block {
-    rows: Vec<Vec<f64>>,
-    side: Vec<f64>,
-}
-
-impl Block {
-    fn push<'v>(
-        &mut self,
-        row: impl Iterator<Item = &'v f64>,
-        (effort, rate): (usize, f64),
-        efforts: usize,
-        tau: f64,
-        weight: f64,
-    ) {
-        let mut entries: Vec<f64> = row.map(|w| w * weight).collect();
-        entries.extend((0..efforts).map(|e| if e == effort { rate * weight } else { 0.0 }));
-        self.rows.push(entries);
-        self.side.push(tau * weight);
-    }
-
-    fn flush(&mut self, factor: &mut QrFactor, at_least: usize) -> Result<(), EstimateError> {
-        if self.rows.len() < at_least {
-            return Ok(());
-        }
-        let columns = factor.columns();
-        let mut w = Vec::with_capacity(columns * self.rows.len());
-        for column in 0..columns {
-            w.extend(self.rows.iter().map(|row| row[column]));
-        }
-        factor.push_block(&w, &self.side)?;
-        self.rows.clear();
-        self.side.clear();
-        Ok(())
-    }
-}
-
 /// A copy of a sample's equations, for differences with its neighbours.
 #[derive(Default)]
 struct BufferedEquations {
@@ -268,6 +235,8 @@ struct RateWindow<'a> {
     at: BufferedEquations,
     /// The number of samples of the present run.
     run: usize,
+    /// The predicted efforts two samples before the last one.
+    oldest: Vec<f64>,
     rates: Vec<f64>,
     /// Whether the next sample is the first of its run.
     first: bool,
@@ -280,6 +249,7 @@ impl<'a> RateWindow<'a> {
             before: BufferedEquations::default(),
             at: BufferedEquations::default(),
             run: 0,
+            oldest: Vec::new(),
             rates: Vec::new(),
             first: true,
         }
@@ -296,7 +266,7 @@ impl<'a> RateWindow<'a> {
         // the buffers go round: the oldest one takes the new sample
         let mut next = core::mem::take(&mut self.before);
         core::mem::swap(&mut self.before, &mut self.at);
-        let oldest: Vec<f64> = core::mem::take(&mut next.predicted);
+        core::mem::swap(&mut self.oldest, &mut next.predicted);
         let start = next.time;
         next.fill(found, self.values);
         self.at = next;
@@ -307,7 +277,7 @@ impl<'a> RateWindow<'a> {
         }
         let span = found.time - start;
         self.rates.clear();
-        let ends = self.at.predicted.iter().zip(&oldest);
+        let ends = self.at.predicted.iter().zip(&self.oldest);
         self.rates
             .extend(ends.map(|(after, before)| (after - before) / span));
         let own = &self.before;

@@ -208,24 +208,36 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         Ok(self.finished(sample, regular))
     }
 
-    /// Sets up the equations of motion of a sample whose base regressor is known.
+    /// The equations of motion of a sample whose base regressor is known; `None` where A_e is
+    /// singular.
     ///
     /// - `w`: its entries, column by column; `condition`: that of the function that computed them.
     ///
     /// # Errors
     /// When a length does not fit the model.
-    pub(super) fn observe_computed(
+    pub(super) fn observe_computed<'a>(
         &mut self,
-        sample: &StateSample<'_>,
-        w: impl Iterator<Item = f64>,
+        sample: &StateSample<'a>,
+        w: &'a [f64],
         condition: Condition<f64>,
-    ) -> Result<Equations<'_>, EstimateError> {
-        self.tau.clear();
-        self.weights.clear();
-        self.w.clear();
-        self.w.extend(w);
-        let regular = self.set_sides(sample, condition)?;
-        Ok(self.finished(sample, regular))
+    ) -> Result<Option<Equations<'a>>, EstimateError> {
+        if !self.is_regular(sample, w, condition)? {
+            self.skip();
+            return Ok(None);
+        }
+        Ok(Some(Equations {
+            time: sample.time,
+            w,
+            tau: sample.tau,
+            weights: sample.weights,
+            follows: sample.follows,
+        }))
+    }
+
+    /// Counts a sample where A_e is singular, which ends the window of an energy balance.
+    fn skip(&mut self) {
+        self.singular += 1;
+        self.balance = None;
     }
 
     /// The equations as they were set up; none where A_e is singular.
@@ -233,8 +245,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         if !regular {
             self.tau.clear();
             self.weights.clear();
-            self.singular += 1;
-            self.balance = None;
+            self.skip();
         }
         Equations {
             time: sample.time,
@@ -262,12 +273,24 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         sample: &StateSample<'_>,
         condition: Condition<f64>,
     ) -> Result<bool, EstimateError> {
-        let dof = self.model.info().dof();
         self.tau.extend_from_slice(sample.tau);
         self.weights.extend_from_slice(sample.weights);
-        super::require("tau", dof, self.tau.len())?;
-        super::require("weights", dof, self.weights.len())?;
-        Ok(condition.status() != Status::Singular && self.w.iter().all(|x| x.is_finite()))
+        self.is_regular(sample, &self.w, condition)
+    }
+
+    /// Whether a sample with this base regressor gives equations of motion.
+    fn is_regular(
+        &self,
+        sample: &StateSample<'_>,
+        w: &[f64],
+        condition: Condition<f64>,
+    ) -> Result<bool, EstimateError> {
+        let dof = self.model.info().dof();
+        super::require("tau", dof, sample.tau.len())?;
+        super::require("weights", dof, sample.weights.len())?;
+        // without a branch for each entry
+        let finite = w.iter().fold(true, |finite, x| finite & x.is_finite());
+        Ok(condition.status() != Status::Singular && finite)
     }
 
     /// Extends the energy balance by a sample, and sets up its equation if the sample ends the

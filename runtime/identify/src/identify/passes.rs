@@ -104,7 +104,7 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     kind: EquationKind,
     source: &mut S,
 ) -> Result<(FactorSet, LeftOut), S::Error> {
-    let mut replay = Replay::new(model, kind, source);
+    let mut replay = Replay::new(model, kind, source).once();
     let set = reduce(&mut replay)?;
     Ok((set, replay.left_out().clone()))
 }
@@ -139,12 +139,35 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
 pub(super) fn predictions(equations: &Equations<'_>, values: &[f64], out: &mut Vec<f64>) {
     let count = equations.tau.len();
     out.clear();
-    out.resize(count, 0.0);
-    for (column, x) in equations.w.chunks_exact(count.max(1)).zip(values) {
-        for (sum, w) in out.iter_mut().zip(column) {
+    // sums of few equations stay in registers
+    match count {
+        1 => out.extend(products::<1>(equations.w, values)),
+        2 => out.extend(products::<2>(equations.w, values)),
+        3 => out.extend(products::<3>(equations.w, values)),
+        4 => out.extend(products::<4>(equations.w, values)),
+        5 => out.extend(products::<5>(equations.w, values)),
+        6 => out.extend(products::<6>(equations.w, values)),
+        7 => out.extend(products::<7>(equations.w, values)),
+        _ => {
+            out.resize(count, 0.0);
+            for (column, x) in equations.w.chunks_exact(count.max(1)).zip(values) {
+                for (sum, w) in out.iter_mut().zip(column) {
+                    *sum += w * x;
+                }
+            }
+        }
+    }
+}
+
+/// The products of N rows, column by column, with the values.
+fn products<const N: usize>(w: &[f64], values: &[f64]) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for (column, x) in w.as_chunks::<N>().0.iter().zip(values) {
+        for (sum, w) in sums.iter_mut().zip(column) {
             *sum += w * x;
         }
     }
+    sums
 }
 
 /// Identifies base parameters from a log: the estimate, its residuals, and the covariance that
@@ -305,7 +328,8 @@ pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     means: &[f64],
     lags: usize,
 ) -> Result<Residuals, S::Error> {
-    residuals_of(&mut Replay::new(model, kind, source), values, means, lags)
+    let mut replay = Replay::new(model, kind, source).once();
+    residuals_of(&mut replay, values, means, lags)
 }
 
 fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(

@@ -15,7 +15,11 @@ pub(super) struct Pending {
     /// The number of `samples` that wait; the others keep their memory for later ones.
     count: usize,
     /// The entries of the base regressors, those of one entry at all samples one after the other.
+    series: Vec<f64>,
+    /// The base regressors of the samples, each column by column.
     w: Vec<f64>,
+    /// The number of entries of a base regressor.
+    size: usize,
     pivots: Vec<f64>,
 }
 
@@ -37,6 +41,21 @@ struct OwnedSample {
 fn assign<T: Copy>(to: &mut Vec<T>, from: &[T]) {
     to.clear();
     to.extend_from_slice(from);
+}
+
+/// Turns series of `count` samples each into samples of `size` entries each.
+fn transpose(series: &[f64], count: usize, samples: &mut [f64], size: usize) {
+    /// Samples at a time: those in one line of a cache.
+    const SAMPLES: usize = 8;
+    for (block, samples) in samples.chunks_mut((SAMPLES * size).max(1)).enumerate() {
+        let first = block * SAMPLES;
+        for (entry, series) in series.chunks_exact(count.max(1)).enumerate() {
+            let slots = samples.iter_mut().skip(entry).step_by(size);
+            for (slot, value) in slots.zip(&series[first..]) {
+                *slot = *value;
+            }
+        }
+    }
 }
 
 impl Pending {
@@ -71,8 +90,7 @@ impl Pending {
         let info = model.info();
         let (n, count) = (info.coordinates.len(), self.count);
         let size = info.dof() * model.base_info().base.len();
-        self.w.clear();
-        self.w.resize(size * count, 0.0);
+        self.series.resize(size * count, 0.0);
         self.pivots.clear();
         self.pivots.resize(count, 1.0);
         let samples = self.samples.get(..count).unwrap_or_default();
@@ -96,9 +114,12 @@ impl Pending {
             function,
             count,
             arguments,
-            &mut self.w,
+            &mut self.series,
             &mut self.pivots,
         )?;
+        self.size = size;
+        self.w.resize(size * count, 0.0);
+        transpose(&self.series, count, &mut self.w, size);
         Ok(())
     }
 
@@ -108,10 +129,7 @@ impl Pending {
     }
 
     /// A waiting sample with the entries of its base regressor, column by column, and its pivot.
-    pub(super) fn at(
-        &self,
-        index: usize,
-    ) -> Option<(StateSample<'_>, impl Iterator<Item = f64>, f64)> {
+    pub(super) fn at(&self, index: usize) -> Option<(StateSample<'_>, &[f64], f64)> {
         let own = self.samples.get(index).filter(|_| index < self.count)?;
         let sample = StateSample {
             time: own.time,
@@ -124,7 +142,7 @@ impl Pending {
             weights: &own.weights,
             follows: own.follows,
         };
-        let w = self.w.iter().skip(index).step_by(self.count).copied();
+        let w = self.w.get(index * self.size..(index + 1) * self.size)?;
         Some((sample, w, self.pivots.get(index).copied()?))
     }
 

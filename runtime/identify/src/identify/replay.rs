@@ -64,6 +64,11 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         }
     }
 
+    /// Stores nothing, for a single pass.
+    pub(crate) fn once(self) -> Self {
+        Self { most: 0, ..self }
+    }
+
     pub(crate) fn model(&self) -> &'a M {
         self.model
     }

@@ -120,6 +120,8 @@ struct Stream<'m, M: ?Sized> {
     values: Vec<f64>,
     weights: Vec<f64>,
     filtered: Vec<f64>,
+    /// The weights of the sample that is passed on, one for each effort.
+    own_weights: Vec<f64>,
     /// The filter's support and settling in averages of this run, once their rate is known.
     reach: Option<(usize, usize)>,
     /// The number of equations of this run that are averaged, once its sampling is known.
@@ -189,6 +191,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             values: Vec::new(),
             weights: Vec::new(),
             filtered: Vec::new(),
+            own_weights: vec![0.0; dof],
             reach: None,
             averaged: None,
             summed: 0,
@@ -248,7 +251,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     fn take_computed(
         &mut self,
         row: &StateSample<'_>,
-        w: impl Iterator<Item = f64>,
+        w: &[f64],
         condition: Condition<f64>,
         columns: &mut dyn Columns,
         each: &mut EquationSink<'_>,
@@ -262,8 +265,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         self.taken += 1;
         if self.filtering.smoothing.is_none() {
             self.settled += 1;
-            self.filtered.clear();
-            self.filtered.append(&mut self.values);
+            core::mem::swap(&mut self.filtered, &mut self.values);
+            self.values.clear();
             self.hand_over(0..1, each)?;
             self.times.clear();
             self.weights.clear();
@@ -292,15 +295,15 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     fn observe(
         &mut self,
         row: &StateSample<'_>,
-        w: impl Iterator<Item = f64>,
+        w: &[f64],
         condition: Condition<f64>,
         columns: &mut dyn Columns,
     ) -> Result<bool, EstimateError> {
-        let equations = self.observer.observe_computed(row, w, condition)?;
-        if equations.tau.is_empty() {
+        let found = self.observer.observe_computed(row, w, condition)?;
+        let Some(equations) = found.filter(|found| !found.tau.is_empty()) else {
             columns.skip();
             return Ok(false);
-        }
+        };
         let start = self.values.len();
         self.values.extend_from_slice(equations.w);
         let base = self.values.len();
@@ -437,10 +440,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         if range.is_empty() {
             return Ok(());
         }
-        self.filtered.clear();
-        self.filtered.extend_from_slice(&self.values);
         let smoothing = self.filtering.smoothing;
-        match smoothing.apply(&self.times, &mut self.filtered, self.width) {
+        let filtered = &mut self.filtered;
+        match smoothing.apply_to(&self.times, &self.values, self.width, filtered) {
             Ok(()) => {}
             // a run shorter than the filter gives no equation
             Err(SignalError::TooFew { .. }) => return Ok(()),
@@ -461,7 +463,6 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             _ => self.filtering.every(self.averaged.unwrap_or(1)),
         };
         let dof = self.dof;
-        let mut weights = vec![0.0; dof];
         for k in range {
             self.count += 1;
             if !(self.count - 1).is_multiple_of(every) {
@@ -471,6 +472,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             let (w, rest) = sample.split_at(self.width - 2 * dof);
             let (tau, moved) = rest.split_at(dof);
             let own = &self.weights[k * dof..(k + 1) * dof];
+            let weights = &mut self.own_weights;
             for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
                 let part = match self.filtering.standstill {
                     Standstill::Weigh => moved.clamp(0.0, 1.0),
@@ -484,7 +486,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
                 time: self.times[k],
                 w,
                 tau,
-                weights: &weights,
+                weights: &self.own_weights,
                 follows: self.follows,
             })?;
             self.follows = true;

@@ -1,12 +1,21 @@
 //! Local regression: a cubic polynomial around each sample.
+#![allow(
+    clippy::inline_always,
+    reason = "a function that is not inlined is compiled without the token's instruction set"
+)]
 
+use core::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::windows::{Bounds, Windows, are_alike, weighted_sums};
 use super::{Derivatives, SignalError, nans};
 use crate::qr_update::{reduce, substitute};
 
 /// Number of coefficients of a cubic polynomial.
-const TERMS: usize = 4;
+pub(super) const TERMS: usize = 4;
 /// Least number of samples of a window: one more than the coefficients.
-const MIN_SAMPLES: usize = TERMS + 1;
+pub(super) const MIN_SAMPLES: usize = TERMS + 1;
 
 /// Fits a polynomial around each sample; samples whose window lies within the data are valid.
 pub(super) fn fit(
@@ -44,10 +53,25 @@ pub(super) fn fit(
             needed: n + 1,
         });
     }
+    let task = Fit {
+        half_width,
+        times,
+        values,
+        bounds: &bounds(half_width, times, first..last),
+        first,
+        out: &mut out,
+    };
+    Arch::new().dispatch(task)?;
+    out.valid = first..last;
+    Ok(out)
+}
+
+/// The samples in the window of each of these samples.
+fn bounds(half_width: f64, times: &[f64], samples: Range<usize>) -> Vec<Bounds> {
+    let n = times.len();
+    let slack = 1e-9 * half_width;
     let (mut low, mut high) = (0, 0);
-    let mut block = Vec::new();
-    let mut side = Vec::new();
-    for k in first..last {
+    let window = |k: usize| {
         let t = times[k];
         while times[low] < t - half_width - slack {
             low += 1;
@@ -55,44 +79,101 @@ pub(super) fn fit(
         while high < n && times[high] <= t + half_width + slack {
             high += 1;
         }
-        let rows = high - low;
-        block.clear();
-        block.resize(TERMS * rows, 0.0);
-        side.clear();
-        let mut inside = 0;
-        for (i, (time, x)) in times[low..high].iter().zip(&values[low..high]).enumerate() {
-            let s = (time - t) / half_width;
-            let tricube = (1.0 - s.abs().min(1.0).powi(3)).powi(3);
-            inside += usize::from(tricube > 0.0);
-            let root = tricube.sqrt();
-            let mut power = root;
-            for column in block.chunks_exact_mut(rows) {
-                column[i] = power;
-                power *= s;
-            }
-            side.push(root * x);
-        }
-        let few = SignalError::TooFew {
-            samples: inside,
-            needed: MIN_SAMPLES,
+        (low, high)
+    };
+    samples.map(window).collect()
+}
+
+/// The polynomials of consecutive samples as a task for one instruction set.
+struct Fit<'a> {
+    half_width: f64,
+    times: &'a [f64],
+    values: &'a [f64],
+    bounds: &'a [Bounds],
+    /// The sample that the first window belongs to.
+    first: usize,
+    out: &'a mut Derivatives,
+}
+
+impl WithSimd for Fit<'_> {
+    type Output = Result<(), SignalError>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let Fit {
+            half_width,
+            times,
+            values,
+            ..
+        } = self;
+        let out = self.out;
+        let mut set = |k: usize, c: [f64; TERMS]| {
+            out.value[k] = c[0];
+            out.rate[k] = c[1] / half_width;
+            out.acceleration[k] = 2.0 * c[2] / (half_width * half_width);
         };
-        if inside < MIN_SAMPLES {
-            return Err(few);
+        let mut windows = Windows::new(simd, half_width);
+        for (group, bounds) in self.bounds.chunks(S::F64_LANES).enumerate() {
+            let k = self.first + group * S::F64_LANES;
+            if bounds.len() == S::F64_LANES
+                && are_alike(bounds)
+                && windows.fill(times, Some(values), k, bounds[0])
+                && windows.reduce(true)
+            {
+                let c = windows.coefficients();
+                for lane in 0..S::F64_LANES {
+                    set(k + lane, c.map(|c| Windows::<S>::lanes(&c)[lane]));
+                }
+                continue;
+            }
+            for (k, bounds) in (k..).zip(bounds) {
+                set(k, coefficients(half_width, times, values, k, *bounds)?);
+            }
         }
-        let (mut r, mut z) = (vec![0.0; TERMS * TERMS], vec![0.0; TERMS]);
-        reduce(&mut r, &mut z, &mut block, &mut side, rows);
-        let c = substitute(&r, &z).ok_or(few)?;
-        out.value[k] = c[0];
-        out.rate[k] = c[1] / half_width;
-        out.acceleration[k] = 2.0 * c[2] / (half_width * half_width);
+        Ok(())
     }
-    out.valid = first..last;
-    Ok(out)
+}
+
+/// The coefficients of the polynomial around sample `k`.
+fn coefficients(
+    half_width: f64,
+    times: &[f64],
+    values: &[f64],
+    k: usize,
+    (low, high): Bounds,
+) -> Result<[f64; TERMS], SignalError> {
+    let (t, rows) = (times[k], high - low);
+    let mut block = vec![0.0; TERMS * rows];
+    let mut side = Vec::with_capacity(rows);
+    let mut inside = 0;
+    for (i, (time, x)) in times[low..high].iter().zip(&values[low..high]).enumerate() {
+        let s = (time - t) / half_width;
+        let tricube = (1.0 - s.abs().min(1.0).powi(3)).powi(3);
+        inside += usize::from(tricube > 0.0);
+        let root = tricube.sqrt();
+        let mut power = root;
+        for column in block.chunks_exact_mut(rows) {
+            column[i] = power;
+            power *= s;
+        }
+        side.push(root * x);
+    }
+    let few = SignalError::TooFew {
+        samples: inside,
+        needed: MIN_SAMPLES,
+    };
+    if inside < MIN_SAMPLES {
+        return Err(few);
+    }
+    let (mut r, mut z) = (vec![0.0; TERMS * TERMS], vec![0.0; TERMS]);
+    reduce(&mut r, &mut z, &mut block, &mut side, rows);
+    let c = substitute(&r, &z).ok_or(few.clone())?;
+    c.try_into().map_err(|_| few)
 }
 
 /// Smooths several channels: each value becomes that of the cubic polynomial around its sample.
 ///
-/// - `values`: sample by sample, `channels` entries each.
+/// - `values`: sample by sample, `channels` entries each; `out`: as many entries.
 ///
 /// Samples whose window does not lie within the data keep their values.
 pub(super) fn smooth(
@@ -100,38 +181,95 @@ pub(super) fn smooth(
     times: &[f64],
     values: &[f64],
     channels: usize,
-) -> Result<Vec<f64>, SignalError> {
+    out: &mut [f64],
+) -> Result<(), SignalError> {
     if !(half_width > 0.0 && half_width.is_finite()) {
         return Err(SignalError::Setting("the half width must be positive"));
     }
-    let mut out = values.to_vec();
-    let n = times.len();
+    let (Some(start), Some(end)) = (times.first(), times.last()) else {
+        return Ok(());
+    };
+    let bounds = bounds(half_width, times, 0..times.len());
     let slack = 1e-9 * half_width;
-    let (mut low, mut high) = (0, 0);
-    let mut weights = Vec::new();
-    for (k, slot) in out.chunks_exact_mut(channels.max(1)).enumerate() {
-        let t = times[k];
-        while times[low] < t - half_width - slack {
-            low += 1;
-        }
-        while high < n && times[high] <= t + half_width + slack {
-            high += 1;
-        }
-        if low == 0 && t - half_width < times[0] - slack
-            || high == n && t + half_width > times[n - 1] + slack
-        {
-            continue;
-        }
-        kernel(half_width, t, &times[low..high], &mut weights)?;
-        slot.fill(0.0);
-        let samples = values[low * channels..high * channels].chunks_exact(channels);
-        for (sample, weight) in samples.zip(&weights) {
-            for (sum, x) in slot.iter_mut().zip(sample) {
-                *sum += weight * x;
-            }
+    let cut = |k: usize| {
+        bounds[k].0 == 0 && times[k] - half_width < start - slack
+            || bounds[k].1 == times.len() && times[k] + half_width > end + slack
+    };
+    // only windows at both ends are cut off by them
+    let first = (0..times.len()).find(|k| !cut(*k)).unwrap_or(times.len());
+    let last = (first..times.len()).rfind(|k| !cut(*k));
+    let last = last.map_or(first, |k| k + 1);
+    for kept in [0..first * channels, last * channels..values.len()] {
+        if let (Some(out), Some(values)) = (out.get_mut(kept.clone()), values.get(kept)) {
+            out.copy_from_slice(values);
         }
     }
-    Ok(out)
+    let task = Smooth {
+        half_width,
+        times,
+        values,
+        channels,
+        bounds: bounds.get(first..last).unwrap_or_default(),
+        first,
+        out,
+    };
+    Arch::new().dispatch(task)
+}
+
+/// The smoothing of consecutive samples as a task for one instruction set.
+struct Smooth<'a> {
+    half_width: f64,
+    times: &'a [f64],
+    values: &'a [f64],
+    channels: usize,
+    bounds: &'a [Bounds],
+    /// The sample that the first window belongs to.
+    first: usize,
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Smooth<'_> {
+    type Output = Result<(), SignalError>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let Smooth {
+            half_width,
+            times,
+            values,
+            channels,
+            first,
+            out,
+            ..
+        } = self;
+        let mut windows = Windows::new(simd, half_width);
+        let mut side_by_side = Vec::new();
+        let mut weights = Vec::new();
+        for (group, bounds) in self.bounds.chunks(S::F64_LANES).enumerate() {
+            let k = first + group * S::F64_LANES;
+            let alike = bounds.len() == S::F64_LANES
+                && are_alike(bounds)
+                && windows.fill(times, None, k, bounds[0])
+                && windows.reduce(false);
+            if alike {
+                windows.weights(&mut side_by_side);
+            }
+            for (lane, (low, high)) in bounds.iter().enumerate() {
+                let k = k + lane;
+                let samples = &values[low * channels..high * channels];
+                let slot = &mut out[k * channels..(k + 1) * channels];
+                if alike {
+                    let own = side_by_side.iter();
+                    let own = own.map(|weights| Windows::<S>::lanes(weights)[lane]);
+                    weighted_sums(simd, samples, own, slot);
+                } else {
+                    kernel(half_width, times[k], &times[*low..*high], &mut weights)?;
+                    weighted_sums(simd, samples, weights.iter().copied(), slot);
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The weight of each sample of a window in the fitted polynomial's value at `t`.

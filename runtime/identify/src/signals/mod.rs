@@ -9,6 +9,7 @@ mod butterworth;
 mod fourier;
 mod local;
 mod smoothing;
+mod windows;
 
 use core::fmt;
 use core::ops::Range;

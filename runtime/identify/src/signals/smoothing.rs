@@ -92,9 +92,37 @@ impl Smoothing {
                 Butterworth::new(order, cutoff, step)?.zero_phase_channels(values, channels)
             }
             Self::Local { half_width } => {
-                let smooth = local::smooth(half_width, times, values, channels)?;
+                let mut smooth = values.clone();
+                local::smooth(half_width, times, values, channels, &mut smooth)?;
                 *values = smooth;
                 Ok(())
+            }
+        }
+    }
+
+    /// As [`apply`](Self::apply), but leaves the values as they are; `out` is overwritten.
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply).
+    pub(crate) fn apply_to(
+        &self,
+        times: &[f64],
+        values: &[f64],
+        channels: usize,
+        out: &mut Vec<f64>,
+    ) -> Result<(), SignalError> {
+        match *self {
+            Self::Local { half_width }
+                if channels > 0 && channels.checked_mul(times.len()) == Some(values.len()) =>
+            {
+                // every entry is overwritten
+                out.resize(values.len(), 0.0);
+                local::smooth(half_width, times, values, channels, out)
+            }
+            _ => {
+                out.clear();
+                out.extend_from_slice(values);
+                self.apply(times, out, channels)
             }
         }
     }
