@@ -37,6 +37,26 @@ fn a_flag_takes_gravity_away() {
     assert_ne!(spec(&on), spec(&zero));
 }
 
+#[test]
+fn a_fluid_around_the_robot_is_noted() {
+    let wet = mjcf(
+        "<option density=\"4000\" viscosity=\"0.1\"/>",
+        "<joint name=\"q\"/>",
+        "",
+    );
+    let told = notes(&imported(&wet));
+    assert_has(
+        &told,
+        "density of the fluid around the robot, 4000, is left out",
+    );
+    assert_has(
+        &told,
+        "viscosity of the fluid around the robot, 0.1, is left out",
+    );
+    let dry = mjcf("<option density=\"0\"/>", "<joint name=\"q\"/>", "");
+    assert!(!notes(&imported(&dry)).contains("fluid"));
+}
+
 /// The armature of a ball on the world resists the angular velocity, as inertia does.
 #[test]
 fn armature_of_a_ball_is_inertia_and_not_a_rotor_of_its_angles() {

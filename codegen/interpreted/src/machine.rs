@@ -245,9 +245,9 @@ thread_local! {
 struct Registers<R>(Vec<R>);
 
 /// The registers that this thread keeps, or new ones.
-fn taken<R: 'static>() -> Box<Registers<R>> {
+fn taken<R: 'static>() -> Registers<R> {
     let kept = BLOCKS.take().and_then(|kept| kept.downcast().ok());
-    kept.unwrap_or_else(|| Box::new(Registers(Vec::new())))
+    kept.map_or_else(|| Registers(Vec::new()), |kept| *kept)
 }
 
 impl Run<'_, f64> {
@@ -267,7 +267,7 @@ impl WithSimd for Run<'_, f64> {
         } else {
             let mut registers = taken::<Block<S, WORDS>>();
             self.run_in::<Block<S, WORDS>>(simd, &mut registers.0);
-            BLOCKS.set(Some(registers));
+            BLOCKS.set(Some(Box::new(registers)));
         }
     }
 }

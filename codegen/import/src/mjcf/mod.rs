@@ -118,6 +118,7 @@ pub(crate) fn read(
         .last();
     reading.tree.gravity = gravity.and_then(|g| reading.fields.array(g));
     reading.gravity_flag();
+    reading.note_fluid();
     reading.bodies();
     reading.scale_masses();
     reading.actuators();
@@ -204,6 +205,23 @@ impl Reading<'_, '_, '_> {
             self.tree.gravity = Some([0.0; 3]);
             let text = "gravity is 0 here, since a flag disables it";
             self.fields.log.note(said.place, text);
+        }
+    }
+
+    /// Notes that the fluid around the robot is left out, if it has a density or a viscosity.
+    fn note_fluid(&mut self) {
+        for name in ["density", "viscosity"] {
+            let options = self.root.all("option");
+            let last = options.filter_map(|option| option.attribute(name)).last();
+            let Some(said) = last else { continue };
+            if self.fields.number(said).is_some_and(|value| value != 0.0) {
+                let text = format!(
+                    "the {name} of the fluid around the robot, {}, is left out: its forces are not linear in \
+                     parameters of the robot",
+                    said.value
+                );
+                self.fields.log.note(said.place, text);
+            }
         }
     }
 

@@ -156,7 +156,24 @@ impl<'a> Walk<'a> {
     }
 
     /// The next state, or `None` if the walk cannot continue.
+    ///
+    /// Where no state is found within all limits, those of the dependent coordinates are left out from
+    /// then on: they keep states usual, but any closed state on the branch counts. So it is where
+    /// drives are independent, and a joint that follows them has a narrow range.
     pub(super) fn next(&mut self) -> Option<State> {
+        if let Some(state) = self.search() {
+            return Some(state);
+        }
+        let mut freed = false;
+        for &c in &self.model.dependent {
+            freed |= self.ranges[c][0].is_finite();
+            self.ranges[c] = [f64::NEG_INFINITY, f64::INFINITY];
+        }
+        if freed { self.search() } else { None }
+    }
+
+    /// The next state within the ranges.
+    fn search(&mut self) -> Option<State> {
         for _ in 0..MAX_RESTARTS {
             for _ in 0..MAX_FAILED_LEGS {
                 if self.leg()

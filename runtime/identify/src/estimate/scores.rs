@@ -223,7 +223,9 @@ impl Scores {
         next.w.clear();
         next.v.clear();
         // without Huber's bound all slopes are 1
-        let sloped = slopes.iter().any(|slope| *slope != 1.0);
+        let sloped = slopes
+            .iter()
+            .any(|slope| slope.to_bits() != 1.0_f64.to_bits());
         for (effort, (weight, slope)) in weights.iter().zip(slopes).enumerate() {
             let columns = w.chunks_exact(efforts);
             next.w.extend(columns.map(|column| column[effort] * weight));

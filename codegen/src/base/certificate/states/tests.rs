@@ -9,8 +9,15 @@ use crate::kinematics::{Frames, Geometry};
 /// The model of a mechanism of the repository, and states of it.
 fn states(path: &str, count: usize) -> (Model, Vec<State>) {
     let path = format!("{}/../{path}", env!("CARGO_MANIFEST_DIR"));
-    let source = Source::new(&path, std::fs::read_to_string(&path).unwrap());
-    let model = crate::model::build(&crate::spec::parse(&source).unwrap());
+    states_of(
+        &Source::new(&path, std::fs::read_to_string(&path).unwrap()),
+        count,
+    )
+}
+
+/// The model of a spec, and states of it.
+fn states_of(source: &Source, count: usize) -> (Model, Vec<State>) {
+    let model = crate::model::build(&crate::spec::parse(source).unwrap());
     let mut g = Graph::new();
     for coordinate in &model.coordinates {
         g.symbol(&coordinate.name);
@@ -60,6 +67,43 @@ fn limits_of_all_coordinates_are_kept() {
         }
         if model.independent.contains(&c) {
             assert!(spread(&states, c) > 0.5 * (high - low));
+        }
+    }
+}
+
+/// A drive that takes four joints along moves far in a step, and the joint that follows it has a narrow
+/// range.
+#[test]
+fn a_joint_that_follows_a_drive_may_leave_its_limits_where_no_state_is_within_all() {
+    let joint = |k: usize, lead: &str| {
+        format!(
+            "      - {{name: j{k}, type: revolute, axis: y, {lead}body: b{k}, limits: {{position: [-0.01, 0.01]}}}}\n"
+        )
+    };
+    let joints: String = (1..=4)
+        .map(|k| {
+            joint(
+                k,
+                if k == 1 {
+                    ""
+                } else {
+                    "origin: {xyz: [0.1, 0, 0]}, "
+                },
+            )
+        })
+        .collect();
+    let text = format!(
+        "name: spine\nlimbs:\n  - name: back\n    joints:\n{joints}drives:\n  d: {{of: j1 + j2 + j3 + j4}}\n\
+         independent: [d, j1, j2, j3]\n"
+    );
+    let (model, states) = states_of(&Source::new("spine.yaml", &text), 8);
+    assert_eq!(states.len(), 8);
+    for state in &states {
+        for &c in &model.independent {
+            let Some([low, high]) = model.coordinates[c].position else {
+                continue;
+            };
+            assert!((low..=high).contains(&state.q[c].to_f64()));
         }
     }
 }
