@@ -39,8 +39,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
     let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
     if !name.chars().all(plain) {
         return Err(Failure::Input(format!(
-            "{:?} is not a name for a module: lower-case letters, digits and _, such as my_arm",
-            name
+            "{name:?} is not a name for a module: lower-case letters, digits and _, such as my_arm"
         )));
     }
     let out = args
