@@ -143,9 +143,10 @@ fn stored(line: &str, next: &str, name: &str) -> Vec<usize> {
 #[test]
 fn every_entry_of_a_result_with_many_zeros_is_stored_once_and_long_runs_by_a_loop() {
     // the last row of the regressor has a run of zeros for all bodies but the last
-    let joints: String = (1..=8)
+    let joints = (1..=8)
         .map(|k| format!("      - {{name: q{k}, type: prismatic, body: b{k}, actuated: true}}\n"))
-        .collect();
+        .collect::<Vec<_>>()
+        .concat();
     let robot = robot(&format!(
         "name: stack\nlimbs:\n  - name: arm\n    joints:\n{joints}"
     ));

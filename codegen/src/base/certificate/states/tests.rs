@@ -80,7 +80,7 @@ fn a_joint_that_follows_a_drive_may_leave_its_limits_where_no_state_is_within_al
             "      - {{name: j{k}, type: revolute, axis: y, {lead}body: b{k}, limits: {{position: [-0.01, 0.01]}}}}\n"
         )
     };
-    let joints: String = (1..=4)
+    let joints = (1..=4)
         .map(|k| {
             joint(
                 k,
