@@ -225,7 +225,7 @@ mod tests {
             motions.push(&info, &row);
         }
         let found = motions.finish(&info);
-        assert_eq!(found[0].positions, [0.5, 1.5]);
+        assert_eq!(format!("{:?}", found[0].positions), "[0.5, 1.5]");
         assert_eq!(found[0].covered, Some(0.25));
         assert_eq!(found[0].lacks, [""; 0]);
     }

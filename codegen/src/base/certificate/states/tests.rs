@@ -80,18 +80,8 @@ fn a_joint_that_follows_a_drive_may_leave_its_limits_where_no_state_is_within_al
             "      - {{name: j{k}, type: revolute, axis: y, {lead}body: b{k}, limits: {{position: [-0.01, 0.01]}}}}\n"
         )
     };
-    let joints = (1..=4)
-        .map(|k| {
-            joint(
-                k,
-                if k == 1 {
-                    ""
-                } else {
-                    "origin: {xyz: [0.1, 0, 0]}, "
-                },
-            )
-        })
-        .collect();
+    let away = "origin: {xyz: [0.1, 0, 0]}, ";
+    let joints = [joint(1, ""), joint(2, away), joint(3, away), joint(4, away)].concat();
     let text = format!(
         "name: spine\nlimbs:\n  - name: back\n    joints:\n{joints}drives:\n  d: {{of: j1 + j2 + j3 + j4}}\n\
          independent: [d, j1, j2, j3]\n"
