@@ -5,12 +5,15 @@ use regen_identify::identify::{Delay, Delays};
 use regen_identify::text::figure;
 
 /// Lines on delays: those that were corrected, and those that differ from zero by more than three
-/// of their standard deviations.
+/// of their standard deviations. Efforts that seem to be early may be those of a controller that
+/// answers the noise of measured positions: they are correlated with noise that came before.
 ///
 /// - `remedy`: how to correct them, in words.
 pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &str) -> String {
     let mut out = corrected_delays_text(corrected);
-    let line = |delay: &Delay, who: &str| {
+    let mut early = false;
+    let mut line = |delay: &Delay, who: &str| {
+        early |= delay.seconds < 0.0;
         let side = if delay.seconds > 0.0 { "late" } else { "early" };
         let size = milliseconds(delay.seconds.abs());
         let sigma = milliseconds(delay.sigma);
@@ -39,6 +42,10 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
     if !out.is_empty() && corrected.is_empty() {
         out.push_str(&field("", remedy));
     }
+    if early {
+        let text = "efforts of a controller that answers noise of positions seem early too";
+        out.push_str(&field("", text));
+    }
     out
 }
 
@@ -61,4 +68,31 @@ pub fn corrected_delays_text(corrected: &[(String, f64)]) -> String {
         field("delay", &text)
     };
     corrected.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn efforts_that_seem_early_may_be_those_of_a_controller_that_answers_noise() {
+        let text = |seconds: f64| {
+            let common = Delay {
+                effort: "all".to_owned(),
+                seconds,
+                sigma: 1e-4,
+            };
+            let found = Delays {
+                efforts: Vec::new(),
+                common: Some(common),
+            };
+            delays_text(&found, &[], "--delay auto corrects it")
+        };
+        let late = text(1.5e-3);
+        assert!(late.contains("late") && !late.contains("noise"), "{late}");
+        let early = text(-1.5e-3);
+        assert!(early.contains("ms early, sigma"), "{early}");
+        assert!(early.contains("answers noise of positions"), "{early}");
+        assert_eq!(text(2e-4), "");
+    }
 }

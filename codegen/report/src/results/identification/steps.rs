@@ -1,7 +1,7 @@
 //! The steps of a reduction to the parameters that data determine.
 
 use regen_codegen::explain::lines::columns;
-use regen_identify::identifiability::{Reduction, Step};
+use regen_identify::identifiability::{Feasibility, Reduction, Step};
 use serde::Serialize;
 
 /// A step of a reduction, as it is serialised.
@@ -10,6 +10,8 @@ pub struct ReductionStep {
     change: String,
     kept: Vec<String>,
     well: usize,
+    #[serde(skip)]
+    counted: bool,
     feasibility: String,
     condition: f64,
     residual: f64,
@@ -27,6 +29,7 @@ pub fn reduction_steps(reduction: &Reduction, labels: &[String]) -> Vec<Reductio
             .filter_map(|k| labels.get(*k).cloned())
             .collect(),
         well: step.well,
+        counted: step.feasibility == Feasibility::Feasible,
         feasibility: step.feasibility.to_string(),
         condition: step.condition,
         residual: step.residual,
@@ -45,7 +48,11 @@ pub(super) fn reduction_text(steps: &[ReductionStep]) -> String {
             vec![
                 step.change.clone(),
                 step.kept.len().to_string(),
-                step.well.to_string(),
+                if step.counted {
+                    step.well.to_string()
+                } else {
+                    "-".to_owned()
+                },
                 step.feasibility.clone(),
                 format!("{:.2e}", step.condition),
                 figure(Some(step.residual)),
@@ -56,7 +63,8 @@ pub(super) fn reduction_text(steps: &[ReductionStep]) -> String {
     let head = ["step", "kept", "well", "physical", "cond", "rms", "eps_RA"];
     let mut out = columns(&head, &lines);
     out.push_str(
-        "  rms in standard deviations of the noise; eps_RA in percent, on logs not used\n",
+        "  rms in standard deviations of the noise; eps_RA in percent, on logs not used;\n  \
+         well counted where a physical robot has the values\n",
     );
     out
 }
