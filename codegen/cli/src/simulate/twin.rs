@@ -20,8 +20,9 @@ pub(crate) struct Tried {
     pub(crate) first: Log,
 }
 
-/// The simulated robot. Without `--bandwidth` its controllers have the first of the default bandwidths
-/// with which the first run keeps the loops closed; a higher one than usual is told.
+/// The simulated robot. Without `--bandwidth` and `--pid` its controllers have the first of the default
+/// bandwidths with which the first run follows the motion, or else the highest with which the run ends;
+/// one that is not the usual one is told.
 ///
 /// - `step`: the time between samples, s.
 /// - `duration`: of the first run, s; `progress` is called with the time it has reached.
@@ -33,37 +34,41 @@ pub(crate) fn of(
     (step, duration): (f64, f64),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Tried, Failure> {
-    let mut bandwidths = match args.bandwidth {
-        Some(bandwidth) => vec![bandwidth],
-        None => default_bandwidths(step),
+    let mut bandwidths = default_bandwidths(step);
+    if args.bandwidth.is_some() || !args.pid.is_empty() {
+        bandwidths.truncate(1);
     }
-    .into_iter()
-    .peekable();
-    let mut usual = None;
-    while let Some(bandwidth) = bandwidths.next() {
+    let usual = args.bandwidth.or(bandwidths.first().copied());
+    let mut best = None;
+    for bandwidth in args.bandwidth.map_or(bandwidths, |given| vec![given]) {
         let (twin, nominal) = with_bandwidth(args, bandwidth, source, model, motion, step)?;
         let settings = twin.run(args.seed, 0, duration);
         let first = simulate_with_progress(model, &twin.parameters, motion, &settings, progress);
         let first = first.map_err(|error| super::misuse(&error))?;
-        if matches!(first.ended, Termination::Open(_)) && bandwidths.peek().is_some() {
-            usual.get_or_insert(bandwidth);
-            continue;
+        let ends = first.ended == Termination::Complete;
+        let follows = ends && first.stray(&model.info(), motion).is_none();
+        if ends || best.is_none() {
+            let tried = Tried {
+                twin,
+                nominal,
+                first,
+            };
+            best = Some((bandwidth, tried));
         }
-        if let Some(usual) = usual
-            && first.ended == Termination::Complete
-        {
-            terminal::note(&format!(
-                "note: controllers of {usual} Hz leave the motion until the loops cannot be kept closed; these \
-                 have {bandwidth} Hz (--bandwidth)"
-            ));
+        if follows {
+            break;
         }
-        return Ok(Tried {
-            twin,
-            nominal,
-            first,
-        });
     }
-    Err(Failure::Input("--bandwidth must be above 0".to_owned()))
+    let Some((bandwidth, tried)) = best else {
+        return Err(Failure::Input("--bandwidth must be above 0".to_owned()));
+    };
+    if usual.is_some_and(|usual| usual < bandwidth) {
+        terminal::note(&format!(
+            "note: controllers of {} Hz do not follow this motion; these have {bandwidth} Hz (--bandwidth)",
+            usual.unwrap_or_default()
+        ));
+    }
+    Ok(tried)
 }
 
 fn with_bandwidth(
