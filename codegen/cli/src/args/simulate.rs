@@ -91,7 +91,7 @@ pub(crate) struct TwinArgs {
     #[arg(long, value_name = "GAINS", value_parser = gains)]
     pub(crate) pid: Vec<Gains>,
     /// The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where
-    /// less does not follow the motion]
+    /// the loops cannot be kept closed with less]
     #[arg(long, value_name = "HZ")]
     pub(crate) bandwidth: Option<f64>,
     /// Time constant of the drives, s

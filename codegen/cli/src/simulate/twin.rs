@@ -21,8 +21,7 @@ pub(crate) struct Tried {
 }
 
 /// The simulated robot. Without `--bandwidth` and `--pid` its controllers have the first of the default
-/// bandwidths with which the first run follows the motion, or else the highest with which the run ends;
-/// one that is not the usual one is told.
+/// bandwidths with which the loops stay closed in the first run; one that is not the usual one is told.
 ///
 /// - `step`: the time between samples, s.
 /// - `duration`: of the first run, s; `progress` is called with the time it has reached.
@@ -45,9 +44,8 @@ pub(crate) fn of(
         let settings = twin.run(args.seed, 0, duration);
         let first = simulate_with_progress(model, &twin.parameters, motion, &settings, progress);
         let first = first.map_err(|error| super::misuse(&error))?;
-        let ends = first.ended == Termination::Complete;
-        let follows = ends && first.stray(&model.info(), motion).is_none();
-        if ends || best.is_none() {
+        let opened = matches!(first.ended, Termination::Open(_));
+        if best.is_none() || first.ended == Termination::Complete {
             let tried = Tried {
                 twin,
                 nominal,
@@ -55,17 +53,17 @@ pub(crate) fn of(
             };
             best = Some((bandwidth, tried));
         }
-        if follows {
+        if !opened {
             break;
         }
     }
     let Some((bandwidth, tried)) = best else {
         return Err(Failure::Input("--bandwidth must be above 0".to_owned()));
     };
-    if usual.is_some_and(|usual| usual < bandwidth) {
+    if let Some(usual) = usual.filter(|usual| *usual < bandwidth) {
         terminal::note(&format!(
-            "note: controllers of {} Hz do not follow this motion; these have {bandwidth} Hz (--bandwidth)",
-            usual.unwrap_or_default()
+            "note: controllers of {usual} Hz leave the motion until the loops cannot be kept closed; these \
+             have {bandwidth} Hz (--bandwidth)"
         ));
     }
     Ok(tried)

@@ -73,7 +73,7 @@ class ExciteOptions(TypedDict, total=False):
 class SimulateOptions(TypedDict, total=False):
     """Of ``simulate``."""
 
-    #: The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where less does not follow the motion]
+    #: The bandwidth of controllers without --pid, Hz [default: 3; 6 or 12 where the loops cannot be kept closed with less]
     bandwidth: Value | None
     #: Also log the commanded positions, as cmd_NAME
     commands: bool

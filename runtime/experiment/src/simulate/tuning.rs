@@ -90,7 +90,7 @@ pub struct Control {
 
 /// The bandwidths of controllers to try in turn if none is given, Hz, for a controller with this
 /// sampling time, s: a slow one, which tells most of friction and of the robot's own motion, and faster
-/// ones for a robot that does not follow its motion with it. All but the
+/// ones for a robot that leaves its motion with it until the loops cannot be kept closed. All but the
 /// first are at most an eighth of the sampling rate, beyond which sampled controllers do not damp.
 ///
 /// ```
