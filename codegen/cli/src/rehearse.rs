@@ -71,7 +71,8 @@ pub(crate) fn run(args: &RehearseArgs) -> Result<(), Failure> {
             Some(PayloadArg::Carried)
         },
     };
-    let span = (step, durations.first().copied().unwrap_or_default());
+    let longest = durations.iter().copied().fold(0.0, f64::max);
+    let span = (step, longest + args.twin.settle);
     let tried = simulate::twin(&args.twin, described, &model, &motion, span, &mut |_| ())?;
     let (mut twin, nominal) = (tried.twin, tried.nominal);
     let unmodelled = add_unmodelled(args, &mut twin)?;

@@ -1,7 +1,7 @@
 //! The simulated robot that the options describe.
 
 use regen_experiment::simulate::{
-    Log, Sensors, Termination, Twin, TwinError, TwinOptions, default_bandwidths,
+    Log, Sensors, Termination, Twin, TwinError, TwinOptions, USUAL_BANDWIDTH, faster_bandwidths,
     simulate_with_progress,
 };
 use regen_experiment::trajectory::FourierReference;
@@ -20,8 +20,9 @@ pub(crate) struct Tried {
     pub(crate) first: Log,
 }
 
-/// The simulated robot. Without `--bandwidth` and `--pid` its controllers have the first of the default
-/// bandwidths with which the loops stay closed in the first run; one that is not the usual one is told.
+/// The simulated robot. Without `--bandwidth` and `--pid`, where the first run with the usual bandwidth
+/// opens the loops, its controllers have the first faster one with which the run is complete, and a note
+/// says so.
 ///
 /// - `step`: the time between samples, s.
 /// - `duration`: of the first run, s; `progress` is called with the time it has reached.
@@ -33,57 +34,55 @@ pub(crate) fn of(
     (step, duration): (f64, f64),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Tried, Failure> {
-    let mut bandwidths = default_bandwidths(step);
-    if args.bandwidth.is_some() || !args.pid.is_empty() {
-        bandwidths.truncate(1);
-    }
-    let usual = args.bandwidth.or(bandwidths.first().copied());
-    let mut best = None;
-    for bandwidth in args.bandwidth.map_or(bandwidths, |given| vec![given]) {
-        let (twin, nominal) = with_bandwidth(args, bandwidth, source, model, motion, step)?;
+    let (nominal, fitted) = parameters::read(args, source, model)?;
+    let mut attempt = |bandwidth: f64| {
+        let options = options(args, bandwidth, step);
+        let start = motion.position(0.0);
+        let twin = match Twin::new(model, &nominal, &fitted, &start, &options) {
+            Ok(twin) => twin,
+            Err(TwinError::Control(why)) => return Err(why.into()),
+            Err(why) => {
+                return Err(Failure::Input(format!(
+                    "{}: {why}; state it under `friction:`, or leave friction out with --no-friction",
+                    source.file.display()
+                )));
+            }
+        };
         let settings = twin.run(args.seed, 0, duration);
         let first = simulate_with_progress(model, &twin.parameters, motion, &settings, progress);
         let first = first.map_err(|error| super::misuse(&error))?;
-        let opened = matches!(first.ended, Termination::Open(_));
-        if best.is_none() || first.ended == Termination::Complete {
-            let tried = Tried {
-                twin,
-                nominal,
-                first,
-            };
-            best = Some((bandwidth, tried));
-        }
-        if !opened {
-            break;
-        }
-    }
-    let Some((bandwidth, tried)) = best else {
-        return Err(Failure::Input("--bandwidth must be above 0".to_owned()));
+        Ok((twin, first))
     };
-    if let Some(usual) = usual.filter(|usual| *usual < bandwidth) {
-        terminal::note(&format!(
-            "note: controllers of {usual} Hz leave the motion until the loops cannot be kept closed; these \
-             have {bandwidth} Hz (--bandwidth)"
-        ));
+    let usual = args.bandwidth.unwrap_or(USUAL_BANDWIDTH);
+    let (mut twin, mut first) = attempt(usual)?;
+    let is_open = matches!(first.ended, Termination::Open(_));
+    if is_open && args.bandwidth.is_none() && args.pid.is_empty() {
+        for bandwidth in faster_bandwidths(step) {
+            let (faster, run) = attempt(bandwidth)?;
+            if run.ended == Termination::Complete {
+                terminal::note(&format!(
+                    "note: controllers of {usual} Hz leave the motion until the loops cannot be kept closed; \
+                     these have {bandwidth} Hz (--bandwidth)"
+                ));
+                (twin, first) = (faster, run);
+                break;
+            }
+        }
     }
-    Ok(tried)
+    Ok(Tried {
+        twin,
+        nominal,
+        first,
+    })
 }
 
-fn with_bandwidth(
-    args: &TwinArgs,
-    bandwidth: f64,
-    source: Described<'_>,
-    model: &Interpreted<'_>,
-    motion: &FourierReference,
-    step: f64,
-) -> Result<(Twin, Vec<f64>), Failure> {
-    let (nominal, fitted) = parameters::read(args, source, model)?;
+fn options(args: &TwinArgs, bandwidth: f64, period: f64) -> TwinOptions<'_> {
     let [position_noise, effort_noise] = args.noise.unwrap_or_default();
     let [position_step, effort_step] = args.quantum.unwrap_or_default();
-    let options = TwinOptions {
+    TwinOptions {
         bandwidth,
         gains: &args.pid,
-        period: step,
+        period,
         lag: args.lag,
         friction: !args.no_friction,
         friction_width: args.friction_width,
@@ -95,14 +94,5 @@ fn with_bandwidth(
         },
         perturb: args.perturb,
         seed: args.seed,
-    };
-    let start = motion.position(0.0);
-    match Twin::new(model, &nominal, &fitted, &start, &options) {
-        Ok(twin) => Ok((twin, nominal)),
-        Err(TwinError::Control(why)) => Err(why.into()),
-        Err(why) => Err(Failure::Input(format!(
-            "{}: {why}; state it under `friction:`, or leave friction out with --no-friction",
-            source.file.display()
-        ))),
     }
 }

@@ -39,5 +39,5 @@ pub use missing::missing_values;
 pub use noise::{Noise, perturb_parameters};
 pub use run::{simulate, simulate_controlled, simulate_with_progress};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
-pub use tuning::{Control, Gains, TuningError, control, default_bandwidths};
+pub use tuning::{Control, Gains, TuningError, USUAL_BANDWIDTH, control, faster_bandwidths};
 pub use twin::{Twin, TwinError, TwinOptions};
