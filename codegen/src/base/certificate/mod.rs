@@ -8,6 +8,7 @@
 //! Samples bound the rank from below; directions derived exactly bound it from above: where the two
 //! meet, the base is proven.
 
+mod body;
 mod closed_state;
 mod condition;
 mod evaluate;

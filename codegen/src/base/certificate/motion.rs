@@ -12,8 +12,9 @@
 
 use crate::model::{Model, Step};
 
+use super::body::{BodyAt, Twist, polar};
 use super::float320::Float320;
-use super::rows::{BodyAt, Inertia, Rows, Twist, polar, project};
+use super::rows::{Inertia, Rows, project};
 use super::states::{Random, State, Walk};
 
 /// Binary exponent of the time over which derivatives are taken, s: with 96 digits, differences over

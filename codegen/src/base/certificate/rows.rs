@@ -14,23 +14,12 @@ use crate::kinematics::{Frames, Rates, spring_column, twists};
 use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
+use super::body::{BodyAt, Twist, polar, weights};
 use super::evaluate::Evaluator;
 use super::float320::Float320;
 use super::sparse::Row;
 use super::states::{Random, State};
 use super::units::Units;
-
-/// A twist (w, v) of a body in its own frame at its own origin.
-pub(super) type Twist = [Float320; 6];
-
-/// A body at a state.
-#[derive(Clone, Debug)]
-pub(super) struct BodyAt {
-    /// The twist for a unit rate of each independent coordinate.
-    pub(super) twists: Vec<Twist>,
-    /// Gravity in the body's frame, as the linear part of a twist.
-    gamma: Twist,
-}
 
 /// The least number of states, even if fewer give enough rows.
 const MIN_STATES: usize = 8;
@@ -181,19 +170,6 @@ pub(super) struct Inertia {
     pub(super) bodies: Vec<[Float320; 10]>,
     /// For each coordinate, that of its rotor.
     pub(super) rotors: Vec<Float320>,
-}
-
-impl BodyAt {
-    /// The twist at some rates of the independent coordinates.
-    pub(super) fn moving(&self, rates: &[Float320]) -> Twist {
-        let mut sum = [Float320::ZERO; 6];
-        for (twist, rate) in self.twists.iter().zip(rates) {
-            for (sum, x) in sum.iter_mut().zip(twist).filter(|(_, x)| !x.is_zero()) {
-                *sum = *sum + *rate * *x;
-            }
-        }
-        sum
-    }
 }
 
 /// The values of all coordinates for given ones of the independent coordinates.
@@ -583,31 +559,4 @@ fn force_at_rest(
         ParameterKind::Offset { coordinate } => state.j[coordinate][j],
         _ => forces[index].get(j).copied().unwrap_or(Float320::ZERO),
     }
-}
-
-/// The derivative of the potential energy by the independent coordinate `j`, minus the power of
-/// gravity, for each body's parameters.
-fn weights(bodies: &[BodyAt], j: usize) -> Vec<[Float320; 10]> {
-    let blocks = bodies.iter().map(|body| {
-        let power = polar(&body.gamma, &body.twists[j]);
-        power.map(|x| -x)
-    });
-    blocks.collect()
-}
-
-/// The symmetric form h: h(V, V) . phi / 2 is the kinetic energy of a body with the twist V.
-pub(super) fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
-    let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
-    [
-        ax * bx,
-        ax * by + ay * bx,
-        ax * bz + az * bx,
-        ay * by,
-        ay * bz + az * by,
-        az * bz,
-        (av * bz - aw * by) + (bv * az - bw * ay),
-        (aw * bx - au * bz) + (bw * ax - bu * az),
-        (au * by - av * bx) + (bu * ay - bv * ax),
-        au * bu + av * bv + aw * bw,
-    ]
 }
