@@ -270,3 +270,38 @@ impl From<SizeError> for InstrumentError {
         Self::Size(why)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motion of two coordinates through these positions, at rest.
+    fn motion(rows: &[[f64; 2]]) -> MotionSeries {
+        let mut out = MotionSeries::new(2);
+        for (k, q) in rows.iter().enumerate() {
+            out.push(k as f64, [q, &[0.0; 2], &[0.0; 2]], k > 0)
+                .unwrap();
+        }
+        out
+    }
+
+    #[test]
+    fn motions_are_as_far_apart_in_other_units_and_from_other_zeros() {
+        let measured = [[1.0, 2.0], [2.0, 0.0], [3.0, 1.0], [6.0, 5.0]];
+        let simulated = [[1.5, 2.0], [2.0, 1.0], [3.0, 1.0], [5.0, 5.0]];
+        // squares of 1.25 and 1 to be compared with those of 14 and 14 about the means 3 and 2
+        let wanted = 1.25 / 14.0 + 1.0 / 14.0;
+        let both = |change: &dyn Fn([f64; 2]) -> [f64; 2]| {
+            let changed = |rows: [[f64; 2]; 4]| motion(&rows.map(change));
+            distance(&changed(simulated), &changed(measured), 2)
+        };
+        for found in [
+            both(&|q| q),
+            both(&|[a, b]| [1000.0 * a, b]),
+            both(&|[a, b]| [a + 7.0, b - 2.5]),
+            both(&|[a, b]| [b, a]),
+        ] {
+            assert!((found - wanted).abs() < 1e-12, "{found}");
+        }
+    }
+}

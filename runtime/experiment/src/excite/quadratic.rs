@@ -278,6 +278,54 @@ mod tests {
         (*seed >> 33) as f64 / 2_f64.powi(30) - 1.0
     }
 
+    #[test]
+    fn the_mean_of_ones_over_all_constraints_is_one() {
+        let ones = Rows {
+            limits: vec![1.0; 5],
+            elastic: 1.0,
+            upper: vec![1.0; 3],
+            lower: vec![1.0; 3],
+        };
+        assert_eq!(ones.dot(&ones) / ones.count() as f64, 1.0);
+    }
+
+    /// The slope of the objective is the gradient of the Lagrangian without multipliers.
+    #[test]
+    fn the_objective_rises_as_the_gradient_of_the_lagrangian_says() {
+        let problem = Quadratic {
+            gradient: &[1.0, -2.0],
+            hessian: &[3.0, 0.5, 0.5, 1.0],
+            rows: &[],
+            values: &[],
+            trust_radius: 1.0,
+            penalty: 7.0,
+        };
+        let none = Rows {
+            limits: Vec::new(),
+            elastic: 0.0,
+            upper: vec![0.0; 2],
+            lower: vec![0.0; 2],
+        };
+        let at = |d: [f64; 2], t: f64| {
+            let curved = times(problem.hessian, 2, &d);
+            let x = Variables { d: d.to_vec(), t };
+            let value = problem.objective(&x, &curved);
+            (value, problem.lagrangian_gradient(&curved, &none))
+        };
+        let (_, slope) = at([0.2, -0.4], 0.3);
+        // central differences of a quadratic are exact up to rounding
+        let h = 0.125;
+        for (k, wanted) in [slope.d[0], slope.d[1], slope.t].into_iter().enumerate() {
+            let moved = |by: f64| {
+                let mut x = [0.2, -0.4, 0.3];
+                x[k] += by;
+                at([x[0], x[1]], x[2]).0
+            };
+            let found = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!((found - wanted).abs() < 1e-13, "{k}: {found} {wanted}");
+        }
+    }
+
     /// The conditions of Karush, Kuhn and Tucker hold at the solutions of random programmes.
     #[test]
     fn solutions_are_optimal() {

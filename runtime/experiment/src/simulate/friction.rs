@@ -187,3 +187,33 @@ pub fn add_stribeck(laws: &mut [JointFriction], part: f64, speed: f64) -> usize 
     }
     changed
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nonlinear_friction_changes_by_at_most_the_stated_part_and_linear_friction_not_at_all() {
+        let coulomb = JointFriction {
+            law: Friction::Coulomb,
+            values: [2.0, 0.0, 0.0, 0.0, 0.0],
+        };
+        let mut stribeck = [coulomb];
+        add_stribeck(&mut stribeck, 0.3, 0.1);
+        let before = [coulomb, stribeck[0]];
+        let mut chance = Noise::new(5);
+        let mut range = [f64::INFINITY, 0.0_f64];
+        for _ in 0..200 {
+            let mut laws = before;
+            perturb_friction(&mut laws, 0.2, &mut chance);
+            assert_eq!(laws[0], coulomb);
+            for v in [1e-3, 0.1, 3.0] {
+                let by = laws[1].effort(v) / before[1].effort(v);
+                range = [range[0].min(by), range[1].max(by)];
+            }
+        }
+        // two hundred draws reach near both ends
+        assert!(0.8 - 1e-12 < range[0] && range[0] < 0.82, "{range:?}");
+        assert!(1.18 < range[1] && range[1] < 1.2 + 1e-12, "{range:?}");
+    }
+}

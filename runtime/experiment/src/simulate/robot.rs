@@ -296,8 +296,8 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
                 self.effort[k] = *built_up;
                 self.dy[at + k] = (self.command[k] - built_up) / lag;
             } else {
+                // its entry of y stays as it is
                 self.effort[k] = self.command[k];
-                self.dy[at + k] = 0.0;
             }
         }
         let _condition = self

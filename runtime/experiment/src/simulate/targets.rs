@@ -116,3 +116,41 @@ impl<'m, M: Model<f64> + ?Sized, R: Reference + ?Sized> Targets<'m, M, R> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[allow(unreachable_pub, reason = "examples include the file too")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum.rs"
+        ));
+    }
+
+    #[test]
+    fn every_sample_has_the_positions_and_rates_of_the_reference_at_its_time() {
+        let period = 0.25;
+        let reference = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+            (q[0], qd[0], qdd[0]) = (0.01 * t * t, 0.02 * t, 0.02);
+        };
+        // two blocks and a half
+        let last = 5 * BLOCK / 2;
+        let mut targets = Targets::new(&models::Pendulum, &reference, period, last).unwrap();
+        for sample in 0..=last {
+            let t = 0.25 * sample as f64;
+            let target = targets.at(sample).unwrap();
+            assert!(target.outcome.is_closed());
+            let [q_i, qd_i, qdd_i] = target.independent;
+            for (found, wanted) in [
+                (target.q, 0.01 * t * t),
+                (q_i, 0.01 * t * t),
+                (qd_i, 0.02 * t),
+                (qdd_i, 0.02),
+            ] {
+                assert_eq!(found, [wanted], "{sample}");
+            }
+        }
+    }
+}
