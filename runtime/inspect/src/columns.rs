@@ -190,4 +190,14 @@ mod tests {
         assert!(found.high.longest > 20 && found.low.longest == 1);
         assert!((found.low.value + 3.0).abs() < 0.01);
     }
+
+    #[test]
+    fn rows_that_repeat_a_value_neither_rise_nor_fall() {
+        let mut pass = Pass::default();
+        for value in [1.0, 1.0, 1.0, 2.0, 2.0, 0.0, 0.0, 0.0] {
+            pass.push(value);
+        }
+        let found = pass.finish(8);
+        assert_eq!((found.rising, found.falling), (0.125, 0.125));
+    }
 }

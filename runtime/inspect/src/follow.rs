@@ -427,3 +427,58 @@ fn delay(
     }
     Some([total, sigma])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Noise;
+    use core::f64::consts::TAU;
+
+    /// A joint with weight, inertia and friction whose effort is this much behind its motion, s.
+    fn followed(late: impl Fn(f64) -> f64) -> [f64; 2] {
+        let angle = |t: f64| {
+            let harmonics = [1.0, 3.0, 7.0, 12.0];
+            let one = |k: f64| (TAU * 0.1 * k * t + k).sin() / k;
+            harmonics.map(one).iter().sum::<f64>()
+        };
+        let step = 5e-3;
+        let effort = |t: f64| {
+            let [a, b, c] = [-step, 0.0, step].map(|by| angle(t + by));
+            let rate = (c - a) / (2.0 * step);
+            (a - 2.0 * b + c) / (step * step) + 6.0 * b.cos() + 0.8 * (rate / 0.02).tanh()
+        };
+        let times: Vec<f64> = (0..8000).map(|k| step * f64::from(k)).collect();
+        let mut noise = Noise::new(11);
+        let efforts = times
+            .iter()
+            .map(|t| effort(t - late(*t)) + 0.01 * noise.normal());
+        let stretch = Stretch {
+            columns: vec![times.iter().map(|t| angle(*t)).collect(), efforts.collect()],
+            times,
+        };
+        let signal = |column: usize| Signal {
+            column,
+            factor: 1.0,
+        };
+        let found = follow(&RegressionInput {
+            stretches: &[stretch],
+            step,
+            cutoff: 5.0,
+            joints: vec![(signal(0), "a".to_owned())],
+            efforts: vec![(signal(1), 0, 2)],
+        });
+        found[0].delay.unwrap()
+    }
+
+    #[test]
+    fn a_delay_that_changes_along_the_log_is_as_uncertain_as_its_parts_differ() {
+        let [_, even] = followed(|_| 0.02);
+        // the mean of tenths of a log of which half are late by 40 ms and half are not deviates by
+        // 20 ms over the root of nine
+        let [seconds, sigma] = followed(|t| if t < 20.0 { 0.0 } else { 0.04 });
+        let wanted = 0.02 / 3.0;
+        assert!((wanted / 1.5..1.5 * wanted).contains(&sigma), "{sigma}");
+        assert!((seconds - 0.02).abs() < 2.0 * sigma, "{seconds} {sigma}");
+        assert!(even < 0.1 * wanted, "{even}");
+    }
+}

@@ -467,3 +467,33 @@ fn cutoff(found: &LogFacts) -> Option<f64> {
         .min(MAX_CUTOFF_PART * found.clock.rate);
     (most > 0.0).then(|| figure_of(2, most).parse().unwrap_or(most))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::relations::Derivative;
+
+    #[test]
+    fn a_position_is_in_degrees_if_its_velocity_is_in_radians() {
+        // the change of the first column over the integral of the second
+        let found = |factor: f64| LogFacts {
+            columns: vec![
+                Column::default(),
+                Column {
+                    derivative: Some(Derivative {
+                        of: 1,
+                        factor,
+                        correlation: 1.0,
+                    }),
+                    ..Column::default()
+                },
+            ],
+            ..LogFacts::default()
+        };
+        // a turn is 360 degrees and 2 pi radians
+        let degrees = found(360.0 / core::f64::consts::TAU);
+        assert!(in_degrees(&degrees, Some(1)));
+        assert!(!in_degrees(&degrees, Some(2)) && !in_degrees(&degrees, None));
+        assert!(!in_degrees(&found(1.0), Some(1)));
+    }
+}

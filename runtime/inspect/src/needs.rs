@@ -197,3 +197,88 @@ fn with_motion<M: BaseModel<f64> + ?Sized>(
     }
     Ok(Some(factor))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[allow(unreachable_pub, reason = "examples include the files too")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum.rs"
+        ));
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum_base.rs"
+        ));
+
+        /// The pendulum with a limit of its speed, rad/s.
+        pub struct Limited(pub [regen_runtime::Joint; 1]);
+
+        impl Model<f64> for Limited {
+            fn info(&self) -> Info<'_> {
+                let info = Model::<f64>::info(&Pendulum);
+                Info {
+                    joints: &self.0,
+                    ..info
+                }
+            }
+
+            fn eval(
+                &self,
+                function: Function,
+                x: Arguments<'_, f64>,
+                out: &mut [f64],
+            ) -> Result<Condition<f64>, SizeError> {
+                Pendulum.eval(function, x, out)
+            }
+        }
+
+        impl BaseModel<f64> for Limited {
+            fn base_info(&self) -> BaseInfo<'_> {
+                BaseModel::<f64>::base_info(&Pendulum)
+            }
+
+            fn eval_base(
+                &self,
+                function: BaseFunction,
+                x: Arguments<'_, f64>,
+                out: &mut [f64],
+            ) -> Result<Condition<f64>, SizeError> {
+                Pendulum.eval_base(function, x, out)
+            }
+        }
+    }
+
+    #[test]
+    fn a_tried_acceleration_is_that_of_half_a_hertz_at_half_of_the_largest_speed() {
+        for largest in [2.0, 8.0] {
+            let mut joint = regen_runtime::Joint::ROTATION;
+            joint.limits.velocity = Some([-largest, largest]);
+            let model = models::Limited([joint]);
+            // a log of eight equations that show nothing
+            let mut log = QrFactor::new(vec!["Izz(1)".to_owned(), "mx(1)".to_owned()]);
+            log.push_block(&[0.0; 16], &[0.0; 8]).unwrap();
+            let state = State {
+                q: vec![0.5],
+                qd: vec![0.0],
+                qdd: vec![0.0],
+            };
+            let trial = Trial {
+                model: &model,
+                factor: &log,
+                weights: &[1.0],
+                states: &[state],
+                motions: &[],
+            };
+            let mut closure = LoopClosure::new(&model).unwrap();
+            let found = with_motion(&trial, &mut closure, 0, Kind::Acceleration).unwrap();
+            // (1, 1/2, 1/2, 1) times pi rad/s^2 for each rad/s, as many equations as in the log
+            let rate = core::f64::consts::PI * largest / 2.0;
+            let wanted = (8.0 * 2.5 / 4.0_f64).sqrt() * rate;
+            let norm = found.unwrap().column_norms()[0];
+            assert!((norm / wanted - 1.0).abs() < 1e-12, "{norm} {wanted}");
+        }
+    }
+}

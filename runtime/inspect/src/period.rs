@@ -180,4 +180,17 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn a_period_of_few_samples_is_found() {
+        let w = core::f64::consts::TAU / 0.31;
+        let times: Vec<f64> = (0..1500).map(|k| 0.01 * f64::from(k)).collect();
+        let trace = Trace {
+            columns: vec![times.iter().map(|t| (w * t).sin()).collect()],
+            times,
+            ..Trace::default()
+        };
+        let found = period(&trace, &[0]).unwrap();
+        assert!((found.seconds - 0.31).abs() < 1e-3, "{found:?}");
+    }
 }

@@ -373,3 +373,43 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         motion,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Noise;
+    use regen_identify::identify::Recorded;
+
+    #[allow(unreachable_pub, reason = "examples include the files too")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum.rs"
+        ));
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum_base.rs"
+        ));
+    }
+
+    #[test]
+    fn the_times_of_the_states_decide_how_dense_the_noise_is_and_not_the_stated_step() {
+        let (step, sigma) = (0.01, 0.3);
+        let mut log = Recorded::new();
+        let mut noise = Noise::new(2);
+        for k in 0..4000 {
+            let t = step * f64::from(k);
+            let q = t.sin();
+            let effort = 2.0 * 9.81 * q.sin() + sigma * noise.normal();
+            log.push(t, &[q], &[t.cos()], &[-q], &[effort]);
+        }
+        // a variance of sigma^2 below half the rate
+        let wanted = 2.0 * sigma * sigma * step;
+        for stated in [step, 2.0 * step] {
+            let forces = EquationKind::Forces;
+            let found = predict(&models::Pendulum, forces, &mut log, 4000, stated).unwrap();
+            let density = found.noise[0].density;
+            assert!((density / wanted - 1.0).abs() < 0.15, "{stated} {density}");
+        }
+    }
+}

@@ -322,6 +322,20 @@ mod tests {
     }
 
     #[test]
+    fn a_signal_does_not_end_at_a_gap_below_a_faster_part_of_it() {
+        let tones = |t: f64| {
+            let one = |f: f64| (core::f64::consts::TAU * f * t).sin();
+            let slow: f64 = (1..=50).map(|k| one(0.2 * f64::from(k))).sum();
+            slow + one(14.5)
+        };
+        let found = spectrum(0, tones, 0.05);
+        // averages over a twentieth of the frequency, and the window, widen it
+        let meets = found.meets.unwrap();
+        assert!((14.5..16.5).contains(&meets), "{found:?}");
+        assert!((14.4..=meets).contains(&found.ends), "{found:?}");
+    }
+
+    #[test]
     fn the_density_of_noise_is_its_deviation_over_the_root_of_the_band() {
         let mut noise = Noise::new(7);
         let times: Vec<f64> = (0..8192).map(|k| 0.005 * f64::from(k)).collect();

@@ -201,8 +201,17 @@ fn the_delay_of_efforts_is_found_within_its_deviation() {
             has_note(&found, "efforts are behind the motion"),
             delay > 0.0
         );
-        let text = proposal(&[Run::from(path)], &[found], false).unwrap();
+        let facts = std::slice::from_ref(&found);
+        let text = proposal(&[Run::from(path.as_path())], facts, false).unwrap();
         assert_eq!(text.contains("  delay: auto\n"), delay > 0.0, "{text}");
+        // and if nothing else has to be processed
+        let bare = LogFacts {
+            cutoff: None,
+            ..found
+        };
+        let text = proposal(&[Run::from(path)], &[bare], false).unwrap();
+        assert_eq!(text.contains("process:\n  "), delay > 0.0, "{text}");
+        assert_eq!(text.contains("process:"), delay > 0.0, "{text}");
     }
 }
 
@@ -330,4 +339,19 @@ fn a_log_in_which_nothing_moves_has_no_cutoff() {
     let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
     std::fs::remove_file(&path).unwrap();
     assert_eq!(found.cutoff, None);
+}
+
+#[test]
+fn a_clock_that_stands_still_is_no_clock() {
+    let mut text = String::from("t,a,tau_a\n");
+    for k in 0..2000 {
+        let t = 0.005 * f64::from(k);
+        writeln!(text, "7.5,{:.6},{:.6}", t.sin(), t.cos()).unwrap();
+    }
+    let path = std::env::temp_dir().join(format!("regen-stopped-{}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let found = inspect(&Run::from(path.as_path()), &Settings::default(), None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(found.clock.source, ClockSource::Unknown);
+    assert_eq!((found.rows, found.clock.backwards), (2000, 0));
 }
