@@ -172,3 +172,83 @@ pub(crate) fn factor(rows: &SignalRows, labels: &[String]) -> Result<QrFactor, E
     out.push_block(&rows.slopes, &rows.values)?;
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cubic and its rate by time; the window's own unknown is its factor, and three are shared.
+    fn cubic(t: f64) -> [Sensitive; 2] {
+        let value = 2.0 - t + 0.5 * t * t + 3.0 * t * t * t;
+        let rate = -1.0 + t + 9.0 * t * t;
+        [value, rate].map(|value| Sensitive {
+            value,
+            rates: vec![value, 0.0, 0.0, 0.0],
+        })
+    }
+
+    #[test]
+    fn cubics_between_samples_are_exact_with_their_rates_and_derivatives() {
+        // uneven steps
+        let times = [0.0, 0.3, 0.4, 1.0];
+        let samples = times.map(cubic);
+        for at in [0.05, 0.3, 0.37, 0.61, 0.99] {
+            let [position, velocity] = cubic(at);
+            let second = 1.0 + 18.0 * at;
+            for (rate, wanted, slope) in [
+                (false, &position, velocity.value),
+                (true, &velocity, second),
+            ] {
+                let (found, by_time) = between(&times, &samples, at, rate);
+                assert!((found.value - wanted.value).abs() < 1e-12, "{at} {rate}");
+                assert!((found.rates[0] - wanted.rates[0]).abs() < 1e-12);
+                assert!((by_time - slope).abs() < 1e-11, "{at} {rate}");
+            }
+        }
+    }
+
+    #[test]
+    fn residuals_change_with_delay_gain_and_bias_as_their_derivatives_say() {
+        let times: Vec<f64> = (0..30).map(|k| 0.1 * f64::from(k)).collect();
+        let samples: Vec<[Sensitive; 2]> = times.iter().map(|t| cubic(*t)).collect();
+        let trace = Trace {
+            coordinates: vec![(4, samples)],
+        };
+        // measured as the signal says: no residual is left
+        let [delay, gain, bias] = [0.07, 1.5, -0.4];
+        for kind in [SignalKind::Position(4), SignalKind::Velocity(4)] {
+            let place = usize::from(kind == SignalKind::Velocity(4));
+            let measured: Vec<f64> = times
+                .iter()
+                .map(|t| gain * cubic(t - delay)[place].value + bias)
+                .collect();
+            let at = |values: [f64; 3]| {
+                let mut column = 0..;
+                let entries = values.map(|value| Entry {
+                    value,
+                    column: column.next(),
+                });
+                of_signal(&trace, kind, [&times, &measured], entries, 1, 0.25)
+            };
+            let known = at([delay, gain, bias]);
+            // 0.25 s at both ends are left out
+            assert_eq!(known.rows, (3..27).collect::<Vec<_>>());
+            assert!(known.values.iter().all(|r| r.abs() < 1e-10), "{known:?}");
+            let rows = known.rows.len();
+            let h = 1e-4;
+            for k in 0..3 {
+                let moved = |by: f64| {
+                    let mut values = [delay, gain, bias];
+                    values[k] += by;
+                    at(values).values
+                };
+                let slopes = &known.slopes[(1 + k) * rows..(2 + k) * rows];
+                for ((more, less), slope) in moved(h).iter().zip(moved(-h)).zip(slopes) {
+                    // of the simulated values, which the residuals have with a negative sign
+                    let found = (less - more) / (2.0 * h);
+                    assert!((found - slope).abs() < 1e-5 * (1.0 + slope.abs()), "{k}");
+                }
+            }
+        }
+    }
+}

@@ -261,4 +261,16 @@ mod tests {
         assert_eq!(run.windows(100.0, 5).first(), Some(&(0..231)));
         assert!(run.windows(1.0, 500).is_empty());
     }
+
+    #[test]
+    fn a_controller_integrates_where_its_integral_gain_is_or_may_become_nonzero() {
+        let with = |ki: Value| Law {
+            ki,
+            ..Law::pd(40.0, 2.0)
+        };
+        assert!(with(Value::known(3.0)).integrates());
+        assert!(with(Value::estimated(3.0)).integrates());
+        assert!(with(Value::estimated(0.0)).integrates());
+        assert!(!with(Value::known(0.0)).integrates());
+    }
 }

@@ -417,3 +417,25 @@ fn interpolated(times: &[f64], values: &[f64], at: f64) -> (f64, f64) {
     let slope = (x1 - x0) / (t1 - t0);
     (x0 + slope * (at - t0), slope)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_between_its_samples_is_on_the_line_through_both_and_constant_beyond() {
+        let (times, values) = ([1.0, 3.0, 4.0], [2.0, 6.0, 5.0]);
+        for (at, wanted) in [
+            (0.5, (2.0, 0.0)),
+            (1.0, (2.0, 2.0)),
+            (1.5, (3.0, 2.0)),
+            (3.0, (6.0, -1.0)),
+            (3.75, (5.25, -1.0)),
+            (4.0, (5.0, 0.0)),
+            (9.0, (5.0, 0.0)),
+        ] {
+            assert_eq!(interpolated(&times, &values, at), wanted, "{at}");
+        }
+        assert!(interpolated(&[], &[], 0.0).0.is_nan());
+    }
+}
