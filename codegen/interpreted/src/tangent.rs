@@ -186,3 +186,47 @@ impl<const N: usize> Interpret for Tangent<N> {
         pivot
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use regen_runtime::Scalar;
+
+    #[test]
+    fn registers_have_the_rules_of_the_numbers_operators() {
+        let (a, b) = (
+            Tangent {
+                value: 1.7,
+                rates: [0.3, -2.0],
+            },
+            Tangent {
+                value: -0.6,
+                rates: [1.1, 0.4],
+            },
+        );
+        let (sin, cos) = Register::sin_cos(b, ());
+        let (expected_sin, expected_cos) = Scalar::sin_cos(b);
+        for (name, found, expected) in [
+            ("neg", Register::neg(b, ()), -b),
+            ("sqrt", Register::sqrt(a, ()), Scalar::sqrt(a)),
+            ("sin", sin, expected_sin),
+            ("cos", cos, expected_cos),
+            ("add", Register::add(a, b, ()), a + b),
+            ("sub", Register::sub(a, b, ()), a - b),
+            ("mul", Register::mul(a, b, ()), a * b),
+            ("div", Register::div(a, b, ()), a / b),
+        ] {
+            let pairs = [
+                (found.value, expected.value),
+                (found.rates[0], expected.rates[0]),
+                (found.rates[1], expected.rates[1]),
+            ];
+            for (found, expected) in pairs {
+                assert!(
+                    (found - expected).abs() < 1e-15,
+                    "{name}: {found} {expected}"
+                );
+            }
+        }
+    }
+}

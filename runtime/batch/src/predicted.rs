@@ -220,3 +220,98 @@ impl<'m, M: Model<f64> + ?Sized> PredictedClosure<'m, M> {
         Ok(closed)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use regen_runtime::{Arguments, Condition, Function, Info, SizeError};
+
+    use super::*;
+
+    #[allow(unreachable_pub, reason = "examples include the file too")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/slider_crank.rs"
+        ));
+    }
+    use models::SliderCrank;
+
+    /// A crank of 1 m and a rod that is hardly longer: at a right angle of the crank, the rod is 0.12
+    /// rad from standing across, where the loop is singular, to either side.
+    fn near_singular() -> SliderCrank {
+        let rod = 1.0 / 0.12_f64.cos();
+        SliderCrank {
+            crank: 1.0,
+            rod,
+            offset: 0.0,
+            home: [0.0, 0.0, 1.0 + rod],
+        }
+    }
+
+    /// The rod's angle and the slider at a crank angle, on the branch of home or on the other.
+    fn dependent(model: &SliderCrank, crank: f64, other: bool) -> [f64; 2] {
+        let angle = (-crank.sin() * model.crank / model.rod).asin();
+        let angle = if other {
+            -core::f64::consts::PI - angle
+        } else {
+            angle
+        };
+        let slider = model.crank * crank.cos() + model.rod * angle.cos();
+        [angle - crank, slider]
+    }
+
+    #[test]
+    fn a_closed_state_of_the_other_branch_is_not_accepted() {
+        let model = near_singular();
+        let mut closure = PredictedClosure::new(&model).unwrap();
+        let right = core::f64::consts::FRAC_PI_2;
+        assert!(closure.close(&[right], &[]).unwrap().is_closed());
+        let crank = right - 1e-3;
+        let [own, other] = [false, true].map(|other| dependent(&model, crank, other));
+        // both are near, and the loops close at both
+        assert!((own[0] - other[0]).abs() < MAX_PREDICTOR_MOVE);
+        for predicted in [other, own] {
+            assert!(closure.close(&[crank], &predicted).unwrap().is_closed());
+            assert!((closure.q()[2] - own[1]).abs() < 1e-12, "{:?}", closure.q());
+        }
+    }
+
+    /// A model that counts how often its functions are computed.
+    struct Counting(SliderCrank, AtomicUsize);
+
+    impl Model<f64> for Counting {
+        fn info(&self) -> Info<'_> {
+            Model::<f64>::info(&self.0)
+        }
+
+        fn eval(
+            &self,
+            function: Function,
+            x: Arguments<'_, f64>,
+            out: &mut [f64],
+        ) -> Result<Condition<f64>, SizeError> {
+            self.1.fetch_add(1, Ordering::Relaxed);
+            self.0.eval(function, x, out)
+        }
+    }
+
+    #[test]
+    fn a_predicted_state_takes_fewer_evaluations_than_one_that_is_followed() {
+        let evaluations = |predicted: &[f64]| {
+            let model = Counting(SliderCrank::default(), AtomicUsize::new(0));
+            let mut closure = PredictedClosure::new(&model).unwrap();
+            assert!(closure.close(&[0.5], &[]).unwrap().is_closed());
+            model.1.store(0, Ordering::Relaxed);
+            assert!(closure.close(&[0.52], predicted).unwrap().is_closed());
+            model.1.load(Ordering::Relaxed)
+        };
+        let exact = dependent(&SliderCrank::default(), 0.52, false);
+        // one step, the residual, and the Jacobian
+        assert_eq!(evaluations(&exact), 3);
+        assert!(evaluations(&[]) > 6, "{}", evaluations(&[]));
+    }
+}

@@ -285,3 +285,49 @@ fn raise(largest_so_far: &mut [f64], series: &[f64], unit: f64) {
         *out = largest(*out, (value / unit).abs());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[allow(unreachable_pub, reason = "examples include the file too")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/slider_crank.rs"
+        ));
+    }
+    use models::SliderCrank;
+
+    #[test]
+    fn states_that_are_closed_but_for_rounding_pass_the_check_and_open_ones_do_not() {
+        let model = SliderCrank::default();
+        let closure = TrajectoryClosure::new(&model).unwrap();
+        let states: Vec<[f64; 3]> = (0..12)
+            .map(|k| {
+                let crank = 0.02 * f64::from(k);
+                let angle = (-crank.sin() / 2.0).asin();
+                [crank, angle - crank, crank.cos() + 2.0 * angle.cos()]
+            })
+            .collect();
+        let reference = closure.reference(&states[6]).unwrap().unwrap();
+        let passes = |by: f64| {
+            let q: Vec<f64> = (0..3)
+                .flat_map(|c| {
+                    let by = if c == 2 { by } else { 0.0 };
+                    states.iter().map(move |state| state[c] + by)
+                })
+                .collect();
+            let mut ok = [true; 12];
+            closure.check_closed(&reference, &q, &mut ok, 12).unwrap();
+            // some residuals are not zero
+            let rounded = closure.residuals(&q, 12).unwrap();
+            assert!(rounded.iter().any(|f| *f > 0.0));
+            ok
+        };
+        assert_eq!(passes(0.0), [true; 12]);
+        assert_eq!(passes(1e-10), [false; 12]);
+    }
+}
