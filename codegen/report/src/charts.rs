@@ -424,6 +424,8 @@ fn number(value: f64, digits: usize) -> String {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
 
     #[test]
@@ -449,5 +451,24 @@ mod tests {
         assert_eq!(range(std::iter::empty(), 0.1), 0.0..1.0);
         let one = range([2.0].into_iter(), 0.1);
         assert!(one.start < 2.0 && one.end > 2.0);
+    }
+
+    #[test]
+    fn the_dashes_of_the_bound_are_longer_than_they_are_wide() {
+        let row = Bar {
+            label: "m(1)".to_owned(),
+            percent: 3.0,
+            dye: BLUE,
+        };
+        let svg = deviations(&[row], 15.0).unwrap();
+        let RGBColor(r, g, b) = RED;
+        let colour = format!("stroke=\"#{r:02X}{g:02X}{b:02X}\"");
+        let red: Vec<&str> = svg.split('<').filter(|e| e.contains(&colour)).collect();
+        assert!(!red.is_empty(), "{svg}");
+        for element in red {
+            let (_, rest) = element.split_once("stroke-width=\"").unwrap();
+            let width: u32 = rest.split('"').next().unwrap().parse().unwrap();
+            assert!((1..px(5)).contains(&width), "{element}");
+        }
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn html(report: &Content<'_>) -> String {
         motion(report),
         forces(report),
         parameters(report),
-        estimators::html(report),
+        estimators::html(report.file),
         mechanics::loads(report),
         physical(report),
         friction(report),

@@ -454,4 +454,32 @@ limbs:
             );
         }
     }
+
+    #[test]
+    fn up_is_against_gravity_and_without_it_as_in_a_still_view() {
+        let data = |gravity: &str| {
+            let text = format!(
+                "name: arm\ngravity: {gravity}\nlimbs:\n  - name: arm\n    joints:\n      \
+                 - {{name: q1, type: revolute, body: a, actuated: true}}\n"
+            );
+            let source = regen_codegen::diag::Source::new("arm.yaml", &text);
+            let mechanism = regen_codegen::Mechanism::open(&source).unwrap();
+            let functions = regen_codegen::pipeline::functions_without_base();
+            let robot = mechanism.robot(&functions).unwrap();
+            let model = regen_interpreted::Interpreted::new(&robot);
+            let scene = mechanism.scene();
+            (
+                moving(&scene, &model, None).unwrap().up,
+                still(&scene, "").up,
+            )
+        };
+        for (gravity, wanted) in [
+            ("[0, -9.81, 0]", [0.0, 1.0, 0.0]),
+            ("[1.62, 0, 0]", [-1.0, 0.0, 0.0]),
+        ] {
+            assert_eq!(data(gravity).0, wanted);
+        }
+        let (without, still) = data("[0, 0, 0]");
+        assert_eq!(without, still);
+    }
 }

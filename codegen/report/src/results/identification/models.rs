@@ -50,7 +50,48 @@ pub fn stem(run: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::stem;
+    use super::{LogError, models_text, stem};
+
+    #[test]
+    fn every_model_has_its_error_of_every_log_below_the_logs_name() {
+        let logs = |first: f64| -> Vec<LogError> {
+            let one = |k: u32| LogError {
+                log: format!("runs/log{k}.csv"),
+                relative_absolute: first + f64::from(k),
+            };
+            (0..6).map(one).collect()
+        };
+        let (least, feasible) = (logs(10.0), logs(20.0));
+        let rows = [
+            ("least squares".to_owned(), &least[..]),
+            ("feasible".to_owned(), &feasible[..]),
+        ];
+        let text = models_text("eps_RA, %", &rows);
+        // the ends of columns, which are aligned to the right
+        let ends = |line: &str, words: &[String]| -> Vec<usize> {
+            let end = |word: &String| line.find(word.as_str()).map(|at| at + word.len());
+            words.iter().filter_map(end).collect()
+        };
+        let mut found = 0;
+        let lines: Vec<&str> = text.lines().collect();
+        for (at, head) in lines.iter().enumerate() {
+            if !head.trim_start().starts_with("eps_RA, %") {
+                continue;
+            }
+            for k in (0..6).filter(|k| head.contains(&format!("log{k}"))) {
+                let column = ends(head, &[format!("log{k}")]);
+                for (first, name) in [(10 + k, "least squares"), (20 + k, "feasible")] {
+                    let own = lines[at..]
+                        .iter()
+                        .find(|line| line.trim_start().starts_with(name))
+                        .unwrap();
+                    assert_eq!(ends(own, &[format!("{first}.000")]), column, "{text}");
+                    found += 1;
+                }
+            }
+        }
+        assert_eq!(found, 12, "{text}");
+    }
 
     #[test]
     fn names_of_runs_keep_the_part_that_is_read() {

@@ -214,3 +214,74 @@ impl Summary {
         simulated.map_or_else(Vec::new, Simulated::undetermined)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use regen_identify::estimate::QrFactor;
+    use regen_identify::identify::suspect::Remedy;
+    use regen_identify::model::IdentifiedModel;
+
+    #[test]
+    fn signals_count_by_their_errors_and_one_without_an_error_as_it_is() {
+        let error = |name: &str, rms: f64| EffortError {
+            name: name.to_owned(),
+            samples: 100,
+            relative_absolute: 2.0,
+            rms,
+            relative_rms: 2.0,
+            largest: 0.3,
+            autocorrelation: Vec::new(),
+            white: 0.5,
+        };
+        let found = Responded {
+            model: IdentifiedModel::default(),
+            estimated: Vec::new(),
+            undetermined: Vec::new(),
+            errors: vec![error("q1", 0.4), error("q2", 8.0), error("q3", 0.0)],
+            deviations: serde_json::from_str(
+                r#"{"covariance": [], "degrees_of_freedom": [], "terms": 0, "samples": 300,
+                    "memory": 1, "root": []}"#,
+            )
+            .unwrap(),
+            factor: QrFactor::new(Vec::new()),
+            windows: 1,
+            steps: 1,
+            refused: 0,
+            settled: true,
+        };
+        let summary = Summary::of_responses(&found);
+        assert_eq!(summary.equations, 300);
+        let weights: Vec<f64> = summary.efforts.iter().map(|e| e.weight).collect();
+        assert_eq!(weights, [2.5, 0.125, 1.0]);
+    }
+
+    #[test]
+    fn a_suspicion_says_what_looks_wrong_and_what_to_do_about_it() {
+        let suspected = |remedy: &str| Suspected {
+            found: Suspicion {
+                file: "a.csv".to_owned(),
+                what: "tau_q1 looks reversed".to_owned(),
+                error: None,
+                changed: None,
+                efforts: Vec::new(),
+                remedy: Remedy::Series,
+            },
+            remedy: remedy.to_owned(),
+        };
+        for (remedy, text) in [
+            (
+                "Look at the sign",
+                "a.csv: tau_q1 looks reversed. Look at the sign",
+            ),
+            (
+                "--column tau_q1=-4",
+                "a.csv: tau_q1 looks reversed. If that is so, read it with --column tau_q1=-4",
+            ),
+        ] {
+            assert_eq!(suspected(remedy).to_string(), text);
+        }
+    }
+}
