@@ -194,3 +194,32 @@ fn headers_tell_what_the_choice_of_base_parameters_left_out_and_knew() {
         assert!(!tells(text));
     }
 }
+
+/// Variables of single precision take half of the bytes.
+#[test]
+fn functions_take_less_of_the_stack_in_single_precision() {
+    let joints = (1..=6)
+        .map(|k| format!("      - {{name: q{k}, type: revolute, dh: {{a: 0.3, alpha: 0.{k}}}, body: b{k}, actuated: true}}\n"))
+        .collect::<Vec<_>>()
+        .concat();
+    let robot = robot(&format!(
+        "name: stack\nlimbs:\n  - name: arm\n    joints:\n{joints}"
+    ));
+    let header = c::files(&robot).header;
+    let stated: Vec<[usize; 2]> = header
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("Stack: at most "))
+        .map(|rest| {
+            let (double, rest) = rest.split_once(" bytes on double, ").unwrap();
+            let (float, _) = rest.split_once(" on float").unwrap();
+            [double, float].map(|bytes| bytes.parse().unwrap())
+        })
+        .collect();
+    assert_eq!(stated.len(), robot.functions.len());
+    assert!(
+        stated.iter().all(|[double, float]| float <= double),
+        "{stated:?}"
+    );
+    let largest = stated.iter().max().unwrap();
+    assert!(10 * largest[1] < 7 * largest[0], "{stated:?}");
+}

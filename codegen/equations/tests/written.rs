@@ -61,3 +61,39 @@ fn an_arm_has_nothing_to_close() {
         assert!(missing.to_string().contains("no loops"), "{missing}");
     }
 }
+
+#[test]
+fn a_script_calls_only_what_it_imports_or_defines() {
+    let text = ARM.replace("body: upper,", "body: upper, friction: asymmetric,");
+    let mechanism = Mechanism::open(&Source::new("arm.yaml", &text)).unwrap();
+    let (of, all) = (Of::Regressor, Parameters::All);
+    let robot = mechanism.robot(&kinds(of, all)).unwrap();
+    let script = equations(&robot, &[], of, all, Style::Sympy).unwrap();
+    let imported = script
+        .lines()
+        .find_map(|l| l.strip_prefix("from sympy import "));
+    let imported: Vec<&str> = imported.unwrap().split(", ").collect();
+    let (_, code) = script.split_once("from sympy import ").unwrap();
+    let defined = |name: &str| script.contains(&format!("def {name}("));
+    let mut called = Vec::new();
+    for (at, _) in code.match_indices('(') {
+        let before = &code[..at];
+        let start = before.rfind(|c: char| !(c.is_alphanumeric() || c == '_'));
+        let start = start.map_or(0, |k| k + 1);
+        // a method belongs to what it is called on
+        if start < at && !code[..start].ends_with('.') {
+            called.push(&code[start..at]);
+        }
+    }
+    for name in &called {
+        assert!(
+            imported.contains(name) || defined(name) || *name == "in",
+            "{name}: {script}"
+        );
+    }
+    // friction of its own in either direction, and none at rest
+    assert!(
+        code.contains("Heaviside(qd1, 0)") && code.contains("Heaviside(-(qd1), 0)"),
+        "{code}"
+    );
+}

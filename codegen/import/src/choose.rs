@@ -96,3 +96,33 @@ fn values(model: &Model, state: &[f64]) -> String {
         .collect();
     words.join(",")
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    /// Two links from the base, whose ends are pinned together where they meet.
+    const TRIANGLE: &str = "\
+name: triangle
+limbs:
+  - name: left
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+  - name: right
+    base: {xyz: [1, 0, 0]}
+    joints:
+      - {name: q2, type: revolute, body: 2}
+cuts:
+  - {name: pin, joint: revolute, between: [{body: 1, xyz: [1, 0, 0]}, {body: 2, xyz: [1, 0, 0]}]}
+home: {q1: pi/3, q2: 2*pi/3}
+";
+
+    #[test]
+    fn a_mechanism_that_cannot_move_has_no_choice_of_coordinates() {
+        let error = test_independent(TRIANGLE, "--home").unwrap_err();
+        let all = error.to_string();
+        assert!(all.contains("the mechanism cannot move at home"), "{all}");
+    }
+}

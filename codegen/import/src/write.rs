@@ -442,4 +442,19 @@ mod tests {
         assert_eq!(text.matches(',').count(), 29);
         assert_eq!(wrapped(&names[..2]), "joint_0, joint_1");
     }
+
+    #[test]
+    fn a_line_of_names_is_filled_up_to_its_width_and_no_further() {
+        // the line with what precedes the names and a bracket or a comma behind them
+        let width = |names: &[String]| {
+            let first = wrapped(names).lines().next().map_or(0, |line| {
+                "independent: [".len() + line.trim_end_matches(',').len() + 1
+            });
+            (first, wrapped(names).lines().count())
+        };
+        let names = |last: usize| ["a".repeat(40), "b".repeat(40), "c".repeat(last)];
+        let fits = MAX_ENTRY_WIDTH - "independent: [".len() - 80 - 4 - 1;
+        assert_eq!(width(&names(fits)), (MAX_ENTRY_WIDTH, 1));
+        assert_eq!(width(&names(fits + 1)).1, 2);
+    }
 }

@@ -139,4 +139,19 @@ mod tests {
         fs::remove_file(&path).unwrap();
         assert!(matches!(Edited::open(&path), Err(ServeError::File { .. })));
     }
+
+    #[test]
+    fn a_file_is_too_long_from_one_byte_more_than_the_limit_wherever_its_characters_end() {
+        let path = std::env::temp_dir().join(format!("regen-serve-long-{}", std::process::id()));
+        let long = "\u{e9}".repeat(MAX_FILE / 2);
+        assert_eq!(long.len(), MAX_FILE);
+        fs::write(&path, &long).unwrap();
+        assert!(Edited::open(&path).is_ok());
+        // the byte behind the limit is the first of two, or the last character is of one byte
+        for more in ["\u{e9}", "e"] {
+            fs::write(&path, long.clone() + more).unwrap();
+            assert!(matches!(Edited::open(&path), Err(ServeError::Long { .. })));
+        }
+        fs::remove_file(&path).unwrap();
+    }
 }

@@ -135,3 +135,37 @@ pub(crate) fn state(found: Option<&str>, text: &str) -> State {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn only_generated_files_that_nothing_generates_any_more_are_stale() {
+        let dir = std::env::temp_dir().join(format!("regen-stale-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let generated = format!("{}robots/a.yaml\n", module::BANNER);
+        for (name, text) in [
+            ("kept.rs", generated.as_str()),
+            ("gone.rs", &generated),
+            ("gone.c", &generated),
+            ("gone.h", &generated),
+            ("own.rs", "// written by hand\n"),
+        ] {
+            fs::write(dir.join(name), text).unwrap();
+        }
+        let found = stale(&dir, &["rs", "c"], &["kept".to_owned()].into());
+        fs::remove_dir_all(&dir).unwrap();
+        let found = found.unwrap();
+        let names: Vec<_> = found.iter().filter_map(|e| e.path.file_name()).collect();
+        assert_eq!(names, ["gone.c", "gone.rs"]);
+        assert!(
+            found
+                .iter()
+                .all(|e| e.state == State::Stale && e.text.is_none())
+        );
+        assert!(stale(&dir, &["rs"], &BTreeSet::new()).unwrap().is_empty());
+    }
+}

@@ -204,6 +204,19 @@ mod tests {
     }
 
     #[test]
+    fn what_stands_behind_the_first_mark_on_its_line_is_kept() {
+        let text = "// <regen modules> by `regen generate`\npub mod old;\n// </regen modules>\n";
+        assert_eq!(listed(text), Some(names(&["old"])));
+        assert_eq!(
+            relisted(text, &names(&["new"])).as_deref(),
+            Some(
+                "// <regen modules> by `regen generate`\n#[rustfmt::skip]\npub mod new;\n\
+                 // </regen modules>\n"
+            )
+        );
+    }
+
+    #[test]
     fn a_list_is_empty_where_nothing_stands_between_the_marks() {
         let text = "// <regen modules>\n// </regen modules>\n";
         assert_eq!(listed(text), Some(names(&[])));

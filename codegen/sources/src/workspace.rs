@@ -102,3 +102,28 @@ pub fn generated_beside(file: &Path) -> PathBuf {
     };
     Workspace::above(beside).map_or_else(|| PathBuf::from("."), |w| w.generated())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn a_file_is_generated_into_the_workspace_that_it_is_in_and_not_into_the_one_around() {
+        let root = env::temp_dir().join(format!("regen-workspace-{}", std::process::id()));
+        let generated = root.join("generated/src");
+        fs::create_dir_all(root.join("robots/more")).unwrap();
+        fs::create_dir_all(&generated).unwrap();
+        let found = ["robots/a.yaml", "robots/more/b.yaml", "c.yaml"]
+            .map(|file| generated_beside(&root.join(file)));
+        let wanted = generated.canonicalize().unwrap();
+        fs::remove_dir_all(&root).unwrap();
+        assert_eq!(found, [(); 3].map(|()| wanted.clone()));
+        // a file without a folder is in the current one
+        assert_eq!(
+            generated_beside(Path::new("d.yaml")),
+            generated_beside(Path::new("./d.yaml"))
+        );
+    }
+}

@@ -291,3 +291,39 @@ impl KeptColumns {
         worst
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use regen_codegen::sym::Number;
+
+    #[test]
+    fn a_wrong_factor_in_a_combination_changes_the_projected_forces() {
+        let text = "\
+name: arm
+gravity: [0, -9.81, 0]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true}
+";
+        let source = regen_codegen::diag::Source::new("arm.yaml", text);
+        let mut robot = regen_codegen::pipeline::derive(&source).unwrap();
+        let failing = |robot: &Robot| -> Vec<&'static str> {
+            let report = numeric_path(robot, None).unwrap().report;
+            let failing = report.checks.iter().filter(|check| check.fails());
+            failing.map(|check| check.what.statement).collect()
+        };
+        assert_eq!(failing(&robot), [""; 0]);
+        let base = &mut robot.analysis.as_mut().unwrap().base;
+        let combined = base.parameters.iter_mut().find(|p| p.terms.len() > 1);
+        let term = &mut combined.unwrap().terms[1];
+        // a relative error of one millionth
+        let factor = Number::ratio(1_000_001, 1_000_000).unwrap();
+        term.value = term.value.mul(&factor);
+        assert_eq!(failing(&robot), ["projection by the combinations"]);
+    }
+}

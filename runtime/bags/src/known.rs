@@ -166,3 +166,17 @@ impl Decoder {
         Err(first.unwrap_or_default())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_of_known_types_are_decoded_also_if_the_recording_does_not_define_them() {
+        for name in KNOWN_TYPES {
+            let decoder = Decoder::new(name, None);
+            assert!(matches!(decoder, Some(Ok(_))), "{name}: {decoder:?}");
+        }
+        assert!(Decoder::new("std_msgs/msg/String", None).is_none());
+    }
+}

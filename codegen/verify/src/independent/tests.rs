@@ -199,3 +199,29 @@ limbs:
     };
     case.fails(&["single_precision"]);
 }
+
+/// Parameters that have no part in the base parameters, and those that the spec relates to others,
+/// are no parameters that the way back has to keep.
+#[test]
+fn robots_whose_base_drops_or_relates_parameters_pass_every_check() {
+    let arm = "\
+name: arm
+gravity: [0, -9.81, 0]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true}
+base:
+";
+    for choice in ["  drop: [mx(2)]\n", "  zero: [mx(2)]\n"] {
+        let text = format!("{arm}{choice}");
+        let case = Case {
+            robot: derived(&text),
+            text,
+            vectors: None,
+        };
+        assert_eq!(case.failing(), [""; 0], "{choice}");
+        assert!(case.with(Verdict::Holds).contains(&"way_back"));
+    }
+}
