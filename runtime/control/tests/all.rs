@@ -8,3 +8,4 @@
 mod agrees;
 mod allocates;
 mod refuses;
+mod steps;
