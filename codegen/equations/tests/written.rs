@@ -93,7 +93,7 @@ fn a_script_calls_only_what_it_imports_or_defines() {
     }
     // friction of its own in either direction, and none at rest
     assert!(
-        code.contains("Heaviside(qd1, 0)") && code.contains("Heaviside(-(qd1), 0)"),
+        code.contains("Heaviside(dq1, 0)") && code.contains("Heaviside(-(dq1), 0)"),
         "{code}"
     );
 }

@@ -171,6 +171,20 @@ fn a_parallel_robot_with_friction_at_many_states_has_the_bits_of_single_states()
     check(include_str!("../../../robots/3rps_friction.yaml"));
 }
 
+/// Each direction has a friction of its own, and at rest there is none.
+#[test]
+fn an_arm_with_friction_of_either_direction_at_many_states_has_the_bits_of_single_states() {
+    check(
+        "\
+name: arm
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: asymmetric}
+",
+    );
+}
+
 /// Random states far from closed ones make some of the fixed pivots too small.
 #[test]
 fn a_closed_loop_solved_by_other_pivots_has_the_bits_of_single_states() {
