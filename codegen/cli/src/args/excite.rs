@@ -74,7 +74,7 @@ pub(crate) struct ExciteArgs {
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(crate) starts: usize,
     /// The most steps in the last of the five stages of a start; the others take up to a third
-    #[arg(long, value_name = "N", default_value_t = 60)]
+    #[arg(long, value_name = "N", default_value_t = 180)]
     pub(crate) steps: usize,
     /// The number of threads [default: as many as the machine has]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]

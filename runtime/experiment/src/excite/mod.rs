@@ -106,7 +106,7 @@ impl Settings {
             seed: 1,
             starts: 4,
             threads: 0,
-            steps: 60,
+            steps: 180,
         }
     }
 }

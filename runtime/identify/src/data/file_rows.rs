@@ -4,8 +4,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, Reader};
-
+use super::csv_rows::CsvRows;
 use super::problem::{DataError, Fault};
 use super::table::{Format, Written};
 
@@ -39,7 +38,7 @@ pub(super) struct Table {
     /// Whether the file names its columns; else they are called by their numbers.
     pub(super) named: bool,
     /// The length in bytes of a CSV file whose last line has no end of line.
-    unended_length: Option<u64>,
+    pub(super) unended_length: Option<u64>,
 }
 
 /// How a file is read.
@@ -66,6 +65,7 @@ pub(super) struct Opening<'a> {
 }
 
 /// A row of a file.
+#[derive(Debug, PartialEq)]
 pub(super) struct FileRow {
     /// The line of a CSV file, the row of a Parquet file or the number of a message, from 1.
     pub(super) line: u64,
@@ -147,7 +147,11 @@ impl Opening<'_> {
 impl Table {
     /// Finds the format of a file.
     #[cfg_attr(not(feature = "parquet"), allow(unused_variables))]
-    fn open(path: &Path, format: Format, episode: Option<u64>) -> Result<Self, DataError> {
+    pub(super) fn open(
+        path: &Path,
+        format: Format,
+        episode: Option<u64>,
+    ) -> Result<Self, DataError> {
         if is_parquet(path) {
             #[cfg(feature = "parquet")]
             {
@@ -187,21 +191,23 @@ impl Table {
             Kind::Bag(table) => Ok(FileRows::Bag(Box::new(super::bags::BagRows::open(
                 table, wanted,
             )?))),
-            Kind::Csv(written) => Ok(FileRows::Csv(CsvRows {
-                table: self,
-                written,
-                reader: written
-                    .reader(&self.path)
-                    .map_err(|e| failed(&self.path, &e))?,
-                record: ByteRecord::new(),
-                last_column: LastColumn::default(),
-                wanted,
-            })),
+            Kind::Csv(written) => Ok(FileRows::Csv(CsvRows::open(self, written, wanted)?)),
         }
     }
 }
 
 impl FileRows<'_> {
+    /// Takes the memory of a row back, for the next one.
+    pub(super) fn reuse(&mut self, values: Vec<f64>) {
+        #[cfg_attr(
+            not(any(feature = "parquet", feature = "bags")),
+            allow(irrefutable_let_patterns)
+        )]
+        if let Self::Csv(rows) = self {
+            rows.reuse(values);
+        }
+    }
+
     /// The next row; `None` behind the last one.
     pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
         match self {
@@ -214,113 +220,8 @@ impl FileRows<'_> {
     }
 }
 
-/// The rows of a CSV file.
-pub(super) struct CsvRows<'a> {
-    table: &'a Table,
-    written: &'a Written,
-    reader: Reader<File>,
-    record: ByteRecord,
-    last_column: LastColumn,
-    wanted: Vec<Wanted>,
-}
-
-impl CsvRows<'_> {
-    fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
-        let path = &self.table.path;
-        let more = self.reader.read_byte_record(&mut self.record);
-        if !more.map_err(|error| failed(path, &error))? {
-            return Ok(None);
-        }
-        let line = self.record.position().map_or(0, csv::Position::line);
-        let end = self.reader.position().byte();
-        let is_unended_line = self
-            .table
-            .unended_length
-            .is_some_and(|length| end >= length);
-        let is_cut = is_unended_line && self.last_column.is_cut(&self.record);
-        self.last_column.push(&self.record);
-        let values = match self.parse() {
-            Ok(_) if is_cut => Err(self.cut_problem()),
-            values => values,
-        };
-        Ok(Some(FileRow { line, values }))
-    }
-
-    /// The fault of a last row that is cut off within an entry.
-    fn cut_problem(&self) -> Fault {
-        let text = self.record.iter().next_back().unwrap_or_default();
-        Fault::Cut {
-            column: self.table.titles.last().cloned().unwrap_or_default(),
-            text: shortened(&String::from_utf8_lossy(text)),
-        }
-    }
-
-    /// The numbers of the wanted columns of the present record.
-    fn parse(&self) -> Result<Vec<f64>, Fault> {
-        let (record, expected) = (&self.record, self.table.titles.len());
-        if record.len() != expected {
-            return Err(Fault::Entries {
-                found: record.len(),
-                expected,
-            });
-        }
-        let mut values = Vec::with_capacity(self.wanted.len() + 1);
-        for wanted in &self.wanted {
-            let text = core::str::from_utf8(record.get(wanted.column).unwrap_or_default());
-            let text = text.unwrap_or("?").trim();
-            match self.written.number(text) {
-                Some(value) if value.is_finite() => values.push(value),
-                _ => {
-                    return Err(Fault::NotANumber {
-                        column: wanted.title.clone(),
-                        text: shortened(text),
-                    });
-                }
-            }
-        }
-        Ok(values)
-    }
-}
-
-/// Least number of rows before a last line without an end of line that show the usual length of
-/// its last entry.
-const MIN_ROWS_BEFORE_CUT: usize = 20;
-
-/// The lengths of the last entries of the rows so far.
-#[derive(Default)]
-struct LastColumn {
-    /// The number of rows.
-    rows: usize,
-    /// The length of the shortest last entry, bytes.
-    shortest: usize,
-}
-
-impl LastColumn {
-    /// The length of the last entry of a row, bytes.
-    fn length(record: &ByteRecord) -> usize {
-        record
-            .get(record.len().saturating_sub(1))
-            .map_or(0, <[u8]>::len)
-    }
-
-    fn push(&mut self, record: &ByteRecord) {
-        let length = Self::length(record);
-        self.shortest = if self.rows == 0 {
-            length
-        } else {
-            self.shortest.min(length)
-        };
-        self.rows += 1;
-    }
-
-    /// Whether the last entry of a row without an end of line is shorter than all before it.
-    fn is_cut(&self, record: &ByteRecord) -> bool {
-        self.rows >= MIN_ROWS_BEFORE_CUT && Self::length(record) < self.shortest
-    }
-}
-
 /// The error of a file that cannot be read.
-fn failed(path: &Path, error: &csv::Error) -> DataError {
+pub(super) fn failed(path: &Path, error: &csv::Error) -> DataError {
     DataError::Io {
         file: path.display().to_string(),
         why: format!("{error}"),

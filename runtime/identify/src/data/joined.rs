@@ -194,7 +194,10 @@ impl<'a> JoinedRows<'a> {
                 line = own;
             }
             match found {
-                Ok(found) => fill(&mut values, channels, &source.entries, &found),
+                Ok(found) => {
+                    fill(&mut values, channels, &source.entries, &found);
+                    source.rows.reuse(found);
+                }
                 Err(what) => {
                     fault.get_or_insert(Problem::of(own, what));
                 }

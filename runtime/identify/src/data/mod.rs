@@ -5,13 +5,16 @@ mod average;
 #[cfg(feature = "bags")]
 mod bags;
 mod columns;
+mod csv_rows;
 mod discretisation;
 pub(crate) mod expression;
 mod file_rows;
 mod joined;
 mod layout;
+mod lines;
 mod logs;
 mod motion;
+mod number;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod policy;

@@ -5,6 +5,39 @@ use super::logs::Log;
 use super::reader::LogRow;
 use crate::signals::{Derivatives, Method, SignalError, differences};
 
+/// The motion of all measured coordinates, each as by [`derivatives`].
+///
+/// # Errors
+/// When the rows do not suit the method.
+pub(super) fn all_derivatives(
+    log: &Log,
+    method: Method,
+    times: &[f64],
+    rows: &[LogRow],
+) -> Result<Vec<Derivatives>, SignalError> {
+    let layout = &log.file.layout;
+    let mut others = layout.velocities.iter().chain(&layout.accelerations);
+    let only_positions = others.all(Option::is_none) && log.series.is_none();
+    if only_positions && method != Method::Central {
+        let positions: Vec<Vec<f64>> = layout
+            .positions()
+            .map(|entry| column(rows, entry))
+            .collect();
+        let positions: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
+        return method.differentiate_all(times, &positions);
+    }
+    let places = 0..layout.measured.len();
+    places
+        .map(|place| derivatives(log, method, place, times, rows))
+        .collect()
+}
+
+/// The entries of one column.
+fn column(rows: &[LogRow], entry: usize) -> Vec<f64> {
+    let value = |row: &LogRow| row.values.get(entry).copied().unwrap_or(f64::NAN);
+    rows.iter().map(value).collect()
+}
+
 /// The motion of the measured coordinate with index `place`.
 ///
 /// Measured accelerations and velocities are used as they are. Where velocities alone are
@@ -24,10 +57,7 @@ pub(super) fn derivatives(
     rows: &[LogRow],
 ) -> Result<Derivatives, SignalError> {
     let layout = &log.file.layout;
-    let column = |entry: usize| -> Vec<f64> {
-        let value = |row: &LogRow| row.values.get(entry).copied().unwrap_or(f64::NAN);
-        rows.iter().map(value).collect()
-    };
+    let column = |entry: usize| column(rows, entry);
     let positions = column(layout.positions().start + place);
     let velocity = layout.velocities.get(place).copied().flatten();
     let acceleration = layout.accelerations.get(place).copied().flatten();

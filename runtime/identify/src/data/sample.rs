@@ -80,10 +80,10 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
         let mut valid = 0..rows.len();
         let method = self.settings.method;
-        for place in 0..m {
-            let Ok(own) = motion::derivatives(log, method, place, &times, &rows) else {
-                return;
-            };
+        let Ok(of_all) = motion::all_derivatives(log, method, &times, &rows) else {
+            return;
+        };
+        for own in of_all {
             valid = valid.start.max(own.valid.start)..valid.end.min(own.valid.end);
             motion.push([own.value, own.rate, own.acceleration]);
         }

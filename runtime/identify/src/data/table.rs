@@ -7,6 +7,8 @@ use std::path::Path;
 
 use csv::{ByteRecord, Reader, ReaderBuilder};
 
+use super::number;
+
 /// Whether the first row of a log names its columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Header {
@@ -103,7 +105,11 @@ impl Written {
             None => separator != Separator::Comma && has_decimal_commas(&rows),
         };
         let first = rows.first().map(Vec::as_slice).unwrap_or_default();
-        let numbers = |texts: &[String]| texts.iter().all(|t| number(t, decimal_comma).is_some());
+        let numbers = |texts: &[String]| {
+            texts
+                .iter()
+                .all(|t| number::of_text(t, decimal_comma).is_some())
+        };
         let has_header = asked.header == Header::Auto && (first.is_empty() || !numbers(first));
         let titles = if has_header {
             first.to_vec()
@@ -123,25 +129,38 @@ impl Written {
         self.has_header
     }
 
-    /// A reader of the rows behind the header, which ignores lines that start with `#` and accepts
-    /// rows of any length.
-    pub(super) fn reader(&self, path: &Path) -> Result<Reader<File>, csv::Error> {
+    /// The byte between columns.
+    pub(super) fn separator(&self) -> u8 {
+        self.separator
+    }
+
+    /// A reader of rows of any length, which ignores lines that start with `#`; with `has_header` the
+    /// first row is not passed on.
+    pub(super) fn reader(&self, file: File, has_header: bool) -> Reader<File> {
         builder(self.separator)
-            .has_headers(self.has_header)
-            .from_path(path)
+            .has_headers(has_header)
+            .from_reader(file)
+    }
+
+    /// The number at the start of a line and its length, see [`number::leading`].
+    pub(super) fn leading_number(&self, line: &[u8]) -> Option<(f64, usize)> {
+        number::leading(line, self.separator, self.decimal_comma)
     }
 
     /// The number of an entry; `None` if the entry is not a number.
-    pub(super) fn number(&self, text: &str) -> Option<f64> {
-        number(text, self.decimal_comma)
+    pub(super) fn number(&self, entry: &[u8]) -> Option<f64> {
+        number::of_bytes(entry, self.decimal_comma)
     }
 }
+
+/// The first byte of a line that is no row.
+pub(super) const COMMENT: u8 = b'#';
 
 fn builder(separator: u8) -> ReaderBuilder {
     let mut builder = ReaderBuilder::new();
     builder
         .flexible(true)
-        .comment(Some(b'#'))
+        .comment(Some(COMMENT))
         .delimiter(separator);
     builder
 }
@@ -169,18 +188,9 @@ fn agree(rows: &[Vec<String>]) -> bool {
 fn has_decimal_commas(rows: &[Vec<String>]) -> bool {
     let all = || rows.iter().flatten();
     let with = |mark: char, comma: bool| {
-        all().any(|text| text.contains(mark) && number(text, comma).is_some())
+        all().any(|text| text.contains(mark) && number::of_text(text, comma).is_some())
     };
     with(',', true) && !with('.', false)
-}
-
-/// The number, finite or not, with a point or a comma before its decimals.
-fn number(text: &str, decimal_comma: bool) -> Option<f64> {
-    if decimal_comma && text.contains(',') {
-        text.replacen(',', ".", 1).parse().ok()
-    } else {
-        text.parse().ok()
-    }
 }
 
 #[cfg(test)]

@@ -116,9 +116,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let file = &self.log.file;
         if n > 0 {
             let method = self.settings.method.of_states(self.log.survey.time_step());
-            for place in 0..m {
-                match motion::derivatives(self.log, method, place, &times, &self.rows) {
-                    Ok(found) => {
+            match motion::all_derivatives(self.log, method, &times, &self.rows) {
+                Ok(of_all) => {
+                    for found in of_all {
                         // within a segment the support already bounds the valid rows
                         let start = if self.before > 0 {
                             0
@@ -129,13 +129,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                         valid = valid.start.max(start)..valid.end.min(stop);
                         motion.push([found.value, found.rate, found.acceleration]);
                     }
-                    // a segment between two faults may be too short, a whole log may not
-                    Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
-                        valid = 0..0;
-                        break;
-                    }
-                    Err(why) => return Err(signal(file, why)),
                 }
+                // a segment between two faults may be too short, a whole log may not
+                Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
+                    valid = 0..0;
+                }
+                Err(why) => return Err(signal(file, why)),
             }
         }
         for (effort, delay) in efforts.iter_mut().zip(&self.delays) {

@@ -8,7 +8,7 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::windows::{Bounds, Windows, are_alike, weighted_sums};
+use super::windows::{Bounds, Windows, are_alike, weighted_sums, weighted_sums_side_by_side};
 use super::{Derivatives, SignalError, nans};
 use crate::qr_update::{reduce, substitute};
 
@@ -17,12 +17,13 @@ pub(super) const TERMS: usize = 4;
 /// Least number of samples of a window: one more than the coefficients.
 pub(super) const MIN_SAMPLES: usize = TERMS + 1;
 
-/// Fits a polynomial around each sample; samples whose window lies within the data are valid.
+/// Fits a polynomial around each sample of each series; samples whose window lies within the data
+/// are valid.
 pub(super) fn fit(
     half_width: f64,
     times: &[f64],
-    values: &[f64],
-) -> Result<Derivatives, SignalError> {
+    series: &[&[f64]],
+) -> Result<Vec<Derivatives>, SignalError> {
     let n = times.len();
     if !(half_width > 0.0 && half_width.is_finite()) {
         return Err(SignalError::Setting("the half width must be positive"));
@@ -32,12 +33,6 @@ pub(super) fn fit(
             samples: 0,
             needed: MIN_SAMPLES,
         });
-    };
-    let mut out = Derivatives {
-        value: nans(n),
-        rate: nans(n),
-        acceleration: nans(n),
-        valid: 0..0,
     };
     // a window that ends at a sample includes it in spite of rounded times
     let slack = 1e-9 * half_width;
@@ -53,16 +48,22 @@ pub(super) fn fit(
             needed: n + 1,
         });
     }
+    let empty = |_: &&[f64]| Derivatives {
+        value: nans(n),
+        rate: nans(n),
+        acceleration: nans(n),
+        valid: first..last,
+    };
+    let mut out: Vec<Derivatives> = series.iter().map(empty).collect();
     let task = Fit {
         half_width,
         times,
-        values,
+        series,
         bounds: &bounds(half_width, times, first..last),
         first,
         out: &mut out,
     };
     Arch::new().dispatch(task)?;
-    out.valid = first..last;
     Ok(out)
 }
 
@@ -84,15 +85,16 @@ fn bounds(half_width: f64, times: &[f64], samples: Range<usize>) -> Vec<Bounds> 
     samples.map(window).collect()
 }
 
-/// The polynomials of consecutive samples as a task for one instruction set.
+/// The polynomials of consecutive samples as a task for one instruction set. All series have the same
+/// windows, whose columns are reduced once.
 struct Fit<'a> {
     half_width: f64,
     times: &'a [f64],
-    values: &'a [f64],
+    series: &'a [&'a [f64]],
     bounds: &'a [Bounds],
     /// The sample that the first window belongs to.
     first: usize,
-    out: &'a mut Derivatives,
+    out: &'a mut [Derivatives],
 }
 
 impl WithSimd for Fit<'_> {
@@ -101,13 +103,9 @@ impl WithSimd for Fit<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         let Fit {
-            half_width,
-            times,
-            values,
-            ..
+            half_width, times, ..
         } = self;
-        let out = self.out;
-        let mut set = |k: usize, c: [f64; TERMS]| {
+        let set = |out: &mut Derivatives, k: usize, c: [f64; TERMS]| {
             out.value[k] = c[0];
             out.rate[k] = c[1] / half_width;
             out.acceleration[k] = 2.0 * c[2] / (half_width * half_width);
@@ -115,19 +113,21 @@ impl WithSimd for Fit<'_> {
         let mut windows = Windows::new(simd, half_width);
         for (group, bounds) in self.bounds.chunks(S::F64_LANES).enumerate() {
             let k = self.first + group * S::F64_LANES;
-            if bounds.len() == S::F64_LANES
+            let alike = bounds.len() == S::F64_LANES
                 && are_alike(bounds)
-                && windows.fill(times, Some(values), k, bounds[0])
-                && windows.reduce(true)
-            {
-                let c = windows.coefficients();
-                for lane in 0..S::F64_LANES {
-                    set(k + lane, c.map(|c| Windows::<S>::lanes(&c)[lane]));
+                && windows.fill(times, k, bounds[0])
+                && windows.reduce();
+            for (values, out) in self.series.iter().zip(&mut *self.out) {
+                if alike {
+                    let c = windows.coefficients(values, bounds[0].0);
+                    for lane in 0..S::F64_LANES {
+                        set(out, k + lane, c.map(|c| Windows::<S>::lanes(&c)[lane]));
+                    }
+                    continue;
                 }
-                continue;
-            }
-            for (k, bounds) in (k..).zip(bounds) {
-                set(k, coefficients(half_width, times, values, k, *bounds)?);
+                for (k, bounds) in (k..).zip(bounds) {
+                    set(out, k, coefficients(half_width, times, values, k, *bounds)?);
+                }
             }
         }
         Ok(())
@@ -249,23 +249,20 @@ impl WithSimd for Smooth<'_> {
             let k = first + group * S::F64_LANES;
             let alike = bounds.len() == S::F64_LANES
                 && are_alike(bounds)
-                && windows.fill(times, None, k, bounds[0])
-                && windows.reduce(false);
+                && windows.fill(times, k, bounds[0])
+                && windows.reduce();
             if alike {
                 windows.weights(&mut side_by_side);
+                let values = &values[bounds[0].0 * channels..];
+                let out = &mut out[k * channels..(k + bounds.len()) * channels];
+                weighted_sums_side_by_side(simd, values, channels, &side_by_side, out);
+                continue;
             }
-            for (lane, (low, high)) in bounds.iter().enumerate() {
-                let k = k + lane;
+            for (k, (low, high)) in (k..).zip(bounds) {
                 let samples = &values[low * channels..high * channels];
                 let slot = &mut out[k * channels..(k + 1) * channels];
-                if alike {
-                    let own = side_by_side.iter();
-                    let own = own.map(|weights| Windows::<S>::lanes(weights)[lane]);
-                    weighted_sums(simd, samples, own, slot);
-                } else {
-                    kernel(half_width, times[k], &times[*low..*high], &mut weights)?;
-                    weighted_sums(simd, samples, weights.iter().copied(), slot);
-                }
+                kernel(half_width, times[k], &times[*low..*high], &mut weights)?;
+                weighted_sums(simd, samples, weights.iter().copied(), slot);
             }
         }
         Ok(())

@@ -201,7 +201,50 @@ impl Method {
                     valid: 0..times.len(),
                 })
             }
-            Self::Local { half_width } => local::fit(half_width, times, values),
+            Self::Local { .. } => {
+                let mut of_all = self.differentiate_all(times, &[values])?;
+                of_all.pop().ok_or(SignalError::TooFew {
+                    samples: 0,
+                    needed: 1,
+                })
+            }
+        }
+    }
+
+    /// As [`differentiate`](Self::differentiate) for several signals with the same times; where a
+    /// polynomial is fitted around each sample, the work that depends on the times is done once.
+    ///
+    /// # Errors
+    /// As [`differentiate`](Self::differentiate), for the first signal that has one.
+    ///
+    /// ```
+    /// use regen_identify::signals::Method;
+    ///
+    /// let times: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+    /// let squares: Vec<f64> = times.iter().map(|t| t * t).collect();
+    /// let method = Method::Local { half_width: 0.08 };
+    /// let both = method.differentiate_all(&times, &[&times, &squares])?;
+    /// assert_eq!(both[1], method.differentiate(&times, &squares)?);
+    /// assert!((both[0].rate[50] - 1.0).abs() < 1e-12);
+    /// # Ok::<(), regen_identify::signals::SignalError>(())
+    /// ```
+    pub fn differentiate_all(
+        &self,
+        times: &[f64],
+        signals: &[&[f64]],
+    ) -> Result<Vec<Derivatives>, SignalError> {
+        match *self {
+            Self::Local { half_width } => {
+                for values in signals {
+                    check(times, values)?;
+                }
+                local::fit(half_width, times, signals)
+            }
+            _ => {
+                let each = signals.iter();
+                each.map(|values| self.differentiate(times, values))
+                    .collect()
+            }
         }
     }
 

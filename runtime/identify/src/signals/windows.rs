@@ -31,9 +31,8 @@ pub(super) struct Windows<S: Simd> {
     /// The powers of the distances, each multiplied by the root of the weight: column by column.
     columns: Vec<S::f64s>,
     side: Vec<S::f64s>,
-    /// The triangle, column by column, and the right-hand side.
+    /// The triangle, column by column.
     r: [[S::f64s; TERMS]; TERMS],
-    z: [S::f64s; TERMS],
 }
 
 /// Whether consecutive windows have equally many rows, each one later than the one before.
@@ -56,7 +55,6 @@ impl<S: Simd> Windows<S> {
             columns: Vec::new(),
             side: Vec::new(),
             r: [[zero; TERMS]; TERMS],
-            z: [zero; TERMS],
         }
     }
 
@@ -73,16 +71,9 @@ impl<S: Simd> Windows<S> {
     }
 
     /// Fills the columns of the windows around the samples from `middle` on, the first of which has
-    /// the rows `low..high`; with `values`, the right-hand side too. Returns whether all windows have
-    /// enough samples inside.
+    /// the rows `low..high`. Returns whether all windows have enough samples inside.
     #[inline(always)]
-    pub(super) fn fill(
-        &mut self,
-        times: &[f64],
-        values: Option<&[f64]>,
-        middle: usize,
-        (low, high): Bounds,
-    ) -> bool {
+    pub(super) fn fill(&mut self, times: &[f64], middle: usize, (low, high): Bounds) -> bool {
         let simd = self.simd;
         let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
         let rows = high - low;
@@ -112,18 +103,15 @@ impl<S: Simd> Windows<S> {
             }
             self.distances[i] = s;
             self.tricubes[i] = tricube;
-            if let Some(values) = values {
-                self.side[i] = simd.mul_f64s(root, Self::load(values, low + i));
-            }
         }
         let least = MIN_SAMPLES as f64;
         Self::lanes(&inside).iter().all(|count| *count >= least)
     }
 
-    /// Reduces the columns to a triangle, and the right-hand side if `with_side`; returns false
-    /// where a column is zero.
+    /// Reduces the columns to a triangle; returns false where a column is zero. The columns then
+    /// hold the Householder vectors below the triangle.
     #[inline(always)]
-    pub(super) fn reduce(&mut self, with_side: bool) -> bool {
+    pub(super) fn reduce(&mut self) -> bool {
         let (simd, rows) = (self.simd, self.rows);
         let zero = simd.splat_f64s(0.0);
         let mut rest = &mut self.columns[..];
@@ -157,19 +145,29 @@ impl<S: Simd> Windows<S> {
                 self.r[column][k] = simd.sub_f64s(zero, simd.mul_f64s(s, head));
                 subtract(simd, v, last, s);
             }
-            if with_side {
-                let s = simd.div_f64s(dot(simd, v, &self.side), h);
-                self.z[k] = simd.sub_f64s(zero, simd.mul_f64s(s, head));
-                subtract(simd, v, &mut self.side, s);
-            }
         }
         true
     }
 
-    /// The coefficients of the polynomials whose right-hand side was reduced.
+    /// The coefficients of the polynomials of one series in the windows whose columns were reduced,
+    /// the first of which begins at sample `low`.
     #[inline(always)]
-    pub(super) fn coefficients(&self) -> [S::f64s; TERMS] {
-        self.substitute(self.z)
+    pub(super) fn coefficients(&mut self, values: &[f64], low: usize) -> [S::f64s; TERMS] {
+        let (simd, rows) = (self.simd, self.rows);
+        let zero = simd.splat_f64s(0.0);
+        // the first column is that of the roots of the weights, which no reflection changes
+        for (i, (side, root)) in self.side.iter_mut().zip(&self.columns).enumerate() {
+            *side = simd.mul_f64s(*root, Self::load(values, low + i));
+        }
+        let mut z = [zero; TERMS];
+        for (k, v) in self.columns.chunks_exact(rows).enumerate() {
+            let head = simd.sub_f64s(zero, self.r[k][k]);
+            let h = simd.mul_f64s(head, head);
+            let s = simd.div_f64s(dot(simd, v, &self.side), h);
+            z[k] = simd.sub_f64s(zero, simd.mul_f64s(s, head));
+            subtract(simd, v, &mut self.side, s);
+        }
+        self.substitute(z)
     }
 
     #[inline(always)]
@@ -308,5 +306,99 @@ pub(super) fn weighted_sums<S: Simd>(
         for (sum, x) in rest.iter_mut().zip(&sample[whole..]) {
             *sum += weight * x;
         }
+    }
+}
+
+/// As [`weighted_sums`], for windows of equally many samples, each one later than the one before:
+/// every sample is read once for several of them.
+///
+/// - `values`: from the first sample of the first window on, `channels` entries each;
+/// - `weights`: for each sample of a window its weights, one window in each lane;
+/// - `out`: the sums of the windows one after the other.
+#[inline(always)]
+pub(super) fn weighted_sums_side_by_side<S: Simd>(
+    simd: S,
+    values: &[f64],
+    channels: usize,
+    weights: &[S::f64s],
+    out: &mut [f64],
+) {
+    for (tile, out) in out.chunks_mut(TILE * channels).enumerate() {
+        let first = tile * TILE;
+        let values = values.get(first * channels..).unwrap_or_default();
+        let own = |sample: usize, window: usize| {
+            let lanes = weights.get(sample).map(Windows::<S>::lanes);
+            lanes.and_then(|lanes| lanes.get(first + window)).copied()
+        };
+        if out.len() < TILE * channels {
+            for (window, out) in out.chunks_mut(channels).enumerate() {
+                let weights = (0..weights.len()).filter_map(|sample| own(sample, window));
+                let values = values.get(window * channels..).unwrap_or_default();
+                weighted_sums(simd, values, weights, out);
+            }
+            continue;
+        }
+        let lanes = channels / S::F64_LANES;
+        let mut register = 0;
+        while register + 3 <= lanes {
+            let at = register * S::F64_LANES;
+            tile_sums::<S, 3>(simd, values, channels, at, weights.len(), own, out);
+            register += 3;
+        }
+        while register < lanes {
+            let at = register * S::F64_LANES;
+            tile_sums::<S, 1>(simd, values, channels, at, weights.len(), own, out);
+            register += 1;
+        }
+        for channel in lanes * S::F64_LANES..channels {
+            let mut sums = [0.0; TILE];
+            for (sample, entry) in values.iter().skip(channel).step_by(channels).enumerate() {
+                for (window, sum) in sums.iter_mut().enumerate() {
+                    if let Some(weight) = sample.checked_sub(window).and_then(|k| own(k, window)) {
+                        *sum += weight * entry;
+                    }
+                }
+                if sample + 1 >= weights.len() + TILE {
+                    break;
+                }
+            }
+            for (out, sum) in out.iter_mut().skip(channel).step_by(channels).zip(sums) {
+                *out = sum;
+            }
+        }
+    }
+}
+
+/// Windows whose sums are formed at a time.
+const TILE: usize = 4;
+
+/// The sums of the channels in `REGISTERS` registers from `at` on in [`TILE`] windows.
+#[inline(always)]
+fn tile_sums<S: Simd, const REGISTERS: usize>(
+    simd: S,
+    values: &[f64],
+    channels: usize,
+    at: usize,
+    samples: usize,
+    weight: impl Fn(usize, usize) -> Option<f64>,
+    out: &mut [f64],
+) {
+    let width = REGISTERS * S::F64_LANES;
+    let mut sums = [[simd.splat_f64s(0.0); REGISTERS]; TILE];
+    let all = values.chunks_exact(channels).take(samples + TILE - 1);
+    for (sample, values) in all.enumerate() {
+        let (own, _) = S::as_simd_f64s(&values[at..at + width]);
+        for (window, sums) in sums.iter_mut().enumerate() {
+            if let Some(weight) = sample.checked_sub(window).and_then(|k| weight(k, window)) {
+                let weight = simd.splat_f64s(weight);
+                for (sum, x) in sums.iter_mut().zip(own) {
+                    *sum = simd.add_f64s(*sum, simd.mul_f64s(weight, *x));
+                }
+            }
+        }
+    }
+    for (out, sums) in out.chunks_exact_mut(channels).zip(sums) {
+        let (slots, _) = S::as_mut_simd_f64s(&mut out[at..at + width]);
+        slots.copy_from_slice(&sums);
     }
 }

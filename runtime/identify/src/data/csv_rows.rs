@@ -1,0 +1,336 @@
+//! Reads the rows of a CSV file one after another.
+//!
+//! Rows without quotation marks and carriage returns are divided here, as fast as numbers can be
+//! read; from the first other one on, the library that knows all of CSV reads the file.
+
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom};
+
+use csv::{ByteRecord, Reader};
+
+use super::file_rows::{FileRow, Table, Wanted, failed, shortened};
+use super::lines::{Lines, Place};
+use super::problem::{DataError, Fault};
+use super::table::{COMMENT, Written};
+
+/// The rows of a CSV file.
+pub(super) struct CsvRows<'a> {
+    table: &'a Table,
+    written: &'a Written,
+    records: Records,
+    last_column: LastColumn,
+    wanted: Vec<Wanted>,
+    /// The memory of a row that has been used.
+    spare: Vec<f64>,
+}
+
+/// The rest of a file, divided into rows.
+enum Records {
+    /// Lines, each of which is a row.
+    Plain {
+        lines: Lines<File>,
+        /// The entries of the present line.
+        entries: Vec<Entry>,
+    },
+    /// Rows of any kind, by the library.
+    Any {
+        reader: Box<Reader<File>>,
+        record: ByteRecord,
+        /// The place where the library began.
+        start: Place,
+    },
+}
+
+/// An entry of a line.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Its end in the line.
+    end: usize,
+    /// Its number; `None` if it is not of the usual kind that is read at once.
+    number: Option<f64>,
+}
+
+impl<'a> CsvRows<'a> {
+    /// The rows behind the header.
+    pub(super) fn open(
+        table: &'a Table,
+        written: &'a Written,
+        wanted: Vec<Wanted>,
+    ) -> Result<Self, DataError> {
+        let open = || -> Result<Records, csv::Error> {
+            let mut start = Place { byte: 0, line: 1 };
+            if written.has_header() {
+                let mut reader = written.reader(File::open(&table.path)?, true);
+                reader.byte_headers()?;
+                let position = reader.position();
+                (start.byte, start.line) = (position.byte(), position.line());
+            }
+            let mut file = File::open(&table.path)?;
+            file.seek(SeekFrom::Start(start.byte))?;
+            Ok(Records::Plain {
+                lines: Lines::new(file, start),
+                entries: Vec::new(),
+            })
+        };
+        Ok(Self {
+            table,
+            written,
+            records: open().map_err(|error| failed(&table.path, &error))?,
+            last_column: LastColumn::default(),
+            wanted,
+            spare: Vec::new(),
+        })
+    }
+
+    /// Takes the memory of a row back, for the next one.
+    pub(super) fn reuse(&mut self, values: Vec<f64>) {
+        self.spare = values;
+    }
+
+    /// The next row; `None` behind the last one.
+    pub(super) fn next_row(&mut self) -> Result<Option<FileRow>, DataError> {
+        let failed = |error: csv::Error| failed(&self.table.path, &error);
+        let expected = self.table.titles.len();
+        if let Records::Plain { lines, entries } = &mut self.records {
+            // as in the library, the comments before a row are its first lines
+            let start = lines.place();
+            let before = start.byte;
+            loop {
+                let (line, place) = match lines.next_line() {
+                    Ok(Some(found)) => found,
+                    Ok(None) => return Ok(None),
+                    Err(why) => return Err(failed(why.into())),
+                };
+                if line.is_empty() || line.first() == Some(&COMMENT) {
+                    continue;
+                }
+                let marked = before == 0 && line.starts_with(BYTE_ORDER_MARK);
+                if marked || !divide(line, self.written, entries) {
+                    break;
+                }
+                let count = entries.len();
+                let entry = |column: usize| {
+                    let begin = match column.checked_sub(1) {
+                        Some(previous) => entries.get(previous)?.end + 1,
+                        None => 0,
+                    };
+                    line.get(begin..entries.get(column)?.end)
+                };
+                let number = |column: usize| entries.get(column)?.number;
+                let spare = core::mem::take(&mut self.spare);
+                let (wanted, written) = (&self.wanted, self.written);
+                let mut values = numbers(wanted, written, [expected, count], entry, number, spare);
+                let last = entry(count - 1).unwrap_or_default();
+                if self.last_column.is_cut(last, self.table, place.byte) && values.is_ok() {
+                    values = Err(self.table.cut_problem(last));
+                }
+                let line = start.line;
+                return Ok(Some(FileRow { line, values }));
+            }
+            self.records = self.all_from(start).map_err(|why| failed(why.into()))?;
+        }
+        let Records::Any {
+            reader,
+            record,
+            start,
+        } = &mut self.records
+        else {
+            return Ok(None);
+        };
+        if !reader.read_byte_record(record).map_err(failed)? {
+            return Ok(None);
+        }
+        let position = record.position();
+        let line = start.line + position.map_or(1, csv::Position::line) - 1;
+        let end = start.byte + reader.position().byte();
+        let entry = |column: usize| record.get(column);
+        let counts = [expected, record.len()];
+        let spare = core::mem::take(&mut self.spare);
+        let mut values = numbers(&self.wanted, self.written, counts, entry, |_| None, spare);
+        let last = record.iter().next_back().unwrap_or_default();
+        if self.last_column.is_cut(last, self.table, end) && values.is_ok() {
+            values = Err(self.table.cut_problem(last));
+        }
+        Ok(Some(FileRow { line, values }))
+    }
+
+    /// All that follows a place at the beginning of a line, divided by the library.
+    fn all_from(&self, start: Place) -> io::Result<Records> {
+        let mut file = File::open(&self.table.path)?;
+        file.seek(SeekFrom::Start(start.byte))?;
+        Ok(Records::Any {
+            reader: Box::new(self.written.reader(file, false)),
+            record: ByteRecord::new(),
+            start,
+        })
+    }
+}
+
+/// What some programs write at the beginning of a text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Divides a line at the separators; false if it may be divided otherwise, or is no whole row.
+fn divide(line: &[u8], written: &Written, entries: &mut Vec<Entry>) -> bool {
+    let separator = written.separator();
+    entries.clear();
+    let mut begin = 0;
+    loop {
+        let rest = line.get(begin..).unwrap_or_default();
+        let (number, length) = match written.leading_number(rest) {
+            Some((number, length)) => (Some(number), length),
+            None => {
+                let length = memchr::memchr(separator, rest).unwrap_or(rest.len());
+                let entry = rest.get(..length).unwrap_or_default();
+                if memchr::memchr2(b'"', b'\r', entry).is_some() {
+                    return false;
+                }
+                (None, length)
+            }
+        };
+        let end = begin + length;
+        entries.push(Entry { end, number });
+        if end >= line.len() {
+            return true;
+        }
+        begin = end + 1;
+    }
+}
+
+/// The numbers of the wanted columns of a row.
+///
+/// - `counts`: the number of columns, and that of entries of this row;
+/// - `entry`: the bytes of an entry; `number`: its number, where it is known;
+/// - `values`: filled with the numbers.
+fn numbers<'e>(
+    wanted: &[Wanted],
+    written: &Written,
+    [expected, found]: [usize; 2],
+    entry: impl Fn(usize) -> Option<&'e [u8]>,
+    number: impl Fn(usize) -> Option<f64>,
+    mut values: Vec<f64>,
+) -> Result<Vec<f64>, Fault> {
+    if found != expected {
+        return Err(Fault::Entries { found, expected });
+    }
+    values.clear();
+    for wanted in wanted {
+        if let Some(value) = number(wanted.column) {
+            values.push(value);
+            continue;
+        }
+        let entry = entry(wanted.column).unwrap_or_default();
+        match written.number(entry) {
+            Some(value) if value.is_finite() => values.push(value),
+            _ => {
+                let text = core::str::from_utf8(entry).unwrap_or("?");
+                return Err(Fault::NotANumber {
+                    column: wanted.title.clone(),
+                    text: shortened(text.trim()),
+                });
+            }
+        }
+    }
+    Ok(values)
+}
+
+/// Least number of rows before a last line without an end of line that show the usual length of
+/// its last entry.
+const MIN_ROWS_BEFORE_CUT: usize = 20;
+
+/// The lengths of the last entries of the rows so far.
+#[derive(Default)]
+struct LastColumn {
+    /// The number of rows.
+    rows: usize,
+    /// The length of the shortest last entry, bytes.
+    shortest: usize,
+}
+
+impl LastColumn {
+    /// Whether a row without an end of line has a last entry that is shorter than all before it;
+    /// takes that entry up into the lengths.
+    ///
+    /// - `end`: the number of bytes of the file up to the end of the row.
+    fn is_cut(&mut self, last: &[u8], table: &Table, end: u64) -> bool {
+        let is_unended_line = table.unended_length.is_some_and(|length| end >= length);
+        let enough = self.rows >= MIN_ROWS_BEFORE_CUT;
+        let is_cut = is_unended_line && enough && last.len() < self.shortest;
+        self.shortest = match self.rows {
+            0 => last.len(),
+            _ => self.shortest.min(last.len()),
+        };
+        self.rows += 1;
+        is_cut
+    }
+}
+
+impl Table {
+    /// The fault of a last row that is cut off within an entry.
+    fn cut_problem(&self, last: &[u8]) -> Fault {
+        Fault::Cut {
+            column: self.titles.last().cloned().unwrap_or_default(),
+            text: shortened(&String::from_utf8_lossy(last)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::data::table::Format;
+
+    /// All rows of a text, divided here as far as it can be, and divided by the library.
+    fn both_ways(text: &str) -> [Vec<FileRow>; 2] {
+        let thread = std::thread::current().id();
+        let name = format!("regen-rows-{}-{thread:?}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, text).unwrap();
+        let table = Table::open(&path, Format::default(), None).unwrap();
+        let written = Written::find(&path, Format::default()).unwrap();
+        let wanted = |column| Wanted {
+            column,
+            title: column.to_string(),
+        };
+        let found = [false, true].map(|by_library| {
+            let wanted = vec![wanted(1), wanted(0)];
+            let mut rows = CsvRows::open(&table, &written, wanted).unwrap();
+            if by_library && let Records::Plain { lines, .. } = &rows.records {
+                rows.records = rows.all_from(lines.place()).unwrap();
+            }
+            core::iter::from_fn(|| rows.next_row().unwrap()).collect()
+        });
+        std::fs::remove_file(&path).unwrap();
+        found
+    }
+
+    #[test]
+    fn rows_behind_a_quotation_mark_or_a_carriage_return_are_read_too() {
+        for text in [
+            "a,b\n1,2\n3,4\n",
+            "# c\n1,2\n\n#\n3,4",
+            "1,2\n\"3\",4\n",
+            "1,2\r\n3,4\r\n",
+            "1,2\n3,\"4\"\r\n",
+        ] {
+            for rows in both_ways(text) {
+                let values: Vec<_> = rows.into_iter().map(|row| row.values).collect();
+                assert_eq!(values, [Ok(vec![2.0, 1.0]), Ok(vec![4.0, 3.0])], "{text}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn rows_and_their_lines_are_those_of_the_library(
+            text in "(\u{feff})?([ab,12.\"#]{0,4}[,\n]|[0-9]{1,3},[0-9]{1,3}\r?\n){0,9}[,1\r\n]{0,2}"
+        ) {
+            // of a comment that ends with the file, the library makes an empty row
+            let last = text.rsplit('\n').next().unwrap_or_default();
+            prop_assume!(!last.starts_with('#'));
+            let [here, library] = both_ways(&text);
+            prop_assert_eq!(here, library);
+        }
+    }
+}
