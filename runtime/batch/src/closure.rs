@@ -415,7 +415,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
                 return Ok(None);
             };
             let line = difference(&targets, &q, info.independent, len);
-            let mut rough = self.predicted(&q, &line, &targets, len)?.0;
+            let mut rough = self.predicted_from(last, &line, &targets, len)?;
             self.newton(&mut rough, &mut ok, None, len)?;
             // each state again from the one before it
             let before = shifted(last, &rough, len);

@@ -69,6 +69,14 @@ impl Encoder {
         }
     }
 
+    /// The root mean square of the position's speed without the noise, rad/s or m/s.
+    ///
+    /// - `step`: the time between rows, s.
+    pub(super) fn speed(self, step: f64) -> f64 {
+        let noise = 2.0 * self.noise * self.noise;
+        (self.travel * self.travel - noise).max(0.0).sqrt() / step
+    }
+
     /// The largest range of a position that is at rest over this many rows, rad or m.
     fn band(self, rows: f64) -> f64 {
         // rounding of decimals makes the steps slightly unequal
