@@ -301,8 +301,8 @@ pub fn explain(
             let bound = link_paths[body.link].freedom(&velocity_constraints);
             // The class of the sampled motions is a lower bound, the class that the joints allow an
             // upper bound: the result is exact where both agree.
-            let exact =
-                bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
+            let exact = bound == observed.freedom
+                || bound.has_constant_orientation() && observed.freedom.has_constant_orientation();
             BodyMotion {
                 body: body.label.clone(),
                 freedom: observed.freedom,
@@ -473,7 +473,7 @@ fn orientations(
 ) -> Vec<Fact> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
     for (body, observed) in observed.iter().enumerate() {
-        if observed.freedom.never_turns() {
+        if observed.freedom.has_constant_orientation() {
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);
