@@ -161,13 +161,14 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     }
 
     /// The state from which the next trajectory continues; `None` for home.
-    pub fn place(&self) -> Option<Vec<f64>> {
+    pub fn last_state(&self) -> Option<Vec<f64>> {
         self.last.clone()
     }
 
-    /// Makes the next trajectory continue from a state that [`place`](Self::place) returned.
-    pub fn go_back(&mut self, place: Option<&[f64]>) {
-        match place {
+    /// Makes the next trajectory continue from a state that [`last_state`](Self::last_state)
+    /// returned.
+    pub fn resume(&mut self, state: Option<&[f64]>) {
+        match state {
             None => self.restart(),
             Some(q) => {
                 self.last = Some(q.to_vec());

@@ -55,7 +55,7 @@ pub struct Responded {
     /// The number of candidates that could not be simulated.
     pub refused: usize,
     /// Whether the last step was below a thousandth of the standard deviations.
-    pub settled: bool,
+    pub converged: bool,
 }
 
 /// Fits base parameters, and the gains and values of signals that the settings leave open, to the
@@ -192,7 +192,7 @@ where
         windows: found.windows.len(),
         steps: found.steps,
         refused: found.refused,
-        settled: found.settled,
+        converged: found.converged,
     })
 }
 

@@ -63,7 +63,7 @@ pub(crate) struct Searched {
     pub(crate) steps: usize,
     /// The number of candidates that could not be simulated.
     pub(crate) refused: usize,
-    pub(crate) settled: bool,
+    pub(crate) converged: bool,
 }
 
 /// The signals of a fit, with the size of each below which residuals are rounding errors.
@@ -117,8 +117,8 @@ where
         };
         let mut cost = at.cost(&signals.floors);
         let mut damping = FIRST_DAMPING;
-        let (mut steps, mut refused, mut settled) = (0, 0, false);
-        while steps < self.setup.steps && !settled {
+        let (mut steps, mut refused, mut converged) = (0, 0, false);
+        while steps < self.setup.steps && !converged {
             steps += 1;
             progress(steps, at.squares.iter().sum());
             let weights = at.weights(&signals.floors);
@@ -136,7 +136,7 @@ where
                     && next_cost <= cost
                 {
                     let rows: usize = at.counts.iter().sum();
-                    settled = small || cost - next_cost <= ROUNDING * rows as f64;
+                    converged = small || cost - next_cost <= ROUNDING * rows as f64;
                     (at, cost) = (next, next_cost);
                     (windows, shared) = (next_windows, next_shared);
                     damping = (0.1 * damping).max(MIN_DAMPING);
@@ -144,7 +144,7 @@ where
                 }
                 if small && next_cost.is_finite() {
                     // the sign of such a small decrease is decided by rounding
-                    settled = true;
+                    converged = true;
                     break;
                 }
                 damping *= 10.0;
@@ -153,7 +153,7 @@ where
                 }
             }
         }
-        self.finish(signals, &at, windows, shared, [steps, refused], settled)
+        self.finish(signals, &at, windows, shared, [steps, refused], converged)
     }
 
     fn finish(
@@ -163,7 +163,7 @@ where
         windows: Vec<Window>,
         shared: Vec<f64>,
         [steps, refused]: [usize; 2],
-        settled: bool,
+        converged: bool,
     ) -> Result<Searched, ResponseError> {
         let weights = at.weights(&signals.floors);
         let mut all = Reduced::new(&self.unknowns.labels);
@@ -187,7 +187,7 @@ where
             factor,
             steps,
             refused,
-            settled,
+            converged,
         })
     }
 

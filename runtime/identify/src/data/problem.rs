@@ -283,7 +283,7 @@ impl Problems {
         counts
             // a gap leaves out no row
             .filter(|(kind, _)| {
-                let used = policies.of(kind).keeps() && USABLE_KINDS.contains(kind);
+                let used = policies.of(kind).uses_doubtful_rows() && USABLE_KINDS.contains(kind);
                 *kind != "gap" && !used
             })
             .collect()

@@ -100,7 +100,7 @@ impl Solved<'_> {
         );
         let model = self.model(&linear, &uncertainty, &efforts, method);
         #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-        let bandwidth = blocks.correlation_length().round() as usize;
+        let correlation_length = blocks.correlation_length().round() as usize;
         Ok(GainFit {
             model,
             shares: self.shares(&linear)?,
@@ -108,7 +108,7 @@ impl Solved<'_> {
             errors: errors.efforts(),
             estimate,
             deviations,
-            bandwidth,
+            correlation_length,
             left_out: rows.left_out(),
             is_robot_exact,
         })

@@ -41,7 +41,8 @@ pub struct Summary {
     /// eps_RA of the adopted model in percent; `None` without logs.
     pub relative_absolute: Option<f64>,
     /// The lag in samples up to which residuals count as correlated; `None` without logs.
-    pub bandwidth: Option<usize>,
+    #[serde(rename = "bandwidth")]
+    pub correlation_length: Option<usize>,
     /// The number of samples left out because their states are singular.
     pub singular: usize,
     /// Samples and equations that were left out; `None` without logs.
@@ -148,7 +149,7 @@ impl Summary {
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
             relative_absolute: start.relative_absolute,
-            bandwidth: start.bandwidth,
+            correlation_length: start.correlation_length,
             singular: start.left_out.as_ref().map_or(0, |left| left.singular),
             left_out: start.left_out.clone(),
             delays: start.delays.clone(),
@@ -177,7 +178,7 @@ impl Summary {
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
             relative_absolute: Some(found.relative_absolute),
-            bandwidth: Some(found.bandwidth),
+            correlation_length: Some(found.correlation_length),
             singular: found.left_out.singular,
             left_out: Some(found.left_out.clone()),
             ..Self::default()
