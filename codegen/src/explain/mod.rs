@@ -18,7 +18,7 @@ mod unidentifiable;
 use core::fmt::{self, Write as _};
 
 pub use crate::base::Freedom;
-use crate::base::certificate::observe;
+use crate::base::certificate::closed_states;
 use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
 use crate::diag::{Source, Span, rounded};
 use crate::model::Model;
@@ -259,7 +259,7 @@ pub fn explain(
 ) -> Explanation {
     let link_paths = link_paths(model);
     let velocity_constraints = velocity_constraints(spec, model);
-    let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
+    let states = closed_states(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
     warnings.extend(plausible::facts(spec, model, home));

@@ -111,7 +111,7 @@ impl<'a> Reading<'a, '_, '_> {
         let moves = !content.joints.is_empty() || !on_world;
         let mut inertia = self.inertia(element, &content, moves, &name);
         let unknown = self.take_meshes();
-        self.compensated(of);
+        self.gravity_compensation(of);
         let mut joints = Vec::new();
         for (k, (joint, inherited, around)) in content.joints.iter().enumerate() {
             let unnamed = match content.joints.len() {

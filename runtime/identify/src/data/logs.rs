@@ -115,7 +115,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
-            file.cache = RowCache::with_room(room);
+            file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
             room -= file.cache.numbers().min(room);
             let mut problems = Problems::default();

@@ -173,7 +173,7 @@ impl LogFile {
             rate: settings.rate,
             resample: settings.resample,
             used_faults: settings.used_faults(),
-            cache: RowCache::with_room(0),
+            cache: RowCache::with_capacity(0),
         })
     }
 
