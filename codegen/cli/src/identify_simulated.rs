@@ -16,7 +16,7 @@ use regen_interpreted::Interpreted;
 use regen_report::results::{Identification, LogFile, Simulated, Summary, stem};
 use regen_response::{
     Departure, DidimOptions, EffortTracks, KnownReference, Law, Run, Setup, TrackError, departures,
-    didim, respond,
+    didim, fit_responses,
 };
 use regen_runtime::BaseModel;
 
@@ -272,7 +272,7 @@ fn of_responses(
         watch.phase(&text);
     };
     let level = args.confidence;
-    let found = respond(model, model, &runs, &setup, start, level, &mut progress);
+    let found = fit_responses(model, model, &runs, &setup, start, level, &mut progress);
     watch.finished();
     let found = found?;
     if !found.converged {

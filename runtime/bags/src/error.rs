@@ -34,7 +34,7 @@ pub enum BagError {
         /// The reason and the remedy, in words.
         why: String,
     },
-    /// An MCAP file ends before its end.
+    /// An MCAP file is cut off: it lacks the record that ends every recording.
     Truncated {
         /// The file.
         file: PathBuf,

@@ -12,7 +12,7 @@ use regen_identify::session::{
 };
 use regen_response::{
     DidimOptions, EffortTracks, KnownReference, Law, Number, Run as Response, Setup, Value, didim,
-    respond,
+    fit_responses,
 };
 use regen_runtime::{BaseModel, Info, Model};
 
@@ -259,6 +259,6 @@ where
         runs.push(Response::of_track(track, &info)?);
     }
     let level = session.confidence;
-    let found = respond(model, model, &runs, &setup, start, level, &mut |_, _| {})?;
+    let found = fit_responses(model, model, &runs, &setup, start, level, &mut |_, _| {})?;
     Ok(converged(found.model, found.converged, found.steps))
 }

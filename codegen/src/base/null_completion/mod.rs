@@ -343,7 +343,7 @@ impl ScaledSamples {
             .collect();
         if let Some((samples, group)) = scaled_as_one {
             unvaried_names.push(format!(
-                "{} in proportion only: with other ratios the loops do not close, or count otherwise",
+                "{} in proportion only: with other ratios the loops do not close, or the rank is another",
                 names.join(", ")
             ));
             for &k in not_scalable_alone.iter().rev() {
@@ -354,7 +354,7 @@ impl ScaledSamples {
             one_scaled.push(Some(samples));
         } else if !names.is_empty() {
             unvaried_names.push(format!(
-                "{} as given only: with other values the loops do not close, or count otherwise",
+                "{} as given only: with other values the loops do not close, or the rank is another",
                 names.join(", ")
             ));
         }

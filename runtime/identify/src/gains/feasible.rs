@@ -200,7 +200,7 @@ impl<'a> Constrained<'a> {
         })
     }
 
-    /// The weighted triangle of the equations linearised at a state, over the base parameters that are
+    /// The weighted QR factor of the equations linearised at a state, over the base parameters that are
     /// sought and, where gains are sought too, over 1/k of each as a part of its present value.
     pub(super) fn factor(&self, at: &State, with_gains: bool) -> Result<QrFactor, EstimateError> {
         let set = self.solved.problem.set;

@@ -1,4 +1,4 @@
-//! The unknowns of a fit on the triangles of all efforts, and the search for them.
+//! The unknowns of a fit on the QR factors of all efforts, and the search for them.
 
 use super::GainError;
 use super::payload::Load;
@@ -109,7 +109,7 @@ impl Problem<'_> {
         self.robot.len() + of_loads + self.unknown_gains()
     }
 
-    /// The residuals z - g R x of one effort's triangle.
+    /// The residuals z - g R x of one effort's QR factor.
     fn residuals(&self, effort: usize, factor: &QrFactor, x: &[f64], point: &Point) -> Vec<f64> {
         let g = self.inverse_gain(effort, point);
         let fitted = factor.times_r(x);
@@ -129,7 +129,7 @@ impl Problem<'_> {
         factors.map(one).sum()
     }
 
-    /// The triangle of the residuals' derivatives by all unknowns, whose right side is the
+    /// The QR factor of the residuals' derivatives by all unknowns, whose right side is the
     /// residuals.
     fn linear(&self, point: &Point, weights: &[f64]) -> Result<QrFactor, EstimateError> {
         let n = self.set.labels().len();
@@ -401,7 +401,7 @@ pub(super) fn spread(n: usize, places: &[usize], column: &[f64]) -> Vec<f64> {
     out
 }
 
-/// A triangle with a row for each unknown that keeps it where it is: a factor times the length of
+/// A QR factor with a row for each unknown that keeps it where it is: a factor times the length of
 /// its column, or times the longest where it has none.
 fn damped(
     linear: &QrFactor,

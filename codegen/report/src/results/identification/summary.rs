@@ -6,7 +6,7 @@ use regen_identify::gains::GainFit;
 use regen_identify::identify::suspect::Suspicion;
 use regen_identify::identify::{Delays, LeftOut};
 use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
-use regen_response::Responded;
+use regen_response::ResponseFit;
 use serde::Serialize;
 
 use super::{Instruments, LogFile, ReductionStep, Simulated};
@@ -186,7 +186,7 @@ impl Summary {
     }
 
     /// The summary of a fit to responses; the signals stand where efforts do.
-    pub fn of_responses(found: &Responded) -> Self {
+    pub fn of_responses(found: &ResponseFit) -> Self {
         let spectrum = found.factor.spectrum().ok();
         let efforts = found.errors.iter().map(|e| EffortSummary {
             name: e.name.clone(),
