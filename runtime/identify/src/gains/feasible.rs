@@ -379,7 +379,7 @@ fn given(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
     if known.inertia.is_some() && (known.com.is_none() || known.mass.is_none()) {
         return Err(GainError::InertiaAlone(known.body.clone()));
     }
-    let first = load.first();
+    let first = load.initial();
     let ten = load.inertial_parameters(&first);
     let symbols = Symbol::INERTIAL.iter().zip(ten).enumerate();
     // a centre of mass alone gives no value of a first moment

@@ -57,7 +57,7 @@ impl Point {
     }
 }
 
-/// Most steps of a search at fixed weights.
+/// The largest number of steps of a search at fixed weights.
 const MAX_STEPS: usize = 200;
 /// A search ends when a step changes no unknown by more than this part of all of them, each in
 /// units of its column.
@@ -69,7 +69,7 @@ const DAMPING: f64 = 1e-3;
 const MAX_DAMPING: f64 = 1e12;
 /// Damping of the linear equations of the start, which may be singular.
 const START_DAMPING: f64 = 1e-9;
-/// Most rounds of weights.
+/// The largest number of rounds of weights.
 const MAX_ROUNDS: usize = 50;
 /// The weights have settled when none changes by more than this part.
 const WEIGHT_TOLERANCE: f64 = 1e-9;
@@ -340,7 +340,7 @@ impl Problem<'_> {
         };
         let plain = Point {
             robot: vec![0.0; self.robot.len()],
-            loads: self.loads.iter().map(Load::first).collect(),
+            loads: self.loads.iter().map(Load::initial).collect(),
             inverse_gains: vec![1.0; self.unknown_gains()],
         };
         let mut point = None;
