@@ -251,7 +251,7 @@ fn rows_of(
                 ))),
                 (Some(_), Some(_)) => Err(unfit(
                     path,
-                    format!("the rows of episode {index} are apart"),
+                    format!("the rows of episode {index} are not consecutive"),
                 )),
             }
         }
