@@ -89,7 +89,7 @@ pub enum BagError {
     },
 }
 
-/// The most topics that an error message lists.
+/// The largest number of topics that an error message lists.
 const MAX_LISTED: usize = 20;
 
 /// The topics with their types and numbers of messages, one per line.

@@ -7,7 +7,7 @@ use regen_runtime::{Arguments, ClosureError, Function, LoopClosure, Model, Outco
 
 use series::{copy, difference, repeated, set, shifted};
 
-/// The most states that are solved at a time.
+/// The largest number of states that are solved at a time.
 const BLOCK: usize = 64;
 /// Bound on |f| of a closed state, relative to the size of the rows' terms: that of [`LoopClosure`].
 pub(super) const RELATIVE_TOLERANCE: f64 = 1e-12;

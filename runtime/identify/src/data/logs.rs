@@ -52,7 +52,8 @@ pub(super) struct Log {
     pub(super) velocity_noise: Vec<Encoder>,
 }
 
-/// Most rows on either side that a filter may need, as a window with them is held in memory.
+/// The largest number of rows on either side that a filter may need, as a window with them is held
+/// in memory.
 const MAX_SUPPORT_ROWS: usize = 1_000_000;
 
 /// Log files of one robot, as a [`Source`] of states; memory does not grow with their length.

@@ -26,8 +26,8 @@ const BATCH: usize = 4096;
 const MAX_FOOTER_BYTES: u64 = 1 << 24;
 /// Deepest nesting of groups of columns.
 const MAX_NESTING: usize = 32;
-/// Most rows per byte of a file: equal numbers and equal steps are encoded in a few bytes, but
-/// time and forces differ from row to row.
+/// The largest number of rows per byte of a file: equal numbers and equal steps are encoded in a
+/// few bytes, but time and forces differ from row to row.
 const MAX_ROWS_PER_BYTE: u64 = 1000;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {

@@ -5,14 +5,14 @@ use std::sync::OnceLock;
 use super::problem::{DataError, Problem};
 use super::reader::LogRow;
 
-/// The most numbers that are cached for all runs together: 64 MiB. Longer logs are read again in
-/// each pass, so that memory does not grow with their length.
+/// The largest number of values that are cached for all runs together: 64 MiB. Longer logs are read
+/// again in each pass, so that memory does not grow with their length.
 pub(super) const MAX_NUMBERS: usize = 1 << 23;
 
 /// The cached rows of a run; a clone starts empty.
 #[derive(Debug)]
 pub(super) struct RowCache {
-    /// The largest number of numbers that are cached.
+    /// The largest number of values that are cached.
     capacity: usize,
     rows: OnceLock<Rows>,
 }

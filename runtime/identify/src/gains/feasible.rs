@@ -19,7 +19,7 @@ use crate::feasibility::{
 use crate::model::{Covariance, IdentifiedModel};
 use regen_runtime::{BaseModel, Symbol};
 
-/// Most rounds of the search.
+/// The largest number of rounds of the search.
 const MAX_ROUNDS: usize = 60;
 /// The search ends when a round lowers the objective by less than this part of it.
 const COST_TOLERANCE: f64 = 1e-10;

@@ -35,7 +35,7 @@ use regen_runtime::BaseModel;
 pub struct InstrumentOptions {
     /// How efforts are weighted against each other.
     pub weighting: Weighting,
-    /// Most rounds of instruments and estimate.
+    /// The largest number of rounds of instruments and estimate.
     pub rounds: usize,
     /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
