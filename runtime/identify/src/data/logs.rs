@@ -52,7 +52,8 @@ pub(super) struct Log {
     pub(super) velocity_noise: Vec<Encoder>,
 }
 
-/// Most rows on either side that a filter may need, as a window with them is held in memory.
+/// The largest number of rows on either side that a filter may need, as a window with them is held
+/// in memory.
 const MAX_SUPPORT_ROWS: usize = 1_000_000;
 /// The part of a coordinate's rms speed below which it may stick; a swing spends one part in forty of
 /// its time there.
@@ -118,7 +119,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
-            file.cache = RowCache::with_room(room);
+            file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
             room -= file.cache.numbers().min(room);
             let mut problems = Problems::default();

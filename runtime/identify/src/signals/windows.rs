@@ -11,7 +11,7 @@ use pulp::{Simd, bytemuck};
 
 use super::local::{MIN_SAMPLES, TERMS};
 
-/// The most rows of a window: with more, the columns of all lanes leave the cache.
+/// The largest number of rows of a window: with more, the columns of all lanes leave the cache.
 const MAX_ROWS: usize = 256;
 /// Number of independent sums of a scalar product, as where one window is reduced.
 const SUMS: usize = 8;

@@ -20,7 +20,7 @@ use regen_identify::estimate::{Deviations, EffortError};
 ///     relative_rms: 2.0,
 ///     largest: 0.3,
 ///     autocorrelation: Vec::new(),
-///     white: 0.5,
+///     whiteness_p_value: 0.5,
 /// };
 /// assert_eq!(unexplained(&[good.clone()], false), None);
 /// let poor = EffortError { relative_rms: 95.0, ..good };
