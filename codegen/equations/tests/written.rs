@@ -66,7 +66,7 @@ fn an_arm_has_nothing_to_close() {
 fn a_script_calls_only_what_it_imports_or_defines() {
     let text = ARM.replace("body: upper,", "body: upper, friction: asymmetric,");
     let mechanism = Mechanism::open(&Source::new("arm.yaml", &text)).unwrap();
-    let (of, all) = (Of::Regressor, Parameters::All);
+    let (of, all) = (EquationSet::Regressor, Parameters::All);
     let robot = mechanism.robot(&kinds(of, all)).unwrap();
     let script = equations(&robot, &[], of, all, Style::Sympy).unwrap();
     let imported = script
