@@ -172,8 +172,15 @@ fn resolved(
     Ok(validation)
 }
 
-/// Refuses an experiment without runs for identification.
+/// Refuses an experiment without runs for identification, and logs that do not exist.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
+    if let Some(path) = logs.iter().find_map(Run::missing_file) {
+        let path = path.display();
+        let text = format!(
+            "cannot read the log {path}: no such file. A word that no option takes is a log"
+        );
+        return Err(Failure::Io(text));
+    }
     if logs.is_empty() {
         let text = "all runs of the experiment file are `use: validate`: there is nothing to \
                     identify from";

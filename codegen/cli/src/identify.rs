@@ -323,9 +323,15 @@ fn logs(
         );
         if unusable {
             suspect::warn(args, model, logs.logs(), None);
+        } else {
+            observe::note_problems(logs.logs().reports());
         }
     })?;
     observe::note_problems(&start.reports);
+    let count = start.estimate.values.len();
+    let left = start.left_out.as_ref();
+    let few = left.and_then(|left| results::too_few(&start.errors, count, left));
+    few.iter().for_each(|text| terminal::note(text));
     if args.bandwidth.is_none() {
         note_short(&start.deviations);
     }

@@ -4,6 +4,8 @@
 
 #[path = "identification/coverage.rs"]
 mod coverage;
+#[path = "identification/delays.rs"]
+mod delays;
 #[path = "identification/digests.rs"]
 mod digests;
 #[path = "identification/energy.rs"]

@@ -51,6 +51,14 @@ pub struct Run {
     pub times: Option<(f64, f64)>,
 }
 
+impl Run {
+    /// The first of its files that does not exist.
+    pub fn missing_file(&self) -> Option<&Path> {
+        let mut files = self.files.iter().map(PathBuf::as_path);
+        files.find(|file| matches!(file.try_exists(), Ok(false)))
+    }
+}
+
 impl From<PathBuf> for Run {
     /// A whole file.
     fn from(file: PathBuf) -> Self {

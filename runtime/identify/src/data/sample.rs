@@ -5,6 +5,7 @@ use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
+use super::spikes::SpikeFinder;
 use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
@@ -47,10 +48,12 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .max(1);
         let mut segment: Vec<LogRow> = Vec::new();
         let mut spread = Spread::new(log.file.layout.measured.len());
+        let mut spikes = SpikeFinder::new(log.file.layout.efforts().len());
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
                 spread.push(log, &row);
+                spikes.push(&row, &row.values[log.file.layout.efforts()], follows);
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
                 place += 1;
@@ -63,6 +66,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 Ok(())
             })?;
         self.states(log, &mut segment, every, &mut out);
+        out.spikes = spikes.finish();
         if log.series.is_some() {
             out.series_residuals = spread.relative_residuals();
         }

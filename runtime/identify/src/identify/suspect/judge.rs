@@ -115,7 +115,7 @@ impl std::fmt::Display for Suspicion {
 
 /// Lists what looks wrong with one log, the most certain first: its clock, its Fourier series,
 /// columns that are swapped, of flipped sign, shifted or in another unit, efforts that contradict
-/// the nominal bodies or their limits, and parameters that no body has.
+/// the nominal bodies or their limits, parameters that no body has, and spikes in efforts.
 ///
 /// - `columns`: the log and the assignment of its columns;
 /// - `sample`: some of its states, see [`Logs::sample`](crate::data::Logs::sample);
@@ -196,7 +196,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.change(change, sample, &findings.nominal));
     }
     out.extend(against_nominal(columns, &findings));
-    if out.is_empty() {
+    // spikes may be beyond limits in the right unit
+    if out.is_empty() && sample.spikes.is_empty() {
         out.extend(limits(columns, sample));
     }
     if out.is_empty()
@@ -225,6 +226,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
             )
         }));
     }
+    out.extend(columns.spikes(&sample.spikes));
     out
 }
 
