@@ -69,6 +69,8 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         out.spikes = spikes.finish();
         if log.series.is_some() {
             out.series_residuals = spread.relative_residuals();
+            let noise = log.encoders.iter().map(|encoder| encoder.noise);
+            out.series_over_noise = spread.residuals_over(noise);
         }
         Ok(out)
     }
@@ -143,6 +145,14 @@ impl Spread {
             self.squares[k] += off * off;
             self.residual_squares[k] += (value - series.at(k, row.values[0])[0]).powi(2);
         }
+    }
+
+    /// The rms residual of the series over this noise of each position.
+    fn residuals_over(&self, noise: impl Iterator<Item = f64>) -> Vec<f64> {
+        let pairs = self.residual_squares.iter().zip(noise);
+        pairs
+            .map(|(squares, noise)| (squares / self.rows).sqrt() / noise)
+            .collect()
     }
 
     /// The rms residual of the series over the rms of the position about its mean; 0 for a

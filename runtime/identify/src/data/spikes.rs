@@ -8,8 +8,8 @@ use crate::identify::suspect::Spikes;
 
 /// The smallest jump and return of a spike, in median changes between rows: noise has changes of a few.
 const MIN_CHANGES: f64 = 30.0;
-/// The same in median changes between the rows around it: the noise of a stretch is no spike.
-const MIN_LOCAL_CHANGES: f64 = 8.0;
+/// The same in the third largest change between the rows around it: the noise of a stretch is no spike.
+const MIN_LOCAL_CHANGES: f64 = 4.0;
 /// Number of rows on either side of a spike that are compared with it.
 const NEIGHBOURS: usize = 5;
 /// The smallest jump and return of a spike, relative to the standard deviation of the effort.
@@ -123,7 +123,10 @@ impl Effort {
         {
             let size = there.abs().min(back.abs());
             changes.iter_mut().for_each(|change| *change = change.abs());
-            if size > MIN_LOCAL_CHANGES * median(&changes) {
+            changes.sort_by(f64::total_cmp);
+            // another spike near by has two changes
+            let usual = changes.iter().rev().nth(2).copied().unwrap_or(0.0);
+            if size > MIN_LOCAL_CHANGES * usual {
                 self.keep((size, line));
             }
         }
@@ -187,14 +190,8 @@ mod tests {
         // two rows in five
         assert_eq!(found(|k| clean(k) + if k % 5 < 2 { 30.0 } else { 0.0 }), []);
         // a stretch with more noise
-        let noisy = |k: usize| {
-            clean(k)
-                + if k / 100 == 7 {
-                    60.0 * (clean(k * k) % 1.0)
-                } else {
-                    0.0
-                }
-        };
+        let noise = |k: usize| 60.0 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);
+        let noisy = |k: usize| clean(k) + if k / 100 == 7 { noise(k) } else { 0.0 };
         assert_eq!(found(noisy), []);
         // the row behind the gap and the one before it are not neighbours
         assert_eq!(found(|k| clean(k) + if k == 1000 { 50.0 } else { 0.0 }), []);

@@ -53,12 +53,12 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
         && !is_stated
     {
         let text = format!(
-            "none stated: {} here, but {} in slower motion;",
+            "none: {} here, but {} in slower motion;",
             sided(seconds),
             sided(slower)
         );
         out.push_str(&field("delay", &text));
-        let text = "the controller may answer noise of positions, or the model lack a part";
+        let text = "the controller may answer noise, or the model lack a part";
         out.push_str(&field("", text));
     }
     out
@@ -141,11 +141,11 @@ mod tests {
         };
         let found = text(&common);
         assert!(
-            found.contains("none stated: 2.10 ms early here, but 0.20 ms late"),
+            found.contains("none: 2.10 ms early here, but 0.20 ms late"),
             "{found}"
         );
         assert!(!found.contains("--delay auto"), "{found}");
-        assert!(found.lines().all(|line| line.len() <= 80), "{found}");
+        assert_eq!(found.lines().count(), 2, "{found}");
         common.seconds = -2e-6;
         assert_eq!(text(&common), "");
     }

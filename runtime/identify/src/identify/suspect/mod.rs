@@ -35,6 +35,9 @@ pub struct Sample {
     /// For each measured coordinate, the rms of the residuals of its Fourier series over the rms
     /// about its mean; empty where no series was fitted.
     pub series_residuals: Vec<f64>,
+    /// For each measured coordinate, the rms of the residuals of its Fourier series over the
+    /// standard deviation of its noise; empty where no series was fitted.
+    pub series_over_noise: Vec<f64>,
     /// The efforts that jump in some rows and are back in the next ones.
     pub spikes: Vec<Spikes>,
 }
