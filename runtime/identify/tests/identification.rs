@@ -8,6 +8,8 @@ mod coverage;
 mod delays;
 #[path = "identification/digests.rs"]
 mod digests;
+#[path = "identification/doubts.rs"]
+mod doubts;
 #[path = "identification/energy.rs"]
 mod energy;
 #[path = "identification/instruments.rs"]

@@ -53,6 +53,16 @@ pub struct Run {
 
 impl Run {
     /// The first of its files that does not exist.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use regen_identify::data::Run;
+    ///
+    /// let missing = Path::new("atan");
+    /// assert_eq!(Run::from(missing).missing_file(), Some(missing));
+    /// assert_eq!(Run::from(Path::new("Cargo.toml")).missing_file(), None);
+    /// ```
     pub fn missing_file(&self) -> Option<&Path> {
         let mut files = self.files.iter().map(PathBuf::as_path);
         files.find(|file| matches!(file.try_exists(), Ok(false)))
