@@ -44,7 +44,7 @@ fn rank(text: &str) -> usize {
     let certificate = samples(text).1.certificate();
     assert!(certificate.is_certain(), "{certificate:?}");
     assert!(
-        certificate.smallest_kept > 1e60 * certificate.largest_dropped,
+        certificate.smallest_pivot > 1e60 * certificate.largest_remainder,
         "{certificate:?}"
     );
     certificate.rank

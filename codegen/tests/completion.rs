@@ -89,8 +89,8 @@ fn reproduces(path: &str, model: &Model, home: &[f64], analysis: &Analysis) {
         });
         difference[parameter.column] = difference[parameter.column] - beta;
     }
-    assert!(fresh.left_over(&phi) > 1e-9, "{path}");
-    assert!(fresh.left_over(&difference) < 1e-60, "{path}");
+    assert!(fresh.scaled_residual(&phi) > 1e-9, "{path}");
+    assert!(fresh.scaled_residual(&difference) < 1e-60, "{path}");
 }
 
 /// The combination of the base parameter with the given kept parameter.

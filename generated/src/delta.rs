@@ -444,8 +444,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 34,
         states: 21,
         digits: 96,
-        smallest_kept: 0.005278835575640592,
-        largest_dropped: 2.2406114531966132e-94,
+        smallest_pivot: 0.005278835575640592,
+        largest_remainder: 2.2406114531966132e-94,
     }),
     complete: true,
 };

@@ -250,8 +250,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 11,
         states: 18,
         digits: 96,
-        smallest_kept: 0.018923013063554168,
-        largest_dropped: 1.3976892997416853e-96,
+        smallest_pivot: 0.018923013063554168,
+        largest_remainder: 1.3976892997416853e-96,
     }),
     complete: true,
 };

@@ -212,8 +212,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 8,
         states: 32,
         digits: 96,
-        smallest_kept: 0.004906395273031517,
-        largest_dropped: 1.4269713348055868e-96,
+        smallest_pivot: 0.004906395273031517,
+        largest_remainder: 1.4269713348055868e-96,
     }),
     complete: true,
 };

@@ -448,8 +448,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 36,
         states: 10,
         digits: 96,
-        smallest_kept: 0.07610751970887711,
-        largest_dropped: 2.72717415170224e-96,
+        smallest_pivot: 0.07610751970887711,
+        largest_remainder: 2.72717415170224e-96,
     }),
     complete: true,
 };

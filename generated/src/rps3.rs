@@ -382,8 +382,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 25,
         states: 21,
         digits: 96,
-        smallest_kept: 0.0008429150910824601,
-        largest_dropped: 1.5445830867002911e-96,
+        smallest_pivot: 0.0008429150910824601,
+        largest_remainder: 1.5445830867002911e-96,
     }),
     complete: true,
 };

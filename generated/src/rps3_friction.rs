@@ -442,8 +442,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         rank: 34,
         states: 21,
         digits: 96,
-        smallest_kept: 0.0008413924441972498,
-        largest_dropped: 1.371131308806484e-96,
+        smallest_pivot: 0.0008413924441972498,
+        largest_remainder: 1.371131308806484e-96,
     }),
     complete: true,
 };

@@ -38,10 +38,10 @@ pub struct Certificate {
     pub states: usize,
     /// The number of decimal digits of the arithmetic.
     pub digits: usize,
-    /// The smallest number that counts as nonzero, relative to the largest.
-    pub smallest_kept: f64,
-    /// The largest number that counts as zero, relative to the largest of all.
-    pub largest_dropped: f64,
+    /// The smallest pivot of the elimination, relative to the largest entry: it counts as nonzero.
+    pub smallest_pivot: f64,
+    /// The largest remainder of the elimination that counts as zero, relative to the largest entry.
+    pub largest_remainder: f64,
 }
 
 /// The base parameters of a model and their certificate.

@@ -72,7 +72,7 @@ use regen_tests::engine::{Engine, check_engine, row_error};
 use regen_tests::random;
 
 MODULES
-fn judge(seed: u64, model: &dyn Model<f64>) -> Result<f64, String> {
+fn compare(seed: u64, model: &dyn Model<f64>) -> Result<f64, String> {
     let sample = random::sample(seed).sample.ok_or("no spec")?;
     let compiled = Compiled(model);
     check_engine(&compiled, &sample.mechanism, seed, 2)?;
@@ -94,7 +94,7 @@ MODELS
     let mut failures = 0;
     let count = models.len();
     for (seed, model) in models {
-        match judge(seed, model.as_ref()) {
+        match compare(seed, model.as_ref()) {
             Ok(error) => worst = worst.max(error),
             Err(error) => {
                 failures += 1;

@@ -47,7 +47,11 @@ fn main() {
         match excite(&Rps3, &Rps3, &settings, watch).unwrap() {
             Outcome::Found(found) => {
                 let f = found.figures;
-                let least = found.margins.iter().map(|m| m.left).fold(1.0, f64::min);
+                let least = found
+                    .margins
+                    .iter()
+                    .map(|m| m.relative_distance)
+                    .fold(1.0, f64::min);
                 println!(
                     "{seed:4}  {:6.2}  {:8.1}  {:8.1}  {:8.4}  {least:12.1e}  {:7.1}",
                     f.scaled_condition,

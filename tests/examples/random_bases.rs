@@ -11,7 +11,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use regen_tests::base::{Verdict, judge};
+use regen_tests::base::{Verdict, check_base};
 use regen_tests::random_spec;
 
 #[derive(Default)]
@@ -62,13 +62,13 @@ fn main() -> ExitCode {
 impl Count {
     fn add(&mut self, seed: u64, text: &str) {
         let start = Instant::now();
-        let verdict = judge(text, seed);
+        let verdict = check_base(text, seed);
         let seconds = start.elapsed().as_secs_f64();
         if seconds > self.slowest.0 {
             self.slowest = (seconds, seed);
         }
         match verdict {
-            Ok(Verdict::Holds(found)) => {
+            Ok(Verdict::Correct(found)) => {
                 self.judged += 1;
                 if found.completed > 0 {
                     self.short += 1;
@@ -83,7 +83,7 @@ impl Count {
                 self.uncertified += 1;
                 println!("seed {seed}: not certified: {why}");
             }
-            Ok(Verdict::Fails(why)) | Err(why) => {
+            Ok(Verdict::Wrong(why)) | Err(why) => {
                 self.failed += 1;
                 println!("seed {seed}: {why}\n{text}");
             }

@@ -71,7 +71,7 @@ impl Tally {
     }
 }
 
-fn judge(seed: u64, states: usize, spoil: bool, tally: &mut Tally) {
+fn check_seed(seed: u64, states: usize, with_invalid: bool, tally: &mut Tally) {
     let drawn = random::sample(seed);
     for (reject, times) in &drawn.rejects {
         *tally.counts.entry(format!("draw {reject:?}")).or_default() += times;
@@ -81,8 +81,10 @@ fn judge(seed: u64, states: usize, spoil: bool, tally: &mut Tally) {
         return;
     };
     tally.features(&sample);
-    let judged = catch_unwind(AssertUnwindSafe(|| random::judge(&sample, seed, states)));
-    match judged {
+    let checked = catch_unwind(AssertUnwindSafe(|| {
+        random::check_sample(&sample, seed, states)
+    }));
+    match checked {
         Ok(Ok(figures)) => {
             for (name, figure) in figures.all() {
                 let worst = tally.worst.entry(name).or_insert((0.0, seed));
@@ -94,11 +96,11 @@ fn judge(seed: u64, states: usize, spoil: bool, tally: &mut Tally) {
         Ok(Err(error)) => tally.failures.push((seed, error)),
         Err(_) => tally.failures.push((seed, "panic".into())),
     }
-    if !spoil {
+    if !with_invalid {
         return;
     }
-    match random::spoil(&sample, seed) {
-        Ok(variants) => *tally.counts.entry("bad variants".into()).or_default() += variants,
+    match random::check_invalid_variants(&sample, seed) {
+        Ok(variants) => *tally.counts.entry("invalid variants".into()).or_default() += variants,
         Err(error) => tally.failures.push((seed, error)),
     }
 }
@@ -115,8 +117,8 @@ fn main() {
         number("--count", 100),
         usize::try_from(number("--states", 1)).unwrap_or(1),
     );
-    // Checking the bad variants takes twenty derivations per seed.
-    let spoil = number("--spoil-every", 10).max(1);
+    // Checking the invalid variants takes twenty derivations per seed.
+    let invalid_every = number("--invalid-every", 10).max(1);
     if arguments.iter().any(|a| a == "--print") {
         match random::sample(from).sample {
             Some(sample) => print!("{}", sample.text),
@@ -128,7 +130,7 @@ fn main() {
     let mut tally = Tally::default();
     for seed in from..from + count {
         let before = tally.failures.len();
-        judge(seed, states, seed.is_multiple_of(spoil), &mut tally);
+        check_seed(seed, states, seed.is_multiple_of(invalid_every), &mut tally);
         if let Some((seed, error)) = tally.failures.get(before) {
             eprintln!("seed {seed}: {error}");
         }

@@ -195,17 +195,17 @@ impl Derivation {
 #[derive(Clone, Debug)]
 pub enum Verdict {
     /// The base is complete and reproduces the regressor.
-    Holds(Judged),
+    Correct(BaseFigures),
     /// The analysis reports that it cannot be certain, and why: for example, a loop closes, or has a
     /// special geometry, only to as many digits as its numbers have.
     Uncertified(String),
     /// The base is wrong, or smaller than the certified rank.
-    Fails(String),
+    Wrong(String),
 }
 
 /// Figures of a mechanism whose base is right.
 #[derive(Clone, Copy, Debug)]
-pub struct Judged {
+pub struct BaseFigures {
     /// The number of base parameters.
     pub rank: usize,
     /// Largest error of a row of W(all) - W(base) combinations, relative to the row's largest entry.
@@ -243,7 +243,7 @@ pub fn analysed(text: &str) -> Result<Analysis, String> {
 ///
 /// # Errors
 /// When the spec cannot be analysed, or its second derivation finds no states.
-pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
+pub fn check_base(text: &str, seed: u64) -> Result<Verdict, String> {
     let analysis = analysed(text)?;
     let certificate = match analysis.certificate {
         Ok(certificate) if certificate.is_certain() => certificate,
@@ -258,7 +258,7 @@ pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
         base.completed
     );
     if !analysis.complete || base.parameters.len() != certificate.rank {
-        return Ok(Verdict::Fails(format!("incomplete: {found}")));
+        return Ok(Verdict::Wrong(format!("incomplete: {found}")));
     }
     let mechanism = Mechanism::from_yaml(text)?;
     let derivation = Derivation {
@@ -269,9 +269,9 @@ pub fn judge(text: &str, seed: u64) -> Result<Verdict, String> {
     let states = mechanism.random_states(seed, states_for(&mechanism))?;
     let agreement = derivation.agreement(&mechanism, &states, &Derivation::value)?;
     if agreement.error.is_nan() || agreement.error > MAX_ROW_ERROR {
-        return Ok(Verdict::Fails(format!("{agreement:?}: {found}")));
+        return Ok(Verdict::Wrong(format!("{agreement:?}: {found}")));
     }
-    Ok(Verdict::Holds(Judged {
+    Ok(Verdict::Correct(BaseFigures {
         rank: certificate.rank,
         error: agreement.error,
         completed: derivation.base.completed,

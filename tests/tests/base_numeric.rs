@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use regen_tests::base::{Derivation, Verdict, judge as judge_analysis, states_for};
+use regen_tests::base::{Derivation, Verdict, check_base, states_for};
 use regen_tests::random_checks::agreement;
 use regen_tests::reference::Mechanism;
 use regen_tests::{files, random_spec, sample_size};
@@ -336,9 +336,9 @@ const SMALL: usize = 40;
 /// Derives the base of a random loop, and fails unless it is certified and right.
 fn check_loop(seed: u64) -> Result<(), String> {
     let text = random_spec::closed_loop(seed)?;
-    match judge_analysis(&text, seed)? {
-        Verdict::Holds(_) => Ok(()),
-        Verdict::Uncertified(why) | Verdict::Fails(why) => Err(format!("seed {seed}: {why}")),
+    match check_base(&text, seed)? {
+        Verdict::Correct(_) => Ok(()),
+        Verdict::Uncertified(why) | Verdict::Wrong(why) => Err(format!("seed {seed}: {why}")),
     }
 }
 
@@ -370,6 +370,6 @@ fn random_loops_that_failed_once_pass() {
 #[test]
 fn a_loop_that_is_special_only_to_sixteen_digits_is_not_certified() {
     let text = random_spec::closed_loop(228).unwrap();
-    let verdict = judge_analysis(&text, 228).unwrap();
+    let verdict = check_base(&text, 228).unwrap();
     assert!(matches!(verdict, Verdict::Uncertified(_)), "{verdict:?}");
 }

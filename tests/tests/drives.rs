@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::derive;
 use regen_codegen::signature::FunctionKind;
-use regen_tests::base::{Derivation, Verdict, judge, states_for};
+use regen_tests::base::{Derivation, Verdict, check_base, states_for};
 use regen_tests::derived::Derived;
 use regen_tests::engine::{Engine, check_engine};
 use regen_tests::random_spec;
@@ -200,10 +200,10 @@ fn the_base_of_random_mechanisms_with_drives_is_certified_and_right() {
     let mut certified = 0;
     for seed in 0..6 {
         for text in random(seed) {
-            match judge(&text, seed).unwrap_or_else(|e| panic!("{e}\n{text}")) {
-                Verdict::Holds(_) => certified += 1,
+            match check_base(&text, seed).unwrap_or_else(|e| panic!("{e}\n{text}")) {
+                Verdict::Correct(_) => certified += 1,
                 Verdict::Uncertified(_) => {}
-                Verdict::Fails(why) => panic!("{why}\n{text}"),
+                Verdict::Wrong(why) => panic!("{why}\n{text}"),
             }
         }
     }

@@ -171,7 +171,11 @@ fn a_trajectory_respects_every_limit_between_samples_and_starts_at_rest() {
     }
     // the limits are relevant: one of them is nearly reached
     assert!(nearest < 0.05, "{nearest}");
-    let stated = found.margins.iter().map(|m| m.left).fold(1.0, f64::min);
+    let stated = found
+        .margins
+        .iter()
+        .map(|m| m.relative_distance)
+        .fold(1.0, f64::min);
     assert!(stated >= 0.0 && stated <= nearest);
 }
 

@@ -154,7 +154,7 @@ fn the_reduction_ends_with_parameters_that_are_all_well_identified() {
     println!("{}", reduction.table());
     let (first, last) = (&reduction.steps[0], reduction.result().unwrap());
     assert_eq!(last.feasibility, Feasibility::Feasible);
-    assert!(last.well == last.kept.len() && last.well > 0);
+    assert!(last.well_identified == last.kept.len() && last.well_identified > 0);
     assert!((0..last.kept.len()).all(|k| last.estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT));
     assert!(last.kept.len() < first.kept.len());
     assert!(last.condition < first.condition);
@@ -225,9 +225,9 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
     let found = fit(&data, &narrowed, &plain, &Options::default()).unwrap();
     println!(
         "{} programmes, {:e} of {:e}",
-        found.programmes, found.squared_residual, found.linear
+        found.programmes, found.squared_residual, found.linear_squared_residual
     );
-    assert!(found.squared_residual < 1e-6 * found.linear);
+    assert!(found.squared_residual < 1e-6 * found.linear_squared_residual);
     for (joint, law) in found.joints.iter().zip(laws) {
         for (a, b) in joint.values.iter().zip(law) {
             assert!((a - b).abs() < 1e-6 * b, "{:?} {law:?}", joint.values);

@@ -241,7 +241,7 @@ fn off(value: f64, truth: f64, interval: Option<Interval>) -> f64 {
 
 /// Checks gains, base parameters and payload against the truth; returns how many of all are beyond
 /// two deviations, and how many there are.
-fn judge(twin: &Twin<'_>, found: &GainFit, truth: &[(&str, f64)]) -> (usize, usize) {
+fn check_against_truth(twin: &Twin<'_>, found: &GainFit, truth: &[(&str, f64)]) -> (usize, usize) {
     let model = &found.model;
     let mut ratios = Vec::new();
     let names = twin.names();
@@ -333,7 +333,7 @@ fn gains_and_payload_of_an_arm_are_found_within_their_deviations() {
         };
         for seed in 0..SEEDS {
             let found = twin.fit(&plan, seed).unwrap();
-            let (more, of) = judge(&twin, &found, &LOAD);
+            let (more, of) = check_against_truth(&twin, &found, &LOAD);
             beyond = (beyond.0 + more, beyond.1 + of);
         }
     }
@@ -357,7 +357,7 @@ fn a_closed_loop_has_its_gains_and_payload_found_whichever_coordinates_are_indep
             let found = twin.fit(&plan, seed).unwrap();
             // in its plane, the load has no inertia about other axes
             let in_plane = [("m", 0.7), ("cx", 0.02), ("cy", 0.01), ("Izz", 0.0015)];
-            judge(&twin, &found, &in_plane);
+            check_against_truth(&twin, &found, &in_plane);
             let told = &found.model.payloads[0].values;
             assert_eq!(told.len(), in_plane.len(), "{told:?}");
         }

@@ -26,8 +26,8 @@ fn sample(seed: u64) -> Sample {
 fn check_seeds(first: u64) {
     for seed in (first..seeds()).step_by(4) {
         let sample = sample(seed);
-        if let Err(error) = random::judge(&sample, seed, 1) {
-            let small = random::shrink(sample, &|s| random::judge(s, seed, 1).is_err());
+        if let Err(error) = random::check_sample(&sample, seed, 1) {
+            let small = random::shrink(sample, &|s| random::check_sample(s, seed, 1).is_err());
             panic!("seed {seed}: {error}\n{}", small.text);
         }
     }
@@ -56,7 +56,8 @@ fn random_mechanisms_agree_with_the_second_derivation_4() {
 #[test]
 fn bad_variants_of_random_mechanisms_give_errors_at_the_mistake() {
     for seed in 0..seeds().max(240) / 10 {
-        random::spoil(&sample(seed), seed).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        random::check_invalid_variants(&sample(seed), seed)
+            .unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     }
 }
 
@@ -70,7 +71,7 @@ fn check_folder(folder: &str) {
         let stem = path.file_stem().unwrap().to_str().unwrap();
         let failed_seed = stem.rsplit('_').next().unwrap().parse::<u64>().ok();
         for seed in (0..2).chain(failed_seed) {
-            random::judge_text(&text, &mechanism, seed, 1)
+            random::check_text(&text, &mechanism, seed, 1)
                 .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         }
     }

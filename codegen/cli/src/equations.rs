@@ -1,7 +1,7 @@
 //! `regen equations`: equations with named terms.
 
 use regen_codegen::spec;
-use regen_equations::{Of, Parameters, Style, equations, kinds};
+use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 use crate::args::{EquationsArgs, OfArg, ParametersArg, StyleArg};
 use crate::exit::Failure;
@@ -23,11 +23,11 @@ pub(crate) fn run(args: &EquationsArgs) -> Result<(), Failure> {
         OfArg::Dynamics
     };
     let of = match args.of.unwrap_or(default) {
-        OfArg::Closure => Of::Closure,
-        OfArg::Jacobian => Of::Jacobian,
-        OfArg::X => Of::X,
-        OfArg::Regressor => Of::Regressor,
-        OfArg::Dynamics => Of::Dynamics,
+        OfArg::Closure => EquationSet::Closure,
+        OfArg::Jacobian => EquationSet::Jacobian,
+        OfArg::X => EquationSet::X,
+        OfArg::Regressor => EquationSet::Regressor,
+        OfArg::Dynamics => EquationSet::Dynamics,
     };
     let parameters = match args.parameters {
         ParametersArg::All => Parameters::All,

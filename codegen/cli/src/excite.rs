@@ -31,7 +31,8 @@ struct LimitJson {
     limit: String,
     bound: f64,
     /// The smallest distance from the limit, as a part of half its range.
-    left: f64,
+    #[serde(rename = "left")]
+    relative_distance: f64,
     time: f64,
 }
 
@@ -101,7 +102,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let limits = found.margins.iter().map(|margin| LimitJson {
         limit: margin.limit.to_string(),
         bound: margin.limit.bound,
-        left: margin.left,
+        relative_distance: margin.relative_distance,
         time: margin.time,
     });
     terminal::print(&match args.format {
@@ -203,14 +204,14 @@ fn to_text(trajectory: &Trajectory, found: &Excitation) -> String {
         table::figure(figures.smallest_singular)
     );
     let mut margins: Vec<&Margin> = found.margins.iter().collect();
-    margins.sort_by(|a, b| a.left.total_cmp(&b.left));
+    margins.sort_by(|a, b| a.relative_distance.total_cmp(&b.relative_distance));
     let rows: Vec<Vec<String>> = margins
         .iter()
         .take(12)
         .map(|margin| {
             vec![
                 margin.limit.to_string(),
-                format!("{:.2}", 100.0 * margin.left),
+                format!("{:.2}", 100.0 * margin.relative_distance),
                 format!("{:.3}", margin.time),
             ]
         })

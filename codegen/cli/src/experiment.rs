@@ -182,7 +182,7 @@ pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
         return Err(Failure::Io(text));
     }
     if logs.is_empty() {
-        let text = "all runs of the experiment file are `use: validate`: there is nothing to \
+        let text = "all runs of the experiment file have `use: validate`: there is nothing to \
                     identify from";
         return Err(Failure::Input(text.to_owned()));
     }

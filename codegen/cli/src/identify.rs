@@ -210,10 +210,10 @@ fn models(
     };
     let mut found = Vec::new();
     if args.physical.wanted() {
-        session.watch.work("solving for physical parameters");
+        session.watch.phase("solving for physical parameters");
         let knowledge = physical::knowledge(&args.physical);
         let result = session::physical(session, &knowledge, start, args.physical.draws);
-        session.watch.rest();
+        session.watch.finished();
         found = result?;
         if start.data.is_none()
             && let Some(first) = found.first_mut()
@@ -225,7 +225,7 @@ fn models(
         if args.iv {
             let (model, json, bandwidth) = identify_iv::run(args, session, start)?;
             found.push(model);
-            summary.bandwidth = Some(bandwidth);
+            summary.correlation_length = Some(bandwidth);
             summary.instruments = Some(json);
         }
         if args.physical.reduce {
@@ -282,7 +282,7 @@ fn options(args: &IdentifyArgs) -> Options {
     Options {
         weighting: weighting(args),
         huber: args.huber,
-        bandwidth: args.bandwidth,
+        hac_bandwidth: args.bandwidth,
         ..Options::default()
     }
 }

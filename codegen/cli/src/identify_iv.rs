@@ -30,12 +30,12 @@ pub(crate) fn run(
     };
     let reference = reference.as_ref().map(|path| (path, gains.as_slice()));
     let found = instrumental(session, start, &args.logs, reference)?;
-    if !found.instrumental.settled {
+    if !found.instrumental.converged {
         return Err(Failure::Numeric(format!(
             "--iv did not converge in {} rounds, so there is no estimate: the instruments are weak; \
              take a motion that excites more, or {}",
             found.instrumental.rounds,
-            if found.bandwidth.is_some() {
+            if found.controller_bandwidth.is_some() {
                 "give the robot's own gains by --pid, or as `controller` in an experiment file"
             } else {
                 "give the commanded one by --reference"
@@ -47,8 +47,13 @@ pub(crate) fn run(
     } else {
         "simulated along the reference"
     };
-    let json = Instruments::new(&found.instrumental, found.cutoff, found.bandwidth, motion);
-    Ok((found.model, json, found.instrumental.bandwidth))
+    let json = Instruments::new(
+        &found.instrumental,
+        found.cutoff,
+        found.controller_bandwidth,
+        motion,
+    );
+    Ok((found.model, json, found.instrumental.hac_bandwidth))
 }
 
 impl From<InstrumentError> for Failure {
@@ -62,8 +67,8 @@ impl From<InstrumentError> for Failure {
         match error {
             InstrumentError::Data(error) => error.into(),
             InstrumentError::Unsmoothed(_) => Self::Input(format!("--iv: {error}")),
-            InstrumentError::Loop(LoopError::Untuned(why)) => not_simulated(why.to_string()),
-            InstrumentError::Loop(LoopError::Refused(why)) => not_simulated(why.to_string()),
+            InstrumentError::Loop(LoopError::Tuning(why)) => not_simulated(why.to_string()),
+            InstrumentError::Loop(LoopError::Simulation(why)) => not_simulated(why.to_string()),
             InstrumentError::Loop(LoopError::Termination(how)) => {
                 not_simulated(reason(how).unwrap_or_default())
             }

@@ -16,7 +16,7 @@ use regen_interpreted::Interpreted;
 use regen_report::results::{Identification, LogFile, Simulated, Summary, stem};
 use regen_response::{
     Departure, DidimOptions, EffortTracks, KnownReference, Law, Run, Setup, TrackError, departures,
-    didim, respond,
+    didim, fit_responses,
 };
 use regen_runtime::BaseModel;
 
@@ -175,7 +175,7 @@ fn of_efforts(
         },
         ..DidimOptions::default()
     };
-    session.watch.work("simulating the controlled robot");
+    session.watch.phase("simulating the controlled robot");
     let is_tuned = known.iter().any(Option::is_none);
     let step = all.first().and_then(|track| {
         let [first, second, ..] = track.times[..] else {
@@ -192,10 +192,10 @@ fn of_efforts(
     };
     let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);
     let found = didim(model, &runs_at(bandwidth), &options, start);
-    session.watch.rest();
+    session.watch.finished();
     let found = found?;
     note_departures(&found.departures, known.iter().all(Option::is_some));
-    if !found.settled {
+    if !found.converged {
         return Err(Failure::Numeric(format!(
             "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
              estimate: take a motion that excites more, give the robot's own gains \
@@ -263,19 +263,19 @@ fn of_responses(
         .collect();
     let runs = runs?;
     let watch = session.watch;
-    watch.work("simulating the controlled robot");
+    watch.phase("simulating the controlled robot");
     let mut progress = |step: usize, squares: f64| {
         let text = format!(
             "step {step}, squared residuals {}",
             table::figure_of(3, squares)
         );
-        watch.work(&text);
+        watch.phase(&text);
     };
     let level = args.confidence;
-    let found = respond(model, model, &runs, &setup, start, level, &mut progress);
-    watch.rest();
+    let found = fit_responses(model, model, &runs, &setup, start, level, &mut progress);
+    watch.finished();
     let found = found?;
-    if !found.settled {
+    if !found.converged {
         return Err(Failure::Numeric(format!(
             "the fit did not converge in {} steps, so there is no estimate: start nearer with \
              --start, or shorten the windows with --window",

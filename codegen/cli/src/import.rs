@@ -12,7 +12,7 @@ use crate::{load, table, terminal, write};
 
 /// The JSON of `regen import`.
 #[derive(Serialize)]
-struct Printed<'a> {
+struct ImportJson<'a> {
     robot: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     written: Option<String>,
@@ -100,7 +100,7 @@ fn json(imported: &Imported, written: Option<String>) -> String {
         column: note.column,
         text: &note.text,
     });
-    table::document(&Printed {
+    table::document(&ImportJson {
         robot: &imported.name,
         written,
         spec: &imported.spec,

@@ -52,8 +52,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         args.logs = planned;
     } else if args.reading.experiment.is_some() {
         terminal::note(
-            "note: no run of the experiment file is `use: validate`: the given logs are predicted, \
-             or else all runs",
+            "note: no run of the experiment file has `use: validate`: the logs of the command line \
+             are predicted, or all runs if there are none",
         );
     }
     let robot = loads::derived_for(&source, &args.reading, &args.params)?;
@@ -138,10 +138,9 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
 fn to_text(json: &ValidateJson) -> String {
     let mut out = format!("{}, eps_RA in percent\n", json.robot);
     out.push_str(&corrected_delays_text(&json.corrected_delays));
-    let name = stem;
     // the number of logs whose columns fit on a line
     const BLOCK: usize = 5;
-    let names: Vec<String> = json.logs.iter().map(|log| name(log)).collect();
+    let names: Vec<String> = json.logs.iter().map(|log| stem(log)).collect();
     for (block, titles) in names.chunks(BLOCK).enumerate() {
         let head: Vec<&str> = std::iter::once("parameters")
             .chain(titles.iter().map(String::as_str))
@@ -152,14 +151,14 @@ fn to_text(json: &ValidateJson) -> String {
             .map(|m| {
                 let logs = m.logs.iter().skip(block * BLOCK).take(BLOCK);
                 let figures = logs.map(|l| percent(l.relative_absolute));
-                std::iter::once(name(&m.params)).chain(figures).collect()
+                std::iter::once(stem(&m.params)).chain(figures).collect()
             })
             .collect();
         out.push_str(&table::columns(&head, &lines));
     }
     for model in &json.models {
         for (log, found) in json.logs.iter().zip(&model.logs) {
-            let _ = writeln!(out, "\n  {} on {}", name(&model.params), name(log));
+            let _ = writeln!(out, "\n  {} on {}", stem(&model.params), stem(log));
             out.push_str(&resting(&found.left_out));
             let lines: Vec<Vec<String>> = found
                 .efforts

@@ -35,7 +35,7 @@ impl Terminal {
 }
 
 impl Monitor for Terminal {
-    fn work(&self, what: &str) {
+    fn phase(&self, what: &str) {
         self.with(|shown| match shown {
             Some(ShownBar { bar, pass: None }) => bar.set_message(what.to_owned()),
             _ => {
@@ -47,7 +47,7 @@ impl Monitor for Terminal {
         });
     }
 
-    fn rest(&self) {
+    fn finished(&self) {
         self.with(|shown| {
             if let Some(ShownBar { bar, .. }) = shown.take() {
                 bar.finish_and_clear();

@@ -10,7 +10,7 @@ use crate::plain::{Level, Spelling, Writer, digits};
 /// The longest entry of a matrix that is written as a `bmatrix`, in characters of source; matrices
 /// with longer entries are written entry by entry.
 const MAX_ENTRY_LENGTH: usize = 48;
-/// The most columns of such a matrix, and half of its most rows.
+/// The largest number of columns of such a matrix; it may have twice as many rows.
 const MAX_MATRIX_COLUMNS: usize = 6;
 /// Characters of an equation's source after which a sum continues on the next line.
 const LINE_LENGTH: usize = 150;

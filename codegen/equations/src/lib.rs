@@ -8,7 +8,7 @@
 //! ```
 //! use regen_codegen::Mechanism;
 //! use regen_codegen::diag::Source;
-//! use regen_equations::{Of, Parameters, Style, equations, kinds};
+//! use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 //!
 //! let text = "\
 //! name: arm
@@ -19,8 +19,8 @@
 //!       - {name: q1, type: revolute, body: link, actuated: true}
 //! ";
 //! let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
-//! let robot = mechanism.robot(&kinds(Of::Dynamics, Parameters::Base))?;
-//! let text = equations(&robot, &[], Of::Dynamics, Parameters::Base, Style::Text).unwrap();
+//! let robot = mechanism.robot(&kinds(EquationSet::Dynamics, Parameters::Base))?;
+//! let text = equations(&robot, &[], EquationSet::Dynamics, Parameters::Base, Style::Text).unwrap();
 //! assert!(text.contains("c_1 = cos(q1)"), "{text}");
 //! assert!(text.contains("tau_1 = "), "{text}");
 //! # Ok::<(), regen_codegen::diag::Report>(())
@@ -37,4 +37,4 @@ mod plain;
 mod sympy;
 mod text;
 
-pub use page::{Missing, Of, Parameters, Style, equations, kinds};
+pub use page::{EquationSet, MissingFunction, Parameters, Style, equations, kinds};

@@ -15,7 +15,7 @@ use crate::{load, sympy, text};
 
 /// The equations or the matrix that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Of {
+pub enum EquationSet {
     /// The closure equations f(q) (Eq. 6).
     Closure,
     /// Their Jacobian A (Eq. 7).
@@ -50,9 +50,9 @@ pub enum Style {
 
 /// The robot does not have what was asked for: no loops, or no base parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Missing(pub FunctionKind);
+pub struct MissingFunction(pub FunctionKind);
 
-impl fmt::Display for Missing {
+impl fmt::Display for MissingFunction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             FunctionKind::Constraints | FunctionKind::Jacobian | FunctionKind::Velocities => {
@@ -66,23 +66,23 @@ impl fmt::Display for Missing {
     }
 }
 
-impl Error for Missing {}
+impl Error for MissingFunction {}
 
 /// The function that [`equations`] needs the robot to have.
-fn kind(of: Of, parameters: Parameters) -> FunctionKind {
+fn kind(of: EquationSet, parameters: Parameters) -> FunctionKind {
     match (of, parameters) {
-        (Of::Closure, _) => FunctionKind::Constraints,
-        (Of::Jacobian, _) => FunctionKind::Jacobian,
-        (Of::X, _) => FunctionKind::Velocities,
-        (Of::Regressor, Parameters::All) => FunctionKind::Regressor,
-        (Of::Regressor, Parameters::Base) => FunctionKind::BaseRegressor,
-        (Of::Dynamics, Parameters::All) => FunctionKind::InverseDynamics,
-        (Of::Dynamics, Parameters::Base) => FunctionKind::BaseInverseDynamics,
+        (EquationSet::Closure, _) => FunctionKind::Constraints,
+        (EquationSet::Jacobian, _) => FunctionKind::Jacobian,
+        (EquationSet::X, _) => FunctionKind::Velocities,
+        (EquationSet::Regressor, Parameters::All) => FunctionKind::Regressor,
+        (EquationSet::Regressor, Parameters::Base) => FunctionKind::BaseRegressor,
+        (EquationSet::Dynamics, Parameters::All) => FunctionKind::InverseDynamics,
+        (EquationSet::Dynamics, Parameters::Base) => FunctionKind::BaseInverseDynamics,
     }
 }
 
 /// The functions with which the robot of [`equations`] is derived.
-pub fn kinds(of: Of, parameters: Parameters) -> [FunctionKind; 1] {
+pub fn kinds(of: EquationSet, parameters: Parameters) -> [FunctionKind; 1] {
     [kind(of, parameters)]
 }
 
@@ -97,10 +97,10 @@ pub fn kinds(of: Of, parameters: Parameters) -> [FunctionKind; 1] {
 pub fn equations(
     robot: &Robot,
     lengths: &[(String, f64)],
-    of: Of,
+    of: EquationSet,
     parameters: Parameters,
     style: Style,
-) -> Result<String, Missing> {
+) -> Result<String, MissingFunction> {
     let page = Page::new(robot, lengths, of, parameters)?;
     Ok(match style {
         Style::Text => text::write(&page),
@@ -137,7 +137,7 @@ pub(crate) struct Page<'p> {
     pub(crate) inputs: Vec<Vec<Input>>,
     /// The entries, row by row.
     values: Vec<Id>,
-    of: Of,
+    of: EquationSet,
     parameters: Parameters,
 }
 
@@ -145,19 +145,19 @@ impl<'p> Page<'p> {
     fn new(
         robot: &'p Robot,
         lengths: &'p [(String, f64)],
-        of: Of,
+        of: EquationSet,
         parameters: Parameters,
-    ) -> Result<Self, Missing> {
+    ) -> Result<Self, MissingFunction> {
         let kind = kind(of, parameters);
-        let function = robot.function(kind).ok_or(Missing(kind))?;
+        let function = robot.function(kind).ok_or(MissingFunction(kind))?;
         let program = &function.program;
-        if of == Of::X && robot.dependent.is_empty() {
-            return Err(Missing(kind));
+        if of == EquationSet::X && robot.dependent.is_empty() {
+            return Err(MissingFunction(kind));
         }
         let mut graph = Graph::default();
         let (dof, n) = (robot.independent.len(), robot.coordinates.len());
         let (values, shape) = match of {
-            Of::X => {
+            EquationSet::X => {
                 // column k holds the velocities for a unit velocity of independent coordinate k
                 let mut columns = Vec::new();
                 for k in 0..dof {
@@ -174,16 +174,16 @@ impl<'p> Page<'p> {
                 }
                 (values, (robot.dependent.len(), dof))
             }
-            Of::Closure | Of::Dynamics => {
+            EquationSet::Closure | EquationSet::Dynamics => {
                 let values = load::outputs(&mut graph, program, &|_, _| None);
                 let rows = values.len();
                 (values, (rows, 1))
             }
-            Of::Jacobian => (
+            EquationSet::Jacobian => (
                 load::outputs(&mut graph, program, &|_, _| None),
                 (robot.rows, n),
             ),
-            Of::Regressor => {
+            EquationSet::Regressor => {
                 let stored = load::outputs(&mut graph, program, &|_, _| None);
                 // columns are stored one after the other
                 let columns = stored.len() / dof.max(1);
@@ -199,7 +199,7 @@ impl<'p> Page<'p> {
             _ => None,
         };
         let names = Names::new(&graph, &values, &is_coordinate);
-        let count = if of == Of::X {
+        let count = if of == EquationSet::X {
             1
         } else {
             program.arguments.len()
@@ -215,11 +215,11 @@ impl<'p> Page<'p> {
             names,
             heading: heading(of, parameters).to_owned(),
             letter: match of {
-                Of::Closure => "f",
-                Of::Jacobian => "A",
-                Of::X => "X",
-                Of::Regressor => "W",
-                Of::Dynamics => "tau",
+                EquationSet::Closure => "f",
+                EquationSet::Jacobian => "A",
+                EquationSet::X => "X",
+                EquationSet::Regressor => "W",
+                EquationSet::Dynamics => "tau",
             },
             shape,
             arguments: arguments.map(|argument| argument.name.clone()).collect(),
@@ -247,7 +247,7 @@ impl<'p> Page<'p> {
     }
 
     fn is_vector(&self) -> bool {
-        matches!(self.of, Of::Closure | Of::Dynamics)
+        matches!(self.of, EquationSet::Closure | EquationSet::Dynamics)
     }
 
     /// Whether entries are zero at every state.
@@ -284,24 +284,24 @@ impl<'p> Page<'p> {
             rows.collect::<Vec<_>>().join(", ")
         };
         match self.of {
-            Of::Closure => vec![format!("rows: {}, then couplings", cuts())],
-            Of::Jacobian => vec![
+            EquationSet::Closure => vec![format!("rows: {}, then couplings", cuts())],
+            EquationSet::Jacobian => vec![
                 format!("rows: {}, then couplings", cuts()),
                 format!("columns: {}", robot.coordinates.join(", ")),
             ],
-            Of::X => vec![
+            EquationSet::X => vec![
                 format!("rows: {}", of(&robot.dependent)),
                 format!("columns: {independent}"),
             ],
-            Of::Regressor => vec![
+            EquationSet::Regressor => vec![
                 format!("rows: {independent}"),
                 format!("columns: {}", self.parameter_labels().join(", ")),
             ],
-            Of::Dynamics if self.parameters == Parameters::Base => vec![
+            EquationSet::Dynamics if self.parameters == Parameters::Base => vec![
                 format!("rows: {independent}"),
                 format!("beta: {}", self.parameter_labels().join(", ")),
             ],
-            Of::Dynamics => vec![format!("rows: {independent}")],
+            EquationSet::Dynamics => vec![format!("rows: {independent}")],
         }
     }
 
@@ -328,17 +328,21 @@ impl<'p> Page<'p> {
     }
 }
 
-fn heading(of: Of, parameters: Parameters) -> &'static str {
+fn heading(of: EquationSet, parameters: Parameters) -> &'static str {
     match (of, parameters) {
-        (Of::Closure, _) => "the closure equations f(q) = 0 (Eq. 6)",
-        (Of::Jacobian, _) => "the Jacobian A = df/dq of the closure equations (Eq. 7)",
-        (Of::X, _) => "X, with qd_e = -X qd_i (Eq. 10)",
-        (Of::Regressor, Parameters::All) => "the regressor W, with tau = W phi (Eq. 11)",
-        (Of::Regressor, Parameters::Base) => {
+        (EquationSet::Closure, _) => "the closure equations f(q) = 0 (Eq. 6)",
+        (EquationSet::Jacobian, _) => "the Jacobian A = df/dq of the closure equations (Eq. 7)",
+        (EquationSet::X, _) => "X, with qd_e = -X qd_i (Eq. 10)",
+        (EquationSet::Regressor, Parameters::All) => "the regressor W, with tau = W phi (Eq. 11)",
+        (EquationSet::Regressor, Parameters::Base) => {
             "the regressor W of the base parameters, with tau = W beta (Eq. 23)"
         }
-        (Of::Dynamics, Parameters::All) => "the efforts tau from the parameters of all bodies",
-        (Of::Dynamics, Parameters::Base) => "the efforts tau from the base parameters beta",
+        (EquationSet::Dynamics, Parameters::All) => {
+            "the efforts tau from the parameters of all bodies"
+        }
+        (EquationSet::Dynamics, Parameters::Base) => {
+            "the efforts tau from the base parameters beta"
+        }
     }
 }
 

@@ -116,14 +116,14 @@ pub(crate) fn write(page: &Page<'_>) -> String {
         lengths: page.lengths,
         spelling: &python,
     };
-    let quiet = |text: &str| text.replace('\\', "/").replace("\"\"\"", "'''");
+    let for_docstring = |text: &str| text.replace('\\', "/").replace("\"\"\"", "'''");
     let mut out = format!(
         "\"\"\"{}: {}\n\n",
-        quiet(&page.robot.name),
-        quiet(&page.heading)
+        for_docstring(&page.robot.name),
+        for_docstring(&page.heading)
     );
     for line in page.captions() {
-        let _ = writeln!(out, "{}", quiet(&line));
+        let _ = writeln!(out, "{}", for_docstring(&line));
     }
     out.push_str(
         "\n`terms` lists intermediate terms in the order in which they are computed, `result` is the\n\

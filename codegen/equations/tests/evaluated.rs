@@ -9,7 +9,7 @@ use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret;
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_equations::{Of, Parameters, Style, equations, kinds};
+use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 /// A robot of the repository with one function.
 fn robot(file: &str, kind: FunctionKind) -> (Robot, Vec<(String, f64)>) {
@@ -45,12 +45,16 @@ fn sympy_evaluates_to_what_is_computed() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("equations");
     std::fs::create_dir_all(&folder).unwrap();
     for (file, of, parameters) in [
-        ("scara.yaml", Of::Regressor, Parameters::All),
-        ("fivebar.yaml", Of::Regressor, Parameters::Base),
-        ("3rps_friction.yaml", Of::Regressor, Parameters::Base),
-        ("fivebar.yaml", Of::Dynamics, Parameters::Base),
-        ("fivebar.yaml", Of::X, Parameters::All),
-        ("slider_crank.yaml", Of::Jacobian, Parameters::All),
+        ("scara.yaml", EquationSet::Regressor, Parameters::All),
+        ("fivebar.yaml", EquationSet::Regressor, Parameters::Base),
+        (
+            "3rps_friction.yaml",
+            EquationSet::Regressor,
+            Parameters::Base,
+        ),
+        ("fivebar.yaml", EquationSet::Dynamics, Parameters::Base),
+        ("fivebar.yaml", EquationSet::X, Parameters::All),
+        ("slider_crank.yaml", EquationSet::Jacobian, Parameters::All),
     ] {
         let [kind] = kinds(of, parameters);
         let (robot, lengths) = robot(file, kind);
@@ -60,7 +64,7 @@ fn sympy_evaluates_to_what_is_computed() {
         let mut given = String::new();
         for argument in &program.arguments {
             let numbers = values(&robot, &argument.name, argument.len);
-            if !(of == Of::X && argument.name == "qd_i") {
+            if !(of == EquationSet::X && argument.name == "qd_i") {
                 let name = &argument.name;
                 write!(given, "**dict(zip({name}_, {numbers:?})), ").unwrap();
             }
@@ -90,14 +94,19 @@ fn sympy_evaluates_to_what_is_computed() {
 }
 
 /// What the interpreter computes, column by column.
-fn expected(robot: &Robot, of: Of, kind: FunctionKind, inputs: &mut [Vec<f64>]) -> Vec<f64> {
+fn expected(
+    robot: &Robot,
+    of: EquationSet,
+    kind: FunctionKind,
+    inputs: &mut [Vec<f64>],
+) -> Vec<f64> {
     let program = &robot.function(kind).unwrap().program;
     let run = |inputs: &[Vec<f64>]| {
         let slices: Vec<&[f64]> = inputs.iter().map(Vec::as_slice).collect();
         interpret::run(program, &slices).0
     };
     match of {
-        Of::X => {
+        EquationSet::X => {
             let mut columns = Vec::new();
             for k in 0..robot.independent.len() {
                 inputs[1].fill(0.0);
@@ -107,7 +116,7 @@ fn expected(robot: &Robot, of: Of, kind: FunctionKind, inputs: &mut [Vec<f64>]) 
             }
             columns
         }
-        Of::Jacobian => {
+        EquationSet::Jacobian => {
             let rows = run(inputs);
             let n = robot.coordinates.len();
             let order = (0..n).flat_map(|c| (0..robot.rows).map(move |r| r * n + c));

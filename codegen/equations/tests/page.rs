@@ -5,7 +5,7 @@ use std::path::Path;
 
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_equations::{Of, Parameters, Style, equations, kinds};
+use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 /// What a command of the page prints.
 fn printed(command: &str) -> String {
@@ -14,9 +14,9 @@ fn printed(command: &str) -> String {
         panic!("{command}");
     };
     let of = match *of {
-        "closure" => Of::Closure,
-        "jacobian" => Of::Jacobian,
-        "X" => Of::X,
+        "closure" => EquationSet::Closure,
+        "jacobian" => EquationSet::Jacobian,
+        "X" => EquationSet::X,
         other => panic!("{other}"),
     };
     let style = if rest.contains(&"latex") {

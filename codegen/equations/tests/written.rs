@@ -2,7 +2,7 @@
 
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_equations::{Of, Parameters, Style, equations, kinds};
+use regen_equations::{EquationSet, Parameters, Style, equations, kinds};
 
 /// An arm of two joints.
 const ARM: &str = "\
@@ -16,7 +16,7 @@ limbs:
       - {name: q2, type: revolute, dh: {a: reach}, body: lower, actuated: true}
 ";
 
-fn written(of: Of, parameters: Parameters, style: Style) -> String {
+fn written(of: EquationSet, parameters: Parameters, style: Style) -> String {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
     let robot = mechanism.robot(&kinds(of, parameters)).unwrap();
     let lengths = [("reach".to_owned(), 0.37)];
@@ -25,10 +25,10 @@ fn written(of: Of, parameters: Parameters, style: Style) -> String {
 
 #[test]
 fn terms_have_the_names_of_their_angles_and_lengths() {
-    let text = written(Of::Dynamics, Parameters::Base, Style::Text);
+    let text = written(EquationSet::Dynamics, Parameters::Base, Style::Text);
     assert!(text.contains("c_1 = cos(q1)"), "{text}");
     assert!(text.contains("reach = 0.37"), "{text}");
-    let latex = written(Of::Dynamics, Parameters::All, Style::Latex);
+    let latex = written(EquationSet::Dynamics, Parameters::All, Style::Latex);
     assert!(latex.contains("\\cos\\left(q_{1}\\right)"), "{latex}");
     assert!(latex.contains("\\mathrm{reach}"), "{latex}");
     assert!(latex.contains("\\dot{q}_{2}"), "{latex}");
@@ -37,7 +37,7 @@ fn terms_have_the_names_of_their_angles_and_lengths() {
 
 #[test]
 fn every_name_is_defined_before_it_is_used() {
-    let text = written(Of::Regressor, Parameters::All, Style::Text);
+    let text = written(EquationSet::Regressor, Parameters::All, Style::Text);
     let mut known = Vec::new();
     for line in text.lines() {
         let Some((name, value)) = line.split_once(" = ") else {
@@ -55,7 +55,7 @@ fn every_name_is_defined_before_it_is_used() {
 #[test]
 fn an_arm_has_nothing_to_close() {
     let mechanism = Mechanism::open(&Source::new("arm.yaml", ARM)).unwrap();
-    for of in [Of::Closure, Of::Jacobian, Of::X] {
+    for of in [EquationSet::Closure, EquationSet::Jacobian, EquationSet::X] {
         let robot = mechanism.robot(&kinds(of, Parameters::All)).unwrap();
         let missing = equations(&robot, &[], of, Parameters::All, Style::Text).unwrap_err();
         assert!(missing.to_string().contains("no loops"), "{missing}");

@@ -282,7 +282,7 @@ impl<'a> Export<'a> {
             let place = link.and_then(|l| file.tree.links.get(l)).map(|l| l.place);
             match place.and_then(|place| file.element(place)) {
                 Some(element) if element.place.file != file.root.place.file => {
-                    let message = format!("body '{label}' stands in an included file");
+                    let message = format!("body '{label}' is in an included file");
                     let hint = "export into one file without <include>";
                     self.parameter_error(label, message, hint);
                 }

@@ -34,13 +34,13 @@ pub(crate) struct SpecContext<'a> {
 }
 
 /// The text of the spec.
-pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
+pub(crate) fn write(draft: &Draft, context: &SpecContext<'_>) -> String {
     let mut out = String::new();
-    let angle: Angle = if frame.exact { exact_angle } else { angle };
-    header(draft, frame, &mut out);
+    let angle: Angle = if context.exact { exact_angle } else { angle };
+    header(draft, context, &mut out);
     out.push_str("\nlimbs:\n");
     for limb in &draft.limbs {
-        write_limb(limb, frame, angle, &mut out);
+        write_limb(limb, context, angle, &mut out);
     }
     if !draft.cuts.is_empty() {
         out.push_str("\n# Where the loops were opened: a frame on each of two bodies.\ncuts:\n");
@@ -79,7 +79,7 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
             );
         }
     }
-    if let Some(independent) = frame.independent {
+    if let Some(independent) = context.independent {
         let _ = writeln!(
             out,
             "\n# The coordinates that the others follow from.\nindependent: [{}]",
@@ -102,14 +102,14 @@ pub(crate) fn write(draft: &Draft, frame: &SpecContext<'_>) -> String {
     out
 }
 
-fn header(draft: &Draft, frame: &SpecContext<'_>, out: &mut String) {
+fn header(draft: &Draft, context: &SpecContext<'_>, out: &mut String) {
     let SpecContext {
         name,
         robot,
         file,
         format,
         ..
-    } = frame;
+    } = context;
     let _ = writeln!(
         out,
         "# Imported from the {format} file {}. Names, limits and inertias are the file's.\n\
@@ -128,7 +128,7 @@ fn header(draft: &Draft, frame: &SpecContext<'_>, out: &mut String) {
     let bodies = count(draft.bodies.len(), "body", "bodies");
     let description = format!("{robot}: {joints}, {bodies}{loops}");
     let _ = writeln!(out, "description: {}", quoted(&description));
-    let gravity = frame.gravity.unwrap_or([0.0, 0.0, -9.81]);
+    let gravity = context.gravity.unwrap_or([0.0, 0.0, -9.81]);
     let _ = writeln!(out, "gravity: {}", list(&gravity.map(number)));
 }
 
@@ -148,7 +148,7 @@ fn quoted(text: &str) -> String {
     format!("\"{text}\"")
 }
 
-fn write_limb(limb: &DraftLimb, frame: &SpecContext<'_>, angle: Angle, out: &mut String) {
+fn write_limb(limb: &DraftLimb, context: &SpecContext<'_>, angle: Angle, out: &mut String) {
     let _ = writeln!(out, "  - name: {}", limb.name);
     if let Some(from) = &limb.from {
         let _ = writeln!(out, "    from: {from}");
@@ -159,7 +159,7 @@ fn write_limb(limb: &DraftLimb, frame: &SpecContext<'_>, angle: Angle, out: &mut
     }
     out.push_str("    joints:\n");
     for (joint, row) in limb.joints.iter().zip(rows) {
-        entry(&joint_fields(joint, row, frame, angle), 6, out);
+        entry(&joint_fields(joint, row, context, angle), 6, out);
     }
 }
 
@@ -200,7 +200,7 @@ fn rows(limb: &DraftLimb, angle: Angle) -> (Pose, Vec<Option<(&'static str, Stri
 fn joint_fields(
     joint: &DraftJoint,
     row: Option<(&'static str, String)>,
-    frame: &SpecContext<'_>,
+    context: &SpecContext<'_>,
     angle: Angle,
 ) -> Vec<(&'static str, String)> {
     let mut fields = Vec::new();
@@ -215,7 +215,7 @@ fn joint_fields(
     if let Some(body) = &joint.body {
         fields.push(("body", body.clone()));
     }
-    let is_actuated = (joint.name.as_ref()).is_some_and(|n| frame.actuated.contains(n));
+    let is_actuated = (joint.name.as_ref()).is_some_and(|n| context.actuated.contains(n));
     if is_actuated {
         fields.push(("actuated", "true".to_owned()));
     }
@@ -223,7 +223,7 @@ fn joint_fields(
         return fields;
     };
     let mut nominal = friction_fields(from.damping, from.friction, from.armature, &mut fields);
-    if frame.geared && is_actuated {
+    if context.geared && is_actuated {
         let added = [("friction", "linear"), ("rotor_inertia", "true")];
         for (key, value) in added {
             if fields.iter().all(|(own, _)| *own != key) {

@@ -426,7 +426,7 @@ fn mjcf_settings_that_would_change_the_written_values_are_refused() {
     let elsewhere = of_bodies(vec![("b".to_owned(), plain())]);
     assert_has(
         &tried(&shared, &spec, &elsewhere).unwrap_err(),
-        "body 'b' stands in an included file",
+        "body 'b' is in an included file",
     );
 }
 

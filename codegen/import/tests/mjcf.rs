@@ -483,7 +483,7 @@ fn a_body_of_meshes_and_solids_has_no_values_and_is_reported() {
     assert!(!made.spec.contains("mass: 1"), "{}", made.spec);
     assert_has(
         &notes(&made),
-        "bodies without values, as meshes have their mass (no mesh is called 'm'): 'a'",
+        "bodies without values, since their mass is in meshes that are not read (no mesh is called 'm'): 'a'",
     );
 }
 

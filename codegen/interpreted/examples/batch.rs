@@ -1,6 +1,6 @@
-//! Times the base regressor of an interpreted robot at many states in one call: the bare batch. It
-//! prints the least processor time of several calls, in seconds; on systems other than Linux, the least
-//! time of the clock.
+//! Times one call that evaluates the base regressor of an interpreted robot at many states. It prints
+//! the least processor time of several such calls, in seconds; on systems other than Linux, the least
+//! wall-clock time.
 //!
 //!     cargo run --release -p regen-interpreted --example batch -- robots/puma560.yaml 75000
 
@@ -16,7 +16,7 @@ use regen_runtime::{Arguments, BaseFunction};
 /// The number of calls, of which the fastest counts.
 const ROUNDS: usize = 15;
 
-/// Processor time of this process, or the clock's where that is unknown, in seconds.
+/// The processor time of this process, in seconds; where that is unknown, the time since `begin`.
 fn now(begin: Instant) -> f64 {
     let stat = std::fs::read_to_string("/proc/self/schedstat").ok();
     let nanoseconds = stat.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());

@@ -236,8 +236,8 @@ impl<'a> Interpreted<'a> {
                 rank: c.rank,
                 states: c.states,
                 digits: c.digits,
-                smallest_kept: c.smallest_kept,
-                largest_dropped: c.largest_dropped,
+                smallest_pivot: c.smallest_pivot,
+                largest_remainder: c.largest_remainder,
             }),
             complete: analysis.is_some_and(|a| a.complete),
         }

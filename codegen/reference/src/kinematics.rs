@@ -4,7 +4,7 @@
 use num_dual::{Dual2, Dual2_64};
 
 use crate::mechanism::{CutSide, Mechanism, SwingLimit};
-use crate::scalar::{Mat4, Scalar, constant_matrix, mul, shift, turn};
+use crate::scalar::{Mat4, Scalar, constant_matrix, mul, rotation, translation};
 
 /// The frame of a node in the world, as a homogeneous matrix, with its first and second time
 /// derivatives (m, m/s and m/s^2 in the last column).
@@ -33,8 +33,8 @@ impl Mechanism {
                 None => placed,
                 Some(m) => {
                     let (axis, q) = (m.axis.index(), q[m.coordinate]);
-                    let turned = mul(&placed, &turn(axis, q * m.turn));
-                    mul(&turned, &shift(axis, q * m.slide))
+                    let turned = mul(&placed, &rotation(axis, q * m.turn));
+                    mul(&turned, &translation(axis, q * m.slide))
                 }
             });
         }

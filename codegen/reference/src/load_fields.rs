@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::expr::evaluate;
-use crate::scalar::{Mat4, identity, mul, shift, turn};
+use crate::scalar::{Mat4, identity, mul, rotation, translation};
 use crate::yaml::Value;
 
 /// The geometry names and their values.
@@ -51,10 +51,10 @@ pub(crate) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, Strin
     let (xyz, rpy) = (get("xyz")?, get("rpy")?);
     let mut out = identity();
     for (k, x) in xyz.iter().enumerate() {
-        out = mul(&out, &shift(k, *x));
+        out = mul(&out, &translation(k, *x));
     }
     for k in [2, 1, 0] {
-        out = mul(&out, &turn(k, rpy[k]));
+        out = mul(&out, &rotation(k, rpy[k]));
     }
     Ok(out)
 }
@@ -63,10 +63,10 @@ pub(crate) fn placement(value: &Value, names: &Names) -> Result<Mat4<f64>, Strin
 pub(crate) fn dh(value: &Value, names: &Names) -> Result<Mat4<f64>, String> {
     let get = |key: &str| scalar_at(value, key, names);
     let steps = [
-        turn(0, get("alpha")?),
-        shift(0, get("a")?),
-        turn(2, get("theta")?),
-        shift(2, get("d")?),
+        rotation(0, get("alpha")?),
+        translation(0, get("a")?),
+        rotation(2, get("theta")?),
+        translation(2, get("d")?),
     ];
     Ok(steps.iter().fold(identity(), |out, step| mul(&out, step)))
 }

@@ -1,7 +1,7 @@
 //! Seeded random numbers and random physically possible bodies.
 
 use crate::mechanism::PARAMETERS_PER_BODY;
-use crate::scalar::{identity, mul, turn};
+use crate::scalar::{identity, mul, rotation};
 
 /// A small deterministic generator (splitmix64).
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ impl PhysicalBody {
         let principal = [s[1] + s[2], s[2] + s[0], s[0] + s[1]];
         let mut r = identity();
         for k in 0..3 {
-            r = mul(&r, &turn(k, random.uniform(-3.0, 3.0)));
+            r = mul(&r, &rotation(k, random.uniform(-3.0, 3.0)));
         }
         let entry = |i: usize, j: usize| (0..3).map(|k| r[i][k] * principal[k] * r[j][k]).sum();
         let inertia = [

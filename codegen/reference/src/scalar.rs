@@ -90,7 +90,7 @@ pub(crate) fn scale<T: Scalar>(a: &Vec3<T>, s: T) -> Vec3<T> {
 }
 
 /// A rotation about the coordinate axis k, by an angle in rad.
-pub(crate) fn turn<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
+pub(crate) fn rotation<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
     let mut out = constant_matrix(&identity());
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let (s, c) = (angle.sin(), angle.cos());
@@ -102,7 +102,7 @@ pub(crate) fn turn<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
 }
 
 /// A translation along the coordinate axis k.
-pub(crate) fn shift<T: Scalar>(k: usize, distance: T) -> Mat4<T> {
+pub(crate) fn translation<T: Scalar>(k: usize, distance: T) -> Mat4<T> {
     let mut out = constant_matrix(&identity());
     out[k][3] = distance;
     out

@@ -55,6 +55,7 @@ impl Mechanism {
         Err(format!("{}: no state found: {last}", self.name))
     }
 
+    /// The state at `q` with random velocities and accelerations.
     fn with_motion(&self, q: Vec<f64>, random: &mut Random) -> Result<State, String> {
         let qd = self.velocities(&q, &random.vector(self.dof(), 1.5))?;
         let qdd = self.accelerations(&q, &qd, &random.vector(self.dof(), 3.0))?;

@@ -9,7 +9,7 @@ use crate::ReportError;
 use crate::charts::{self, BLUE, Bar, Figure, GREY, LINE_COLOURS, Line, Look, ORANGE};
 use crate::page::{escaped, figure, four, label, section, table, whole};
 
-/// The most columns in one figure, since more lines cannot be distinguished.
+/// The largest number of columns in one figure, since more lines cannot be distinguished.
 const MAX_LINES: usize = 8;
 
 /// The page of inspected logs, as HTML that needs no network.

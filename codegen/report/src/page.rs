@@ -380,8 +380,8 @@ fn singular(report: &Content<'_>) -> String {
                 c.rank,
                 c.states,
                 c.digits,
-                c.smallest_kept,
-                c.largest_dropped,
+                c.smallest_pivot,
+                c.largest_remainder,
                 if info.complete {
                     "The base parameters are as many: there are no fewer."
                 } else {

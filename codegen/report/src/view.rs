@@ -46,6 +46,7 @@ pub struct Data {
 #[derive(Clone, Debug, Serialize)]
 struct Coordinate {
     name: String,
+    /// Whether it is an angle.
     turn: bool,
     independent: bool,
     actuated: bool,
@@ -62,6 +63,7 @@ struct Body {
 #[derive(Clone, Debug, Serialize)]
 struct JointSpring {
     name: String,
+    /// Whether its joint rotates.
     turn: bool,
     /// The axis at zero motion of the joint, see [`Joint::axes`].
     on: Moving,

@@ -17,7 +17,7 @@ use crate::worker::{Done, Event, Job, Mistake};
 
 /// The time between checks whether a running worker's result is still wanted.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// The most bytes that a worker may write; more are not read.
+/// The largest number of bytes that a worker may write; more are not read.
 const MAX_OUTPUT: u64 = 256 << 20;
 
 /// The program that is started as a worker; it must call [`work`](crate::work).

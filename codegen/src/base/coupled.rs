@@ -42,13 +42,13 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
         .map(|b| link_paths[b.link].freedom(&velocity_constraints))
         .collect();
     for (body, freedom) in free.iter().enumerate() {
-        if freedom.never_turns() {
+        if freedom.has_constant_orientation() {
             all.extend((0..9).map(|k| Vector::from([(10 * body + k, Element::one())])));
         }
     }
     for j in 0..model.bodies.len() {
         for i in 0..j {
-            if free[i].never_turns() || free[j].never_turns() {
+            if free[i].has_constant_orientation() || free[j].has_constant_orientation() {
                 continue;
             }
             if let Some(relative) = same_orientation(model, &couplings, i, j) {

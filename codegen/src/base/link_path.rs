@@ -38,7 +38,7 @@ pub enum Freedom {
 
 impl Freedom {
     /// Whether the orientation never changes.
-    pub fn never_turns(self) -> bool {
+    pub fn has_constant_orientation(self) -> bool {
         matches!(
             self,
             Freedom::Fixed

@@ -44,8 +44,8 @@ pub(super) fn certificate(samples: &Samples, model: &Model) -> Certificate {
     parts.fold(first, |sum, part| Certificate {
         columns: sum.columns + part.columns,
         rank: sum.rank + part.rank,
-        smallest_kept: sum.smallest_kept.min(part.smallest_kept),
-        largest_dropped: sum.largest_dropped.max(part.largest_dropped),
+        smallest_pivot: sum.smallest_pivot.min(part.smallest_pivot),
+        largest_remainder: sum.largest_remainder.max(part.largest_remainder),
         ..whole
     })
 }

@@ -131,7 +131,7 @@ pub fn store(source: &Source, analysis: &Analysis) -> String {
             let _ = writeln!(
                 out,
                 "certificate {} {} {} {} {:?} {:?}",
-                c.columns, c.rank, c.states, c.digits, c.smallest_kept, c.largest_dropped
+                c.columns, c.rank, c.states, c.digits, c.smallest_pivot, c.largest_remainder
             );
         }
         Err(reason) => {
@@ -239,8 +239,8 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                     rank: number(1)?,
                     states: number(2)?,
                     digits: number(3)?,
-                    smallest_kept: parts.get(4)?.parse().ok()?,
-                    largest_dropped: parts.get(5)?.parse().ok()?,
+                    smallest_pivot: parts.get(4)?.parse().ok()?,
+                    largest_remainder: parts.get(5)?.parse().ok()?,
                 });
             }
             "uncertified" => analysis.certificate = Err(rest.to_owned()),

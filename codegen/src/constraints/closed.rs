@@ -114,7 +114,7 @@ fn equations(
 ) -> Equations {
     let mut all = Equations::default();
     for (cut, view) in model.cuts.iter().zip(viewpoints) {
-        all.extend(LoopEquations::new(model, cut).seen_from(g, frames, *view, rates));
+        all.extend(LoopEquations::new(model, cut).expressed_in(g, frames, *view, rates));
     }
     all.extend(coupling_equations(g, model, rates.is_some()));
     all

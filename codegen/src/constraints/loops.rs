@@ -66,7 +66,7 @@ impl<'m> LoopEquations<'m> {
 
     /// The loop's rows in the axes of a viewpoint's frame, in the form that is valid where the loop
     /// is closed.
-    pub fn seen_from(
+    pub fn expressed_in(
         &self,
         g: &mut Graph,
         frames: &Frames,

@@ -79,7 +79,7 @@ fn loop_views(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
             let equations = LoopEquations::new(model, cut);
             let views = equations.viewpoints().into_iter();
             views
-                .map(|view| (view, equations.seen_from(g, frames, view, None).jacobian))
+                .map(|view| (view, equations.expressed_in(g, frames, view, None).jacobian))
                 .collect()
         })
         .collect();

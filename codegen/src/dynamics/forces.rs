@@ -37,7 +37,7 @@ impl Inertial {
     }
 
     /// `I v`, with the inertia tensor I.
-    pub fn turn(&self, g: &mut Graph, v: &V3) -> V3 {
+    pub fn tensor_times(&self, g: &mut Graph, v: &V3) -> V3 {
         let [xx, xy, xz, yy, yz, zz] = self.tensor;
         [
             g.dot3(&[xx, xy, xz], v),
@@ -128,7 +128,7 @@ fn body_wrench(g: &mut Graph, motion: &LinkMotion, inertial: &Inertial) -> Wrenc
     let inertia_moment = {
         let [xx, xy, xz, yy, yz, zz] = motion.ww;
         let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.tensor;
-        let tangential = inertial.turn(g, &motion.alpha);
+        let tangential = inertial.tensor_times(g, &motion.alpha);
         // w x (I w), written with the products of w that the motion contains
         let x = {
             let difference = g.sub(izz, iyy);

@@ -53,7 +53,7 @@ pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) ->
 /// The wrench that gives the composite body a unit acceleration of the joint.
 fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wrench {
     let turned = Wrench {
-        moment: inertia.turn(g, e),
+        moment: inertia.tensor_times(g, e),
         force: g.cross(e, &inertia.moment),
     };
     let slid = Wrench {

@@ -217,7 +217,7 @@ fn parallelogram(
             || {
                 link_paths[middle]
                     .freedom(velocity_constraints)
-                    .never_turns()
+                    .has_constant_orientation()
             },
             |common| {
                 link_paths[middle].has_same_orientation(&link_paths[common], velocity_constraints)

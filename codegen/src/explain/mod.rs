@@ -18,7 +18,7 @@ mod unidentifiable;
 use core::fmt::{self, Write as _};
 
 pub use crate::base::Freedom;
-use crate::base::certificate::observe;
+use crate::base::certificate::closed_states;
 use crate::base::{Analysis, LinearForm, LinkPath, link_paths, velocity_constraints};
 use crate::diag::{Source, Span, rounded};
 use crate::model::Model;
@@ -259,7 +259,7 @@ pub fn explain(
 ) -> Explanation {
     let link_paths = link_paths(model);
     let velocity_constraints = velocity_constraints(spec, model);
-    let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
+    let states = closed_states(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut warnings = limits::facts(spec, model, home);
     warnings.extend(limits::inertias(spec));
     warnings.extend(plausible::facts(spec, model, home));
@@ -301,8 +301,8 @@ pub fn explain(
             let bound = link_paths[body.link].freedom(&velocity_constraints);
             // The class of the sampled motions is a lower bound, the class that the joints allow an
             // upper bound: the result is exact where both agree.
-            let exact =
-                bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
+            let exact = bound == observed.freedom
+                || bound.has_constant_orientation() && observed.freedom.has_constant_orientation();
             BodyMotion {
                 body: body.label.clone(),
                 freedom: observed.freedom,
@@ -473,7 +473,7 @@ fn orientations(
 ) -> Vec<Fact> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
     for (body, observed) in observed.iter().enumerate() {
-        if observed.freedom.never_turns() {
+        if observed.freedom.has_constant_orientation() {
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);

@@ -44,10 +44,10 @@ impl<'a> Motions<'a> {
         Motions {
             states,
             size: (
-                or_one(largest(links().flat_map(|l| &l.turns)).max(Float320::ONE)),
-                or_one(largest(
-                    links().flat_map(|l| l.moves.iter().chain(&l.passes)),
-                )),
+                or_one(largest(links().flat_map(|l| &l.angular_velocities)).max(Float320::ONE)),
+                or_one(largest(links().flat_map(|l| {
+                    l.origin_velocities.iter().chain(&l.spatial_velocities)
+                }))),
             ),
         }
     }
@@ -63,8 +63,8 @@ impl<'a> Motions<'a> {
 
     /// The observed motion of a link.
     pub(super) fn of(&self, link: usize) -> ObservedMotion {
-        let turns: Vec<Vector3> = self.all(link, |l| &l.turns).copied().collect();
-        let moves: Vec<Vector3> = self.all(link, |l| &l.moves).copied().collect();
+        let turns: Vec<Vector3> = self.all(link, |l| &l.angular_velocities).copied().collect();
+        let moves: Vec<Vector3> = self.all(link, |l| &l.origin_velocities).copied().collect();
         let rows = |v: &[Vector3]| v.iter().map(|x| x.to_vec()).collect::<Vec<_>>();
         let (turning, off_turns) = rank_of(rows(&turns), self.size.0);
         let (moving, off_moves) = rank_of(rows(&moves), self.size.1);
@@ -140,8 +140,8 @@ impl<'a> Motions<'a> {
 
     /// The rank of a link's velocity screws; the linear parts are scaled by the largest velocity.
     fn screw_rank(&self, link: usize) -> (usize, f64) {
-        let turns = self.all(link, |l| &l.turns);
-        let passes = self.all(link, |l| &l.passes);
+        let turns = self.all(link, |l| &l.angular_velocities);
+        let passes = self.all(link, |l| &l.spatial_velocities);
         let rows = turns.zip(passes).map(|(w, v)| {
             let w = w.iter().map(|x| *x * self.size.1);
             w.chain(v.iter().map(|x| *x * self.size.0)).collect()
@@ -152,20 +152,23 @@ impl<'a> Motions<'a> {
     /// Whether a point of the link never moves, and the largest relative error that was taken for
     /// zero.
     fn has_fixed_point(&self, link: usize) -> (bool, f64) {
-        let turns = self.all(link, |l| &l.turns);
-        let pairs: Vec<(&Vector3, &Vector3)> = turns.zip(self.all(link, |l| &l.passes)).collect();
+        let turns = self.all(link, |l| &l.angular_velocities);
+        let pairs: Vec<(&Vector3, &Vector3)> = turns
+            .zip(self.all(link, |l| &l.spatial_velocities))
+            .collect();
         fixed_point(pairs.into_iter(), self.size)
     }
 
     /// Whether two links always have the same angular velocity (`None` is the world), and the
     /// largest relative error that was taken for zero.
     pub(super) fn same_orientation(&self, a: Option<usize>, b: Option<usize>) -> (bool, f64) {
-        self.equal(a, b, self.size.0, |l| &l.turns)
+        self.equal(a, b, self.size.0, |l| &l.angular_velocities)
     }
 
     /// Whether the origins of two links always have the same velocity.
     pub(super) fn same_move(&self, a: usize, b: usize) -> bool {
-        self.equal(Some(a), Some(b), self.size.1, |l| &l.moves).0
+        self.equal(Some(a), Some(b), self.size.1, |l| &l.origin_velocities)
+            .0
     }
 
     fn equal(
@@ -201,7 +204,7 @@ impl<'a> Motions<'a> {
         };
         for state in self.states {
             let links = ends.iter().flatten().filter_map(|l| state.links.get(*l));
-            let screws = links.flat_map(|l| &l.screws);
+            let screws = links.flat_map(|l| &l.unit_twists);
             let screws: Vec<_> = screws.filter(|s| within.contains(&s.0)).collect();
             let turns: Vec<Vec<Float320>> = screws.iter().map(|s| s.1.to_vec()).collect();
             let (turning, _) = rank_of(turns, Float320::ONE);

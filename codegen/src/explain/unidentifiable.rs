@@ -58,7 +58,7 @@ impl Bodies<'_> {
                 .origin_rests
                 .then(|| format!("the origin of body {name}, where its mass counts, never moves"));
         }
-        if observed.freedom.never_turns() {
+        if observed.freedom.has_constant_orientation() {
             return Some(format!("body {name} never rotates"));
         }
         let axis = self.own_axis(body)?;
@@ -315,7 +315,7 @@ impl Bodies<'_> {
             .filter(|b| {
                 self.observed
                     .get(*b)
-                    .is_some_and(|s| !s.freedom.never_turns())
+                    .is_some_and(|s| !s.freedom.has_constant_orientation())
             })
             .collect();
         let mut reasons = Vec::new();
@@ -365,8 +365,9 @@ impl Bodies<'_> {
         }
         if reasons.is_empty() {
             let carried = self.observed.iter().enumerate();
-            let carried =
-                carried.filter(|(_, s)| s.freedom.never_turns() && s.freedom != Freedom::Fixed);
+            let carried = carried.filter(|(_, s)| {
+                s.freedom.has_constant_orientation() && s.freedom != Freedom::Fixed
+            });
             let names: Vec<&str> = carried.map(|(b, _)| self.label(b)).collect();
             if !names.is_empty() {
                 let plural = if names.len() == 1 { "body" } else { "bodies" };

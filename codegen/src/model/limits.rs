@@ -5,14 +5,14 @@ use super::{Coupling, Model};
 /// The part of the narrower of two ranges that they must share at least.
 const MIN_SHARED_PART: f64 = 1e-3;
 
-/// The couplings whose limits leave the joint that follows next to no range: for each, the
-/// coordinate that follows, and the range (rad or m) that the coordinates it follows give it by
-/// their own limits.
+/// The couplings that leave their dependent joint next to no range within its own limits: for each,
+/// the dependent coordinate, and the range (rad or m) that the coupling maps the limits of the other
+/// coordinates to.
 pub fn contradicting_limits(model: &Model) -> Vec<(usize, [f64; 2])> {
     let mut found: Vec<(usize, [f64; 2])> = Vec::new();
     let mut left: Vec<&Coupling> = model.couplings.iter().collect();
     while !left.is_empty() {
-        // first the couplings whose joints follow none of the others
+        // first the couplings whose other coordinates are not dependent in a coupling that is left
         let keys: Vec<usize> = left.iter().map(|coupling| coupling.key).collect();
         let waits = |coupling: &Coupling| coupling.terms.iter().any(|(c, _)| keys.contains(c));
         let (later, now): (Vec<_>, Vec<_>) = left.iter().partition(|coupling| waits(coupling));
@@ -20,26 +20,31 @@ pub fn contradicting_limits(model: &Model) -> Vec<(usize, [f64; 2])> {
             break;
         }
         for coupling in now {
-            let led = contradiction(model, coupling, &found);
-            found.extend(led.map(|led| (coupling.key, led)));
+            let range = contradiction(model, coupling, &found);
+            found.extend(range.map(|range| (coupling.key, range)));
         }
         left = later;
     }
     found
 }
 
-/// Where a coupling leads its joint, if the joint's limits do not share enough of that.
+/// The range that a coupling gives its dependent joint, if the joint's own limits share too little of
+/// it.
 ///
-/// - `led`: where joints are led whose own limits do not count.
+/// - `found`: the dependent joints of contradicting couplings, with the ranges that replace their
+///   own limits.
 fn contradiction(
     model: &Model,
     coupling: &Coupling,
-    led: &[(usize, [f64; 2])],
+    found: &[(usize, [f64; 2])],
 ) -> Option<[f64; 2]> {
     let own = model.coordinates[coupling.key].position?;
     let mut range = [coupling.constant.to_f64(); 2];
     for (c, factor) in &coupling.terms {
-        let instead = led.iter().find(|(key, _)| key == c).map(|(_, led)| *led);
+        let instead = found
+            .iter()
+            .find(|(key, _)| key == c)
+            .map(|(_, range)| *range);
         let limits = instead.or(model.coordinates[*c].position)?;
         let [one, other] = limits.map(|x| x * factor.to_f64());
         range = [range[0] + one.min(other), range[1] + one.max(other)];
@@ -75,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limits_of_what_follows_such_a_finger_are_compared_with_where_it_is_led()
+    fn limits_of_joints_coupled_to_such_a_finger_are_compared_with_its_coupled_range()
     -> Result<(), String> {
         let finger = |tip: &str| -> Result<Vec<f64>, String> {
             let text = format!(

@@ -56,8 +56,8 @@ pub(super) fn write(out: &mut Writer, analysis: &Analysis) {
             for count in [found.columns, found.rank, found.states, found.digits] {
                 out.size(count);
             }
-            out.double(found.smallest_kept);
-            out.double(found.largest_dropped);
+            out.double(found.smallest_pivot);
+            out.double(found.largest_remainder);
         }
         Err(reason) => out.text(reason),
     }
@@ -74,8 +74,8 @@ pub(super) fn read(from: &mut Reader<'_>) -> Option<Analysis> {
             rank: from.size()?,
             states: from.size()?,
             digits: from.size()?,
-            smallest_kept: from.double()?,
-            largest_dropped: from.double()?,
+            smallest_pivot: from.double()?,
+            largest_remainder: from.double()?,
         })
     } else {
         Err(from.text()?)

@@ -27,13 +27,13 @@ impl Statement {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The error is within its bound.
-    Holds,
+    Passed,
     /// The error exceeds its bound, or one of the two is not finite.
-    Fails,
+    Failed,
     /// The check does not apply; the note gives the reason.
-    Absent,
+    NotApplicable,
     /// The check is undecided, since double precision is not accurate enough.
-    Open,
+    Undecided,
 }
 
 /// The result of a check with its largest error and the bound.
@@ -56,9 +56,9 @@ pub struct Check {
 
 impl Check {
     /// A check that does not apply, with the reason.
-    pub fn absent(what: Statement, why: &str) -> Self {
+    pub fn not_applicable(what: Statement, why: &str) -> Self {
         Self {
-            verdict: Verdict::Absent,
+            verdict: Verdict::NotApplicable,
             note: why.to_owned(),
             ..Self::of(what, 0.0, 0.0)
         }
@@ -69,9 +69,9 @@ impl Check {
         Self {
             what,
             verdict: if within(worst, bound) {
-                Verdict::Holds
+                Verdict::Passed
             } else {
-                Verdict::Fails
+                Verdict::Failed
             },
             worst,
             bound,
@@ -94,7 +94,7 @@ impl Check {
 
     /// Whether it failed.
     pub fn fails(&self) -> bool {
-        self.verdict == Verdict::Fails
+        self.verdict == Verdict::Failed
     }
 }
 
@@ -154,14 +154,14 @@ impl Worst {
         self.missed |= !within(figure, bound);
     }
 
-    /// The result as a check; `Absent` if nothing was compared.
+    /// The result as a check; `NotApplicable` if nothing was compared.
     pub(crate) fn check(self, what: Statement) -> Check {
         if !self.compared {
-            return Check::absent(what, "none");
+            return Check::not_applicable(what, "none");
         }
         let mut check = Check::of(what, self.figure, self.bound);
         if self.missed {
-            check.verdict = Verdict::Fails;
+            check.verdict = Verdict::Failed;
         }
         check.place = self.place;
         check
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn errors_and_bounds_that_are_not_finite_fail() {
-        assert_eq!(Check::of(WHAT, 1e-16, 1e-15).verdict, Verdict::Holds);
+        assert_eq!(Check::of(WHAT, 1e-16, 1e-15).verdict, Verdict::Passed);
         for (figure, bound) in [
             (1e-14, 1e-15),
             (f64::NAN, 1.0),
@@ -240,7 +240,7 @@ mod tests {
         }
         let check = worst.check(WHAT);
         assert_eq!((check.place, check.worst.is_nan()), (Some(2), true));
-        assert_eq!(Worst::default().check(WHAT).verdict, Verdict::Absent);
+        assert_eq!(Worst::default().check(WHAT).verdict, Verdict::NotApplicable);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-/// Most bytes of a chunk or message that are held in memory.
+/// The largest number of bytes of a chunk or message that are held in memory.
 pub(crate) const MAX_BYTES: u64 = 1 << 28;
 /// First bytes of a frame of zstd.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];

@@ -6,7 +6,7 @@ use crate::known;
 
 /// Deepest nesting of messages.
 const MAX_DEPTH: usize = 16;
-/// Most types and fields of a definition.
+/// The largest number of types and fields of a definition.
 const MAX_FIELDS: usize = 2000;
 /// Longest definition, bytes.
 const MAX_TEXT: usize = 1 << 20;

@@ -34,7 +34,7 @@ pub enum BagError {
         /// The reason and the remedy, in words.
         why: String,
     },
-    /// An MCAP file ends before its end.
+    /// An MCAP file is cut off: it lacks the record that ends every recording.
     Truncated {
         /// The file.
         file: PathBuf,
@@ -89,7 +89,7 @@ pub enum BagError {
     },
 }
 
-/// The most topics that an error message lists.
+/// The largest number of topics that an error message lists.
 const MAX_LISTED: usize = 20;
 
 /// The topics with their types and numbers of messages, one per line.

@@ -7,7 +7,7 @@ use crate::joints::{Sample, Shape};
 use crate::log::Topic;
 use crate::storage::{Channel, Messages};
 
-/// Most kinds of messages on a topic, by their joints and lists.
+/// The largest number of kinds of messages on a topic, by their joints and lists.
 const MAX_SHAPES: usize = 1000;
 
 /// The messages of a topic: their joints, stamps and errors.

@@ -9,7 +9,7 @@ use crate::survey::TopicSurvey;
 
 /// One nanosecond, s.
 const NANO: f64 = 1e-9;
-/// The most lists of joints that an error contains.
+/// The largest number of lists of joints that an error contains.
 const MAX_LISTED: usize = 5;
 
 /// The content of a column.

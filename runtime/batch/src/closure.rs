@@ -7,7 +7,7 @@ use regen_runtime::{Arguments, ClosureError, Function, LoopClosure, Model, Outco
 
 use series::{copy, difference, repeated, set, shifted};
 
-/// The most states that are solved at a time.
+/// The largest number of states that are solved at a time.
 const BLOCK: usize = 64;
 /// Bound on |f| of a closed state, relative to the size of the rows' terms: that of [`LoopClosure`].
 pub(super) const RELATIVE_TOLERANCE: f64 = 1e-12;
@@ -161,13 +161,14 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
     }
 
     /// The state from which the next trajectory continues; `None` for home.
-    pub fn place(&self) -> Option<Vec<f64>> {
+    pub fn last_state(&self) -> Option<Vec<f64>> {
         self.last.clone()
     }
 
-    /// Makes the next trajectory continue from a state that [`place`](Self::place) returned.
-    pub fn go_back(&mut self, place: Option<&[f64]>) {
-        match place {
+    /// Makes the next trajectory continue from a state that [`last_state`](Self::last_state)
+    /// returned.
+    pub fn resume(&mut self, state: Option<&[f64]>) {
+        match state {
             None => self.restart(),
             Some(q) => {
                 self.last = Some(q.to_vec());
@@ -415,7 +416,7 @@ impl<'m, M: Model<f64> + ?Sized> TrajectoryClosure<'m, M> {
                 return Ok(None);
             };
             let line = difference(&targets, &q, info.independent, len);
-            let mut rough = self.predicted(&q, &line, &targets, len)?.0;
+            let mut rough = self.predicted_from(last, &line, &targets, len)?;
             self.newton(&mut rough, &mut ok, None, len)?;
             // each state again from the one before it
             let before = shifted(last, &rough, len);

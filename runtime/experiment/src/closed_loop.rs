@@ -95,8 +95,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
         .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
     let (pid, offset) = match closed_loop.controllers {
         Controllers::Tuned { bandwidth, given } => {
-            let tuned =
-                control(bandwidth, given, model, phi, &start).map_err(LoopError::Untuned)?;
+            let tuned = control(bandwidth, given, model, phi, &start).map_err(LoopError::Tuning)?;
             (tuned.pid, tuned.offset)
         }
         Controllers::Known { pid, offset } => (pid.to_vec(), offset.to_vec()),
@@ -118,7 +117,7 @@ pub fn follow<M: Model<f64> + ?Sized>(
     let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
         closed_loop.reference.at(begin + t, q, qd, qdd);
     };
-    let mut log = simulate(model, phi, &along, &settings).map_err(LoopError::Refused)?;
+    let mut log = simulate(model, phi, &along, &settings).map_err(LoopError::Simulation)?;
     if log.ended != Termination::Complete {
         return Err(LoopError::Termination(log.ended));
     }
@@ -247,9 +246,9 @@ pub enum LoopError {
     /// Fewer than two samples.
     TooFew,
     /// No controllers can be tuned for the robot with the estimate.
-    Untuned(TuningError),
+    Tuning(TuningError),
     /// The robot with the estimate cannot be simulated.
-    Refused(SimulationError),
+    Simulation(SimulationError),
     /// The run ended before its time.
     Termination(Termination),
     /// The simulated motion does not fit the model.
@@ -260,12 +259,12 @@ pub enum LoopError {
 
 impl fmt::Display for LoopError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const REFUSED: &str = "the robot cannot be simulated with the present estimate";
+        const NOT_SIMULATED: &str = "the robot cannot be simulated with the present estimate";
         match self {
             Self::TooFew => f.write_str("a run to simulate needs two samples"),
-            Self::Untuned(why) => write!(f, "{REFUSED}: {why}"),
-            Self::Refused(why) => write!(f, "{REFUSED}: {why}"),
-            Self::Termination(how) => write!(f, "{REFUSED}: {how}"),
+            Self::Tuning(why) => write!(f, "{NOT_SIMULATED}: {why}"),
+            Self::Simulation(why) => write!(f, "{NOT_SIMULATED}: {why}"),
+            Self::Termination(how) => write!(f, "{NOT_SIMULATED}: {how}"),
             Self::Samples(why) => why.fmt(f),
             Self::Size(why) => why.fmt(f),
         }
@@ -275,8 +274,8 @@ impl fmt::Display for LoopError {
 impl core::error::Error for LoopError {
     fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
         match self {
-            Self::Untuned(why) => Some(why),
-            Self::Refused(why) => Some(why),
+            Self::Tuning(why) => Some(why),
+            Self::Simulation(why) => Some(why),
             Self::Samples(why) => Some(why),
             Self::Size(why) => Some(why),
             Self::TooFew | Self::Termination(_) => None,

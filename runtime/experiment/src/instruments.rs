@@ -28,7 +28,7 @@ pub struct InstrumentalResult {
     pub cutoff: Option<f64>,
     /// The bandwidth of simulated controllers without given gains, Hz: that with which the simulated
     /// motion is nearest to the measured one. `None` where nothing was simulated.
-    pub bandwidth: Option<f64>,
+    pub controller_bandwidth: Option<f64>,
     /// The identified model; its intervals include the uncertainty that sampling leaves in the
     /// motion.
     pub model: IdentifiedModel,
@@ -59,14 +59,14 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         decimation: 1,
         ..session.reading.clone()
     };
-    session.watch.work("reading the measured motion");
+    session.watch.phase("reading the measured motion");
     let measured =
         Logs::open(model, logs, &raw).and_then(|mut l| MotionSeries::recorded(model, &mut l));
-    session.watch.rest();
+    session.watch.finished();
     let measured = measured?;
     let options = InstrumentOptions {
         weighting: session.options.weighting,
-        bandwidth: session.options.bandwidth,
+        hac_bandwidth: session.options.hac_bandwidth,
         ..InstrumentOptions::default()
     };
     let mut logs = session.open(logs)?;
@@ -108,7 +108,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     Ok(InstrumentalResult {
         instrumental: result,
         cutoff,
-        bandwidth,
+        controller_bandwidth: bandwidth,
         model,
     })
 }
@@ -121,7 +121,7 @@ fn identified<M: BaseModel<f64> + ?Sized>(
 ) -> IdentifiedModel {
     let method = format!(
         "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
-        result.bandwidth
+        result.hac_bandwidth
     );
     // the regressor, and so its sampling uncertainty, is that of least squares
     let mut estimate = result.estimate.clone();

@@ -6,7 +6,7 @@ use serde::Serialize;
 const GAP_STEPS: f64 = 3.0;
 /// The part of the usual step by which steps of an even clock differ at most: filters refuse more.
 const EVEN_PART: f64 = 0.1;
-/// Most steps that are stored, spread over the whole log.
+/// The largest number of steps that are stored, spread over the whole log.
 const MAX_STEPS: usize = 8192;
 /// The largest number of gaps that are listed.
 const LISTED_GAPS: usize = 10;
@@ -78,8 +78,11 @@ pub(crate) struct ClockPass {
     /// Every `every`-th step, for the median.
     stored: Vec<f64>,
     every: usize,
+    /// The number of steps so far, without gaps.
     count: usize,
+    /// The sums of their differences from the usual step, and of the squares of these.
     sums: [f64; 2],
+    /// The smallest and the largest of them, s.
     ends: [f64; 2],
     clock: Clock,
 }

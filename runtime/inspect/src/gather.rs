@@ -17,13 +17,13 @@ const STRETCHES: usize = 8;
 const MIN_STRETCH: usize = 64;
 /// The number of rows that are judged at a time for being at rest.
 const REST_ROWS: usize = 4096;
-/// The most points of the trace.
+/// The largest number of points of the trace.
 const TRACE_POINTS: usize = 4096;
 
 /// Where the times of the rows come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Times {
-    /// This entry of a row times this factor, s.
+    /// The entry of a row at this index, multiplied by this factor, is its time in s.
     Entry(usize, f64),
     /// The rows have this rate, Hz.
     Rate(f64),
@@ -257,6 +257,7 @@ pub(crate) fn gather(
         }
         rests.push(time, values, surveyed);
         trace.push(time, values);
+        // of each of the equal parts of the log, the first `length` rows belong to a stretch
         let within = place < (place * parts / rows.max(1)) * rows / parts + length;
         if !follows || !within {
             stretches.end();

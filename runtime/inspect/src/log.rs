@@ -19,7 +19,7 @@ use crate::words;
 
 /// The least number of rows of a log that is inspected: with fewer, no column's role can be judged.
 const MIN_ROWS: usize = 64;
-/// The most points of a curve in a figure.
+/// The largest number of points of a curve in a figure.
 const PICTURE_POINTS: usize = 512;
 /// A column counts as time if at most this part of its rows falls.
 const MAX_FALLING: f64 = 1e-3;

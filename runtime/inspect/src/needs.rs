@@ -17,7 +17,7 @@ use crate::predict::{Spread, spread};
 const MIN_IMPROVEMENT: f64 = 3.0;
 /// Another motion is reported too if its deviation is within this factor of that of the best one.
 const EQUIVALENT_RATIO: f64 = 1.5;
-/// The most motions that are reported for one parameter.
+/// The largest number of motions that are reported for one parameter.
 const MAX_NEEDS: usize = 2;
 /// The number of states of the log at which each motion is tried.
 const STATES: usize = 12;

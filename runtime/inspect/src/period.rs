@@ -19,7 +19,7 @@ const MIN_OVERLAP: f64 = 0.2;
 /// The least part of the whole variance that the compared parts must have, since rest at the
 /// beginning and at the end is no period.
 const MIN_VARIANCE: f64 = 0.3;
-/// The most points of the trace that are compared.
+/// The largest number of points of the trace that are compared.
 const POINTS: usize = 2048;
 
 /// A periodic motion.

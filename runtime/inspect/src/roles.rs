@@ -51,6 +51,7 @@ impl Judged {
 pub(crate) struct Known<'a> {
     /// The titles of all columns.
     pub(crate) titles: &'a [String],
+    /// Whether the log has a header with titles.
     pub(crate) named: bool,
     /// The indices of the columns that have numbers: the judged ones.
     pub(crate) numbers: &'a [usize],
@@ -265,8 +266,8 @@ fn by_relation(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut
     }
 }
 
-/// Judges the columns of joints that hardly move, in logs without names: if every velocity follows
-/// its position at the same distance, so do those of the joints between them.
+/// Judges the columns of joints that hardly move, in logs without names: if every velocity is the
+/// same number of columns behind its position, so are those of the joints between them.
 fn by_place(known: &Known<'_>, found: &[Option<(usize, f64, f64)>], out: &mut [Judged]) {
     let velocities = (0..out.len()).filter(|b| out[*b].role == Role::Velocity);
     let pairs: Vec<(usize, usize)> = velocities

@@ -12,7 +12,7 @@ use regen_identify::session::{
 };
 use regen_response::{
     DidimOptions, EffortTracks, KnownReference, Law, Number, Run as Response, Setup, Value, didim,
-    respond,
+    fit_responses,
 };
 use regen_runtime::{BaseModel, Info, Model};
 
@@ -129,9 +129,9 @@ where
             let gains = gains(&Model::<f64>::info(session.model), &made.settings.pid);
             let reference = along.then_some((made.motion, gains.as_slice()));
             let found = instrumental(session, &start, runs, reference)?;
-            Ok(settled(
+            Ok(converged(
                 found.model,
-                found.instrumental.settled,
+                found.instrumental.converged,
                 found.instrumental.rounds,
             ))
         }
@@ -169,8 +169,8 @@ fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
     named.collect()
 }
 
-fn settled(model: IdentifiedModel, is_settled: bool, rounds: usize) -> Estimated {
-    if is_settled {
+fn converged(model: IdentifiedModel, has_converged: bool, rounds: usize) -> Estimated {
+    if has_converged {
         return Ok(model);
     }
     Err(format!("no convergence in {rounds} rounds"))
@@ -221,9 +221,9 @@ fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
         ..DidimOptions::default()
     };
     let found = didim(model, &runs, &options, start)?;
-    Ok(settled(
+    Ok(converged(
         found.model(session.confidence),
-        found.settled,
+        found.converged,
         found.rounds,
     ))
 }
@@ -259,6 +259,6 @@ where
         runs.push(Response::of_track(track, &info)?);
     }
     let level = session.confidence;
-    let found = respond(model, model, &runs, &setup, start, level, &mut |_, _| {})?;
-    Ok(settled(found.model, found.settled, found.steps))
+    let found = fit_responses(model, model, &runs, &setup, start, level, &mut |_, _| {})?;
+    Ok(converged(found.model, found.converged, found.steps))
 }

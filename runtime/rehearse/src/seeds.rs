@@ -185,7 +185,7 @@ where
         done.into_iter().map(|(_, trial)| trial).collect();
     let mut trials = trials?;
     if rehearsal.loads.is_some() {
-        // what is known of payloads, or not told, is not scored
+        // parameters of payloads that are given, or that no fit determines, are not scored
         let fits = || {
             trials
                 .iter()

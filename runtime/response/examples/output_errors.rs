@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_identify::estimate::Estimate;
-use regen_response::{DidimOptions, EffortRun, Number, didim, respond};
+use regen_response::{DidimOptions, EffortRun, Number, didim, fit_responses};
 use regen_runtime::BaseModel;
 
 use twin::{Twin, off};
@@ -148,7 +148,7 @@ where
         } else {
             let run = twin.run();
             let clock = Instant::now();
-            let found = respond(
+            let found = fit_responses(
                 model,
                 model,
                 &[run],

@@ -83,7 +83,7 @@ pub struct Didim {
     pub rounds: usize,
     /// Whether the rounds converged within the tolerance. If not, the values are not a solution, and
     /// their standard deviations have no meaning.
-    pub settled: bool,
+    pub converged: bool,
     /// How far the last simulated motion is from the measured positions, if there are any.
     pub departures: Vec<Departure>,
 }
@@ -150,7 +150,7 @@ impl Didim {
 /// };
 /// let found = didim(&models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
 /// assert!((found.identified.estimate.values[0] - 0.5).abs() < 1e-3);
-/// assert!(found.settled && !found.departures[0].is_far());
+/// assert!(found.converged && !found.departures[0].is_far());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
@@ -201,9 +201,9 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
             let now = found.relative_absolute;
             (now - b).abs() <= options.tolerance * b.max(f64::MIN_POSITIVE)
         });
-        let settled =
+        let converged =
             quiet && moved <= options.tolerance || is_same(&found.estimate.values, &values);
-        let last = settled || norms.len() >= options.rounds.max(1);
+        let last = converged || norms.len() >= options.rounds.max(1);
         if let Some(best) = &mut best
             && !last
             && best.halvings < MAX_HALVINGS
@@ -243,7 +243,7 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
                 identified: rounds.propagated(found),
                 rounds: norms.len(),
                 norms,
-                settled,
+                converged,
             });
         }
         let wanted = rounds.next(&found, &values);

@@ -31,7 +31,7 @@ pub struct Estimated {
 
 /// The result of a fit to responses.
 #[derive(Clone, Debug)]
-pub struct Responded {
+pub struct ResponseFit {
     /// The identified model: base parameters with intervals, none where the data do not determine
     /// the value.
     pub model: IdentifiedModel,
@@ -41,7 +41,7 @@ pub struct Responded {
     /// start.
     pub undetermined: Vec<Direction>,
     /// The errors of each signal, in the order of the measured positions, then velocities: those of
-    /// the residuals, in rad or m, or per s.
+    /// the residuals, in rad or m, and in rad/s or m/s.
     pub errors: Vec<EffortError>,
     /// The standard deviations of the determined unknowns.
     pub deviations: Deviations,
@@ -55,7 +55,7 @@ pub struct Responded {
     /// The number of candidates that could not be simulated.
     pub refused: usize,
     /// Whether the last step was below a thousandth of the standard deviations.
-    pub settled: bool,
+    pub converged: bool,
 }
 
 /// Fits base parameters, and the gains and values of signals that the settings leave open, to the
@@ -74,7 +74,7 @@ pub struct Responded {
 /// # Errors
 /// When lists do not fit the model or each other, a joint has nonlinear friction, or the robot
 /// cannot be simulated with the first values: see [`ResponseError`].
-pub fn respond<M, D>(
+pub fn fit_responses<M, D>(
     model: &M,
     derivatives: &D,
     runs: &[Run],
@@ -82,7 +82,7 @@ pub fn respond<M, D>(
     start: &[f64],
     confidence: f64,
     progress: &mut dyn FnMut(usize, f64),
-) -> Result<Responded, ResponseError>
+) -> Result<ResponseFit, ResponseError>
 where
     M: BaseModel<f64> + ?Sized + Sync,
     D: BaseModel<Number> + ?Sized + Sync,
@@ -172,7 +172,7 @@ where
         value: found.shared[k],
         interval: interval(k),
     });
-    Ok(Responded {
+    Ok(ResponseFit {
         model: IdentifiedModel {
             name: "response".to_owned(),
             beta: found.shared[..r].to_vec(),
@@ -192,7 +192,7 @@ where
         windows: found.windows.len(),
         steps: found.steps,
         refused: found.refused,
-        settled: found.settled,
+        converged: found.converged,
     })
 }
 

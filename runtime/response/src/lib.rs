@@ -1,7 +1,7 @@
 //! Identification by output errors: the robot is simulated under its controllers, and what it would
 //! have shown is compared with what was measured.
 //!
-//! - [`respond`] needs no efforts: it fits base parameters to the positions with which a robot
+//! - [`fit_responses`] needs no efforts: it fits base parameters to the positions with which a robot
 //!   answered to commands, given its controllers or estimating their gains, and names what commands
 //!   alone do not determine.
 //! - [`didim`] needs efforts alone: least squares of measured efforts on the regressor at the motion
@@ -43,7 +43,7 @@ pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
 pub use effort_tracks::{EffortTracks, KnownReference};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
-pub use fit::{Estimated, Responded, respond};
+pub use fit::{Estimated, ResponseFit, fit_responses};
 pub use logs::{Commanded, TrackError, efforts};
 pub use rank::Direction;
 pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};

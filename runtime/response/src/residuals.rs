@@ -166,7 +166,7 @@ pub(crate) fn of_window(
     common.kinds.iter().map(of).collect()
 }
 
-/// The triangle of a signal's residuals.
+/// The QR factor of a signal's residuals.
 pub(crate) fn factor(rows: &SignalRows, labels: &[String]) -> Result<QrFactor, EstimateError> {
     let mut out = QrFactor::new(labels.to_vec());
     out.push_block(&rows.slopes, &rows.values)?;

@@ -26,7 +26,7 @@ const MIN_RESIDUAL_PART: f64 = 1e-14;
 
 /// The triangular QR factors of all windows at one candidate.
 pub(crate) struct Evaluated {
-    /// For each window, one triangle for each signal; columns: the window's own unknowns, then the
+    /// For each window, one QR factor for each signal; columns: the window's own unknowns, then the
     /// shared ones.
     windows: Vec<Vec<QrFactor>>,
     /// For each signal, the sum of the squared residuals, and their number.
@@ -58,12 +58,12 @@ pub(crate) struct Searched {
     pub(crate) windows: Vec<Window>,
     /// The factor on each signal's residuals.
     pub(crate) weights: Vec<f64>,
-    /// The triangle of the shared unknowns, those of the windows eliminated.
+    /// The QR factor of the shared unknowns, those of the windows eliminated.
     pub(crate) factor: QrFactor,
     pub(crate) steps: usize,
     /// The number of candidates that could not be simulated.
     pub(crate) refused: usize,
-    pub(crate) settled: bool,
+    pub(crate) converged: bool,
 }
 
 /// The signals of a fit, with the size of each below which residuals are rounding errors.
@@ -117,8 +117,8 @@ where
         };
         let mut cost = at.cost(&signals.floors);
         let mut damping = FIRST_DAMPING;
-        let (mut steps, mut refused, mut settled) = (0, 0, false);
-        while steps < self.setup.steps && !settled {
+        let (mut steps, mut refused, mut converged) = (0, 0, false);
+        while steps < self.setup.steps && !converged {
             steps += 1;
             progress(steps, at.squares.iter().sum());
             let weights = at.weights(&signals.floors);
@@ -136,7 +136,7 @@ where
                     && next_cost <= cost
                 {
                     let rows: usize = at.counts.iter().sum();
-                    settled = small || cost - next_cost <= ROUNDING * rows as f64;
+                    converged = small || cost - next_cost <= ROUNDING * rows as f64;
                     (at, cost) = (next, next_cost);
                     (windows, shared) = (next_windows, next_shared);
                     damping = (0.1 * damping).max(MIN_DAMPING);
@@ -144,7 +144,7 @@ where
                 }
                 if small && next_cost.is_finite() {
                     // the sign of such a small decrease is decided by rounding
-                    settled = true;
+                    converged = true;
                     break;
                 }
                 damping *= 10.0;
@@ -153,7 +153,7 @@ where
                 }
             }
         }
-        self.finish(signals, &at, windows, shared, [steps, refused], settled)
+        self.finish(signals, &at, windows, shared, [steps, refused], converged)
     }
 
     fn finish(
@@ -163,7 +163,7 @@ where
         windows: Vec<Window>,
         shared: Vec<f64>,
         [steps, refused]: [usize; 2],
-        settled: bool,
+        converged: bool,
     ) -> Result<Searched, ResponseError> {
         let weights = at.weights(&signals.floors);
         let mut all = Reduced::new(&self.unknowns.labels);
@@ -187,7 +187,7 @@ where
             factor,
             steps,
             refused,
-            settled,
+            converged,
         })
     }
 
@@ -199,7 +199,7 @@ where
         windows: &[Window],
         shared: &[f64],
     ) -> Result<Result<Evaluated, (usize, Refused)>, ResponseError> {
-        let work = |k: usize| self.triangles(signals, &windows[k], shared);
+        let work = |k: usize| self.window_factors(signals, &windows[k], shared);
         let goes_on = |found: &Result<Result<_, Refused>, _>| matches!(found, Ok(Ok(_)));
         let found = spread(self.setup.threads, windows.len(), work, goes_on);
         let mut out = Evaluated {
@@ -207,16 +207,16 @@ where
             squares: vec![0.0; signals.kinds.len()],
             counts: vec![0; signals.kinds.len()],
         };
-        for (k, triangles) in found {
-            let triangles = match triangles? {
-                Ok(triangles) => triangles,
+        for (k, window) in found {
+            let window = match window? {
+                Ok(window) => window,
                 Err(why) => return Ok(Err((k, why))),
             };
-            let mut factors = Vec::with_capacity(triangles.len());
-            for (s, triangle) in triangles.into_iter().enumerate() {
-                out.squares[s] += triangle.squares;
-                out.counts[s] += triangle.factor.rows();
-                factors.push(triangle.factor);
+            let mut factors = Vec::with_capacity(window.len());
+            for (s, signal) in window.into_iter().enumerate() {
+                out.squares[s] += signal.squares;
+                out.counts[s] += signal.factor.rows();
+                factors.push(signal.factor);
             }
             out.windows.push(factors);
         }
@@ -227,13 +227,13 @@ where
         })
     }
 
-    /// The triangles of one window.
-    fn triangles(
+    /// The QR factors of one window.
+    fn window_factors(
         &self,
         signals: &Signals,
         window: &Window,
         shared: &[f64],
-    ) -> Result<Result<Vec<Triangle>, Refused>, ResponseError> {
+    ) -> Result<Result<Vec<WindowFactor>, Refused>, ResponseError> {
         let trace = match self.simulate(window, shared)? {
             Ok(trace) => trace,
             Err(why) => return Ok(Err(why)),
@@ -252,7 +252,7 @@ where
             if !finite || self.out_of_reach(shared) {
                 return Ok(Err(Refused::Diverged));
             }
-            out.push(Triangle {
+            out.push(WindowFactor {
                 squares: rows.values.iter().map(|x| x * x).sum(),
                 factor: residuals::factor(&rows, &labels)?,
             });
@@ -356,8 +356,8 @@ where
     }
 }
 
-/// The triangle of one signal in one window.
-struct Triangle {
+/// The QR factor of one signal in one window.
+struct WindowFactor {
     squares: f64,
     factor: QrFactor,
 }
@@ -374,7 +374,7 @@ fn change(factor: &QrFactor, x: &[f64]) -> f64 {
     out.iter().map(|x| x * x).sum()
 }
 
-/// The triangle of all signals of a window, each with its weight.
+/// The QR factor of all signals of a window, each with its weight.
 fn combined(factors: &[QrFactor], weights: &[f64]) -> Result<QrFactor, EstimateError> {
     let labels = factors.first().map_or(&[][..], QrFactor::labels);
     let mut out = QrFactor::new(labels.to_vec());
@@ -384,7 +384,7 @@ fn combined(factors: &[QrFactor], weights: &[f64]) -> Result<QrFactor, EstimateE
     Ok(out)
 }
 
-/// The triangle of the shared unknowns: the equations that remain after the elimination of the
+/// The QR factor of the shared unknowns: the equations that remain after the elimination of the
 /// windows' own unknowns.
 struct Reduced {
     factor: QrFactor,
@@ -399,7 +399,7 @@ impl Reduced {
         }
     }
 
-    /// Adds the rows of a window's triangle below its own unknowns.
+    /// Adds the rows of a window's QR factor below its own unknowns.
     fn take(&mut self, whole: &QrFactor, own: usize) -> Result<(), EstimateError> {
         let n = whole.columns();
         let mut rows = Vec::with_capacity((n - own) * (n - own));

@@ -12,8 +12,9 @@ const SPAN: f64 = 0.05;
 /// The least and the greatest number of rows in it.
 const ROWS: [usize; 2] = [6, 60];
 
-/// Positions and velocities of the independent coordinates at a row, by a cubic through the
-/// measured positions of the rows that follow; `None` where the loops do not close there.
+/// Positions and velocities of the independent coordinates at the first of `rows`, from a cubic that
+/// is fitted to the measured positions of the rows after it; `None` where the loops do not close
+/// there.
 pub(crate) fn state<M: BaseModel<f64> + ?Sized>(
     model: &M,
     setup: &Setup,

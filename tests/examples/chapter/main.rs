@@ -338,7 +338,7 @@ fn table6_rows(all: &[Table6]) {
         println!(
             "{name:10}  {:10}  {:20} {:21} {:21} chapter {chapter}",
             row.parameters,
-            of(&|row| row.well as f64),
+            of(&|row| row.well_identified as f64),
             of(&|row| row.relative_absolute),
             of(&|row| row.average),
         );
@@ -389,7 +389,7 @@ fn tables_7_and_8(runs: &[Measured], out: &std::path::Path) {
     for ((name, row), chapter) in table.rows().iter().zip(chapter) {
         println!(
             "{name:10}  {:10}  {:15}  {:8.2}   chapter {chapter}",
-            row.parameters, row.well, row.relative_absolute
+            row.parameters, row.well_identified, row.relative_absolute
         );
     }
     title("Table 8 (SIMULATED): three base parameters, kg m and kg");

@@ -80,7 +80,7 @@ pub(crate) struct Row {
     /// The number of parameters.
     pub(crate) parameters: usize,
     /// The number of parameters with sigma below 15 % and a possible sign.
-    pub(crate) well: usize,
+    pub(crate) well_identified: usize,
     pub(crate) estimate: Estimate,
 }
 
@@ -118,7 +118,7 @@ pub(crate) fn row(
         .filter(|(exact, _)| exact.abs() > 1e-9)
         .map(|(exact, value)| ((exact - value) / exact).abs())
         .collect();
-    let well = (0..n).filter(|k| {
+    let well_identified = (0..n).filter(|k| {
         estimate.sigma_percent(*k) < WELL_IDENTIFIED_PERCENT
             && possible(&labels[*k], estimate.values[*k])
     });
@@ -126,7 +126,7 @@ pub(crate) fn row(
         relative_absolute: relative_absolute(forces, &predicted),
         average: relative.iter().sum::<f64>() / relative.len().max(1) as f64,
         parameters: n,
-        well: well.count(),
+        well_identified: well_identified.count(),
         estimate,
     }
 }

@@ -12,25 +12,25 @@
 //! assert!(drawn.sample.is_some_and(|s| s.text.contains("limbs:")));
 //! ```
 
+mod check;
 mod complete;
 mod draft;
 mod draw;
 mod elsewhere;
-mod judge;
+mod invalid;
 mod shrink;
-mod spoil;
 mod topology;
 
 use std::collections::BTreeMap;
 
+pub use check::{check_sample, check_text, closure, differences};
 pub use complete::{Reject, Sample, complete};
 pub use draft::{
     Actuation, Coupling, Cut, Draft, Frame, Joint, Kind, Limb, Placement, Side, cut_word,
 };
 pub use elsewhere::opened_elsewhere;
-pub use judge::{closure, differences, judge, judge_text};
+pub use invalid::check_invalid_variants;
 pub use shrink::shrink;
-pub use spoil::spoil;
 pub use topology::TOPOLOGIES;
 
 /// The result of drawing with one seed.

@@ -5,7 +5,7 @@ use regen_identify::identify::Source;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::BaseModel;
 
-use super::{LOAD, Twin, arm, carried, judge, known};
+use super::{LOAD, Twin, arm, carried, check_against_truth, known};
 
 const BOUND: f64 = 1.345;
 
@@ -32,7 +32,7 @@ fn outliers_hardly_change_hubers_gains_and_payload() {
         let least = twin.fit(&plan, seed).unwrap();
         let mut runs = twin.runs(seed);
         let found = fit(&model, &options, &plan, &mut carried(&mut runs)).unwrap();
-        judge(&twin, &found, &LOAD);
+        check_against_truth(&twin, &found, &LOAD);
         for (sum, of) in squares.iter_mut().zip([&least, &found]) {
             let pairs = of.model.gains.iter().zip(&twin.gains);
             *sum += pairs.map(|(g, k)| (g.value / k - 1.0).powi(2)).sum::<f64>();

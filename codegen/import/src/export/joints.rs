@@ -30,7 +30,7 @@ impl Export<'_> {
             return;
         };
         if element.place.file != file.root.place.file {
-            let message = format!("joint '{name}' stands in an included file");
+            let message = format!("joint '{name}' is in an included file");
             self.parameter_error(name, message, "export into one file without <include>");
             return;
         }

@@ -110,8 +110,8 @@ impl<'a> Reading<'a, '_, '_> {
         let on_world = !self.moves(parent);
         let moves = !content.joints.is_empty() || !on_world;
         let mut inertia = self.inertia(element, &content, moves, &name);
-        let unknown = self.take_meshes();
-        self.compensated(of);
+        let unknown = self.take_has_unknown_mass();
+        self.gravity_compensation(of);
         let mut joints = Vec::new();
         for (k, (joint, inherited, around)) in content.joints.iter().enumerate() {
             let unnamed = match content.joints.len() {

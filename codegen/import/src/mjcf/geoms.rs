@@ -13,7 +13,7 @@ const DENSITY: f64 = 1000.0;
 
 impl Reading<'_, '_, '_> {
     /// The inertia of all geoms of a body in the body's frame; `around` is the pose of the geoms'
-    /// frame in the body's.
+    /// frame in the body's. If the body `moves`, what is not known of its mass is noted.
     pub(super) fn inertia_of_geoms(
         &mut self,
         geoms: &[(&Element, Option<&str>, Pose)],
@@ -41,16 +41,16 @@ impl Reading<'_, '_, '_> {
                 Geom::Solid(..) => {}
             }
         }
-        self.left_out.meshes = unknown.is_some();
+        self.left_out.has_unknown_mass = unknown.is_some();
         let place = geoms.first().map(|(first, ..)| first.place);
         if let Some(place) = place.filter(|_| moves) {
             let text = match &unknown {
                 Some(why) => Some(format!(
-                    "bodies without values, as meshes have their mass ({why}): {{}} (MuJoCo writes \
-                     inertials with mj_saveLastXML)"
+                    "bodies without values, since their mass is in meshes that are not read ({why}): {{}} \
+                     (MuJoCo writes inertials with mj_saveLastXML)"
                 )),
                 None if read => Some(format!(
-                    "mass from meshes, as MuJoCo counts it (of what is not convex parts more than once, \
+                    "mass from meshes, as MuJoCo counts it (parts of meshes that are not convex more than once, \
                      unless the mesh has inertia=\"exact\"), with {DENSITY} kg/m^3 where no density is \
                      given: {{}}"
                 )),
@@ -97,8 +97,8 @@ impl Reading<'_, '_, '_> {
     }
 
     /// Whether the body that was read last has meshes of unknown mass; the answer is then reset.
-    pub(super) fn take_meshes(&mut self) -> bool {
-        core::mem::take(&mut self.left_out.meshes)
+    pub(super) fn take_has_unknown_mass(&mut self) -> bool {
+        core::mem::take(&mut self.left_out.has_unknown_mass)
     }
 
     fn geom(&mut self, of: Classed<'_>) -> Geom {
@@ -151,6 +151,7 @@ impl Reading<'_, '_, '_> {
     }
 }
 
+/// What a geom adds to the inertia of its body.
 enum Geom {
     /// The name of the mesh; `None` for a shape that is fitted to one.
     Mesh(Option<String>),

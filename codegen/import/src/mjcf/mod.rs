@@ -84,7 +84,7 @@ struct LeftOut {
     /// The joints with a `springdamper`.
     springdampers: Vec<String>,
     /// Whether meshes of the body that was read last have mass that is not known.
-    meshes: bool,
+    has_unknown_mass: bool,
 }
 
 /// Reads the robot of an MJCF file whose includes have been inserted, and with `files` the meshes
@@ -190,13 +190,13 @@ fn sequence(attribute: &Attribute, settings: &mut Compiler, fields: &mut Fields<
         _ => fields.log.error(
             attribute.place,
             format!("'{}' is not a sequence of three axes", attribute.value),
-            "write three of x, y, z, or of X, Y, Z for axes that stay",
+            "write three of x, y, z, or of X, Y, Z for fixed axes",
         ),
     }
 }
 
 impl Reading<'_, '_, '_> {
-    /// Takes gravity away where a flag disables it.
+    /// Sets gravity to 0 if a flag disables it.
     fn gravity_flag(&mut self) {
         let options = self.root.all("option");
         let flags = options.flat_map(|option| option.all("flag"));

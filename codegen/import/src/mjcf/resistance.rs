@@ -38,7 +38,7 @@ impl Reading<'_, '_, '_> {
     }
 
     /// Counts a body with gravity compensation, which is left out.
-    pub(super) fn compensated(&mut self, of: Classed<'_>) {
+    pub(super) fn gravity_compensation(&mut self, of: Classed<'_>) {
         let share = self.attribute(of, "gravcomp");
         let share = share.and_then(|a| self.fields.number(&a));
         if share.is_some_and(|share| share != 0.0) {

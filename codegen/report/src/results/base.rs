@@ -94,8 +94,10 @@ struct CertificateJson {
     rank: usize,
     states: usize,
     digits: usize,
-    smallest_kept: f64,
-    largest_dropped: f64,
+    #[serde(rename = "smallest_kept")]
+    smallest_pivot: f64,
+    #[serde(rename = "largest_dropped")]
+    largest_remainder: f64,
 }
 
 /// The base parameters of a robot, to be serialised.
@@ -189,8 +191,8 @@ fn certificate(c: &Certificate) -> CertificateJson {
         rank: c.rank,
         states: c.states,
         digits: c.digits,
-        smallest_kept: c.smallest_kept,
-        largest_dropped: c.largest_dropped,
+        smallest_pivot: c.smallest_pivot,
+        largest_remainder: c.largest_remainder,
     }
 }
 

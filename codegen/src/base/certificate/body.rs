@@ -27,8 +27,8 @@ impl BodyAt {
     }
 }
 
-/// The derivative of the potential energy by the independent coordinate `j`, minus the power of
-/// gravity, for each body's parameters.
+/// The derivative of the potential energy by the independent coordinate `j`, which is the negative
+/// power of gravity at its unit rate, as coefficients of each body's parameters.
 pub(super) fn weights(bodies: &[BodyAt], j: usize) -> Vec<[Float320; 10]> {
     let blocks = bodies.iter().map(|body| {
         let power = polar(&body.gamma, &body.twists[j]);

@@ -20,14 +20,15 @@ pub struct LinkMotion {
     /// The link's axes in the world's frame.
     pub axes: [Vector3; 3],
     /// Angular velocity of the link for the unit rate of each independent coordinate.
-    pub turns: Vec<Vector3>,
+    pub angular_velocities: Vec<Vector3>,
     /// Velocity of the link's origin, likewise.
-    pub moves: Vec<Vector3>,
-    /// Velocity of the point of the link that coincides with the world's origin, likewise.
-    pub passes: Vec<Vector3>,
+    pub origin_velocities: Vec<Vector3>,
+    /// Velocity of the point of the link that coincides with the world's origin, likewise: the linear
+    /// part of the link's twist about that origin.
+    pub spatial_velocities: Vec<Vector3>,
     /// For each coordinate on the path to the link, its unit twist: angular velocity (0 for a
     /// prismatic joint) and velocity of the point at the world's origin.
-    pub screws: Vec<(usize, Vector3, Vector3)>,
+    pub unit_twists: Vec<(usize, Vector3, Vector3)>,
 }
 
 /// A state that satisfies the closure equations.
@@ -60,12 +61,12 @@ impl LinkKinematics {
     }
 }
 
-/// Evaluates the kinematics of a mechanism at `count` closed states: at `home`, which must close,
+/// The kinematics of a mechanism at `count` closed states: at `home`, which must close,
 /// and at random others. The same seed gives the same states.
 ///
 /// # Errors
 /// If not enough closed states can be reached from home, or the mechanism is too large.
-pub fn observe(
+pub fn closed_states(
     model: &Model,
     home: &[f64],
     seed: u64,
@@ -154,23 +155,23 @@ fn link_motion(
     let rows = [three(), three(), three()];
     let width = j.first().map_or(0, Vec::len);
     let zero = [Float320::ZERO; 3];
-    let out =
+    let to_world =
         |v: &Vector3| -> Vector3 { rows.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]) };
-    let (mut turns, mut moves, mut passes) =
+    let (mut angular_velocities, mut origin_velocities, mut spatial_velocities) =
         (vec![zero; width], vec![zero; width], vec![zero; width]);
-    let mut screws = Vec::new();
+    let mut unit_twists = Vec::new();
     for (coordinate, _) in &link_kinematics.twists {
         let (e, u) = (three(), three());
         let lever = cross(&e, &origin);
-        let (turn, own) = (out(&e), out(&u));
-        let lever = out(&lever);
-        let pass = [0, 1, 2].map(|i| own[i] + lever[i]);
-        screws.push((*coordinate, turn, pass));
+        let (angular, at_origin) = (to_world(&e), to_world(&u));
+        let lever = to_world(&lever);
+        let spatial = [0, 1, 2].map(|i| at_origin[i] + lever[i]);
+        unit_twists.push((*coordinate, angular, spatial));
         for (k, rate) in j[*coordinate].iter().enumerate() {
             for (to, from) in [
-                (&mut turns[k], &turn),
-                (&mut moves[k], &own),
-                (&mut passes[k], &pass),
+                (&mut angular_velocities[k], &angular),
+                (&mut origin_velocities[k], &at_origin),
+                (&mut spatial_velocities[k], &spatial),
             ] {
                 for i in 0..3 {
                     to[i] = to[i] + *rate * from[i];
@@ -180,9 +181,9 @@ fn link_motion(
     }
     LinkMotion {
         axes: [0, 1, 2].map(|k| rows.map(|row| row[k])),
-        turns,
-        moves,
-        passes,
-        screws,
+        angular_velocities,
+        origin_velocities,
+        spatial_velocities,
+        unit_twists,
     }
 }

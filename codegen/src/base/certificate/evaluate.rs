@@ -69,17 +69,19 @@ impl<'g> Evaluator<'g> {
     }
 
     /// Evaluates the roots. `symbols` has a value for each symbol in order of creation (missing
-    /// ones are 0). `None` if a divisor is 0, a square root of a negative number is
-    /// asked for, or a linear system is singular.
+    /// ones are 0). `None` if a divisor is 0, a number under a square root is negative, or a linear
+    /// system is singular.
     pub(super) fn run(&self, symbols: &[Float320]) -> Option<Vec<Float320>> {
         let mut values = vec![Float320::ZERO; self.graph.len()];
-        let mut turned: Vec<Option<(Float320, Float320)>> = vec![None; self.angles.len()];
+        let mut sines_and_cosines: Vec<Option<(Float320, Float320)>> =
+            vec![None; self.angles.len()];
         let mut solutions: Vec<Option<Vec<Vec<Float320>>>> = Vec::new();
-        let whether = |yes: bool| if yes { Float320::ONE } else { Float320::ZERO };
+        let zero_or_one = |yes: bool| if yes { Float320::ONE } else { Float320::ZERO };
         for &ex in &self.order {
             let at = |e: Ex| values[e.index()];
-            let mut sin_cos =
-                |id: AngleId| *turned[id.index()].get_or_insert_with(|| self.turn(id, symbols));
+            let mut sin_cos = |id: AngleId| {
+                *sines_and_cosines[id.index()].get_or_insert_with(|| self.sin_cos(id, symbols))
+            };
             let value = match self.graph.node(ex) {
                 Node::Constant(id) => self.constants[id as usize],
                 Node::Symbol(id) => symbols.get(id.index()).copied().unwrap_or(Float320::ZERO),
@@ -93,9 +95,11 @@ impl<'g> Evaluator<'g> {
                 Node::SinOf(a) => at(a).sin_cos().0,
                 Node::CosOf(a) => at(a).sin_cos().1,
                 Node::Sqrt(a) => at(a).sqrt()?,
-                Node::Sign(a) => whether(at(a) > Float320::ZERO) - whether(at(a).is_negative()),
-                Node::Positive(a) => whether(at(a) > Float320::ZERO),
-                Node::Negative(a) => whether(at(a).is_negative()),
+                Node::Sign(a) => {
+                    zero_or_one(at(a) > Float320::ZERO) - zero_or_one(at(a).is_negative())
+                }
+                Node::Positive(a) => zero_or_one(at(a) > Float320::ZERO),
+                Node::Negative(a) => zero_or_one(at(a).is_negative()),
                 Node::Solved(id, row, column) => {
                     if solutions.len() <= id.index() {
                         solutions.resize(id.index() + 1, None);
@@ -118,7 +122,8 @@ impl<'g> Evaluator<'g> {
         Some(self.roots.iter().map(|r| values[r.index()]).collect())
     }
 
-    fn turn(&self, id: AngleId, symbols: &[Float320]) -> (Float320, Float320) {
+    /// Sine and cosine of an angle.
+    fn sin_cos(&self, id: AngleId, symbols: &[Float320]) -> (Float320, Float320) {
         let Some(form) = &self.angles[id.index()] else {
             return (Float320::ZERO, Float320::ONE);
         };

@@ -29,7 +29,7 @@ use crate::sym::Graph;
 
 pub(in crate::base) use condition::condition_of_kept;
 
-pub use closed_state::{ClosedState, LinkMotion, Vector3, observe};
+pub use closed_state::{ClosedState, LinkMotion, Vector3, closed_states};
 pub use float320::{DIGITS, Float320};
 pub use linear::{Relation, rank_of, relations};
 pub use rank::{Certificate, Samples};

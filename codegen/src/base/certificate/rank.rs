@@ -24,25 +24,25 @@ pub struct Certificate {
     /// Decimal digits carried.
     pub digits: usize,
     /// The smallest pivot, as a part of the largest entry of all rows.
-    pub smallest_kept: f64,
-    /// The largest number dropped, as a part of the largest entry; 0 if no nonzero number was
+    pub smallest_pivot: f64,
+    /// The largest remainder dropped as rounding, as a part of the largest entry; 0 if none was
     /// dropped.
-    pub largest_dropped: f64,
+    pub largest_remainder: f64,
 }
 
 impl Certificate {
     /// Whether all pivots are far above the rounding of 96 digits, so that the true rank is at
     /// least `rank`; it may be larger.
     pub fn has_sure_pivots(&self) -> bool {
-        self.smallest_kept >= MAX_DROPPED
+        self.smallest_pivot >= MAX_DROPPED
     }
 
     /// Whether the gap between pivots and dropped numbers leaves no doubt about the rank.
     pub fn is_certain(&self) -> bool {
         // nothing is dropped where all columns are pivots' columns, nor where all are 0
-        self.largest_dropped == 0.0
-            || self.largest_dropped <= MAX_DROPPED
-                && self.smallest_kept >= MIN_GAP * self.largest_dropped
+        self.largest_remainder == 0.0
+            || self.largest_remainder <= MAX_DROPPED
+                && self.smallest_pivot >= MIN_GAP * self.largest_remainder
     }
 }
 
@@ -74,8 +74,8 @@ impl Samples {
             rank: done.rows.len(),
             states,
             digits: DIGITS,
-            smallest_kept: smallest.map_or(0.0, part),
-            largest_dropped: part(done.dropped),
+            smallest_pivot: smallest.map_or(0.0, part),
+            largest_remainder: part(done.dropped),
         };
         Samples {
             largest: rows
@@ -104,7 +104,7 @@ impl Samples {
         } else {
             let part = remainder.checked_div(self.basis.largest);
             let dropped = part.map_or(0.0, |p| p.to_f64());
-            self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
+            self.certificate.largest_remainder = self.certificate.largest_remainder.max(dropped);
             self.certificate.states = states;
         }
         grown
@@ -193,13 +193,13 @@ impl Samples {
 
     /// The largest product of a row and a direction, relative to the largest entry of all rows and
     /// of the direction: rounding for a null direction, also for one whose columns are all zero.
-    pub fn left_over(&self, direction: &[Float320]) -> f64 {
+    pub fn scaled_residual(&self, direction: &[Float320]) -> f64 {
         let nonzero = direction.iter().enumerate().filter(|(_, x)| !x.is_zero());
-        self.left_over_of(&nonzero.map(|(c, x)| (c, *x)).collect::<Vec<_>>())
+        self.scaled_residual_of(&nonzero.map(|(c, x)| (c, *x)).collect::<Vec<_>>())
     }
 
-    /// As [`left_over`](Self::left_over), of a direction's nonzero entries with their columns.
-    pub(in crate::base) fn left_over_of(&self, direction: &[(usize, Float320)]) -> f64 {
+    /// As [`scaled_residual`](Self::scaled_residual), of a direction's nonzero entries with their columns.
+    pub(in crate::base) fn scaled_residual_of(&self, direction: &[(usize, Float320)]) -> f64 {
         let entries = direction.iter();
         let direction: Vec<(usize, Float320)> = entries
             .map(|(c, x)| (*c, x.scaled(-self.units[*c])))
@@ -306,8 +306,8 @@ mod tests {
     fn a_row_of_rounding_adds_no_rank() {
         let found = certificate(&[1.0, 1e-6, 3e-96]);
         assert_eq!(found.rank, 2);
-        assert!((found.smallest_kept - 1e-6).abs() < 1e-18);
-        assert!((found.largest_dropped - 3e-96).abs() < 1e-108);
+        assert!((found.smallest_pivot - 1e-6).abs() < 1e-18);
+        assert!((found.largest_remainder - 3e-96).abs() < 1e-108);
         assert!(found.is_certain());
     }
 
@@ -320,7 +320,7 @@ mod tests {
     #[test]
     fn a_zero_column_leaves_no_dropped_number() {
         let found = certificate(&[2.0, 0.0]);
-        assert_eq!((found.rank, found.largest_dropped.to_bits()), (1, 0));
+        assert_eq!((found.rank, found.largest_remainder.to_bits()), (1, 0));
         assert!(found.is_certain());
     }
 }

@@ -37,9 +37,10 @@ pub(super) struct SampledFactor {
 }
 
 impl SampledFactor {
-    /// The values as doubles, by their bits, and further digits of the own one: factors of a robot
-    /// that is nearly symmetric may agree in as many digits as a double has. Factors that differ as
-    /// functions of the names differ at some sample, since these are unrelated numbers.
+    /// The values as doubles, by their bits, and further digits of the one at the given geometry:
+    /// factors of a robot that is nearly symmetric may agree in as many digits as a double has.
+    /// Factors that differ as functions of the names differ at some sample, since these are unrelated
+    /// numbers.
     pub(super) fn leading_digits(&self) -> Vec<u64> {
         // no sample has the bits of a value that is not a number
         let bits = |value: Option<&Float320>| value.map_or(f64::NAN, Float320::to_f64).to_bits();

@@ -39,7 +39,7 @@ pub use recognise::recognise;
 use scaled_geometry::{Group, fixed_angles, groups, sample};
 
 /// The largest residual of a null direction, relative to the largest sampled entry times the
-/// largest entry of the direction (see `Samples::left_over`): the samples carry 96 digits, so the
+/// largest entry of the direction (see `Samples::scaled_residual`): the samples carry 96 digits, so the
 /// residual of a true null direction is far smaller.
 const MAX_NULL_RESIDUAL: f64 = 1e-60;
 
@@ -96,7 +96,9 @@ impl<'a> NullCompletion<'a> {
     pub(super) fn is_null(&self, direction: &Vector) -> bool {
         let entries = direction.range(..self.samples.certificate().columns);
         let entries = entries.map(|(c, e)| (*c, Float320::from_number(e.value())));
-        self.samples.left_over_of(&entries.collect::<Vec<_>>()) <= MAX_NULL_RESIDUAL
+        self.samples
+            .scaled_residual_of(&entries.collect::<Vec<_>>())
+            <= MAX_NULL_RESIDUAL
     }
 
     /// Finds null directions of the sampled regressor in addition to the derived ones.
@@ -164,7 +166,8 @@ impl<'a> NullCompletion<'a> {
             }
             let Some(best) = best else { continue };
             let direction = best.direction(field, &scaled_samples.groups);
-            if fresh_samples.left_over(&values(&direction, certificate.columns)) < MAX_NULL_RESIDUAL
+            if fresh_samples.scaled_residual(&values(&direction, certificate.columns))
+                < MAX_NULL_RESIDUAL
             {
                 let exactness = best.exactness(!scaled_samples.unvaried_names.is_empty());
                 completed.directions.push((direction, exactness));
@@ -340,7 +343,7 @@ impl ScaledSamples {
             .collect();
         if let Some((samples, group)) = scaled_as_one {
             unvaried_names.push(format!(
-                "{} in proportion only: with other ratios the loops do not close, or count otherwise",
+                "{} in proportion only: with other ratios the loops do not close, or the rank is another",
                 names.join(", ")
             ));
             for &k in not_scalable_alone.iter().rev() {
@@ -351,7 +354,7 @@ impl ScaledSamples {
             one_scaled.push(Some(samples));
         } else if !names.is_empty() {
             unvaried_names.push(format!(
-                "{} as given only: with other values the loops do not close, or count otherwise",
+                "{} as given only: with other values the loops do not close, or the rank is another",
                 names.join(", ")
             ));
         }

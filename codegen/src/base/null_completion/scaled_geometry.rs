@@ -48,7 +48,7 @@ pub(super) fn fixed_angles(spec: &Spec) -> Vec<String> {
         return Vec::new();
     }
     vec![format!(
-        "{} as given only: a fraction of pi has an exact sine, others have not",
+        "{} as given only: their sines are exact since they are fractions of pi, those of other angles are not",
         names.join(", ")
     )]
 }

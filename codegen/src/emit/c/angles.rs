@@ -5,9 +5,9 @@
 /// Number of angles whose sines and cosines are computed together.
 pub(super) const LANES: usize = 4;
 
-/// What one angle and several need.
+/// The functions that the templates for one angle and for several have in common.
 pub(super) const ANGLE: &str = r"
-/* Sine and cosine of y + tail, where y is at most a quarter turn's half and tail its rounding error. */
+/* Sine and cosine of y + tail, where y is at most an eighth of a turn and tail its rounding error. */
 static inline void @near(double y, double tail, double *s, double *c)
 {
     const double z = y * y;
@@ -112,8 +112,8 @@ static inline void @sin_cos(double x, double *s, double *c)
 }
 ";
 
-/// Four angles. As a call it would be handed its angles in memory, stored one by one: a vector
-/// register can be loaded from there only after all stores are done.
+/// Four angles. The function is always inlined: a call would pass the angles in memory, stored one by
+/// one, and a vector register could be loaded only after all stores are done.
 pub(super) const SIN_COS_LANES: &str = r"
 /* Sines and cosines of four angles. */
 #if defined($FUSES) && !defined(__FAST_MATH__)

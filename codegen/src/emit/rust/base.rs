@@ -68,11 +68,15 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
             ] {
                 let _ = writeln!(out, "        {field}: {value},");
             }
-            let _ = writeln!(out, "        smallest_kept: {},", literal(c.smallest_kept));
             let _ = writeln!(
                 out,
-                "        largest_dropped: {},",
-                literal(c.largest_dropped)
+                "        smallest_pivot: {},",
+                literal(c.smallest_pivot)
+            );
+            let _ = writeln!(
+                out,
+                "        largest_remainder: {},",
+                literal(c.largest_remainder)
             );
             let _ = writeln!(out, "    }}),");
         }

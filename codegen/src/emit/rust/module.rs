@@ -15,8 +15,8 @@ use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::statements::Rust;
 use super::{base, stated, trait_impl};
 
-/// The most zeros of a matrix that are stored one by one: more are code that is read once and slower
-/// than a fill of the memory.
+/// The largest number of zeros of a matrix that are stored one by one: more are code that is read
+/// once and slower than a fill of the memory.
 const MAX_STORED_ZEROS: usize = 1000;
 
 /// Options for the text of a module.

@@ -25,7 +25,7 @@ pub fn doubt(analysis: &Analysis) -> Option<String> {
             format!(
                 "the certificate leaves the rank open, with {:.1e} the smallest number kept and \
                  {:.1e} the largest dropped",
-                c.smallest_kept, c.largest_dropped
+                c.smallest_pivot, c.largest_remainder
             )
         }
         Ok(_) if analysis.base.refuted > 0 => format!(
@@ -136,11 +136,11 @@ pub fn certificate(analysis: &Analysis) -> String {
             c.rank,
             c.states,
             c.digits,
-            c.smallest_kept,
-            if c.largest_dropped == 0.0 {
+            c.smallest_pivot,
+            if c.largest_remainder == 0.0 {
                 "0".to_owned()
             } else {
-                format!("{:.1e}", c.largest_dropped)
+                format!("{:.1e}", c.largest_remainder)
             }
         ),
     }

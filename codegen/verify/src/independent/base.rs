@@ -26,8 +26,8 @@ impl Subject<'_> {
         let wrong = numeric.report.checks.iter();
         let wrong = wrong.filter(|c| c.fails() && c.bound == 0.0).count();
         let mut rank = Check::of(RANK, wrong as f64, 0.0).with(numeric.analytic.to_string());
-        if rank.verdict == Verdict::Holds && numeric.is_doubtful() {
-            rank.verdict = Verdict::Open;
+        if rank.verdict == Verdict::Passed && numeric.is_doubtful() {
+            rank.verdict = Verdict::Undecided;
         }
 
         // Wedin: the sine of the angle is at most the error divided by the smallest singular value
@@ -35,7 +35,7 @@ impl Subject<'_> {
         let error = self.column_errors(states)?;
         let mut span = Check::of(SPAN, numeric.angle, error / numeric.angle_rank.last_kept);
         if !numeric.angle_rank.certain {
-            span.verdict = Verdict::Open;
+            span.verdict = Verdict::Undecided;
         }
         let gap = gap(analysis);
         let back = self.back(states, analysis, random)?;
@@ -82,7 +82,7 @@ impl Subject<'_> {
         random: &mut Random,
     ) -> Result<Check, VerifyError> {
         if analysis.base.rank() == 0 {
-            return Ok(Check::absent(WAY_BACK, "no base"));
+            return Ok(Check::not_applicable(WAY_BACK, "no base"));
         }
         let free = |random: &mut Random| -> Vec<Rounded<Double>> {
             let free = analysis.base.null.iter();
@@ -154,14 +154,14 @@ fn gap(analysis: &Analysis) -> Check {
     };
     let mut found = Check::of(
         GAP,
-        certificate.largest_dropped / certificate.smallest_kept,
+        certificate.largest_remainder / certificate.smallest_pivot,
         f64::EPSILON,
     );
-    if certificate.largest_dropped == 0.0 {
+    if certificate.largest_remainder == 0.0 {
         found = Check::of(GAP, 0.0, f64::EPSILON);
     }
     if !analysis.complete {
-        found.verdict = Verdict::Fails;
+        found.verdict = Verdict::Failed;
         found = found.with("incomplete");
     }
     found

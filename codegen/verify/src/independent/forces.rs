@@ -45,7 +45,7 @@ impl Subject<'_> {
     /// Compares the forces of random parameters with those computed by another program.
     pub(super) fn compare_peer(&self) -> Check {
         let Some(vectors) = self.vectors else {
-            return Check::absent(PEER, "none");
+            return Check::not_applicable(PEER, "none");
         };
         if let Err(why) = vectors.fit(self.robot) {
             return Check::of(PEER, f64::NAN, 0.0).with(why);
@@ -141,7 +141,7 @@ impl Subject<'_> {
     /// Compares the regressor in single precision, at states rounded to it, with double precision.
     pub(super) fn single(&self, states: &[State]) -> Check {
         let Some(function) = self.robot.function(FunctionKind::Regressor) else {
-            return Check::absent(SINGLE, "none");
+            return Check::not_applicable(SINGLE, "none");
         };
         let dof = self.dof();
         let mut worst = Worst::default();

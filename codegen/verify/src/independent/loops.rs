@@ -26,7 +26,7 @@ impl Subject<'_> {
     /// error that decreases with the fourth power of the step.
     pub(super) fn drift(&self, states: &[State]) -> Check {
         if self.reference.rows() == 0 {
-            return Check::absent(DRIFT, "no loop");
+            return Check::not_applicable(DRIFT, "no loop");
         }
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate().take(MOTIONS) {

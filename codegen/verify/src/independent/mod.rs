@@ -43,7 +43,7 @@ pub const INDEPENDENT: [Statement; 9] = [
 const SECOND: Statement = Statement {
     key: "second_derivation",
     heading: "second",
-    statement: "regressor = Newton-Euler's, closed by singular values",
+    statement: "regressor = Newton-Euler's, loops closed by an SVD",
 };
 const PEER: Statement = Statement {
     key: "peer",
@@ -73,7 +73,7 @@ const SPAN: Statement = Statement {
 const GAP: Statement = Statement {
     key: "gap",
     heading: "gap",
-    statement: "certificate: largest number dropped, of the smallest kept",
+    statement: "certificate: largest remainder over smallest pivot",
 };
 const WAY_BACK: Statement = Statement {
     key: "way_back",

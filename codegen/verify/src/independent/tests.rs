@@ -68,7 +68,7 @@ impl Case {
     }
 
     fn failing(&self) -> Vec<&'static str> {
-        self.with(Verdict::Fails)
+        self.with(Verdict::Failed)
     }
 
     /// Asserts that the checks with the given keys fail; others may fail too.
@@ -102,7 +102,7 @@ fn sound_robots_pass_every_check() {
     for name in ["fivebar", "3rps_friction", "tree_branch"] {
         let case = Case::new(name);
         assert_eq!(case.failing(), [""; 0], "{name}");
-        assert!(case.with(Verdict::Holds).len() >= 8, "{name}");
+        assert!(case.with(Verdict::Passed).len() >= 8, "{name}");
     }
 }
 
@@ -138,7 +138,7 @@ fn vectors_with_a_wrong_force_or_of_another_robot_are_detected() {
     assert_eq!(case.failing(), ["peer"]);
     case.vectors = None;
     assert!(case.failing().is_empty());
-    assert_eq!(case.with(Verdict::Absent), ["peer"]);
+    assert_eq!(case.with(Verdict::NotApplicable), ["peer"]);
 }
 
 #[test]
@@ -175,7 +175,7 @@ fn a_narrow_gap_and_an_incomplete_base_are_detected() {
     let mut case = Case::new("fivebar");
     let analysis = case.robot.analysis.as_mut().unwrap();
     let certificate = analysis.certificate.as_mut().unwrap();
-    certificate.largest_dropped = 1e-15 * certificate.smallest_kept;
+    certificate.largest_remainder = 1e-15 * certificate.smallest_pivot;
     assert_eq!(case.failing(), ["gap"]);
     case.robot.analysis.as_mut().unwrap().complete = false;
     case.fails(&["gap", "rank"]);

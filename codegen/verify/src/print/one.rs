@@ -61,7 +61,7 @@ fn compare_numeric(numeric: &NumericPath, analysis: Option<&Analysis>) -> String
         .as_ref()
         .map_or(numeric.columns, |r| r.columns);
     if let Some(Ok(c)) = analysis.map(|a| &a.certificate) {
-        let kept = Some((c.smallest_kept, c.largest_dropped));
+        let kept = Some((c.smallest_pivot, c.largest_remainder));
         row("certificate", c.columns, c.rank, kept);
     }
     row(

@@ -46,11 +46,11 @@ fn digits(value: f64) -> String {
 
 fn cell(check: &Check) -> String {
     match check.verdict {
-        Verdict::Fails => "FAILED".to_owned(),
-        Verdict::Open => "open".to_owned(),
-        Verdict::Absent => check.note.clone(),
-        Verdict::Holds if check.what.key == "rank" => check.note.clone(),
-        Verdict::Holds => digits(check.worst),
+        Verdict::Failed => "FAILED".to_owned(),
+        Verdict::Undecided => "open".to_owned(),
+        Verdict::NotApplicable => check.note.clone(),
+        Verdict::Passed if check.what.key == "rank" => check.note.clone(),
+        Verdict::Passed => digits(check.worst),
     }
 }
 
@@ -91,15 +91,15 @@ fn in_full(report: &Report) -> String {
         .iter()
         .map(|check| {
             let (figure, bound) = match check.verdict {
-                Verdict::Absent => (check.note.clone(), String::new()),
+                Verdict::NotApplicable => (check.note.clone(), String::new()),
                 _ if check.what.key == "rank" => (check.note.clone(), String::new()),
                 _ => (digits(check.worst), digits(check.bound)),
             };
             let verdict = match check.verdict {
-                Verdict::Holds => "ok",
-                Verdict::Fails => "FAILED",
-                Verdict::Absent => "-",
-                Verdict::Open => "open",
+                Verdict::Passed => "ok",
+                Verdict::Failed => "FAILED",
+                Verdict::NotApplicable => "-",
+                Verdict::Undecided => "open",
             };
             vec![
                 check.what.statement.to_owned(),
@@ -125,8 +125,8 @@ pub fn several_markdown(all: &[OfFile]) -> String {
         let _ = write!(out, "| {} |", one.report.robot);
         for check in &one.report.checks {
             let cell = match check.verdict {
-                Verdict::Holds if check.what.key == "rank" => check.note.clone(),
-                Verdict::Holds => decade(check.worst.max(shown(check))),
+                Verdict::Passed if check.what.key == "rank" => check.note.clone(),
+                Verdict::Passed => decade(check.worst.max(shown(check))),
                 _ => cell(check),
             };
             let _ = write!(out, " {cell} |");
@@ -159,10 +159,10 @@ fn decade(value: f64) -> String {
 /// A verdict's word in JSON.
 fn word(verdict: Verdict) -> &'static str {
     match verdict {
-        Verdict::Holds => "holds",
-        Verdict::Fails => "fails",
-        Verdict::Absent => "absent",
-        Verdict::Open => "open",
+        Verdict::Passed => "holds",
+        Verdict::Failed => "fails",
+        Verdict::NotApplicable => "absent",
+        Verdict::Undecided => "open",
     }
 }
 
@@ -196,7 +196,7 @@ pub fn several_json(all: &[OfFile]) -> String {
                 .checks
                 .iter()
                 .map(|check| {
-                    let there = check.verdict != Verdict::Absent;
+                    let there = check.verdict != Verdict::NotApplicable;
                     Row {
                         check: check.what.key,
                         verdict: word(check.verdict),
@@ -239,7 +239,7 @@ mod tests {
         let report = Report {
             robot: "arm".to_owned(),
             states: 1,
-            checks: vec![Check::absent(INDEPENDENT[0], "no loops")],
+            checks: vec![Check::not_applicable(INDEPENDENT[0], "no loops")],
         };
         let text = in_full(&report);
         let line = text.lines().find(|l| l.contains("no loops"));

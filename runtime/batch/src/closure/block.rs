@@ -5,7 +5,7 @@
 use pulp::Arch;
 use regen_runtime::{Arguments, ClosureError, Function, Model};
 
-use super::series::set;
+use super::series::{repeated, set};
 use super::{
     CONVERGED_STEP, MAX_CORRECTION_RATIO, MAX_STEPS, RELATIVE_TOLERANCE, ROUGH_STEP, SUSPECT_PIVOT,
     TrajectoryClosure,
@@ -36,6 +36,51 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             *ok &= *pivot >= SUSPECT_PIVOT;
         }
         Ok(())
+    }
+
+    /// The states predicted along the tangents from one state `last`, whose velocities are linear in
+    /// those of the independent coordinates.
+    pub(super) fn predicted_from(
+        &self,
+        last: &[f64],
+        line: &[f64],
+        targets: &[f64],
+        len: usize,
+    ) -> Result<Vec<f64>, ClosureError> {
+        let info = self.model.info();
+        let dof = info.dof();
+        let mut units = vec![0.0; dof * dof];
+        units.iter_mut().step_by(dof + 1).for_each(|x| *x = 1.0);
+        let mut tangents = vec![0.0; last.len() * dof];
+        let arguments = Arguments {
+            q: &repeated(last, dof),
+            qd_i: &units,
+            ..Arguments::EMPTY
+        };
+        let mut pivots = vec![1.0; dof];
+        eval_many(
+            self.model,
+            Function::Velocities,
+            dof,
+            arguments,
+            &mut tangents,
+            &mut pivots,
+        )?;
+        let mut q = repeated(last, len);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (series, tangent) in q.chunks_exact_mut(len).zip(tangents.chunks_exact(dof)) {
+                    for (rate, line) in tangent.iter().zip(line.chunks_exact(len)) {
+                        for (q, line) in series.iter_mut().zip(line) {
+                            *q += rate * line;
+                        }
+                    }
+                }
+            },
+        );
+        set(&mut q, info.independent, targets, len);
+        Ok(q)
     }
 
     /// The states predicted along the tangents from `q`, and for each the largest change of a

@@ -23,7 +23,7 @@ pub struct Margin {
     /// The limit.
     pub limit: Limit,
     /// The least distance from the limit, relative to half the limit's range; never negative.
-    pub left: f64,
+    pub relative_distance: f64,
     /// The time at which the trajectory is closest to the limit, s.
     pub time: f64,
 }
@@ -426,7 +426,7 @@ where
         };
         let margins = motion.bounds.iter().map(|bound| Margin {
             limit: self.problem.limits[bound.limit].clone(),
-            left: -bound.value,
+            relative_distance: -bound.value,
             time: self.time(*bound),
         });
         Ok(Some(Box::new(Excitation {

@@ -49,7 +49,7 @@ pub(super) struct Integrator {
 /// The part of the tolerance within which the error estimate of Nyström's method must be: the pair's
 /// local errors are mostly far below its estimate, and the error over a run should not grow.
 const NYSTROM_PART: f64 = 0.1;
-/// The most calls of `advance` between two trials of Nyström's method.
+/// The largest number of calls of `advance` between two trials of Nyström's method.
 const LONGEST_WAIT: usize = 64;
 /// The times of the pair's stages, relative to the step.
 const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];

@@ -5,7 +5,7 @@ use regen_runtime::{ClosureError, Model, Outcome};
 
 use super::settings::Reference;
 
-/// The most samples that are closed at a time.
+/// The largest number of samples that are closed at a time.
 const BLOCK: usize = 64;
 
 /// The samples of the reference.

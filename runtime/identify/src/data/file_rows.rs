@@ -8,7 +8,7 @@ use super::csv_rows::CsvRows;
 use super::problem::{DataError, Fault};
 use super::table::{Format, Written};
 
-/// Most characters of a title or an entry in a message.
+/// The largest number of characters of a title or an entry in a message.
 const MAX_SHOWN: usize = 40;
 
 /// Cuts a text to a length that fits into a message.

@@ -49,7 +49,7 @@ pub(super) struct ColumnLayout {
     pub(super) times: Option<Vec<Channel>>,
 }
 
-/// The most titles of a file that a message lists.
+/// The largest number of titles of a file that a message lists.
 const MAX_LISTED: usize = 40;
 
 /// Lists the titles of columns for a message, at most [`MAX_LISTED`] of each file, or the numbers of

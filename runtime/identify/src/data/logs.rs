@@ -52,8 +52,12 @@ pub(super) struct Log {
     pub(super) velocity_noise: Vec<Encoder>,
 }
 
-/// Most rows on either side that a filter may need, as a window with them is held in memory.
+/// The largest number of rows on either side that a filter may need, as a window with them is held
+/// in memory.
 const MAX_SUPPORT_ROWS: usize = 1_000_000;
+/// The part of a coordinate's rms speed below which it may stick; a swing spends one part in forty of
+/// its time there.
+const STICKING_PART: f64 = 0.05;
 
 /// Log files of one robot, as a [`Source`] of states; memory does not grow with their length.
 ///
@@ -115,7 +119,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut reports = Vec::with_capacity(runs.len());
         for run in runs {
             let mut file = LogFile::open(&run.clone().into(), &info, settings)?;
-            file.cache = RowCache::with_room(room);
+            file.cache = RowCache::with_capacity(room);
             let survey = file.survey(&names)?;
             room -= file.cache.numbers().min(room);
             let mut problems = Problems::default();
@@ -323,8 +327,10 @@ fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
     info.actuated.iter().map(of).collect()
 }
 
-/// The speed of each measured coordinate below which noise may turn its sign, rad/s or m/s: twice
-/// the standard deviation of the differentiated encoder noise, and at least `rest_speed`.
+/// The speed of each measured coordinate below which its friction may not be that of sliding, rad/s
+/// or m/s: twice the standard deviation of the differentiated encoder noise, which may turn its
+/// sign, at least `rest_speed`, and at least a part of its rms speed: a joint that sticks while it
+/// reverses creeps, and its friction is anywhere between that of both directions.
 fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
     let gain = if log.file.layout.derivatives || log.series.is_some() {
         0.0
@@ -350,8 +356,18 @@ fn sign_thresholds(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError
             Some(_) if log.series.is_none() => velocity.noise,
             _ => gain * more(position) * position.noise,
         });
+    let usual = log
+        .encoders
+        .iter()
+        .map(|encoder| encoder.speed(log.survey.time_step()));
     Ok(noise
-        .map(|noise| settings.rest_speed.max(2.0 * noise))
+        .zip(usual)
+        .map(|(noise, usual)| {
+            settings
+                .rest_speed
+                .max(2.0 * noise)
+                .max(STICKING_PART * usual)
+        })
         .collect())
 }
 

@@ -16,7 +16,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use self::contents::Place;
 pub(super) use self::contents::{Contents, contents};
-use self::guard::solve_guarded;
+use self::guard::catch_panic;
 use super::file_rows::{FileRow, Wanted};
 use super::problem::{DataError, Fault};
 
@@ -26,8 +26,8 @@ const BATCH: usize = 4096;
 const MAX_FOOTER_BYTES: u64 = 1 << 24;
 /// Deepest nesting of groups of columns.
 const MAX_NESTING: usize = 32;
-/// Most rows per byte of a file: equal numbers and equal steps are encoded in a few bytes, but
-/// time and forces differ from row to row.
+/// The largest number of rows per byte of a file: equal numbers and equal steps are encoded in a
+/// few bytes, but time and forces differ from row to row.
 const MAX_ROWS_PER_BYTE: u64 = 1000;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
@@ -57,7 +57,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
             }
         }
     }
-    solve_guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
+    catch_panic(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
 }
 
 fn broken(path: &Path, why: &str) -> DataError {
@@ -92,7 +92,7 @@ fn typed<T: DataType>(
         values.clear();
         let wanted = rows - out.len();
         let (records, ..) =
-            solve_guarded(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
+            catch_panic(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
         if records == 0 {
             break;
         }
@@ -317,10 +317,10 @@ impl ParquetRows {
     fn open_group(&mut self) -> Result<(), DataError> {
         let wrong = |error: ParquetError| failed(&self.path, &error);
         let schema = self.reader.metadata().file_metadata().schema_descr_ptr();
-        let group = solve_guarded(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
+        let group = catch_panic(|| self.reader.get_row_group(self.group)).map_err(wrong)?;
         self.columns.clear();
         for Leaf { index, width, .. } in &self.leaves {
-            let reader = solve_guarded(|| group.get_column_reader(*index)).map_err(wrong)?;
+            let reader = catch_panic(|| group.get_column_reader(*index)).map_err(wrong)?;
             self.columns.push(Column {
                 reader,
                 width: *width,

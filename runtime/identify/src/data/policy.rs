@@ -27,10 +27,10 @@ impl Policy {
     /// ```
     /// use regen_identify::data::Policy;
     ///
-    /// assert!(Policy::Keep.keeps() && Policy::Tell.keeps());
-    /// assert!(!Policy::Fail.keeps() && !Policy::Drop.keeps());
+    /// assert!(Policy::Keep.uses_doubtful_rows() && Policy::Tell.uses_doubtful_rows());
+    /// assert!(!Policy::Fail.uses_doubtful_rows() && !Policy::Drop.uses_doubtful_rows());
     /// ```
-    pub fn keeps(self) -> bool {
+    pub fn uses_doubtful_rows(self) -> bool {
         matches!(self, Self::Keep | Self::Tell)
     }
 }
@@ -87,7 +87,8 @@ impl Policies {
     }
 
     pub(super) fn used_faults(self) -> UsedFaults {
-        let [outliers, saturated, stuck] = USABLE_KINDS.map(|kind| self.of(kind).keeps());
+        let [outliers, saturated, stuck] =
+            USABLE_KINDS.map(|kind| self.of(kind).uses_doubtful_rows());
         UsedFaults {
             outliers,
             saturated,

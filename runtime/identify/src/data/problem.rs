@@ -182,8 +182,8 @@ impl Problem {
         usize::try_from(last.saturating_sub(self.row)).map_or(1, |rows| rows + 1)
     }
 
-    /// Adds the next row to this one where it has the same fault.
-    fn goes_on_with(&mut self, next: &Self) -> bool {
+    /// Extends this problem by the next row if that has the same fault; returns whether it does.
+    fn extend_if_same(&mut self, next: &Self) -> bool {
         let follows = self.last.unwrap_or(self.row).checked_add(1) == Some(next.row);
         let same = follows && self.what == next.what && !matches!(self.what, Fault::Stuck { .. });
         if same {
@@ -222,7 +222,7 @@ pub struct Problems {
     pub counts: Vec<(String, usize)>,
 }
 
-/// Most problems that are listed one by one.
+/// The largest number of problems that are listed one by one.
 const MAX_LISTED_PROBLEMS: usize = 20;
 
 impl Problems {
@@ -233,7 +233,7 @@ impl Problems {
             None => self.counts.push((kind.to_owned(), problem.rows())),
         }
         let last = self.first.last_mut();
-        let is_listed = last.is_some_and(|last| last.goes_on_with(&problem));
+        let is_listed = last.is_some_and(|last| last.extend_if_same(&problem));
         if !is_listed && self.first.len() < MAX_LISTED_PROBLEMS {
             self.first.push(problem);
         }
@@ -283,7 +283,7 @@ impl Problems {
         counts
             // a gap leaves out no row
             .filter(|(kind, _)| {
-                let used = policies.of(kind).keeps() && USABLE_KINDS.contains(kind);
+                let used = policies.of(kind).uses_doubtful_rows() && USABLE_KINDS.contains(kind);
                 *kind != "gap" && !used
             })
             .collect()

@@ -50,8 +50,9 @@ impl Survey {
     }
 }
 
-/// The tables without those of publishers of which nothing is read: the first table's times are
-/// those of the run. `None` if all are used, or columns are counted through them.
+/// The tables without those from which no column is read, where a file has several, such as a bag
+/// with several publishers of joint states: the first table gives the times of the run. `None` if
+/// all are used, or if columns are assigned by numbers, which count through all tables.
 fn used_tables(
     tables: &[Table],
     layout: &ColumnLayout,
@@ -173,7 +174,7 @@ impl LogFile {
             rate: settings.rate,
             resample: settings.resample,
             used_faults: settings.used_faults(),
-            cache: RowCache::with_room(0),
+            cache: RowCache::with_capacity(0),
         })
     }
 

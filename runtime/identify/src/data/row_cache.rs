@@ -5,21 +5,21 @@ use std::sync::OnceLock;
 use super::problem::{DataError, Problem};
 use super::reader::LogRow;
 
-/// The most numbers that are cached for all runs together: 64 MiB. Longer logs are read again in
-/// each pass, so that memory does not grow with their length.
+/// The largest number of values that are cached for all runs together: 64 MiB. Longer logs are read
+/// again in each pass, so that memory does not grow with their length.
 pub(super) const MAX_NUMBERS: usize = 1 << 23;
 
 /// The cached rows of a run; a clone starts empty.
 #[derive(Debug)]
 pub(super) struct RowCache {
-    /// The most numbers that are cached.
-    most: usize,
+    /// The largest number of values that are cached.
+    capacity: usize,
     rows: OnceLock<Rows>,
 }
 
 impl Clone for RowCache {
     fn clone(&self) -> Self {
-        Self::with_room(self.most)
+        Self::with_capacity(self.capacity)
     }
 }
 
@@ -47,7 +47,7 @@ impl Rows {
         }
     }
 
-    /// The memory that the rows take, in numbers of 8 bytes, about.
+    /// About how much memory the rows take, in numbers of 8 bytes.
     fn numbers(&self) -> usize {
         self.values.len() + self.lines.len() + 16 * self.problems.len()
     }
@@ -57,10 +57,10 @@ impl Rows {
 pub(super) type RecordSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 impl RowCache {
-    /// An empty cache for rows of at most `most` numbers.
-    pub(super) fn with_room(most: usize) -> Self {
+    /// An empty cache that holds at most `capacity` numbers.
+    pub(super) fn with_capacity(capacity: usize) -> Self {
         Self {
-            most,
+            capacity,
             rows: OnceLock::new(),
         }
     }
@@ -101,7 +101,7 @@ impl RowCache {
         read(&mut |row| {
             if let Some(rows) = &mut cached {
                 rows.push(&row);
-                if rows.numbers() > self.most {
+                if rows.numbers() > self.capacity {
                     cached = None;
                 }
             }

@@ -41,6 +41,8 @@ pub(super) struct RowChecker<'a> {
     longest_step: f64,
     /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
+    /// The values of each position in the last rows of the buffer, the oldest first.
+    recent: Vec<[f64; OUTLIER_ROWS]>,
     /// The time, s, of the last row that was in order of time, whether it is used or not.
     last_time: Option<f64>,
     /// Whether the next row that is released does not follow the last one released.
@@ -76,6 +78,7 @@ impl<'a> RowChecker<'a> {
             survey,
             longest_step,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
+            recent: vec![[0.0; OUTLIER_ROWS]; layout.positions().len()],
             last_time: None,
             segment_ended: true,
             gap_reported: true,
@@ -185,6 +188,11 @@ impl<'a> RowChecker<'a> {
         self.last_time = Some(time);
         let efforts = self.layout.efforts();
         let saturated = self.saturated_efforts(&row.values[efforts.clone()]);
+        let positions = self.layout.positions().map(|entry| row.values[entry]);
+        for (recent, value) in self.recent.iter_mut().zip(positions) {
+            recent.rotate_left(1);
+            recent[OUTLIER_ROWS - 1] = value;
+        }
         self.queue.push_back(PendingRow {
             row,
             follows,
@@ -231,10 +239,7 @@ impl<'a> RowChecker<'a> {
         let start = self.queue.len() - OUTLIER_ROWS;
         let first = self.layout.positions().start;
         for entry in self.layout.positions() {
-            let mut values = [0.0; OUTLIER_ROWS];
-            for (value, pending) in values.iter_mut().zip(self.queue.iter().skip(start)) {
-                *value = pending.row.values[entry];
-            }
+            let values = self.recent[entry - first];
             let middle = values[OUTLIER_NEIGHBOURS];
             // relative to the median change between these rows, so that fast motion does not count
             // as an outlier

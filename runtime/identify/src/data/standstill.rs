@@ -13,7 +13,7 @@ const REST_BAND_DEVIATIONS: f64 = 6.0;
 /// is elastic or an artefact of simulation, and sliding friction does not act. At this speed viscous
 /// friction is a two hundredth of its usual value, so that leaving these equations out loses little.
 const CREEP_PART: f64 = 5e-3;
-/// The most differences that are stored for each position, spread over the whole log.
+/// The largest number of differences that are stored for each position, spread over the whole log.
 const MAX_DIFFERENCES: usize = 8192;
 /// Values closer than this part of the whole range count as equal.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
@@ -67,6 +67,14 @@ impl Encoder {
             travel: 0.0,
             ..self
         }
+    }
+
+    /// The root mean square of the position's speed without the noise, rad/s or m/s.
+    ///
+    /// - `step`: the time between rows, s.
+    pub(super) fn speed(self, step: f64) -> f64 {
+        let noise = 2.0 * self.noise * self.noise;
+        (self.travel * self.travel - noise).max(0.0).sqrt() / step
     }
 
     /// The largest range of a position that is at rest over this many rows, rad or m.
@@ -284,7 +292,7 @@ pub fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
     out
 }
 
-/// The most rows of context on either side, however small the time step is.
+/// The largest number of rows of context on either side, however small the time step is.
 const MAX_CONTEXT_ROWS: usize = 100_000;
 
 /// Number of rows on either side that decide whether a row is at rest; `step`: the time between

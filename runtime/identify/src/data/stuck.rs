@@ -26,10 +26,10 @@ const MIN_JUMP: f64 = 8.0;
 /// Such a jump also exceeds this multiple of the change in the next row: it is the motion of
 /// several rows. A joint that starts from rest moves further in the next row than in the first.
 const MIN_JUMP_RATIO: f64 = 4.0;
-/// The most changes that are stored for the statistics.
+/// The largest number of changes that are stored for the statistics.
 const MAX_CHANGES: usize = 4001;
-/// The most stretches of repeated rows that are stored until the median change is known, at the end
-/// of the file.
+/// The largest number of stretches of repeated rows that are stored until the median change is
+/// known, at the end of the file.
 const MAX_STRETCHES: usize = 4096;
 /// A change up to this fraction of the position is rounding of the printed number, not motion.
 const RELATIVE_ROUNDING: f64 = 1e-10;

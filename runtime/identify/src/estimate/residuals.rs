@@ -30,7 +30,8 @@ pub struct EffortError {
     pub autocorrelation: Vec<f64>,
     /// The probability of at least this autocorrelation if the residuals were white (Ljung and
     /// Box, 1978).
-    pub white: f64,
+    #[serde(rename = "white")]
+    pub whiteness_p_value: f64,
 }
 
 /// Residuals count as correlated when white ones would have this little probability of at least
@@ -43,7 +44,7 @@ const MAX_EXPLAINED_RMS_PERCENT: f64 = 50.0;
 impl EffortError {
     /// Whether the residuals are correlated in time; `None` where too few of them are known.
     pub fn is_correlated(&self) -> Option<bool> {
-        (!self.white.is_nan()).then_some(self.white < MIN_WHITE_PROBABILITY)
+        (!self.whiteness_p_value.is_nan()).then_some(self.whiteness_p_value < MIN_WHITE_PROBABILITY)
     }
 
     /// Whether the model explains the effort: the root mean square of the residuals is at most half
@@ -61,7 +62,7 @@ impl EffortError {
     ///     relative_rms: 55.0,
     ///     largest: 7.0,
     ///     autocorrelation: vec![0.5],
-    ///     white: 1e-6,
+    ///     whiteness_p_value: 1e-6,
     /// };
     /// assert!(!error.is_explained());
     /// assert_eq!(error.is_correlated(), Some(true));
@@ -207,7 +208,7 @@ impl Residuals {
                 rms: (squares / samples).sqrt(),
                 relative_rms: 100.0 * (squares / sums.measured).sqrt(),
                 largest: sums.largest,
-                white: ljung_box(&autocorrelation, sums.samples),
+                whiteness_p_value: ljung_box(&autocorrelation, sums.samples),
                 autocorrelation,
             }
         };

@@ -63,7 +63,7 @@ pub(super) fn coordinates(root: &Node) -> Vec<String> {
     out
 }
 
-/// The most coordinates that a pattern matches if there is no robot to count them.
+/// The largest number of coordinates that a pattern matches if there is no robot to count them.
 const MAX_COLUMNS: usize = 256;
 
 /// Reads `columns`, `time` and `rate` of a file.

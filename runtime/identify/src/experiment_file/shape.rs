@@ -104,7 +104,7 @@ pub(super) fn below(path: &str, key: &str) -> String {
 pub(super) fn did_you_mean<'w>(word: &str, known: impl IntoIterator<Item = &'w str>) -> String {
     /// Longer words are not compared: this and the next bound limit the time.
     const MAX_WORD: usize = 64;
-    /// The most known words that are compared.
+    /// The largest number of known words that are compared.
     const MAX_CANDIDATES: usize = 1000;
     // one typing error in short words, two in longer ones
     let length = word.chars().count();

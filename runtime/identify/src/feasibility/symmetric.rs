@@ -115,7 +115,8 @@ pub(super) fn inverse(l: &Square, size: usize) -> Square {
 /// Eigenvalues, and eigenvectors as the columns of a matrix, by Jacobi's rotations, which compute
 /// small eigenvalues of definite matrices to full relative accuracy.
 pub(super) fn eigen(m: &Square, size: usize) -> ([f64; 4], Square) {
-    /// The most sweeps over all pairs; convergence is quadratic, so that few are needed.
+    /// The largest number of sweeps over all pairs; convergence is quadratic, so that few are
+    /// needed.
     const MAX_SWEEPS: usize = 32;
     if size == 1 {
         return ([m[0][0], m[1][1], m[2][2], m[3][3]], ONE);

@@ -86,7 +86,7 @@ pub struct FrictionFit {
     pub squared_residual: f64,
     /// The sum of squared residuals with linear friction (viscous and Coulomb) at the same joints,
     /// under the same constraints: never smaller.
-    pub linear: f64,
+    pub linear_squared_residual: f64,
     /// Whether the search ended because further steps gained nothing, not because it reached its
     /// limit of steps.
     pub converged: bool,
@@ -437,7 +437,7 @@ pub fn fit(
         phi: taken.phi[..inertial].to_vec(),
         beta: taken.beta[..observed].to_vec(),
         squared_residual: taken.squared_residual,
-        linear: straight.squared_residual,
+        linear_squared_residual: straight.squared_residual,
         converged,
         programmes: search.programmes,
         gap: taken.gap,

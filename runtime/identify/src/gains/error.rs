@@ -7,7 +7,7 @@ use crate::estimate::EstimateError;
 use crate::feasibility::FeasibilityError;
 use regen_runtime::SizeError;
 
-/// The most names of unknowns that a message lists.
+/// The largest number of names of unknowns that a message lists.
 const MAX_NAMED: usize = 12;
 
 /// A direction in which all unknowns may change together without any effect on the runs.

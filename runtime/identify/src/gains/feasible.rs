@@ -19,7 +19,7 @@ use crate::feasibility::{
 use crate::model::{Covariance, IdentifiedModel};
 use regen_runtime::{BaseModel, Symbol};
 
-/// Most rounds of the search.
+/// The largest number of rounds of the search.
 const MAX_ROUNDS: usize = 60;
 /// The search ends when a round lowers the objective by less than this part of it.
 const COST_TOLERANCE: f64 = 1e-10;
@@ -200,7 +200,7 @@ impl<'a> Constrained<'a> {
         })
     }
 
-    /// The weighted triangle of the equations linearised at a state, over the base parameters that are
+    /// The weighted QR factor of the equations linearised at a state, over the base parameters that are
     /// sought and, where gains are sought too, over 1/k of each as a part of its present value.
     pub(super) fn factor(&self, at: &State, with_gains: bool) -> Result<QrFactor, EstimateError> {
         let set = self.solved.problem.set;
@@ -379,7 +379,7 @@ fn given(load: &Load) -> Result<Vec<(String, f64)>, GainError> {
     if known.inertia.is_some() && (known.com.is_none() || known.mass.is_none()) {
         return Err(GainError::InertiaAlone(known.body.clone()));
     }
-    let first = load.first();
+    let first = load.initial();
     let ten = load.inertial_parameters(&first);
     let symbols = Symbol::INERTIAL.iter().zip(ten).enumerate();
     // a centre of mass alone gives no value of a first moment

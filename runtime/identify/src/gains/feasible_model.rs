@@ -153,7 +153,8 @@ impl Constrained<'_> {
         let solved = self.solved;
         let (problem, point) = (solved.problem, solved.point);
         let linear = solved.linear();
-        // the base parameters that are sought, then 1/k as parts of those here, by the unknowns
+        // the derivatives of the base parameters that are sought, then of each 1/k relative to that of
+        // `at`, by the unknowns
         let mut map = Vec::new();
         for place in &self.places {
             let row = linear.columns.iter().map(|column| match *column {

@@ -86,7 +86,7 @@ impl Linear<'_> {
         }
     }
 
-    /// The weighted triangle of the linearised equations, whose solution is the values of the
+    /// The weighted QR factor of the linearised equations, whose solution is the values of the
     /// columns.
     pub(super) fn factor(
         &self,
@@ -96,7 +96,7 @@ impl Linear<'_> {
         self.factor_of(self.solved.problem.set, columns, labels)
     }
 
-    /// As [`factor`](Self::factor), with other triangles of the efforts, such as those without
+    /// As [`factor`](Self::factor), with other QR factors of the efforts, such as those without
     /// Huber's weights.
     pub(super) fn factor_of(
         &self,

@@ -113,7 +113,7 @@ pub struct GainFit {
     /// eps_RA over all efforts, percent (Eq. 33).
     pub relative_absolute: f64,
     /// The number of samples that count as correlated.
-    pub bandwidth: usize,
+    pub correlation_length: usize,
     /// The equations that were left out, by reason.
     pub left_out: LeftOut,
     /// Whether the parameters of a known robot counted as exact, because their covariance is unknown.

@@ -130,7 +130,7 @@ impl Load {
     }
 
     /// Initial unknowns where no estimate exists: a mass of 1 kg at the origin.
-    pub(super) fn first(&self) -> Vec<f64> {
+    pub(super) fn initial(&self) -> Vec<f64> {
         let one = |place: &usize| f64::from(*place == MASS);
         self.unknown.iter().map(one).collect()
     }

@@ -1,4 +1,4 @@
-//! The unknowns of a fit on the triangles of all efforts, and the search for them.
+//! The unknowns of a fit on the QR factors of all efforts, and the search for them.
 
 use super::GainError;
 use super::payload::Load;
@@ -57,7 +57,7 @@ impl Point {
     }
 }
 
-/// Most steps of a search at fixed weights.
+/// The largest number of steps of a search at fixed weights.
 const MAX_STEPS: usize = 200;
 /// A search ends when a step changes no unknown by more than this part of all of them, each in
 /// units of its column.
@@ -69,7 +69,7 @@ const DAMPING: f64 = 1e-3;
 const MAX_DAMPING: f64 = 1e12;
 /// Damping of the linear equations of the start, which may be singular.
 const START_DAMPING: f64 = 1e-9;
-/// Most rounds of weights.
+/// The largest number of rounds of weights.
 const MAX_ROUNDS: usize = 50;
 /// The weights have settled when none changes by more than this part.
 const WEIGHT_TOLERANCE: f64 = 1e-9;
@@ -109,7 +109,7 @@ impl Problem<'_> {
         self.robot.len() + of_loads + self.unknown_gains()
     }
 
-    /// The residuals z - g R x of one effort's triangle.
+    /// The residuals z - g R x of one effort's QR factor.
     fn residuals(&self, effort: usize, factor: &QrFactor, x: &[f64], point: &Point) -> Vec<f64> {
         let g = self.inverse_gain(effort, point);
         let fitted = factor.times_r(x);
@@ -129,7 +129,7 @@ impl Problem<'_> {
         factors.map(one).sum()
     }
 
-    /// The triangle of the residuals' derivatives by all unknowns, whose right side is the
+    /// The QR factor of the residuals' derivatives by all unknowns, whose right side is the
     /// residuals.
     fn linear(&self, point: &Point, weights: &[f64]) -> Result<QrFactor, EstimateError> {
         let n = self.set.labels().len();
@@ -340,7 +340,7 @@ impl Problem<'_> {
         };
         let plain = Point {
             robot: vec![0.0; self.robot.len()],
-            loads: self.loads.iter().map(Load::first).collect(),
+            loads: self.loads.iter().map(Load::initial).collect(),
             inverse_gains: vec![1.0; self.unknown_gains()],
         };
         let mut point = None;
@@ -401,7 +401,7 @@ pub(super) fn spread(n: usize, places: &[usize], column: &[f64]) -> Vec<f64> {
     out
 }
 
-/// A triangle with a row for each unknown that keeps it where it is: a factor times the length of
+/// A QR factor with a row for each unknown that keeps it where it is: a factor times the length of
 /// its column, or times the longest where it has none.
 fn damped(
     linear: &QrFactor,

@@ -47,7 +47,7 @@ impl Previous<'_> {
     }
 }
 
-/// Reduces the runs to a triangle for each effort. With the values of a previous estimate the
+/// Reduces the runs to a QR factor for each effort. With the values of a previous estimate the
 /// equations have Huber's weights, and the second result is, for each effort, the sum of the squares
 /// of the weight times the residual.
 pub(super) fn reduce<M, S>(
@@ -85,7 +85,7 @@ where
 
 /// Huber's estimate.
 pub(super) struct Robust {
-    /// The triangles of the equations with Huber's weights.
+    /// The QR factors of the equations with Huber's weights.
     pub(super) set: FactorSet,
     pub(super) point: Point,
     /// The weights of the efforts.

@@ -21,7 +21,7 @@ use regen_runtime::BaseModel;
 /// A solved fit, of which the deviations are computed.
 pub(super) struct Solved<'a> {
     pub(super) problem: &'a Problem<'a>,
-    /// The triangles of the equations without Huber's weights.
+    /// The QR factors of the equations without Huber's weights.
     pub(super) plain: &'a FactorSet,
     pub(super) point: &'a Point,
     pub(super) weights: &'a [f64],
@@ -100,7 +100,7 @@ impl Solved<'_> {
         );
         let model = self.model(&linear, &uncertainty, &efforts, method);
         #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-        let bandwidth = blocks.correlation_length().round() as usize;
+        let correlation_length = blocks.correlation_length().round() as usize;
         Ok(GainFit {
             model,
             shares: self.shares(&linear)?,
@@ -108,7 +108,7 @@ impl Solved<'_> {
             errors: errors.efforts(),
             estimate,
             deviations,
-            bandwidth,
+            correlation_length,
             left_out: rows.left_out(),
             is_robot_exact,
         })
@@ -244,7 +244,7 @@ impl Solved<'_> {
             .map(|column| covariance.place(&label(column)))
             .collect();
         let whole = linear.factor(&columns, &labels)?;
-        // the first columns of the triangle are those of the unknowns alone
+        // the first columns of the QR factor are those of the unknowns alone
         let (n, m) = (factor.columns(), columns.len());
         let top = |column: usize| whole.r().get(column * m..column * m + n);
         let own: Vec<f64> = (0..n)

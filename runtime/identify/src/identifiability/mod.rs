@@ -89,7 +89,7 @@ pub struct Step {
     pub kept: Vec<usize>,
     /// The number of well identified base parameters (below [`WELL_IDENTIFIED_PERCENT`] percent); 0
     /// unless they are known to be feasible.
-    pub well: usize,
+    pub well_identified: usize,
     /// Whether a physical robot has these base parameters.
     pub feasibility: Feasibility,
     /// The root mean square residual on the data, in units of the factor's rows.
@@ -160,7 +160,7 @@ impl Reduction {
                 out,
                 "{:<5} {:<5} {:<11} {:<10.4e} {:<9.4} {:<9} {:<9} {:<7} {}",
                 step.kept.len(),
-                step.well,
+                step.well_identified,
                 feasible,
                 step.condition,
                 step.residual,
@@ -213,7 +213,7 @@ impl Search<'_> {
         };
         let certain =
             (0..kept.len()).filter(|&k| estimate.sigma_percent(k) < WELL_IDENTIFIED_PERCENT);
-        let well = match feasibility {
+        let well_identified = match feasibility {
             Feasibility::Feasible => certain.count(),
             _ => 0,
         };
@@ -238,7 +238,7 @@ impl Search<'_> {
         };
         let step = Step {
             change,
-            well,
+            well_identified,
             feasibility,
             residual: root(
                 selected.squared_residual(&estimate.values)?,
@@ -380,7 +380,7 @@ pub fn reduce(
         more.push(candidate);
         more.sort_unstable();
         let (step, _) = search.step(more, Change::Restored(label(candidate)))?;
-        if step.well == step.kept.len() {
+        if step.well_identified == step.kept.len() {
             steps.push(step);
         }
     }

@@ -66,7 +66,7 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
                 }));
             }
         }
-        let begin = self.closure.place();
+        let begin = self.closure.last_state();
         let dof = places.len();
         let entries = places
             .iter()
@@ -188,7 +188,7 @@ impl<M: Model<f64> + ?Sized> Completion<'_, M> {
         begin: Option<&[f64]>,
         q_i: &[f64],
     ) -> Result<TrackedStates, ClosureError> {
-        self.closure.go_back(begin);
+        self.closure.resume(begin);
         let count = q_i.len() / self.last.len().max(1);
         let still = vec![0.0; q_i.len()];
         self.closure.track(count, q_i, &still, &still)

@@ -63,7 +63,7 @@ pub(super) fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     Ok((next, factor))
 }
 
-/// The most passes of [`partitioned`]; a few suffice.
+/// The largest number of passes of [`partitioned`]; a few suffice.
 const MAX_PARTITIONS: usize = 10;
 
 /// A start near Huber's estimate, from least squares: the equations are divided into those within

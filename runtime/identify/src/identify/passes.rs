@@ -46,9 +46,10 @@ pub struct Options {
     pub huber: Option<f64>,
     /// The number of autocorrelations of the residuals to compute, at lags of 1, 2, ... samples.
     pub lags: usize,
-    /// Number of samples in which residuals are correlated: the covariance is then Newey and
-    /// West's (1987) with this bandwidth. `None`: the covariance of [`Deviations`].
-    pub bandwidth: Option<usize>,
+    /// The bandwidth, in samples, of Newey and West's (1987) covariance, which is consistent under
+    /// heteroskedasticity and autocorrelation (HAC): residuals at least as far apart count as
+    /// uncorrelated. `None`: the covariance of [`Deviations`].
+    pub hac_bandwidth: Option<usize>,
 }
 
 impl Default for Options {
@@ -57,7 +58,7 @@ impl Default for Options {
             weighting: Weighting::PerEffort,
             huber: None,
             lags: 20,
-            bandwidth: None,
+            hac_bandwidth: None,
         }
     }
 }
@@ -76,8 +77,8 @@ pub struct Identified {
     /// only.
     pub blocks: Blocks,
     /// The number of samples that count as correlated: as many as carry the information of one
-    /// independent sample, or [`Options::bandwidth`] if that is given.
-    pub bandwidth: usize,
+    /// independent sample, or [`Options::hac_bandwidth`] if that is given.
+    pub correlation_length: usize,
     /// The errors of each effort.
     pub errors: Vec<EffortError>,
     /// eps_RA over all efforts, percent (Eq. 33).
@@ -262,7 +263,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     // the equations with the weights of the efforts, but without Huber's
     let effort_weighted = plain.combined(&weights)?;
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
-    let given_bandwidth = options.bandwidth.map(|b| b.clamp(1, rows.max(1)));
+    let given_bandwidth = options.hac_bandwidth.map(|b| b.clamp(1, rows.max(1)));
     let bandwidth = given_bandwidth.unwrap_or_else(|| andrews_bandwidth(&efforts, rows));
     let mut delays = match delays {
         Some(delays) => delays.finish(bandwidth)?,
@@ -310,7 +311,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
         errors: efforts,
         estimate,
         factor,
-        bandwidth: given_bandwidth.unwrap_or_else(|| samples_per_independent_one(&blocks)),
+        correlation_length: given_bandwidth.unwrap_or_else(|| samples_per_independent_one(&blocks)),
         deviations,
         blocks,
         left_out,

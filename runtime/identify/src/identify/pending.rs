@@ -5,7 +5,7 @@ use crate::estimate::EstimateError;
 use regen_batch::eval_base_many;
 use regen_runtime::{Arguments, BaseFunction, BaseModel};
 
-/// The most samples that wait.
+/// The largest number of samples that wait.
 const MAX_WAITING: usize = 256;
 
 /// Waiting samples, and their base regressors.

@@ -7,8 +7,8 @@ use super::stream::{Columns, LeftOut, NoColumns, equations};
 use crate::estimate::EstimateError;
 use regen_runtime::BaseModel;
 
-/// Most numbers that are stored: 64 MiB. Longer logs are read again in each pass, so that memory
-/// does not grow with them.
+/// The largest number of values that are stored: 64 MiB. Longer logs are read again in each pass,
+/// so that memory does not grow with them.
 const MAX_NUMBERS: usize = 1 << 23;
 
 /// The equations of a log: computed in the first pass and stored, unless there are too many.
@@ -17,7 +17,7 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     kind: EquationKind,
     source: &'a mut S,
     columns: Box<dyn Columns + 'a>,
-    /// The most numbers that are stored.
+    /// The largest number of values that are stored.
     most: usize,
     state: State,
     stored: StoredEquations,

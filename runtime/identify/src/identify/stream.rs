@@ -95,7 +95,7 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     stream.flush(columns, each)?;
     stream.end_run(each)?;
     let mut left = stream.left;
-    left.singular = stream.observer.singular() + stream.irregular;
+    left.singular = stream.builder.singular() + stream.irregular;
     left.unsettled = stream.taken - stream.settled;
     Ok(left)
 }
@@ -106,15 +106,15 @@ type EquationSink<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> +
 /// Filter and decimation of equations, with the samples that the filter still needs.
 struct Stream<'m, M: ?Sized> {
     model: &'m M,
-    observer: EquationBuilder<'m, M>,
+    builder: EquationBuilder<'m, M>,
     kind: EquationKind,
     filtering: Filtering,
     friction: Direction,
     dof: usize,
     /// The number of columns in addition to those of the base regressor.
     extra: usize,
-    /// The number of entries of a sample in `values`: for each column, for the efforts and for the
-    /// flags of moving coordinates, dof each.
+    /// The number of entries of a sample in `values`: dof for each column, dof for the efforts, and dof
+    /// for the flags of coordinates that move.
     width: usize,
     times: Vec<f64>,
     values: Vec<f64>,
@@ -122,7 +122,8 @@ struct Stream<'m, M: ?Sized> {
     filtered: Vec<f64>,
     /// The weights of the sample that is passed on, one for each effort.
     own_weights: Vec<f64>,
-    /// The filter's support and settling in averages of this run, once their rate is known.
+    /// The numbers of samples, after averaging, that the filter depends on and that it needs to settle;
+    /// `None` until the sampling rate of this run is known.
     reach: Option<(usize, usize)>,
     /// The number of equations of this run that are averaged, once its sampling is known.
     averaged: Option<usize>,
@@ -180,7 +181,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         let columns = model.base_info().base.len() + extra;
         Self {
             model,
-            observer: EquationBuilder::new(model, kind),
+            builder: EquationBuilder::new(model, kind),
             kind,
             filtering,
             friction: Direction::of(model),
@@ -221,7 +222,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         let n = self.model.info().coordinates.len();
         if [row.q, row.qd, row.qdd].iter().any(|part| part.len() != n) {
             // gives the error that names the length
-            return self.observer.observe(row).map(drop);
+            return self.builder.observe(row).map(drop);
         }
         if self.pending.push(row) {
             self.flush(columns, each)?;
@@ -299,7 +300,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         condition: Condition<f64>,
         columns: &mut dyn Columns,
     ) -> Result<bool, EstimateError> {
-        let found = self.observer.observe_computed(row, w, condition)?;
+        let found = self.builder.observe_computed(row, w, condition)?;
         let Some(equations) = found.filter(|found| !found.tau.is_empty()) else {
             columns.skip();
             return Ok(false);
@@ -389,7 +390,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         row: &StateSample<'_>,
         each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
-        let equations = self.observer.observe(row)?;
+        let equations = self.builder.observe(row)?;
         if !equations.tau.is_empty() {
             self.left.samples += 1;
         }
@@ -452,6 +453,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         self.hand_over(range, each)
     }
 
+    /// Decimates a range of filtered samples and passes on the equations that remain.
     fn hand_over(
         &mut self,
         range: core::ops::Range<usize>,

@@ -6,7 +6,7 @@ use super::{Session, SessionError};
 use crate::data::Run;
 use crate::identify::{self, EquationKind, Options};
 
-/// Most rounds of correcting delays; usually three suffice.
+/// The largest number of rounds of correcting delays; usually three suffice.
 const MAX_ROUNDS: usize = 10;
 /// A correction is taken back by half where it makes the residuals of its effort larger than they were
 /// without any, by more than this part.

@@ -66,7 +66,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
     let (free, physical) = match knowledge {
         None => (gains::fit(model, &options, plan, &mut sources)?, None),
         Some((knowledge, draws)) => {
-            session.watch.work("solving for physical parameters");
+            session.watch.phase("solving for physical parameters");
             let (layout, combinations) = layout_and_base_map(model)?;
             let physical = Physical {
                 layout: &layout,
@@ -76,11 +76,11 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
                 draws,
                 progress: &|done| {
                     let text = format!("intervals: {done} of {draws} fits");
-                    session.watch.work(&text);
+                    session.watch.phase(&text);
                 },
             };
             let both = gains::feasible(model, &options, plan, &mut sources, &physical);
-            session.watch.rest();
+            session.watch.finished();
             let (free, constrained) = both?;
             (free, Some(constrained))
         }

@@ -62,9 +62,9 @@ impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
     ) -> Result<MonitoredLogs<'a, M>, DataError> {
         let names = runs.iter().map(|run| run.clone().into().to_string());
         let names: Vec<String> = names.collect();
-        self.watch.work(&format!("checking {}", names.join(", ")));
+        self.watch.phase(&format!("checking {}", names.join(", ")));
         let logs = Logs::open(self.model, runs, &self.reading);
-        self.watch.rest();
+        self.watch.finished();
         Ok(MonitoredLogs::new(
             logs?,
             self.reading.decimation,

@@ -76,7 +76,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
     let mut progress = |done: usize| {
         session
             .watch
-            .work(&format!("intervals: {done} of {draws} fits"));
+            .phase(&format!("intervals: {done} of {draws} fits"));
     };
     let intervals = if data.is_some() || draws == 0 {
         Intervals::default()
@@ -135,7 +135,7 @@ pub fn physical<M: BaseModel<f64> + ?Sized>(
         let found = fit(data, &plain, &plain_layout, &own)?;
         let mut text = format!(
             "physical; {:.3} % of the linear model's squared residuals; with these shapes {}",
-            100.0 * found.squared_residual / found.linear,
+            100.0 * found.squared_residual / found.linear_squared_residual,
             describe_gap(found.gap)
         );
         if !found.converged {

@@ -44,7 +44,7 @@ pub struct LeastSquaresStart {
     pub relative_absolute: Option<f64>,
     /// The number of consecutive samples over which residuals count as correlated; `None` where
     /// they count as white.
-    pub bandwidth: Option<usize>,
+    pub correlation_length: Option<usize>,
     /// The samples and equations that were left out; `None` for a start from QR factors.
     pub left_out: Option<LeftOut>,
     /// The estimated delays of the efforts behind the motion; empty unless the start is from logs.
@@ -77,7 +77,7 @@ impl LeastSquaresStart {
             equations: None,
             errors: identified.errors,
             relative_absolute: Some(identified.relative_absolute),
-            bandwidth: Some(identified.bandwidth),
+            correlation_length: Some(identified.correlation_length),
             left_out: Some(identified.left_out),
             delays: identified.delays,
             reports: Vec::new(),
@@ -117,7 +117,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
         EquationKind::Forces => add_sampling_error(&mut identified, logs)?,
         EquationKind::Energy { .. } => "",
     };
-    let method = if let Some(n) = session.options.bandwidth {
+    let method = if let Some(n) = session.options.hac_bandwidth {
         format!(
             "least squares, residuals correlated in {n} samples (Newey and West){sampling_note}"
         )
@@ -227,7 +227,7 @@ fn white<M: BaseModel<f64> + ?Sized>(
         equations: None,
         errors: Vec::new(),
         relative_absolute: None,
-        bandwidth: None,
+        correlation_length: None,
         left_out: None,
         delays: Delays::default(),
         reports: Vec::new(),

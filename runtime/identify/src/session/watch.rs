@@ -13,9 +13,9 @@ const REPORT_INTERVAL_ROWS: u64 = 64;
 pub trait Monitor {
     /// Called when work of unknown length begins or reaches its next step; `what` describes the
     /// work in words.
-    fn work(&self, what: &str);
-    /// Called when the work that [`work`](Self::work) or [`rows`](Self::rows) reported has ended.
-    fn rest(&self);
+    fn phase(&self, what: &str);
+    /// Called when the work that [`phase`](Self::phase) or [`rows`](Self::rows) reported has ended.
+    fn finished(&self);
     /// Called during a pass over logs when it has read `done` of `all` rows; `pass` counts from 1.
     fn rows(&self, pass: usize, done: u64, all: u64);
 }
@@ -25,8 +25,8 @@ pub trait Monitor {
 pub struct Silent;
 
 impl Monitor for Silent {
-    fn work(&self, _what: &str) {}
-    fn rest(&self) {}
+    fn phase(&self, _what: &str) {}
+    fn finished(&self) {}
     fn rows(&self, _pass: usize, _done: u64, _all: u64) {}
 }
 
@@ -77,7 +77,7 @@ impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
             }
             each(row)
         });
-        self.watch.rest();
+        self.watch.finished();
         result
     }
 }

@@ -11,7 +11,7 @@ use pulp::{Simd, bytemuck};
 
 use super::local::{MIN_SAMPLES, TERMS};
 
-/// The most rows of a window: with more, the columns of all lanes leave the cache.
+/// The largest number of rows of a window: with more, the columns of all lanes leave the cache.
 const MAX_ROWS: usize = 256;
 /// Number of independent sums of a scalar product, as where one window is reduced.
 const SUMS: usize = 8;
@@ -340,31 +340,46 @@ pub(super) fn weighted_sums_side_by_side<S: Simd>(
         }
         let lanes = channels / S::F64_LANES;
         let mut register = 0;
+        let at = |register: usize| register * S::F64_LANES;
+        // as many sums at a time as there are registers for
+        while S::F64_LANES >= 8 && register + 5 <= lanes {
+            tile_sums::<S, 5>(
+                simd,
+                values,
+                channels,
+                at(register),
+                weights.len(),
+                own,
+                out,
+            );
+            register += 5;
+        }
         while register + 3 <= lanes {
-            let at = register * S::F64_LANES;
-            tile_sums::<S, 3>(simd, values, channels, at, weights.len(), own, out);
+            tile_sums::<S, 3>(
+                simd,
+                values,
+                channels,
+                at(register),
+                weights.len(),
+                own,
+                out,
+            );
             register += 3;
         }
         while register < lanes {
-            let at = register * S::F64_LANES;
-            tile_sums::<S, 1>(simd, values, channels, at, weights.len(), own, out);
+            tile_sums::<S, 1>(
+                simd,
+                values,
+                channels,
+                at(register),
+                weights.len(),
+                own,
+                out,
+            );
             register += 1;
         }
-        for channel in lanes * S::F64_LANES..channels {
-            let mut sums = [0.0; TILE];
-            for (sample, entry) in values.iter().skip(channel).step_by(channels).enumerate() {
-                for (window, sum) in sums.iter_mut().enumerate() {
-                    if let Some(weight) = sample.checked_sub(window).and_then(|k| own(k, window)) {
-                        *sum += weight * entry;
-                    }
-                }
-                if sample + 1 >= weights.len() + TILE {
-                    break;
-                }
-            }
-            for (out, sum) in out.iter_mut().skip(channel).step_by(channels).zip(sums) {
-                *out = sum;
-            }
+        if channels > at(lanes) {
+            tile_sums_of_rest(simd, values, channels, at(lanes), weights.len(), own, out);
         }
     }
 }
@@ -400,5 +415,31 @@ fn tile_sums<S: Simd, const REGISTERS: usize>(
     for (out, sums) in out.chunks_exact_mut(channels).zip(sums) {
         let (slots, _) = S::as_mut_simd_f64s(&mut out[at..at + width]);
         slots.copy_from_slice(&sums);
+    }
+}
+
+/// As [`tile_sums`], of the channels from `at` on, which do not fill a register.
+#[inline(always)]
+fn tile_sums_of_rest<S: Simd>(
+    simd: S,
+    values: &[f64],
+    channels: usize,
+    at: usize,
+    samples: usize,
+    weight: impl Fn(usize, usize) -> Option<f64>,
+    out: &mut [f64],
+) {
+    let mut sums = [simd.splat_f64s(0.0); TILE];
+    let all = values.chunks_exact(channels).take(samples + TILE - 1);
+    for (sample, values) in all.enumerate() {
+        let own = simd.partial_load_f64s(&values[at..]);
+        for (window, sum) in sums.iter_mut().enumerate() {
+            if let Some(weight) = sample.checked_sub(window).and_then(|k| weight(k, window)) {
+                *sum = simd.add_f64s(*sum, simd.mul_f64s(simd.splat_f64s(weight), own));
+            }
+        }
+    }
+    for (out, sum) in out.chunks_exact_mut(channels).zip(sums) {
+        simd.partial_store_f64s(&mut out[at..], sum);
     }
 }

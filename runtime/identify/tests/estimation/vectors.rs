@@ -83,7 +83,7 @@ fn least_squares_and_its_statistics_are_those_of_numpy() {
     }
     let errors = &residuals.efforts()[0];
     assert_each(&errors.autocorrelation, &numbers(&v["autocorrelation"]));
-    assert_each(&[errors.white], &[v["white"].as_f64().unwrap()]);
+    assert_each(&[errors.whiteness_p_value], &[v["white"].as_f64().unwrap()]);
     let relative_absolute = v["relative_absolute"].as_f64().unwrap();
     assert_each(&[errors.relative_absolute], &[relative_absolute]);
     assert_each(&[residuals.relative_absolute()], &[relative_absolute]);

@@ -115,7 +115,10 @@ fn the_shapes_of_every_law_are_recovered_from_exact_data() {
         for (a, b) in found.beta.iter().zip(&robot.phi) {
             assert!((a - b).abs() < 1e-6, "{:?}", found.beta);
         }
-        assert!(found.linear > 1.0, "linear friction does not explain it");
+        assert!(
+            found.linear_squared_residual > 1.0,
+            "linear friction does not explain it"
+        );
     }
 }
 
@@ -127,7 +130,7 @@ proptest! {
         let laws: [(Friction, &[f64]); 2] =
             [(Friction::Stribeck, &[fc, 1.0, 0.2, 1.5, 0.4]), (Friction::Power, &[fc, fc, 1.0, 1.0])];
         let found = of_robot(&robot, &simulate(&robot, &laws, noise));
-        prop_assert!(found.squared_residual <= found.linear * (1.0 + 1e-6) + 1e-9);
+        prop_assert!(found.squared_residual <= found.linear_squared_residual * (1.0 + 1e-6) + 1e-9);
         let check = robot.layout.check(&found.phi, Scale::default()).unwrap();
         prop_assert!(check.is_physical());
         prop_assert!(found.joints.iter().all(|j| j.values.iter().all(|v| *v >= 0.0)));

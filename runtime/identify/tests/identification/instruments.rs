@@ -62,7 +62,7 @@ fn noise_of_positions_biases_least_squares_and_not_instrumental_variables() {
     for seed in 0..SEEDS {
         let (found, least) = both(&mut log(seed, true));
         assert!(least[0] > 5.0, "seed {seed}: {least:?}");
-        assert!(found.settled, "seed {seed}: {} rounds", found.rounds);
+        assert!(found.converged, "seed {seed}: {} rounds", found.rounds);
         assert!(found.test.probability < 0.01, "{:?}", found.test);
         assert!(
             found.relevance.iter().all(|r| *r > 0.2),

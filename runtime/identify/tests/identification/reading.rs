@@ -333,3 +333,50 @@ fn doubtful_rows_are_treated_by_their_kind() {
     let rows = |policy| open(Some(policy)).unwrap().reports()[0].rows;
     assert_eq!((rows(Policy::Tell), rows(Policy::Drop)), (300, 299));
 }
+
+/// Position and whether the joint creeps: it swings to and fro, 0.85 s each way, and creeps for 0.15 s at
+/// 0.028 of its rms speed before it turns.
+fn swing_that_sticks(t: f64) -> (f64, bool) {
+    use core::f64::consts::PI;
+    const SWING: f64 = 0.85;
+    const CREEP: f64 = 0.02;
+    let way = |t: f64| {
+        SWING / PI * (1.0 - (PI * t.min(SWING) / SWING).cos()) + CREEP * (t - SWING).max(0.0)
+    };
+    let within = t.rem_euclid(2.0);
+    let q = if within < 1.0 {
+        way(within)
+    } else {
+        way(1.0) - way(within - 1.0)
+    };
+    (q, t.rem_euclid(1.0) > SWING)
+}
+
+#[test]
+fn a_joint_that_sticks_before_it_turns_counts_as_resting_there() {
+    let rows = times(2000).map(|t| format!("{t},{},0\n", swing_that_sticks(t).0));
+    let text = format!("t,q1,tau_q1\n{}", rows.collect::<String>());
+    let run = Run::from(write("sticking", "log.csv", &text));
+    let settings = Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 7.0,
+        },
+        ..Settings::default()
+    };
+    let mut logs = Logs::open(&Pendulum, &[run], &settings).unwrap();
+    // of creeping and of moving samples, how many there are and how many rest
+    let mut counts = [[0.0; 2]; 2];
+    logs.visit(&mut |row| {
+        let (_, creeps) = swing_that_sticks(row.time);
+        let count = &mut counts[usize::from(creeps)];
+        count[0] += 1.0;
+        count[1] += f64::from(row.at_standstill[0]);
+        Ok(())
+    })
+    .unwrap();
+    let [moving, creeping] = counts.map(|[all, resting]| resting / all);
+    // the filter's transients are at both ends of a stretch of 15 samples
+    assert!(creeping > 0.75, "{creeping}");
+    assert!(moving < 0.08, "{moving}");
+}

@@ -100,7 +100,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
         let (w, y, mut log) = pendulum(noise);
         let options = Options {
             huber: Some(bound),
-            bandwidth: Some(1),
+            hac_bandwidth: Some(1),
             ..Options::default()
         };
         let robust = identified(&mut log, &options);
@@ -198,14 +198,14 @@ fn the_bandwidth_follows_from_the_correlation_of_residuals() {
         let found = identified(&mut log, &Options::default());
         let exact = (1.0 + rho) / (1.0 - rho);
         // with 300 samples a correlation of 0.9 is accurate to 0.03, and this number to a third
-        let ratio = found.bandwidth as f64 / exact;
+        let ratio = found.correlation_length as f64 / exact;
         let least = if rho > 0.95 { 0.2 } else { 0.6 };
         assert!((least..1.7).contains(&ratio), "{rho}: {ratio}");
         assert!(
-            found.bandwidth >= longest,
+            found.correlation_length >= longest,
             "more correlation, fewer samples"
         );
-        longest = found.bandwidth;
+        longest = found.correlation_length;
         // 300 samples, of which 99 correspond to one independent sample
         if !(0.7..=0.95).contains(&rho) {
             assert_eq!(found.deviations.short(), rho > 0.95, "{rho}");

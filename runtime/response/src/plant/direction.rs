@@ -19,8 +19,10 @@ pub(super) enum Side {
 }
 
 impl Side {
-    /// The direction column with the smooth sign minus that with the sign itself, and the slope of
-    /// the smooth one by the velocity.
+    /// The smoothed sign of the velocity `v` minus its sign, and the derivative of the smoothed sign
+    /// by `v`; both are 0 in a direction in which the coefficient does not count.
+    ///
+    /// - `width`: the velocity at which the smoothed sign is tanh(1), rad/s or m/s.
     pub(super) fn softening(self, v: f64, width: f64) -> (f64, f64) {
         let soft = libm::tanh(v / width);
         let slope = (1.0 - soft * soft) / width;

@@ -53,7 +53,7 @@ fn all_within<M: BaseModel<f64> + Sync>(twin: &Twin<'_, M>) {
     };
     let found = estimated(twin, known, &off(&truth, 0.2)).unwrap();
     assert!(
-        found.settled && found.rounds <= 10,
+        found.converged && found.rounds <= 10,
         "{} {:?}",
         found.rounds,
         found.norms

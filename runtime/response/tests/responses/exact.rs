@@ -1,6 +1,6 @@
 //! Exact data give exact parameters, in as few steps as exact derivatives need.
 
-use regen_response::{Action, Damping, Number, Responded, Run, Setup, respond};
+use regen_response::{Action, Damping, Number, ResponseFit, Run, Setup, fit_responses};
 use regen_runtime::BaseModel;
 
 use crate::models::arm::Arm;
@@ -13,13 +13,13 @@ pub(crate) fn fitted<M>(
     runs: &[Run],
     setup: &Setup,
     start: &[f64],
-) -> (Responded, Vec<f64>)
+) -> (ResponseFit, Vec<f64>)
 where
     M: BaseModel<f64> + BaseModel<Number> + Sync,
 {
     let mut squares = Vec::new();
     let mut progress = |_: usize, s: f64| squares.push(s);
-    let found = respond(model, model, runs, setup, start, 0.95, &mut progress).unwrap();
+    let found = fit_responses(model, model, runs, setup, start, 0.95, &mut progress).unwrap();
     (found, squares)
 }
 

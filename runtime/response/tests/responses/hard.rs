@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use regen_response::{ResponseError, Value, respond};
+use regen_response::{ResponseError, Value, fit_responses};
 use regen_runtime::{
     Arguments, BaseFunction, BaseInfo, BaseModel, Condition, Function, Info, Model, SizeError,
 };
@@ -34,7 +34,7 @@ fn a_start_that_cannot_be_simulated_is_refused_with_its_reason() {
     let twin = short(Twin::new(&Arm, &ARM));
     let mut start = twin.beta();
     start[0] = -1.0;
-    let found = respond(
+    let found = fit_responses(
         &Arm,
         &Arm,
         &[twin.run()],
@@ -174,7 +174,7 @@ fn ten_windows_cost_as_much_as_one() {
         setup.steps = 1;
         let model = Counting(&Picker, AtomicUsize::new(0));
         let runs = [run.clone()];
-        let _found = respond(&model, &Picker, &runs, &setup, &truth, 0.95, &mut |_, _| {});
+        let _found = fit_responses(&model, &Picker, &runs, &setup, &truth, 0.95, &mut |_, _| {});
         model.1.load(Ordering::Relaxed) as f64
     };
     let ratio = count(0.08) / count(10.0);

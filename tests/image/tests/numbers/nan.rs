@@ -43,7 +43,7 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
                 for k in 0..inputs.of(*argument).len() {
                     let place = (*argument, k);
                     let at = |value| with(function, robot, &inputs, place, value);
-                    let spoilt = at(bad);
+                    let altered = at(bad);
                     let old = inputs.of(*argument)[k];
                     let moved = [at(old + 0.37), at(-1.9 * old - 0.01)];
                     for (i, before) in plain.values.iter().enumerate() {
@@ -55,14 +55,14 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
                             continue;
                         }
                         checked += 1;
-                        let is_shown =
-                            refused(&spoilt) || ok(spoilt.values[i], &|value| at(value).values[i]);
+                        let is_shown = refused(&altered)
+                            || ok(altered.values[i], &|value| at(value).values[i]);
                         assert!(
                             is_shown,
                             "{name}: {}, {argument:?}[{k}] = {bad}: entry {i} is {}, pivot {:?}",
                             function.name(),
-                            spoilt.values[i],
-                            spoilt.pivot
+                            altered.values[i],
+                            altered.pivot
                         );
                     }
                 }

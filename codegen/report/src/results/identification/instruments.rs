@@ -32,7 +32,8 @@ pub struct Instruments {
     /// much.
     probability: f64,
     /// Whether the probability is that of all differences together.
-    joint: bool,
+    #[serde(rename = "joint")]
+    is_joint_test: bool,
     #[serde(skip)]
     biased: bool,
     /// The difference of least squares and instrumental variables, over its standard deviation.
@@ -76,7 +77,7 @@ impl Instruments {
             weakest: found.weakest().map(|k| (k, found.is_weak(k))),
             relevance: figures(&found.relevance),
             probability: found.test.probability,
-            joint: found.test.joint,
+            is_joint_test: found.test.is_joint_test,
             biased: found.test.is_biased(),
             differences: figures(&found.test.ratios),
         }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field};
 use regen_identify::text::{figure, figure_of};
-use regen_response::{Didim, Responded};
+use regen_response::{Didim, ResponseFit};
 use serde::Serialize;
 
 /// What estimators that simulate the controlled robot add to a result, as it is serialised.
@@ -88,7 +88,7 @@ impl Simulated {
     }
 
     /// The search of a fit to responses.
-    pub fn responses(found: &Responded) -> Self {
+    pub fn responses(found: &ResponseFit) -> Self {
         let estimated = found.estimated.iter().map(|e| EstimatedToo {
             label: e.label.clone(),
             value: e.value,

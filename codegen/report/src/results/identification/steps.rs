@@ -9,9 +9,10 @@ use serde::Serialize;
 pub struct ReductionStep {
     change: String,
     kept: Vec<String>,
-    well: usize,
+    #[serde(rename = "well")]
+    well_identified: usize,
     #[serde(skip)]
-    counted: bool,
+    is_feasible: bool,
     feasibility: String,
     condition: f64,
     residual: f64,
@@ -28,8 +29,8 @@ pub fn reduction_steps(reduction: &Reduction, labels: &[String]) -> Vec<Reductio
             .iter()
             .filter_map(|k| labels.get(*k).cloned())
             .collect(),
-        well: step.well,
-        counted: step.feasibility == Feasibility::Feasible,
+        well_identified: step.well_identified,
+        is_feasible: step.feasibility == Feasibility::Feasible,
         feasibility: step.feasibility.to_string(),
         condition: step.condition,
         residual: step.residual,
@@ -48,8 +49,8 @@ pub(super) fn reduction_text(steps: &[ReductionStep]) -> String {
             vec![
                 step.change.clone(),
                 step.kept.len().to_string(),
-                if step.counted {
-                    step.well.to_string()
+                if step.is_feasible {
+                    step.well_identified.to_string()
                 } else {
                     "-".to_owned()
                 },

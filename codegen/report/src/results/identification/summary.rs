@@ -6,7 +6,7 @@ use regen_identify::gains::GainFit;
 use regen_identify::identify::suspect::Suspicion;
 use regen_identify::identify::{Delays, LeftOut};
 use regen_identify::session::{CrossValidation, LeastSquaresStart, LogError};
-use regen_response::Responded;
+use regen_response::ResponseFit;
 use serde::Serialize;
 
 use super::{Instruments, LogFile, ReductionStep, Simulated};
@@ -41,7 +41,8 @@ pub struct Summary {
     /// eps_RA of the adopted model in percent; `None` without logs.
     pub relative_absolute: Option<f64>,
     /// The lag in samples up to which residuals count as correlated; `None` without logs.
-    pub bandwidth: Option<usize>,
+    #[serde(rename = "bandwidth")]
+    pub correlation_length: Option<usize>,
     /// The number of samples left out because their states are singular.
     pub singular: usize,
     /// Samples and equations that were left out; `None` without logs.
@@ -148,7 +149,7 @@ impl Summary {
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
             relative_absolute: start.relative_absolute,
-            bandwidth: start.bandwidth,
+            correlation_length: start.correlation_length,
             singular: start.left_out.as_ref().map_or(0, |left| left.singular),
             left_out: start.left_out.clone(),
             delays: start.delays.clone(),
@@ -177,7 +178,7 @@ impl Summary {
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
             relative_absolute: Some(found.relative_absolute),
-            bandwidth: Some(found.bandwidth),
+            correlation_length: Some(found.correlation_length),
             singular: found.left_out.singular,
             left_out: Some(found.left_out.clone()),
             ..Self::default()
@@ -185,7 +186,7 @@ impl Summary {
     }
 
     /// The summary of a fit to responses; the signals stand where efforts do.
-    pub fn of_responses(found: &Responded) -> Self {
+    pub fn of_responses(found: &ResponseFit) -> Self {
         let spectrum = found.factor.spectrum().ok();
         let efforts = found.errors.iter().map(|e| EffortSummary {
             name: e.name.clone(),

@@ -24,7 +24,7 @@ const CONSTANT_PERCENT: f64 = 1e9;
 ///     relative_rms: 2.0,
 ///     largest: 0.3,
 ///     autocorrelation: Vec::new(),
-///     white: 0.5,
+///     whiteness_p_value: 0.5,
 /// };
 /// assert_eq!(unexplained(&[good.clone()], false), None);
 /// let dead = EffortError { relative_absolute: f64::INFINITY, relative_rms: 67.0, ..good.clone() };

@@ -13,7 +13,7 @@ use parquet::column::reader::ColumnReader;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use serde_json::Value;
 
-use super::{ParquetRows, guard::solve_guarded, lists, open, unfit};
+use super::{ParquetRows, guard::catch_panic, lists, open, unfit};
 use crate::data::file_rows::Wanted;
 use crate::data::problem::DataError;
 
@@ -107,8 +107,8 @@ fn title(feature: &str, names: &[String], size: usize, element: usize) -> String
 
 /// The number of elements of the first list of a column; `None` if the list contains no numbers.
 fn first_length(reader: &SerializedFileReader<File>, leaf: usize) -> Option<usize> {
-    let group = solve_guarded(|| reader.get_row_group(0)).ok()?;
-    let column = solve_guarded(|| group.get_column_reader(leaf)).ok()?;
+    let group = catch_panic(|| reader.get_row_group(0)).ok()?;
+    let column = catch_panic(|| group.get_column_reader(leaf)).ok()?;
     let length = match column {
         ColumnReader::DoubleColumnReader(mut own) => lists::first_length(&mut own),
         ColumnReader::FloatColumnReader(mut own) => lists::first_length(&mut own),
@@ -251,7 +251,7 @@ fn rows_of(
                 ))),
                 (Some(_), Some(_)) => Err(unfit(
                     path,
-                    format!("the rows of episode {index} are apart"),
+                    format!("the rows of episode {index} are not consecutive"),
                 )),
             }
         }

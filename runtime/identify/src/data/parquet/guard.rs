@@ -12,7 +12,7 @@ std::thread_local! {
 
 /// Calls the library and returns an error if it panics, as it does on some broken files. After a
 /// panic the caller must not use anything again that the call has changed.
-pub(super) fn solve_guarded<T>(
+pub(super) fn catch_panic<T>(
     call: impl FnOnce() -> Result<T, ParquetError>,
 ) -> Result<T, ParquetError> {
     static QUIET: Once = Once::new();

@@ -5,7 +5,7 @@ use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 
 use super::Entries;
-use super::guard::solve_guarded;
+use super::guard::catch_panic;
 
 /// The length of the first list.
 pub(super) fn first_length<T: DataType>(
@@ -13,7 +13,7 @@ pub(super) fn first_length<T: DataType>(
 ) -> Result<usize, ParquetError> {
     let (mut definitions, mut repetitions) = (Vec::new(), Vec::new());
     let mut values = Vec::new();
-    solve_guarded(|| {
+    catch_panic(|| {
         let (some, others) = (Some(&mut definitions), Some(&mut repetitions));
         reader.read_records(1, some, others, &mut values)
     })?;
@@ -41,7 +41,7 @@ pub(super) fn typed<T: DataType>(
         definitions.clear();
         repetitions.clear();
         values.clear();
-        let (records, ..) = solve_guarded(|| {
+        let (records, ..) = catch_panic(|| {
             let (some, others) = (Some(&mut definitions), Some(&mut repetitions));
             reader.read_records(rows - read, some, others, &mut values)
         })?;

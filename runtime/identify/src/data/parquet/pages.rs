@@ -13,7 +13,7 @@ use super::format::{BYTE, LIST, Root, STRUCTURE};
 
 /// Longest header of a page in bytes: some numbers, and statistics of two values.
 const MAX_HEADER_BYTES: u64 = 1 << 16;
-/// Most decompressed bytes per compressed one: Snappy makes at most 64 bytes of 3.
+/// The largest number of decompressed bytes per compressed one: Snappy makes at most 64 bytes of 3.
 const MAX_COMPRESSION_RATIO: i64 = 32;
 /// Decompressed bytes that any page may have, however short it is.
 const SMALL_PAGE_BYTES: i64 = 1 << 10;

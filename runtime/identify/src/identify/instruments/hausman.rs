@@ -250,10 +250,10 @@ pub(super) fn hausman(
         }
     }
     let rank = f64::from(rank);
-    let joint = stretches > 4.0 * rank;
+    let is_joint_test = stretches > 4.0 * rank;
     let probability = if m == 0 {
         1.0
-    } else if joint {
+    } else if is_joint_test {
         let rest = stretches - rank + 1.0;
         FisherSnedecor::new(rank, rest).map_or(f64::NAN, |f| f.sf(wald * rest / (stretches * rank)))
     } else {
@@ -265,6 +265,6 @@ pub(super) fn hausman(
     Hausman {
         ratios,
         probability,
-        joint,
+        is_joint_test,
     }
 }

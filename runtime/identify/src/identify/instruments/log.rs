@@ -51,7 +51,7 @@ impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, '_, M> {
     }
 }
 
-/// Most numbers that are stored: 64 MiB; longer logs are read again in each pass.
+/// The largest number of values that are stored: 64 MiB; longer logs are read again in each pass.
 const MAX_NUMBERS: usize = 1 << 23;
 
 /// A log with its instruments: equations with 2 r columns, W and then Z.

@@ -35,13 +35,14 @@ use regen_runtime::BaseModel;
 pub struct InstrumentOptions {
     /// How efforts are weighted against each other.
     pub weighting: Weighting,
-    /// Most rounds of instruments and estimate.
+    /// The largest number of rounds of instruments and estimate.
     pub rounds: usize,
     /// The number of autocorrelations of the residuals to compute.
     pub lags: usize,
-    /// Number of samples in which whitened scores are correlated; `None`: 1 plus 3/4 of the cube
-    /// root of the number of samples.
-    pub bandwidth: Option<usize>,
+    /// The bandwidth, in samples, of the covariance that is consistent under heteroskedasticity and
+    /// autocorrelation (HAC): whitened scores at least as far apart count as uncorrelated. `None`: 1
+    /// plus 3/4 of the cube root of the number of samples.
+    pub hac_bandwidth: Option<usize>,
 }
 
 impl Default for InstrumentOptions {
@@ -50,7 +51,7 @@ impl Default for InstrumentOptions {
             weighting: Weighting::PerEffort,
             rounds: 5,
             lags: 20,
-            bandwidth: None,
+            hac_bandwidth: None,
         }
     }
 }
@@ -67,7 +68,7 @@ pub struct Hausman {
     /// Whether the probability is that of all differences together (a Wald test, as an F test with
     /// the independent stretches of the log); if not, it is that of the largest difference
     /// (Bonferroni), as there are too few stretches.
-    pub joint: bool,
+    pub is_joint_test: bool,
 }
 
 /// Least squares counts as biased if the probability of the differences is below this.
@@ -98,15 +99,15 @@ pub struct Instrumental {
     pub rounds: usize,
     /// Whether the last round changed the estimate by less than a thousandth of its standard
     /// deviations.
-    pub settled: bool,
+    pub converged: bool,
     /// The errors of each effort at the measured motion.
     pub errors: Vec<EffortError>,
     /// eps_RA over all efforts in percent (Eq. 33), at the measured motion.
     pub relative_absolute: f64,
     /// The same with efforts predicted at the motion of the instruments, which has less noise.
     pub at_instruments: f64,
-    /// The number of samples in which whitened scores count as correlated.
-    pub bandwidth: usize,
+    /// The bandwidth of the covariance, in samples, see [`InstrumentOptions::hac_bandwidth`].
+    pub hac_bandwidth: usize,
     /// The samples and equations that were left out, by reason.
     pub left_out: LeftOut,
 }
@@ -161,7 +162,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut sums: Option<Sums> = None;
     let mut weights: Option<Vec<f64>> = None;
     let mut rounds = 0;
-    let (sums, mut found, settled) = loop {
+    let (sums, mut found, converged) = loop {
         if let Some(next) = motion(&values)? {
             log.set_motion(next);
             sums = None;
@@ -190,10 +191,10 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             efforts,
         };
         // the weights come from the residuals of the previous round, so the first round never
-        // settles
-        let settled = rounds > 1 && moved < TOLERANCE_DEVIATIONS;
-        if settled || rounds >= options.rounds.max(1) {
-            break (now, round, settled);
+        // converges
+        let converged = rounds > 1 && moved < TOLERANCE_DEVIATIONS;
+        if converged || rounds >= options.rounds.max(1) {
+            break (now, round, converged);
         }
         weights = Some(round.next_weights(options.weighting));
         sums = Some(now);
@@ -202,8 +203,11 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     // whitened scores need a short bandwidth only: Stock and Watson's rule
     #[allow(clippy::cast_sign_loss, reason = "a cube root of a count")]
     let whitened = 1 + (0.75 * (rows as f64).cbrt()) as usize;
-    let bandwidth = options.bandwidth.unwrap_or(whitened).clamp(1, rows.max(1));
-    let covariance = covariances(&mut log, &found, bandwidth)?;
+    let hac_bandwidth = options
+        .hac_bandwidth
+        .unwrap_or(whitened)
+        .clamp(1, rows.max(1));
+    let covariance = covariances(&mut log, &found, hac_bandwidth)?;
     let mut estimate = Estimate::of(&found.solution.factor)?;
     estimate.labels.clone_from(&origin.labels);
     estimate.values.clone_from(&found.solution.values);
@@ -218,7 +222,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         &found.solution.least_squares,
         &found.solution.values,
         &covariance.difference,
-        1.5 * rows as f64 / bandwidth as f64,
+        1.5 * rows as f64 / hac_bandwidth as f64,
     );
     Ok(Instrumental {
         estimate,
@@ -226,11 +230,11 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         relevance: core::mem::take(&mut found.solution.relevance),
         least_squares: found.solution.least_squares,
         rounds,
-        settled,
+        converged,
         errors: found.efforts,
         relative_absolute: found.relative_absolute,
         at_instruments: found.at_instruments,
-        bandwidth,
+        hac_bandwidth,
         left_out: log.left_out,
     })
 }

@@ -191,7 +191,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     let own: Vec<f64> = info
         .actuated
         .iter()
-        .map(|c| columns.own(&Quantity::Effort(columns.name(*c))))
+        .map(|c| columns.drive_gain(&Quantity::Effort(columns.name(*c))))
         .collect();
     let sigmas = estimate.map(|e| (0..e.values.len()).map(|k| e.sigma(k)).collect::<Vec<_>>());
     let estimate = estimate.zip(sigmas.as_ref());
@@ -210,11 +210,11 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         && has_negative_inertia(model, values, sigmas)
     {
         let all: Vec<usize> = (0..info.actuated.len()).collect();
-        out.push(columns.say(
+        out.push(columns.suspicion(
             "these parameters make every inertia negative: the signs of all efforts, or of all \
              positions, look flipped"
                 .to_owned(),
-            Remedy::columns(columns.turned(&all)),
+            Remedy::columns(columns.with_flipped_signs(&all)),
         ));
     }
     if out.is_empty() {
@@ -222,7 +222,7 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
     }
     if out.is_empty() {
         out.extend(findings.negative.iter().map(|negative| {
-            columns.say(
+            columns.suspicion(
                 format!(
                     "{} is {:.4} +- {:.2}, and cannot be negative",
                     negative.label, negative.value, negative.sigma
@@ -256,7 +256,7 @@ fn clock<M: BaseModel<f64> + ?Sized>(
         _ => return None,
     };
     let time = columns.source(&Quantity::Time);
-    Some(columns.say(
+    Some(columns.suspicion(
         format!(
             "column `{}` looks like {unit} and not s: the usual step would be {} s",
             time.column,
@@ -284,7 +284,7 @@ fn series<M: BaseModel<f64> + ?Sized>(
         .iter()
         .filter(|residual| **residual >= MAX_SERIES_RESIDUAL)
         .count();
-    Some(columns.say(
+    Some(columns.suspicion(
         format!(
             "the Fourier series leaves {:.1} % of the motion of `{}` ({} of {} positions above \
              {:.0} %)",
@@ -359,14 +359,14 @@ fn against_nominal<M: BaseModel<f64> + ?Sized>(
         } else {
             against.iter().map(|n| n.effort).collect()
         };
-        out.push(columns.say(
+        out.push(columns.suspicion(
             format!(
                 "the sign of {} contradicts the weights and inertias of the nominal bodies \
                  (correlation {}): it looks flipped, if the bodies are those of this robot",
                 names(&against),
                 list(&against, &|n| n.correlation)
             ),
-            Remedy::columns(columns.turned(&turned)),
+            Remedy::columns(columns.with_flipped_signs(&turned)),
         ));
     }
     let far: Vec<_> = compared
@@ -406,7 +406,7 @@ fn against_nominal<M: BaseModel<f64> + ?Sized>(
         } else {
             ": a torque constant, a gear's ratio or a unit is missing, or the bodies are others"
         };
-        out.push(columns.say(what + why, Remedy::columns(read.collect())));
+        out.push(columns.suspicion(what + why, Remedy::columns(read.collect())));
     }
     out
 }
@@ -427,7 +427,7 @@ fn limits<M: BaseModel<f64> + ?Sized>(
         let most = efforts.fold(0.0, |m: f64, u| m.max(u.abs()));
         if limit > 0.0 && most > MIN_LIMIT_RATIO * limit {
             let source = columns.effort(k);
-            out.push(columns.say(
+            out.push(columns.suspicion(
                 format!(
                     "column `{}` reaches {:.1} times the limit of its effort: it looks like \
                      another unit, such as mN m or mN",

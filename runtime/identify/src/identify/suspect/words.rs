@@ -73,7 +73,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
 
     /// The factor that belongs to the joint and not to the column: the torque constant of a
     /// current, else 1.
-    pub(super) fn own(&self, quantity: &Quantity) -> f64 {
+    pub(super) fn drive_gain(&self, quantity: &Quantity) -> f64 {
         let source = self.source(quantity);
         if source.is_current() {
             source.gain.unwrap_or(1.0)
@@ -83,7 +83,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     }
 
     /// The assignments that flip the signs of these efforts.
-    pub(super) fn turned(&self, efforts: &[usize]) -> Vec<Assignment> {
+    pub(super) fn with_flipped_signs(&self, efforts: &[usize]) -> Vec<Assignment> {
         let each = efforts.iter().map(|k| {
             let source = self.effort(*k);
             Assignment {
@@ -95,7 +95,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     }
 
     /// A suspicion that is not about errors.
-    pub(super) fn say(&self, what: String, remedy: Remedy) -> Suspicion {
+    pub(super) fn suspicion(&self, what: String, remedy: Remedy) -> Suspicion {
         Suspicion {
             file: self.file.to_owned(),
             what,
@@ -162,7 +162,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
         (!words.is_empty()).then(|| {
             let what = words.join(", and ") + ": friction does not drive a joint one way";
             let advice = vec![advice];
-            self.say(
+            self.suspicion(
                 what,
                 Remedy::Read {
                     advice,
@@ -192,7 +192,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             .iter()
             .map(|c| Quantity::Position(self.name(*c)))
             .collect();
-        let own: Vec<f64> = efforts.iter().map(|e| self.own(e)).collect();
+        let own: Vec<f64> = efforts.iter().map(|e| self.drive_gain(e)).collect();
         let mut words = Vec::new();
         let mut columns = Vec::new();
         self.describe(&positions, &change.positions, &[], &mut words, &mut columns);

@@ -25,7 +25,7 @@ struct Mistake {
 ///
 /// # Errors
 /// The first variant that is accepted, causes a panic, or has an error that points elsewhere.
-pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
+pub fn check_invalid_variants(sample: &Sample, seed: u64) -> Result<usize, String> {
     let mut random = Random::new(seed ^ 0x0bad);
     let mistakes = mistakes(&sample.text, &mut random);
     for mistake in &mistakes {
@@ -59,7 +59,7 @@ pub fn spoil(sample: &Sample, seed: u64) -> Result<usize, String> {
 
 /// The errors of a text, if it has any. Fails if one of them has no place in the text.
 fn refused(text: &str) -> Result<Option<Report>, String> {
-    let source = Source::new("spoilt.yaml", text);
+    let source = Source::new("altered.yaml", text);
     let derived = catch_unwind(AssertUnwindSafe(|| derive_with(&source, BaseSource::Skip)));
     let report = match derived {
         Err(_) => return Err("a panic".into()),
@@ -150,11 +150,11 @@ fn mistakes(text: &str, random: &mut Random) -> Vec<Mistake> {
             return;
         }
         let at = places[below(random, places.len())];
-        let mut spoilt: Vec<String> = lines.iter().map(|l| (*l).to_owned()).collect();
-        spoilt[at] = lines[at].replacen(from, to, 1);
+        let mut altered: Vec<String> = lines.iter().map(|l| (*l).to_owned()).collect();
+        altered[at] = lines[at].replacen(from, to, 1);
         out.push(Mistake {
             name,
-            text: spoilt.join("\n") + "\n",
+            text: altered.join("\n") + "\n",
             lines: vec![at + 1],
             says,
         });

@@ -15,15 +15,15 @@ use crate::reference::{Mechanism, Random};
 ///
 /// # Errors
 /// The check that failed, in one line.
-pub fn judge(sample: &Sample, seed: u64, states: usize) -> Result<Figures, String> {
-    judge_text(&sample.text, &sample.mechanism, seed, states)
+pub fn check_sample(sample: &Sample, seed: u64, states: usize) -> Result<Figures, String> {
+    check_text(&sample.text, &sample.mechanism, seed, states)
 }
 
-/// Like [`judge`], for the text of a spec and its second derivation.
+/// Like [`check_sample`], for the text of a spec and its second derivation.
 ///
 /// # Errors
 /// The check that failed, in one line.
-pub fn judge_text(
+pub fn check_text(
     text: &str,
     mechanism: &Mechanism,
     seed: u64,
