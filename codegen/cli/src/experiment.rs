@@ -174,11 +174,7 @@ fn resolved(
 
 /// Refuses an experiment without runs for identification, and logs that do not exist.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
-    if let Some(path) = logs.iter().find_map(Run::missing_file) {
-        let path = path.display();
-        let text = format!(
-            "cannot read the log {path}: no such file. A word that no option takes is a log"
-        );
+    if let Some(text) = logs.iter().find_map(Run::missing) {
         return Err(Failure::Io(text));
     }
     if logs.is_empty() {

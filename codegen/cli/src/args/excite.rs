@@ -5,9 +5,8 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use super::PayloadArg;
 use super::format::Format;
-use super::reading::at_least_one;
+use super::reading::{PayloadArg, at_least_one};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\

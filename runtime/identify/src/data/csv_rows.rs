@@ -176,16 +176,15 @@ fn divide(line: &[u8], written: &Written, entries: &mut Vec<Entry>) -> bool {
     let mut begin = 0;
     loop {
         let rest = line.get(begin..).unwrap_or_default();
-        let (number, length) = match written.leading_number(rest) {
-            Some((number, length)) => (Some(number), length),
-            None => {
-                let length = memchr::memchr(separator, rest).unwrap_or(rest.len());
-                let entry = rest.get(..length).unwrap_or_default();
-                if memchr::memchr2(b'"', b'\r', entry).is_some() {
-                    return false;
-                }
-                (None, length)
+        let (number, length) = if let Some((number, length)) = written.leading_number(rest) {
+            (Some(number), length)
+        } else {
+            let length = memchr::memchr(separator, rest).unwrap_or(rest.len());
+            let entry = rest.get(..length).unwrap_or_default();
+            if memchr::memchr2(b'"', b'\r', entry).is_some() {
+                return false;
             }
+            (None, length)
         };
         let end = begin + length;
         entries.push(Entry { end, number });

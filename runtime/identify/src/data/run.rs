@@ -52,20 +52,26 @@ pub struct Run {
 }
 
 impl Run {
-    /// The first of its files that does not exist.
+    /// The message about the first of its files that does not exist; `None` if all do. Commands take a
+    /// word that no option takes for a log, as in `--friction atan`.
     ///
     /// ```
     /// use std::path::Path;
     ///
     /// use regen_identify::data::Run;
     ///
-    /// let missing = Path::new("atan");
-    /// assert_eq!(Run::from(missing).missing_file(), Some(missing));
-    /// assert_eq!(Run::from(Path::new("Cargo.toml")).missing_file(), None);
+    /// let text = Run::from(Path::new("atan")).missing().unwrap_or_default();
+    /// assert!(text.starts_with("cannot read the log atan: no such file"));
+    /// assert_eq!(Run::from(Path::new("Cargo.toml")).missing(), None);
     /// ```
-    pub fn missing_file(&self) -> Option<&Path> {
-        let mut files = self.files.iter().map(PathBuf::as_path);
-        files.find(|file| matches!(file.try_exists(), Ok(false)))
+    pub fn missing(&self) -> Option<String> {
+        let is_missing = |file: &&PathBuf| matches!(file.try_exists(), Ok(false));
+        self.files.iter().find(is_missing).map(|file| {
+            format!(
+                "cannot read the log {}: no such file (a word that is no value of an option is a log)",
+                file.display()
+            )
+        })
     }
 }
 

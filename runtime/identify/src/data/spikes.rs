@@ -122,7 +122,7 @@ impl Effort {
             && there * back < 0.0
         {
             let size = there.abs().min(back.abs());
-            changes.iter_mut().for_each(|change| *change = change.abs());
+            let mut changes: Vec<f64> = changes.into_iter().map(f64::abs).collect();
             changes.sort_by(f64::total_cmp);
             // another spike near by has two changes
             let usual = changes.iter().rev().nth(2).copied().unwrap_or(0.0);

@@ -233,18 +233,15 @@ impl Method {
         times: &[f64],
         signals: &[&[f64]],
     ) -> Result<Vec<Derivatives>, SignalError> {
-        match *self {
-            Self::Local { half_width } => {
-                for values in signals {
-                    check(times, values)?;
-                }
-                local::fit(half_width, times, signals)
+        if let Self::Local { half_width } = *self {
+            for values in signals {
+                check(times, values)?;
             }
-            _ => {
-                let each = signals.iter();
-                each.map(|values| self.differentiate(times, values))
-                    .collect()
-            }
+            local::fit(half_width, times, signals)
+        } else {
+            let each = signals.iter();
+            each.map(|values| self.differentiate(times, values))
+                .collect()
         }
     }
 

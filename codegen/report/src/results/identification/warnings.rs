@@ -2,6 +2,7 @@
 
 use regen_identify::estimate::{Deviations, EffortError};
 use regen_identify::identify::LeftOut;
+use regen_identify::session::LeastSquaresStart;
 
 /// Beyond this eps_RA, percent, an effort differs from its mean by rounding only.
 const CONSTANT_PERCENT: f64 = 1e9;
@@ -77,28 +78,12 @@ pub fn too_short(deviations: &Deviations) -> Option<String> {
 
 /// The warning about efforts with so few equations that their noise is not known, nor any deviation:
 /// the parameters fit them by chance. `None` where all have more than there are parameters.
-///
-/// ```
-/// use regen_identify::estimate::EffortError;
-/// use regen_identify::identify::LeftOut;
-/// use regen_report::results::too_few;
-///
-/// let effort = |samples: usize| EffortError {
-///     name: "q3".to_owned(),
-///     samples,
-///     relative_absolute: 0.1,
-///     rms: 1e-13,
-///     relative_rms: 0.1,
-///     largest: 1e-13,
-///     autocorrelation: Vec::new(),
-///     white: 0.5,
-/// };
-/// let left = LeftOut { samples: 22, unsettled: 178, ..LeftOut::default() };
-/// assert_eq!(too_few(&[effort(22)], 21, &left), None);
-/// let text = too_few(&[effort(5)], 21, &left).unwrap_or_default();
-/// assert!(text.contains("q3 (5)") && text.contains("178 samples at the ends"));
-/// ```
-pub fn too_few(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Option<String> {
+pub fn too_few(start: &LeastSquaresStart) -> Option<String> {
+    let left = start.left_out.as_ref()?;
+    few_equations(&start.errors, start.estimate.values.len(), left)
+}
+
+fn few_equations(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Option<String> {
     let few = errors.iter().filter(|e| e.samples <= parameters);
     let names: Vec<String> = few.map(|e| format!("{} ({})", e.name, e.samples)).collect();
     let ends = match left.unsettled {
@@ -113,4 +98,35 @@ pub fn too_few(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Opt
             names.join(", ")
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effort_with_fewer_equations_than_parameters_is_named_with_their_number() {
+        let effort = |samples: usize| EffortError {
+            name: "q3".to_owned(),
+            samples,
+            relative_absolute: 0.1,
+            rms: 1e-13,
+            relative_rms: 0.1,
+            largest: 1e-13,
+            autocorrelation: Vec::new(),
+            whiteness_p_value: 0.5,
+        };
+        let left = LeftOut {
+            samples: 22,
+            unsettled: 178,
+            ..LeftOut::default()
+        };
+        assert_eq!(few_equations(&[effort(22)], 21, &left), None);
+        let text = few_equations(&[effort(22), effort(5)], 21, &left).unwrap_or_default();
+        assert!(
+            text.contains("for 21 parameters") && text.contains(": q3 (5)."),
+            "{text}"
+        );
+        assert!(text.contains("178 samples at the ends"), "{text}");
+    }
 }

@@ -311,7 +311,7 @@ fn missed_by_series<M: BaseModel<f64> + ?Sized>(
     let (left, position) = pairs.max_by(|a, b| a.0.total_cmp(b.0))?;
     let error = errors.iter().fold(0.0, |m: f64, e| m.max(*e));
     (*left > MAX_SERIES_OVER_NOISE && error > MAX_SERIES_ERROR).then(|| {
-        columns.say(
+        columns.suspicion(
             format!(
                 "the Fourier series leaves {} times the noise of `{}`, and {:.0} % of an effort",
                 text::figure_of(2, *left),

@@ -131,7 +131,7 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
                 advice: vec![advice],
                 columns: Vec::new(),
             };
-            self.say(words.join(", and "), remedy)
+            self.suspicion(words.join(", and "), remedy)
         })
     }
 
