@@ -237,12 +237,11 @@ impl Method {
             for values in signals {
                 check(times, values)?;
             }
-            local::fit(half_width, times, signals)
-        } else {
-            let each = signals.iter();
-            each.map(|values| self.differentiate(times, values))
-                .collect()
+            return local::fit(half_width, times, signals);
         }
+        let each = signals.iter();
+        each.map(|values| self.differentiate(times, values))
+            .collect()
     }
 
     /// The filter that is applied to the efforts and to the columns of the regressor with this
