@@ -47,7 +47,13 @@ fn doubts(effort: impl Fn(u32) -> f64, beyond: f64, method: Method) -> Vec<Strin
 #[test]
 fn an_effort_that_jumps_and_is_back_in_the_next_row_is_named_with_the_first_row() {
     assert_eq!(doubts(|_| 0.0, 0.0, Method::Central), [""; 0]);
-    let spiked = |k: u32| if k > 0 && k.is_multiple_of(700) { 90.0 } else { 0.0 };
+    let spiked = |k: u32| {
+        if k > 0 && k.is_multiple_of(700) {
+            90.0
+        } else {
+            0.0
+        }
+    };
     let found = doubts(spiked, 0.0, Method::Central);
     assert_eq!(found.len(), 1, "{found:?}");
     let says = "column `tau_q1` jumps by up to 90.0 in 2 rows and is back in the next (the first is \

@@ -235,9 +235,9 @@ mod tests {
             relative_rms: 2.0,
             largest: 0.3,
             autocorrelation: Vec::new(),
-            white: 0.5,
+            whiteness_p_value: 0.5,
         };
-        let found = Responded {
+        let found = ResponseFit {
             model: IdentifiedModel::default(),
             estimated: Vec::new(),
             undetermined: Vec::new(),
@@ -251,7 +251,7 @@ mod tests {
             windows: 1,
             steps: 1,
             refused: 0,
-            settled: true,
+            converged: true,
         };
         let summary = Summary::of_responses(&found);
         assert_eq!(summary.equations, 300);
