@@ -172,8 +172,11 @@ fn resolved(
     Ok(validation)
 }
 
-/// Refuses an experiment without runs for identification.
+/// Refuses an experiment without runs for identification, and logs that do not exist.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
+    if let Some(text) = logs.iter().find_map(Run::missing) {
+        return Err(Failure::Io(text));
+    }
     if logs.is_empty() {
         let text = "all runs of the experiment file have `use: validate`: there is nothing to \
                     identify from";

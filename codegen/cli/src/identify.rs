@@ -1,7 +1,7 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
 use regen_identify::data::DataError;
-use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
+use regen_identify::estimate::{EffortError, FactorSet, Weighting};
 use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile};
 use regen_identify::identify::{Options, digest};
 use regen_identify::model::{Covariance, IdentifiedModel, Provenance};
@@ -323,11 +323,15 @@ fn logs(
         );
         if unusable {
             suspect::warn(args, model, logs.logs(), None);
+        } else {
+            observe::note_problems(logs.logs().reports());
         }
     })?;
     observe::note_problems(&start.reports);
-    if args.bandwidth.is_none() {
-        note_short(&start.deviations);
+    let short = results::too_short(&start.deviations).filter(|_| args.bandwidth.is_none());
+    let few = results::too_few(&start);
+    for text in few.iter().chain(&short) {
+        terminal::note(text);
     }
     note_unexplained(model, &start.errors);
     let mut summary = Summary::of(&start);
@@ -346,16 +350,8 @@ fn logs(
 
 /// Warns of efforts that the model hardly explains.
 pub(crate) fn note_unexplained(model: &Interpreted<'_>, errors: &[EffortError]) {
-    let mut parameters = model.info().parameters.iter();
-    let has_friction = parameters.any(Parameter::is_friction);
+    let has_friction = model.info().parameters.iter().any(Parameter::is_friction);
     if let Some(text) = results::unexplained(errors, has_friction) {
-        terminal::note(&text);
-    }
-}
-
-/// Warns where a log is too short for the standard deviations to be trusted.
-pub(crate) fn note_short(deviations: &Deviations) {
-    if let Some(text) = results::too_short(deviations) {
         terminal::note(&text);
     }
 }

@@ -9,11 +9,11 @@ use regen_identify::identify::digest;
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{LogError, Session, loaded_residuals, settled_delays, with_gains};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_report::results::{Identification, LogFile, ModelErrors, Summary, stem};
+use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, stem};
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg};
 use crate::exit::Failure;
-use crate::identify::{Outcome, note_short, note_unexplained};
+use crate::identify::{Outcome, note_unexplained};
 use crate::{load, loads, observe, parameters, physical, terminal};
 
 /// The number of alternations between estimating gains at given delays and delays at given gains,
@@ -187,7 +187,9 @@ pub(crate) fn solve(
     let session = &settled;
     let (found, reports) = (&fits.free, &fits.reports);
     observe::note_problems(reports);
-    note_short(&found.deviations);
+    if let Some(text) = results::too_short(&found.deviations) {
+        terminal::note(&text);
+    }
     note_unexplained(session.model, &found.errors);
     if let (true, Some(path)) = (found.is_robot_exact, &args.before.parameters) {
         terminal::note(&format!(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import regen
-from conftest import ROBOTS
+from conftest import ROBOTS, ROOT
 
 WRONG = """\
 name: arm
@@ -48,6 +48,23 @@ def test_files_that_are_missing_are_told(fivebar):
         fivebar.identify("missing.csv")
     with pytest.raises(OSError):
         regen.Robot("missing.yaml")
+
+
+def test_what_looks_wrong_is_told_at_the_callers_line_though_the_call_fails(picker):
+    run = dict(regen.Log.read(ROOT / "runtime/guide/fivebar/run1.csv"))
+    run.update({name: np.degrees(run[name]) for name in ("q1", "q3")})
+    with pytest.warns(regen.RegenWarning, match="look in degrees") as shown:
+        with pytest.raises(regen.InputError, match="singular") as found:
+            picker.identify(run, butterworth=(4, 20))
+    # the folder of columns in memory is nobody's business
+    assert str(found.value).startswith("columns1.csv")
+    assert str(shown[0].message).startswith("columns1.csv")
+    assert shown[0].filename == __file__
+
+
+def test_states_that_are_no_numbers_are_told(picker):
+    with pytest.raises(regen.InputError, match="not a finite number"):
+        picker.close([[np.nan, 1.0]])
 
 
 def test_robots_are_pickled(fivebar):

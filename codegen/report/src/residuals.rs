@@ -78,12 +78,12 @@ pub(super) fn html(report: &Content<'_>) -> String {
     if let Some(delays) = &report.delays {
         let one = |delay: &Delay| {
             let [size, sigma] = [delay.seconds, delay.sigma].map(|s| text::figure(1e3 * s));
-            let beyond = if delay.is_significant() {
-                ", beyond its error"
-            } else {
-                ""
+            let note = match delay.slower {
+                _ if delay.is_significant() => ", beyond its error".to_owned(),
+                Some(s) => format!(", but {} ms in slower motion: none", text::figure(1e3 * s)),
+                None => String::new(),
             };
-            format!("{size} ms (σ {sigma} ms{beyond})")
+            format!("{size} ms (σ {sigma} ms{note})")
         };
         let all = delays.efforts.iter();
         let all = all.map(|delay| format!("{}: {}", escaped(&delay.effort), one(delay)));

@@ -4,8 +4,12 @@
 
 #[path = "identification/coverage.rs"]
 mod coverage;
+#[path = "identification/delays.rs"]
+mod delays;
 #[path = "identification/digests.rs"]
 mod digests;
+#[path = "identification/doubts.rs"]
+mod doubts;
 #[path = "identification/energy.rs"]
 mod energy;
 #[path = "identification/instruments.rs"]

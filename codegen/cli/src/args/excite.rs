@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use super::PayloadArg;
 use super::format::Format;
+use super::reading::{PayloadArg, at_least_one};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -71,7 +71,7 @@ pub(crate) struct ExciteArgs {
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub(crate) seed: u64,
     /// The number of random starts, of which the best result is used
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = at_least_one)]
     pub(crate) starts: usize,
     /// The most steps in the last of the five stages of a start; the others take up to a third
     #[arg(long, value_name = "N", default_value_t = 180)]

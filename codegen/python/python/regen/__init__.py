@@ -7,7 +7,6 @@
 """
 
 from . import _call, _native
-from ._call import RegenWarning
 from .base import Base
 from .errors import (
     CheckError,
@@ -18,6 +17,7 @@ from .errors import (
     NumericError,
     OptionError,
     RegenError,
+    RegenWarning,
 )
 from .fleet import Factors
 from .logs import Log

@@ -6,20 +6,15 @@ import difflib
 import json
 import os
 import sys
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any
 
 from . import _native
-from .errors import OptionError, translated
+from .errors import OptionError, issue, translated
 
 #: Receives the name of the current step, the number of parts done, and the number of parts or None.
 Progress = Callable[[str, int, "int | None"], object]
-
-
-class RegenWarning(UserWarning):
-    """A warning about a result: rows that were left out, suspicious columns, short logs."""
 
 
 @cache
@@ -90,9 +85,7 @@ def call(
         all_words.append("--format=json")
     all_words.extend(["--", *positional])
     printed, notes = run(all_words, dict(texts or {}), progress)
-    for note in notes:
-        if note.startswith("warning: "):
-            warnings.warn(note.removeprefix("warning: "), RegenWarning, stacklevel=4)
+    issue(notes)
     return printed
 
 

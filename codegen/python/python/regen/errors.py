@@ -3,10 +3,39 @@
 from __future__ import annotations
 
 import contextlib
+import pathlib
+import re
+import sys
+import warnings
 from dataclasses import dataclass
-from typing import Iterator
+from typing import Iterable, Iterator
 
 from . import _native
+
+#: The folders of files whose frames a warning skips, so that it names the caller's line.
+_SKIPPED = (str(pathlib.Path(__file__).parent), str(contextlib.__file__))
+#: The temporary folder of columns in memory, which their names in messages do without.
+_FOLDER = re.compile(r"[^\s`'\"]*[/\\\\]regen-[^/\\\\\s]+[/\\\\](?=columns\d)")
+
+
+class RegenWarning(UserWarning):
+    """A warning about a result: rows that were left out, suspicious columns, short logs."""
+
+
+def plain(message: str) -> str:
+    """A message with columns in memory named without their temporary folder."""
+    return _FOLDER.sub("", message)
+
+
+def issue(notes: Iterable[str]) -> None:
+    """Issues the warnings among the messages of a command, at the line that called the package."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_SKIPPED):
+        frame, level = frame.f_back, level + 1
+    for note in notes:
+        if note.startswith("warning: "):
+            text = plain(note.removeprefix("warning: "))
+            warnings.warn(text, RegenWarning, stacklevel=level)
 
 
 @dataclass(frozen=True)
@@ -87,6 +116,8 @@ def translated() -> Iterator[None]:
     try:
         yield
     except _native.NativeError as error:
-        kind, message, mistakes, printed, _ = error.args
+        kind, message, mistakes, printed, notes = error.args
+        # what looks wrong may be why it failed
+        issue(notes)
         found = tuple(Mistake(*mistake) for mistake in mistakes)
-        raise _KINDS.get(kind, RegenError)(message, found, printed) from None
+        raise _KINDS.get(kind, RegenError)(plain(message), found, printed) from None

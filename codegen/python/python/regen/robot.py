@@ -214,7 +214,10 @@ class Robot:
         rest = [np.zeros_like(q) if x is None else _array(n, x, self.dof) for n, x in
                 (("qd", qd), ("qdd", qdd))]
         rows = [_rows(x, shape, n) for x, n in zip((q, *rest), ("q", "qd", "qdd"))]
-        *found, reasons = self._native.close(*rows)
+        try:
+            *found, reasons = self._native.close(*rows)
+        except ValueError as error:
+            raise InputError(str(error)) from None
         n = len(self.coordinates)
         ok = np.array([not reason for reason in reasons]).reshape(shape)
         all_q, all_qd, all_qdd = (x.reshape(*shape, n) for x in found)

@@ -29,6 +29,7 @@ mod run;
 mod sample;
 mod settings;
 mod shift;
+mod spikes;
 mod standstill;
 mod stuck;
 mod table;

@@ -51,6 +51,30 @@ pub struct Run {
     pub times: Option<(f64, f64)>,
 }
 
+impl Run {
+    /// The message about the first of its files that does not exist; `None` if all do. Commands take a
+    /// word that no option takes for a log, as in `--friction atan`.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use regen_identify::data::Run;
+    ///
+    /// let text = Run::from(Path::new("atan")).missing().unwrap_or_default();
+    /// assert!(text.starts_with("cannot read the log atan: no such file"));
+    /// assert_eq!(Run::from(Path::new("Cargo.toml")).missing(), None);
+    /// ```
+    pub fn missing(&self) -> Option<String> {
+        let is_missing = |file: &&PathBuf| matches!(file.try_exists(), Ok(false));
+        self.files.iter().find(is_missing).map(|file| {
+            format!(
+                "cannot read the log {}: no such file (a word that is no value of an option is a log)",
+                file.display()
+            )
+        })
+    }
+}
+
 impl From<PathBuf> for Run {
     /// A whole file.
     fn from(file: PathBuf) -> Self {

@@ -5,6 +5,7 @@ use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
+use super::spikes::SpikeFinder;
 use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
@@ -47,10 +48,12 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .max(1);
         let mut segment: Vec<LogRow> = Vec::new();
         let mut spread = Spread::new(log.file.layout.measured.len());
+        let mut spikes = SpikeFinder::new(log.file.layout.efforts().len());
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
                 spread.push(log, &row);
+                spikes.push(&row, &row.values[log.file.layout.efforts()], follows);
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
                 place += 1;
@@ -63,8 +66,11 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
                 Ok(())
             })?;
         self.states(log, &mut segment, every, &mut out);
+        out.spikes = spikes.finish();
         if log.series.is_some() {
             out.series_residuals = spread.relative_residuals();
+            let noise = log.encoders.iter().map(|encoder| encoder.noise);
+            out.series_over_noise = spread.residuals_over(noise);
         }
         Ok(out)
     }
@@ -139,6 +145,14 @@ impl Spread {
             self.squares[k] += off * off;
             self.residual_squares[k] += (value - series.at(k, row.values[0])[0]).powi(2);
         }
+    }
+
+    /// The rms residual of the series over this noise of each position.
+    fn residuals_over(&self, noise: impl Iterator<Item = f64>) -> Vec<f64> {
+        let pairs = self.residual_squares.iter().zip(noise);
+        pairs
+            .map(|(squares, noise)| (squares / self.rows).sqrt() / noise)
+            .collect()
     }
 
     /// The rms residual of the series over the rms of the position about its mean; 0 for a

@@ -16,12 +16,36 @@ pub struct Delay {
     pub seconds: f64,
     /// The standard deviation of the delay, s; it accounts for the residuals' correlation in time.
     pub sigma: f64,
+    /// The delay in slower motion, s, found with half the cutoff, where it contradicts this one: it is
+    /// less than half of it, beyond their errors. An effort that is logged late is late at every
+    /// frequency. One that only seems so, because a controller answers noise of the measured
+    /// positions or the model does not explain the effort, is not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slower: Option<f64>,
 }
 
+/// How many standard deviations of both are between two delays that contradict each other.
+const CONTRADICTION_DEVIATIONS: f64 = 2.0;
+
 impl Delay {
-    /// Whether the delay differs from zero by more than three standard deviations.
+    /// Whether the delay differs from zero by more than three standard deviations, and slower motion
+    /// does not contradict it.
     pub fn is_significant(&self) -> bool {
+        self.is_beyond_error() && self.slower.is_none()
+    }
+
+    /// Whether the delay differs from zero by more than three standard deviations, as it was found.
+    pub fn is_beyond_error(&self) -> bool {
         self.seconds.abs() > 3.0 * self.sigma
+    }
+
+    /// Compares the delay with that of slower motion.
+    fn compare(&mut self, slower: &Self) {
+        let side = self.seconds.signum();
+        let (all, left) = (self.seconds.abs(), slower.seconds * side);
+        let error = self.sigma.hypot(slower.sigma);
+        let contradicts = left < 0.5 * all && all - left > CONTRADICTION_DEVIATIONS * error;
+        self.slower = (self.is_beyond_error() && contradicts).then_some(slower.seconds);
     }
 }
 
@@ -32,6 +56,35 @@ pub struct Delays {
     pub efforts: Vec<Delay>,
     /// The common delay of all efforts that fits best; `None` if no effort determines a delay.
     pub common: Option<Delay>,
+}
+
+impl Delays {
+    /// Whether any delay differs from zero by more than three standard deviations.
+    pub(super) fn are_beyond_error(&self) -> bool {
+        let mut all = self.efforts.iter().chain(&self.common);
+        all.any(Delay::is_beyond_error)
+    }
+
+    /// Compares each delay with that of slower motion. Where the common one is contradicted, so is every
+    /// effort's on the same side that shrinks too, for one cause acts on all.
+    pub(super) fn compare(&mut self, slower: &Self) {
+        if let (Some(own), Some(other)) = (&mut self.common, &slower.common) {
+            own.compare(other);
+        }
+        let doubted = self.common.iter().filter(|common| common.slower.is_some());
+        let doubted = doubted.map(|common| common.seconds.signum()).next();
+        for own in &mut self.efforts {
+            let same = |other: &&Delay| other.effort == own.effort;
+            if let Some(other) = slower.efforts.iter().find(same) {
+                own.compare(other);
+                let side = own.seconds.signum();
+                let shrinks = side * other.seconds < own.seconds.abs();
+                if own.is_significant() && shrinks && doubted == Some(side) {
+                    own.slower = Some(other.seconds);
+                }
+            }
+        }
+    }
 }
 
 /// Estimates the delays together with the parameters: an effort that is logged late by d is
@@ -164,6 +217,11 @@ impl DelayScores<'_> {
         self.scores.push(&self.score)
     }
 
+    /// The time between the samples whose equations came last, s.
+    pub(super) fn step(&self) -> f64 {
+        self.window.step
+    }
+
     /// The delays; none where their covariance cannot be computed.
     pub(super) fn finish(self) -> Delays {
         let n = self.parameters;
@@ -177,6 +235,7 @@ impl DelayScores<'_> {
             effort: name.clone(),
             seconds: extended[n + e],
             sigma: entry(e, e).max(0.0).sqrt(),
+            slower: None,
         };
         let found: Vec<Delay> = self.names.iter().enumerate().map(one).collect();
         let common = common(&found, &entry);
@@ -213,6 +272,7 @@ fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<
         effort: "all".to_owned(),
         seconds,
         sigma: variance.max(0.0).sqrt() / whole,
+        slower: None,
     })
 }
 
@@ -238,6 +298,8 @@ struct RateWindow<'a> {
     /// The predicted efforts two samples before the last one.
     oldest: Vec<f64>,
     rates: Vec<f64>,
+    /// Half the time between the last neighbours, s.
+    step: f64,
     /// Whether the next sample is the first of its run.
     first: bool,
 }
@@ -251,6 +313,7 @@ impl<'a> RateWindow<'a> {
             run: 0,
             oldest: Vec::new(),
             rates: Vec::new(),
+            step: 0.0,
             first: true,
         }
     }
@@ -276,6 +339,7 @@ impl<'a> RateWindow<'a> {
             return None;
         }
         let span = found.time - start;
+        self.step = 0.5 * span;
         self.rates.clear();
         let ends = self.at.predicted.iter().zip(&self.oldest);
         self.rates

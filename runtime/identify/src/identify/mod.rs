@@ -13,6 +13,7 @@ mod pending;
 mod recorded;
 mod replay;
 mod residual_passes;
+mod slower;
 mod stored;
 mod stream;
 pub mod suspect;

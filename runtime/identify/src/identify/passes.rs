@@ -8,6 +8,7 @@ use super::filtering::Filtering;
 use super::huber::{Reweighting, partitioned, reweighted};
 use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
+use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
 use super::stream::LeftOut;
 use crate::estimate::huber as loss;
@@ -276,7 +277,14 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
         given_bandwidth,
         delays.as_mut(),
     )?;
-    let delays = delays.map_or_else(Delays::default, DelayScores::finish);
+    let step = delays.as_ref().map_or(0.0, DelayScores::step);
+    let mut delays = delays.map_or_else(Delays::default, DelayScores::finish);
+    if delays.are_beyond_error() {
+        let solved = (&estimate, names.as_slice(), weights.as_slice());
+        if let Some(slower) = delays_of_slower_motion(&mut replay, solved, bandwidth, step) {
+            delays.compare(&slower);
+        }
+    }
     let fraction_within_bound = match options.huber {
         Some(_) => psi_sums.fraction_within_bound(),
         None => 1.0,

@@ -77,6 +77,11 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.kind
     }
 
+    /// The log that the equations come from.
+    pub(super) fn source(&mut self) -> &mut S {
+        self.source
+    }
+
     /// The samples and equations that the last pass over the log left out.
     pub(crate) fn left_out(&self) -> &LeftOut {
         &self.left_out

@@ -5,7 +5,8 @@ use regen_identify::identify::{Delay, Delays};
 use regen_identify::text::figure;
 
 /// Lines on delays: those that were corrected, and those that differ from zero by more than three
-/// of their standard deviations. Efforts that seem to be early may be those of a controller that
+/// of their standard deviations. One that slower motion contradicts is not stated, but the first such
+/// one is named with the reason. Efforts that seem to be early may be those of a controller that
 /// answers the noise of measured positions: they are correlated with noise that came before.
 ///
 /// - `remedy`: how to correct them, in words.
@@ -39,11 +40,25 @@ pub(super) fn delays_text(found: &Delays, corrected: &[(String, f64)], remedy: &
             out.push_str(&line(delay, &format!("{} is logged", delay.effort)));
         }
     }
-    if !out.is_empty() && corrected.is_empty() {
+    let is_stated = out.len() > corrected_delays_text(corrected).len();
+    if is_stated && corrected.is_empty() {
         out.push_str(&field("", remedy));
     }
     if early {
         let text = "efforts of a controller that answers noise of positions seem early too";
+        out.push_str(&field("", text));
+    }
+    let mut all = found.common.iter().chain(&found.efforts);
+    if let Some((seconds, slower)) = all.find_map(contradicted)
+        && !is_stated
+    {
+        let text = format!(
+            "none: {} here, but {} in slower motion;",
+            sided(seconds),
+            sided(slower)
+        );
+        out.push_str(&field("delay", &text));
+        let text = "the controller may answer noise, or the model lack a part";
         out.push_str(&field("", text));
     }
     out
@@ -55,6 +70,18 @@ const MATTERS_S: f64 = 1e-5;
 /// Whether a delay differs from zero, and by enough to be worth correcting.
 fn matters(delay: &Delay) -> bool {
     delay.is_significant() && delay.seconds.abs() > MATTERS_S
+}
+
+/// A delay that would be stated if slower motion did not contradict it, s, and that of slower motion.
+fn contradicted(delay: &Delay) -> Option<(f64, f64)> {
+    let slower = delay.slower?;
+    (delay.seconds.abs() > MATTERS_S).then_some((delay.seconds, slower))
+}
+
+/// A delay in words.
+fn sided(seconds: f64) -> String {
+    let side = if seconds > 0.0 { "late" } else { "early" };
+    format!("{:.2} ms {side}", 1e3 * seconds.abs())
 }
 
 fn milliseconds(seconds: f64) -> String {
@@ -81,6 +108,7 @@ mod tests {
                 effort: "all".to_owned(),
                 seconds,
                 sigma: 1e-4,
+                slower: None,
             };
             let found = Delays {
                 efforts: Vec::new(),
@@ -94,5 +122,31 @@ mod tests {
         assert!(early.contains("ms early, sigma"), "{early}");
         assert!(early.contains("answers noise of positions"), "{early}");
         assert_eq!(text(2e-4), "");
+    }
+
+    #[test]
+    fn a_delay_that_slower_motion_contradicts_is_named_with_the_reason_and_without_a_remedy() {
+        let mut common = Delay {
+            effort: "all".to_owned(),
+            seconds: -2.1e-3,
+            sigma: 1e-4,
+            slower: Some(2e-4),
+        };
+        let text = |common: &Delay| {
+            let found = Delays {
+                efforts: Vec::new(),
+                common: Some(common.clone()),
+            };
+            delays_text(&found, &[], "--delay auto corrects it")
+        };
+        let found = text(&common);
+        assert!(
+            found.contains("none: 2.10 ms early here, but 0.20 ms late"),
+            "{found}"
+        );
+        assert!(!found.contains("--delay auto"), "{found}");
+        assert_eq!(found.lines().count(), 2, "{found}");
+        common.seconds = -2e-6;
+        assert_eq!(text(&common), "");
     }
 }

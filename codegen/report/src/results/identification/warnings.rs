@@ -1,6 +1,11 @@
 //! Warnings about a fit, in words.
 
 use regen_identify::estimate::{Deviations, EffortError};
+use regen_identify::identify::LeftOut;
+use regen_identify::session::LeastSquaresStart;
+
+/// Beyond this eps_RA, percent, an effort differs from its mean by rounding only.
+const CONSTANT_PERCENT: f64 = 1e9;
 
 /// The warning about efforts that the model hardly explains: their columns may be of another joint, in
 /// another unit or dead, however small the standard deviations of the parameters are. `None` where it
@@ -23,6 +28,9 @@ use regen_identify::estimate::{Deviations, EffortError};
 ///     whiteness_p_value: 0.5,
 /// };
 /// assert_eq!(unexplained(&[good.clone()], false), None);
+/// let dead = EffortError { relative_absolute: f64::INFINITY, relative_rms: 67.0, ..good.clone() };
+/// let text = unexplained(&[dead], true).unwrap_or_default();
+/// assert!(text.contains("q1 (it is the same throughout)"));
 /// let poor = EffortError { relative_rms: 95.0, ..good };
 /// let text = unexplained(&[poor.clone()], false).unwrap_or_default();
 /// assert!(text.contains("q1 (95 % are left)") && text.contains("`friction: linear`"));
@@ -32,6 +40,9 @@ pub fn unexplained(errors: &[EffortError], has_friction: bool) -> Option<String>
     let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
         .map(|e| match e.relative_rms {
+            _ if e.relative_absolute > CONSTANT_PERCENT => {
+                format!("{} (it is the same throughout)", e.name)
+            }
             part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),
             _ => format!("{} (it is 0 throughout)", e.name),
         })
@@ -63,4 +74,59 @@ pub fn too_short(deviations: &Deviations) -> Option<String> {
             samples as f64 / deviations.memory
         )
     })
+}
+
+/// The warning about efforts with so few equations that their noise is not known, nor any deviation:
+/// the parameters fit them by chance. `None` where all have more than there are parameters.
+pub fn too_few(start: &LeastSquaresStart) -> Option<String> {
+    let left = start.left_out.as_ref()?;
+    few_equations(&start.errors, start.estimate.values.len(), left)
+}
+
+fn few_equations(errors: &[EffortError], parameters: usize, left: &LeftOut) -> Option<String> {
+    let few = errors.iter().filter(|e| e.samples <= parameters);
+    let names: Vec<String> = few.map(|e| format!("{} ({})", e.name, e.samples)).collect();
+    let ends = match left.unsettled {
+        0 => String::new(),
+        n => format!("; the filter leaves out {n} samples at the ends of runs"),
+    };
+    (!names.is_empty()).then(|| {
+        format!(
+            "warning: for {parameters} parameters, these efforts have too few equations: {}. Their \
+             noise, and what is said of `well` and `poor`, is by chance: take a longer log, with less \
+             rest{ends}",
+            names.join(", ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effort_with_fewer_equations_than_parameters_is_named_with_their_number() {
+        let effort = |samples: usize| EffortError {
+            name: "q3".to_owned(),
+            samples,
+            relative_absolute: 0.1,
+            rms: 1e-13,
+            relative_rms: 0.1,
+            largest: 1e-13,
+            autocorrelation: Vec::new(),
+            whiteness_p_value: 0.5,
+        };
+        let left = LeftOut {
+            samples: 22,
+            unsettled: 178,
+            ..LeftOut::default()
+        };
+        assert_eq!(few_equations(&[effort(22)], 21, &left), None);
+        let text = few_equations(&[effort(22), effort(5)], 21, &left).unwrap_or_default();
+        assert!(
+            text.contains("for 21 parameters") && text.contains(": q3 (5)."),
+            "{text}"
+        );
+        assert!(text.contains("178 samples at the ends"), "{text}");
+    }
 }

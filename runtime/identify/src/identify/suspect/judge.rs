@@ -13,6 +13,11 @@ use crate::text;
 /// The largest rms of a Fourier series' residuals, relative to that of the positions about their
 /// mean: more cannot be noise.
 const MAX_SERIES_RESIDUAL: f64 = 0.1;
+/// The largest rms of a Fourier series' residuals over the noise of the position, where an effort has
+/// a larger relative error than [`MAX_SERIES_ERROR`]: more is motion that the series lacks.
+const MAX_SERIES_OVER_NOISE: f64 = 10.0;
+/// The relative error of an effort above which what a series misses of the motion is mentioned.
+const MAX_SERIES_ERROR: f64 = 0.05;
 /// The smallest step, s, at which the unit of time is doubted: no moving robot is logged so slowly.
 const MIN_SLOW_STEP_S: f64 = 0.5;
 /// The highest speed, rad/s or m/s, of a log whose unit of time is doubted.
@@ -115,7 +120,7 @@ impl std::fmt::Display for Suspicion {
 
 /// Lists what looks wrong with one log, the most certain first: its clock, its Fourier series,
 /// columns that are swapped, of flipped sign, shifted or in another unit, efforts that contradict
-/// the nominal bodies or their limits, and parameters that no body has.
+/// the nominal bodies or their limits, parameters that no body has, and spikes in efforts.
 ///
 /// - `columns`: the log and the assignment of its columns;
 /// - `sample`: some of its states, see [`Logs::sample`](crate::data::Logs::sample);
@@ -196,7 +201,8 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
         out.extend(columns.change(change, sample, &findings.nominal));
     }
     out.extend(against_nominal(columns, &findings));
-    if out.is_empty() {
+    // spikes may be beyond limits in the right unit
+    if out.is_empty() && sample.spikes.is_empty() {
         out.extend(limits(columns, sample));
     }
     if out.is_empty()
@@ -224,6 +230,10 @@ pub fn suspicions<M: BaseModel<f64> + ?Sized>(
                 Remedy::Physical,
             )
         }));
+    }
+    out.extend(columns.spikes(&sample.spikes));
+    if out.is_empty() {
+        out.extend(missed_by_series(columns, sample, &findings.errors));
     }
     out
 }
@@ -286,6 +296,31 @@ fn series<M: BaseModel<f64> + ?Sized>(
         ),
         Remedy::Series,
     ))
+}
+
+/// Whether the Fourier series misses motion that matters for the efforts: what is left of a position
+/// is far above its noise, and an effort is not explained.
+///
+/// - `errors`: those of the equations, see [`Findings::errors`].
+fn missed_by_series<M: BaseModel<f64> + ?Sized>(
+    columns: &LogColumns<'_, M>,
+    sample: &Sample,
+    errors: &[f64],
+) -> Option<Suspicion> {
+    let pairs = sample.series_over_noise.iter().zip(&sample.measured);
+    let (left, position) = pairs.max_by(|a, b| a.0.total_cmp(b.0))?;
+    let error = errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+    (*left > MAX_SERIES_OVER_NOISE && error > MAX_SERIES_ERROR).then(|| {
+        columns.suspicion(
+            format!(
+                "the Fourier series leaves {} times the noise of `{}`, and {:.0} % of an effort",
+                text::figure_of(2, *left),
+                columns.name(*position),
+                100.0 * error
+            ),
+            Remedy::Series,
+        )
+    })
 }
 
 /// Compares the efforts with those that the nominal bodies need.

@@ -35,6 +35,24 @@ pub struct Sample {
     /// For each measured coordinate, the rms of the residuals of its Fourier series over the rms
     /// about its mean; empty where no series was fitted.
     pub series_residuals: Vec<f64>,
+    /// For each measured coordinate, the rms of the residuals of its Fourier series over the
+    /// standard deviation of its noise; empty where no series was fitted.
+    pub series_over_noise: Vec<f64>,
+    /// The efforts that jump in some rows and are back in the next ones.
+    pub spikes: Vec<Spikes>,
+}
+
+/// Rows in which an effort jumps and is back in the next row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spikes {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// The number of these rows; at most some hundreds are counted.
+    pub rows: usize,
+    /// The largest jump, N or N m.
+    pub largest: f64,
+    /// The number of the first row, as in messages on faulty rows.
+    pub row: u64,
 }
 
 /// One state of a [`Sample`].

@@ -3,8 +3,9 @@
 use regen_runtime::{BaseModel, Parameter, Symbol};
 
 use super::judge::{EffortChange, MIN_COMPARED_PART, MIN_CORRELATION, Remedy, Suspicion};
-use super::{Change, Nominal, Reading, Sample, Shift};
+use super::{Change, Nominal, Reading, Sample, Shift, Spikes};
 use crate::data::{Assignment, Quantity};
+use crate::text;
 
 /// Factors between units, with their description.
 const UNITS: [(f64, &str); 5] = [
@@ -103,6 +104,35 @@ impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
             efforts: Vec::new(),
             remedy,
         }
+    }
+
+    /// The suspicion that these efforts are not what acted in some rows.
+    pub(super) fn spikes(&self, spikes: &[Spikes]) -> Option<Suspicion> {
+        let one = |own: &Spikes| {
+            let source = self.effort(own.effort);
+            let (rows, first) = match own.rows {
+                1 => ("1 row".to_owned(), ""),
+                count => (format!("{count} rows"), "the first is "),
+            };
+            format!(
+                "column `{}` jumps by up to {} in {rows} and is back in the next ({first}row {})",
+                source.column,
+                text::figure_of(3, (own.largest / source.factor).abs()),
+                own.row
+            )
+        };
+        let words: Vec<String> = spikes.iter().map(one).collect();
+        let advice =
+            "Leave these rows out, or give --huber 1.345 without a filter, which would spread \
+                      them"
+                .to_owned();
+        (!words.is_empty()).then(|| {
+            let remedy = Remedy::Read {
+                advice: vec![advice],
+                columns: Vec::new(),
+            };
+            self.suspicion(words.join(", and "), remedy)
+        })
     }
 
     /// The suspicion that these efforts have constant offsets, which direction-dependent friction

@@ -1,0 +1,201 @@
+//! Finds rows in which an effort jumps and is back in the next row.
+
+use std::collections::VecDeque;
+
+use super::problem::median;
+use super::reader::LogRow;
+use crate::identify::suspect::Spikes;
+
+/// The smallest jump and return of a spike, in median changes between rows: noise has changes of a few.
+const MIN_CHANGES: f64 = 30.0;
+/// The same in the third largest change between the rows around it: the noise of a stretch is no spike.
+const MIN_LOCAL_CHANGES: f64 = 4.0;
+/// Number of rows on either side of a spike that are compared with it.
+const NEIGHBOURS: usize = 5;
+/// The smallest jump and return of a spike, relative to the standard deviation of the effort.
+const MIN_SPREAD_PART: f64 = 0.5;
+/// The largest part of the rows that are spikes: a controller that chatters has more.
+const MAX_PART: f64 = 0.05;
+/// Number of changes that their median is taken of.
+const MAX_CHANGES: usize = 16_384;
+/// Number of the largest jumps that are kept.
+const MAX_KEPT: usize = 256;
+
+/// Looks for spikes in the efforts of rows that come one by one.
+pub(super) struct SpikeFinder {
+    efforts: Vec<Effort>,
+    rows: usize,
+}
+
+/// What is known of one effort.
+#[derive(Clone, Default)]
+struct Effort {
+    /// The last rows without a gap: the value and the row's number.
+    last: VecDeque<(f64, u64)>,
+    changes: Vec<f64>,
+    /// The sizes of the largest jumps with a return, and their rows.
+    jumps: Vec<(f64, u64)>,
+    first: f64,
+    sum: f64,
+    squares: f64,
+}
+
+impl SpikeFinder {
+    /// Looks in this many efforts.
+    pub(super) fn new(efforts: usize) -> Self {
+        Self {
+            efforts: vec![Effort::default(); efforts],
+            rows: 0,
+        }
+    }
+
+    /// Takes the next row.
+    ///
+    /// - `values`: its efforts; `follows`: whether no gap is before it.
+    pub(super) fn push(&mut self, row: &LogRow, values: &[f64], follows: bool) {
+        for (own, value) in self.efforts.iter_mut().zip(values) {
+            if self.rows == 0 {
+                own.first = *value;
+            }
+            if !follows {
+                own.last.clear();
+            }
+            own.push(*value, row.line);
+        }
+        self.rows += 1;
+    }
+
+    /// The efforts with spikes.
+    pub(super) fn finish(self) -> Vec<Spikes> {
+        let rows = self.rows.max(1) as f64;
+        let one = |(effort, own): (usize, Effort)| {
+            let spread = (own.squares / rows - (own.sum / rows).powi(2))
+                .max(0.0)
+                .sqrt();
+            let least = (MIN_CHANGES * median(&own.changes)).max(MIN_SPREAD_PART * spread);
+            let mut found: Vec<(f64, u64)> = own.jumps;
+            found.retain(|(size, _)| *size > least);
+            let is_rare = (found.len() as f64) < MAX_PART * rows;
+            let row = found.iter().map(|(_, line)| *line).min()?;
+            is_rare.then_some(Spikes {
+                effort,
+                rows: found.len(),
+                largest: found.iter().fold(0.0, |m: f64, (size, _)| m.max(*size)),
+                row,
+            })
+        };
+        self.efforts
+            .into_iter()
+            .enumerate()
+            .filter_map(one)
+            .collect()
+    }
+}
+
+impl Effort {
+    /// Takes the value of the next row, and judges the one in the middle of the last ones.
+    fn push(&mut self, value: f64, line: u64) {
+        let off = value - self.first;
+        self.sum += off;
+        self.squares += off * off;
+        if let Some((last, _)) = self.last.back() {
+            let change = (value - last).abs();
+            if change > 0.0 && self.changes.len() < MAX_CHANGES {
+                self.changes.push(change);
+            }
+        }
+        self.last.push_back((value, line));
+        if self.last.len() > 2 * NEIGHBOURS + 1 {
+            self.last.pop_front();
+        }
+        if self.last.len() == 2 * NEIGHBOURS + 1 {
+            self.judge();
+        }
+    }
+
+    fn judge(&mut self) {
+        let pairs = self.last.iter().zip(self.last.iter().skip(1));
+        let mut changes: Vec<f64> = pairs.map(|(a, b)| b.0 - a.0).collect();
+        let own: Vec<f64> = changes.drain(NEIGHBOURS - 1..=NEIGHBOURS).collect();
+        let line = self.last.get(NEIGHBOURS).map(|(_, line)| *line);
+        if let ([there, back], Some(line)) = (&own[..], line)
+            && there * back < 0.0
+        {
+            let size = there.abs().min(back.abs());
+            let mut changes: Vec<f64> = changes.into_iter().map(f64::abs).collect();
+            changes.sort_by(f64::total_cmp);
+            // another spike near by has two changes
+            let usual = changes.iter().rev().nth(2).copied().unwrap_or(0.0);
+            if size > MIN_LOCAL_CHANGES * usual {
+                self.keep((size, line));
+            }
+        }
+    }
+
+    /// Keeps a jump if it is one of the largest ones.
+    fn keep(&mut self, jump: (f64, u64)) {
+        self.jumps.push(jump);
+        if self.jumps.len() >= 2 * MAX_KEPT {
+            self.jumps.sort_by(|a, b| b.0.total_cmp(&a.0));
+            self.jumps.truncate(MAX_KEPT);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The spikes in an effort of 2000 rows.
+    fn found(effort: impl Fn(usize) -> f64) -> Vec<Spikes> {
+        let mut finder = SpikeFinder::new(1);
+        for k in 0..2000 {
+            let row = LogRow {
+                line: k as u64 + 2,
+                values: Vec::new(),
+            };
+            finder.push(&row, &[effort(k)], k > 0 && k != 1000);
+        }
+        finder.finish()
+    }
+
+    /// A swing with noise.
+    fn clean(k: usize) -> f64 {
+        let noise = ((k * 7919) % 1009) as f64 / 1009.0 - 0.5;
+        (0.01 * k as f64).sin() * 10.0 + 0.2 * noise
+    }
+
+    #[test]
+    fn rows_that_jump_and_are_back_at_once_are_spikes() {
+        let spikes = found(|k| {
+            clean(k)
+                + if [300, 700, 1200].contains(&k) {
+                    50.0
+                } else {
+                    0.0
+                }
+        });
+        assert_eq!((spikes.len(), spikes[0].rows, spikes[0].row), (1, 3, 302));
+        assert!((spikes[0].largest - 50.0).abs() < 1.0, "{spikes:?}");
+    }
+
+    #[test]
+    fn noise_steps_chatter_and_gaps_are_no_spikes() {
+        assert_eq!(found(clean), []);
+        // friction turns its sign
+        assert_eq!(
+            found(|k| clean(k) + if k % 400 < 200 { 30.0 } else { -30.0 }),
+            []
+        );
+        // two rows in five
+        assert_eq!(found(|k| clean(k) + if k % 5 < 2 { 30.0 } else { 0.0 }), []);
+        // a stretch with more noise
+        let noise = |k: usize| 60.0 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);
+        let noisy = |k: usize| clean(k) + if k / 100 == 7 { noise(k) } else { 0.0 };
+        assert_eq!(found(noisy), []);
+        // the row behind the gap and the one before it are not neighbours
+        assert_eq!(found(|k| clean(k) + if k == 1000 { 50.0 } else { 0.0 }), []);
+        // an effort at rest that is measured in steps
+        assert_eq!(found(|k| if k % 3 == 0 { 0.01 } else { 0.0 }), []);
+    }
+}

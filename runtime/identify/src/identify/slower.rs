@@ -1,0 +1,81 @@
+//! Estimates the delays of efforts a second time, from slower motion.
+
+use regen_runtime::BaseModel;
+
+use super::delay::{DelayFit, Delays};
+use super::equation_builder::StateSample;
+use super::filtering::Filtering;
+use super::passes::Source;
+use super::replay::Replay;
+use crate::estimate::{Estimate, EstimateError};
+use crate::signals::Smoothing;
+
+/// The half width of the regression that smooths equations without a filter, in samples: it leaves
+/// about the lower quarter of their frequencies.
+const HALF_WIDTH_SAMPLES: f64 = 8.0;
+
+/// A log with another filter of its equations.
+struct Refiltered<'a, S: ?Sized> {
+    source: &'a mut S,
+    filtering: Filtering,
+}
+
+impl<S: Source + ?Sized> Source for Refiltered<'_, S> {
+    type Error = S::Error;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&StateSample<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        self.source.visit(each)
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.filtering
+    }
+}
+
+/// The delays of the efforts behind the motion, from equations that pass a filter with half the cutoff
+/// of the log's filter; `None` where this filter does not suit the log, or too little of it is left.
+///
+/// Both sides of the equations pass the filter and stay equal, so that it changes a delay only by
+/// its error. Noise of positions that a controller answers is in the efforts and, differentiated three
+/// times, in their rates: what it adds to a delay falls with a high power of the cutoff.
+///
+/// - `solved`: the estimate, and the names and weights of the efforts;
+/// - `bandwidth`: the number of samples in which the residuals of the log's own filter are correlated;
+/// - `step`: the time between samples, s.
+pub(super) fn delays_of_slower_motion<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    (estimate, names, weights): (&Estimate, &[String], &[f64]),
+    bandwidth: usize,
+    step: f64,
+) -> Option<Delays> {
+    let (model, kind) = (replay.model(), replay.kind());
+    let source = replay.source();
+    let mut filtering = source.filtering();
+    if filtering.smoothing.is_none() {
+        // the log passes only every so many samples already
+        filtering.decimation = 1;
+    }
+    filtering.smoothing = match filtering.smoothing {
+        Smoothing::Butterworth { order, cutoff } => Smoothing::Butterworth {
+            order,
+            cutoff: 0.5 * cutoff,
+        },
+        Smoothing::Local { half_width } => Smoothing::Local {
+            half_width: 2.0 * half_width,
+        },
+        Smoothing::None => Smoothing::Local {
+            half_width: HALF_WIDTH_SAMPLES * step,
+        },
+    };
+    let mut slower = Refiltered { source, filtering };
+    let mut replay = Replay::new(model, kind, &mut slower).shared(2);
+    let mut fit = DelayFit::new(&estimate.labels, &estimate.values, names, weights);
+    replay.visit(&mut |equations| fit.push(equations)).ok()?;
+    let mut scores = fit.finish(2 * bandwidth).ok()??;
+    replay.visit(&mut |equations| scores.push(equations)).ok()?;
+    let delays = scores.finish();
+    (!delays.efforts.is_empty()).then_some(delays)
+}
