@@ -61,14 +61,14 @@ impl Run {
     /// use regen_identify::data::Run;
     ///
     /// let text = Run::from(Path::new("atan")).missing().unwrap_or_default();
-    /// assert!(text.starts_with("cannot read the log atan: no such file"));
+    /// assert!(text.starts_with("cannot read atan: no such file"));
     /// assert_eq!(Run::from(Path::new("Cargo.toml")).missing(), None);
     /// ```
     pub fn missing(&self) -> Option<String> {
         let is_missing = |file: &&PathBuf| matches!(file.try_exists(), Ok(false));
         self.files.iter().find(is_missing).map(|file| {
             format!(
-                "cannot read the log {}: no such file (a word that is no value of an option is a log)",
+                "cannot read {}: no such file (a word that is no value of an option is a log)",
                 file.display()
             )
         })
