@@ -172,11 +172,14 @@ fn resolved(
     Ok(validation)
 }
 
-/// Refuses an experiment without runs for identification, and logs that do not exist.
+/// Refuses logs that do not exist, and an experiment without runs for identification.
+pub(crate) fn require_logs(logs: &[Run]) -> Result<(), Failure> {
+    let missing = logs.iter().find_map(Run::missing);
+    missing.map_or_else(|| require_runs(logs), |text| Err(Failure::Io(text)))
+}
+
+/// Refuses an experiment without runs for identification.
 pub(crate) fn require_runs(logs: &[Run]) -> Result<(), Failure> {
-    if let Some(text) = logs.iter().find_map(Run::missing) {
-        return Err(Failure::Io(text));
-    }
     if logs.is_empty() {
         let text = "all runs of the experiment file have `use: validate`: there is nothing to \
                     identify from";

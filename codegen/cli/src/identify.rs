@@ -57,7 +57,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let mut args = args.clone();
     let planned = experiment::resolve_loaded(&mut args.logs, &mut args.reading, &source)?;
     if args.from.is_empty() {
-        experiment::require_runs(&args.logs)?;
+        experiment::require_logs(&args.logs)?;
     }
     let has_loads = identify_loads::wanted(&args);
     if has_loads {

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut args = args.clone();
     experiment::resolve(&mut args.logs, &mut args.reading, &source)?;
-    experiment::require_runs(&args.logs)?;
+    experiment::require_logs(&args.logs)?;
     let robot = load::loaded_derived(&source, args.reading.payload)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -242,7 +242,7 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         if !report.still.is_empty() {
             terminal::note(&format!(
-                "{}: {} never moves: parameters that only its motion determines cannot be identified",
+                "warning: {}: without motion: {}; parameters that only it determines cannot be identified",
                 report.file,
                 report.still.join(", ")
             ));

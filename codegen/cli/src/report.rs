@@ -62,7 +62,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
     let mut args = args.clone();
     let planned = experiment::resolve_loaded(&mut args.logs, &mut args.reading, &source)?;
-    experiment::require_runs(&args.logs)?;
+    experiment::require_logs(&args.logs)?;
     args.against.extend(planned);
     let robot = loads::derived_for(&source, &args.reading, &args.params)?;
     let terms = BaseTerms::new(&robot);

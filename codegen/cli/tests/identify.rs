@@ -197,12 +197,13 @@ fn logs_become_parameters_that_predict_other_logs() {
         (unit("Fv(x)").as_str(), unit("Fc(x)").as_str()),
         ("N s/m", "N")
     );
-    // friction changes its sign with the velocity between samples, so rows near it are left out
+    // friction changes its sign with the velocity between samples, so rows near it are left out, and
+    // those below a twentieth of the rms speed
     let taken = found["equations"].as_u64().unwrap();
     let left = found["left_out"]["resting"].as_array().unwrap();
     let left: u64 = left.iter().map(|n| n.as_u64().unwrap()).sum();
     assert_eq!(taken + left, 1600);
-    assert!(left < 80, "{left}");
+    assert!(left < 120, "{left}");
     for cross in found["cross"].as_array().unwrap() {
         assert!(cross["relative_absolute"].as_f64().unwrap() < 1.0);
     }

@@ -52,6 +52,7 @@ fn the_table_of_base_parameters_has_the_payload_s_behind_the_robot_s() {
 fn runs_must_state_whether_they_carry_the_payload() {
     let dir = scratch("payload_identify");
     arm(&dir);
+    fs::write(dir.join("log.csv"), "t,q1\n").unwrap();
     for line in [
         "excite arm.yaml",
         "simulate arm.yaml --out log.csv",

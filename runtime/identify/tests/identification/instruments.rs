@@ -108,3 +108,25 @@ fn instruments_that_do_not_move_are_refused() {
         "{found:?}"
     );
 }
+
+#[test]
+fn motions_that_go_on_changing_are_asked_for_five_times_only() {
+    let mut log = log(3, true);
+    let measured = MotionSeries::recorded(&Pendulum, &mut log).unwrap();
+    let mut asked = 0;
+    let options = InstrumentOptions::default();
+    let found = instrumental(&Pendulum, &options, &mut log, &TRUTH, &mut |_| {
+        asked += 1;
+        let cutoff = if asked % 2 == 0 { 9.0 } else { 3.0 };
+        Ok::<_, EstimateError>(measured.smoothed(Some(cutoff)).ok().map(|found| found.0))
+    });
+    let found = found.unwrap();
+    assert!(
+        found.converged && found.rounds < 10,
+        "{} rounds",
+        found.rounds
+    );
+    assert_eq!(asked, 5);
+    let off = |k: usize| (found.estimate.values[k] - TRUTH[k]).abs() / found.estimate.sigma(k);
+    assert!(off(0) < 3.0 && off(1) < 3.0);
+}

@@ -134,10 +134,15 @@ impl Instrumental {
 /// Stock, 1997).
 const WEAK_F_STATISTIC: f64 = 10.0;
 /// A round that changes the estimate by less than this many standard deviations for white residuals is the
-/// last one. Any motion without the log's noise is a valid instrument, so that further rounds would
-/// gain nothing; where a simulated motion depends on the estimate, signs of its slow velocities
-/// change from round to round, and smaller changes may never come.
+/// last one.
 const TOLERANCE_DEVIATIONS: f64 = 1e-2;
+/// The number of rounds with a motion of their own. A simulated motion depends on the estimate, and the
+/// directions of its slow velocities may go on changing from round to round. Any motion without the
+/// log's noise is a valid instrument, so that the last one is then kept.
+const MOTIONS: usize = 5;
+/// The motion is kept only if the last change was below this many of these standard deviations: a larger
+/// one is of weak instruments.
+const KEPT_DEVIATIONS: f64 = 1.0;
 
 /// Callback that returns the motion of the instruments for base parameters, or `None` if it is the
 /// same as in the last call.
@@ -147,7 +152,8 @@ pub type MotionSource<'a, E> = dyn FnMut(&[f64]) -> Result<Option<MotionSeries>,
 ///
 /// - `start`: base parameters to begin with, those of least squares, SI;
 /// - `motion`: returns the motion of the instruments for base parameters; `None` if it is the
-///   same as in the last call. Samples of the log that it lacks give no equation.
+///   same as in the last call. Samples of the log that it lacks give no equation. It is called in the
+///   first five rounds, and in later ones while the estimate changes by more than its errors.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model, or the instruments do not determine all
@@ -165,8 +171,10 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let mut sums: Option<Sums> = None;
     let mut weights: Option<Vec<f64>> = None;
     let mut rounds = 0;
+    let mut moved = f64::INFINITY;
     let (sums, mut found, converged) = loop {
-        if let Some(next) = motion(&values)? {
+        let keeps_motion = rounds >= MOTIONS && moved < KEPT_DEVIATIONS;
+        if !keeps_motion && let Some(next) = motion(&values)? {
             log.set_motion(next);
             sums = None;
         }
@@ -181,7 +189,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             first.efforts.iter().map(|e| e.weight).collect()
         };
         let solution = now.solve(&own)?;
-        let moved = solution.change_from(&values)?;
+        moved = solution.change_from(&values)?;
         rounds += 1;
         values.clone_from(&solution.values);
         let (measured, smooth) = residuals(&mut log, options, &now, &values)?;
