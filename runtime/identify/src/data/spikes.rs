@@ -9,7 +9,7 @@ use crate::identify::suspect::Spikes;
 /// The smallest jump and return of a spike, in median changes between rows: noise has changes of a few.
 const MIN_CHANGES: f64 = 30.0;
 /// The same in the third largest change between the rows around it: the noise of a stretch is no spike.
-const MIN_LOCAL_CHANGES: f64 = 4.0;
+const MIN_LOCAL_CHANGES: f64 = 10.0;
 /// Number of rows on either side of a spike that are compared with it.
 const NEIGHBOURS: usize = 5;
 /// The smallest jump and return of a spike, relative to the standard deviation of the effort.
