@@ -224,7 +224,7 @@ impl Method {
     /// let squares: Vec<f64> = times.iter().map(|t| t * t).collect();
     /// let method = Method::Local { half_width: 0.08 };
     /// let both = method.differentiate_all(&times, &[&times, &squares])?;
-    /// assert_eq!(both[1], method.differentiate(&times, &squares)?);
+    /// assert!((both[1].acceleration[50] - 2.0).abs() < 1e-9);
     /// assert!((both[0].rate[50] - 1.0).abs() < 1e-12);
     /// # Ok::<(), regen_identify::signals::SignalError>(())
     /// ```
