@@ -8,7 +8,8 @@ use core::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::windows::{Bounds, Windows, are_alike, weighted_sums, weighted_sums_side_by_side};
+use super::window_sums::WindowSums;
+use super::windows::{Bounds, Windows, are_alike};
 use super::{Derivatives, SignalError, nans};
 use crate::qr_update::{reduce, substitute};
 
@@ -253,16 +254,30 @@ impl WithSimd for Smooth<'_> {
                 && windows.reduce();
             if alike {
                 windows.weights(&mut side_by_side);
-                let values = &values[bounds[0].0 * channels..];
-                let out = &mut out[k * channels..(k + bounds.len()) * channels];
-                weighted_sums_side_by_side(simd, values, channels, &side_by_side, out);
+                let weight = |sample: usize, window: usize| {
+                    let lanes = side_by_side.get(sample).map(Windows::<S>::lanes);
+                    lanes.and_then(|lanes| lanes.get(window)).copied()
+                };
+                WindowSums {
+                    simd,
+                    values: &values[bounds[0].0 * channels..],
+                    channels,
+                    samples: side_by_side.len(),
+                    weight,
+                }
+                .write(&mut out[k * channels..(k + bounds.len()) * channels]);
                 continue;
             }
             for (k, (low, high)) in (k..).zip(bounds) {
-                let samples = &values[low * channels..high * channels];
-                let slot = &mut out[k * channels..(k + 1) * channels];
                 kernel(half_width, times[k], &times[*low..*high], &mut weights)?;
-                weighted_sums(simd, samples, weights.iter().copied(), slot);
+                WindowSums {
+                    simd,
+                    values: &values[low * channels..high * channels],
+                    channels,
+                    samples: weights.len(),
+                    weight: |sample: usize, _: usize| weights.get(sample).copied(),
+                }
+                .write(&mut out[k * channels..(k + 1) * channels]);
             }
         }
         Ok(())

@@ -9,6 +9,7 @@ mod butterworth;
 mod fourier;
 mod local;
 mod smoothing;
+mod window_sums;
 mod windows;
 
 use core::fmt;
