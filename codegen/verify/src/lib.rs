@@ -38,6 +38,8 @@ mod numeric_path;
 pub mod print;
 mod states;
 mod svd;
+#[cfg(test)]
+mod testing;
 mod vector;
 
 pub use check::{Check, Report, Statement, Verdict};

@@ -301,16 +301,7 @@ mod tests {
 
     #[test]
     fn a_wrong_factor_in_a_combination_changes_the_projected_forces() {
-        let text = "\
-name: arm
-gravity: [0, -9.81, 0]
-limbs:
-  - name: arm
-    joints:
-      - {name: q1, type: revolute, body: 1, actuated: true}
-      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true}
-";
-        let source = regen_codegen::diag::Source::new("arm.yaml", text);
+        let source = regen_codegen::diag::Source::new("arm.yaml", crate::testing::ARM);
         let mut robot = regen_codegen::pipeline::derive(&source).unwrap();
         let failing = |robot: &Robot| -> Vec<&'static str> {
             let report = numeric_path(robot, None).unwrap().report;

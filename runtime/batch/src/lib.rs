@@ -23,6 +23,8 @@ mod lane;
 mod predicted;
 mod sines;
 mod states;
+#[cfg(test)]
+mod testing;
 
 pub use closure::{TrackedStates, TrajectoryClosure};
 pub use lane::{Lane, LaneMask};

@@ -231,14 +231,7 @@ mod tests {
 
     use super::*;
 
-    #[allow(unreachable_pub, reason = "examples include the file too")]
-    mod models {
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/slider_crank.rs"
-        ));
-    }
-    use models::SliderCrank;
+    use crate::testing::SliderCrank;
 
     /// A crank of 1 m and a rod that is hardly longer: at a right angle of the crank, the rod is 0.12
     /// rad from standing across, where the loop is singular, to either side.

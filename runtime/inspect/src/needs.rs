@@ -202,61 +202,53 @@ fn with_motion<M: BaseModel<f64> + ?Sized>(
 mod tests {
     use super::*;
 
-    #[allow(unreachable_pub, reason = "examples include the files too")]
-    mod models {
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/pendulum.rs"
-        ));
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/pendulum_base.rs"
-        ));
+    use crate::testing::models::Pendulum;
+    use regen_runtime::{
+        Arguments, BaseFunction, BaseInfo, Condition, Function, Info, Joint, Model, SizeError,
+    };
 
-        /// The pendulum with a limit of its speed, rad/s.
-        pub struct Limited(pub [regen_runtime::Joint; 1]);
+    /// The pendulum with a limit of its speed, rad/s.
+    struct Limited([Joint; 1]);
 
-        impl Model<f64> for Limited {
-            fn info(&self) -> Info<'_> {
-                let info = Model::<f64>::info(&Pendulum);
-                Info {
-                    joints: &self.0,
-                    ..info
-                }
-            }
-
-            fn eval(
-                &self,
-                function: Function,
-                x: Arguments<'_, f64>,
-                out: &mut [f64],
-            ) -> Result<Condition<f64>, SizeError> {
-                Pendulum.eval(function, x, out)
+    impl Model<f64> for Limited {
+        fn info(&self) -> Info<'_> {
+            let info = Model::<f64>::info(&Pendulum);
+            Info {
+                joints: &self.0,
+                ..info
             }
         }
 
-        impl BaseModel<f64> for Limited {
-            fn base_info(&self) -> BaseInfo<'_> {
-                BaseModel::<f64>::base_info(&Pendulum)
-            }
-
-            fn eval_base(
-                &self,
-                function: BaseFunction,
-                x: Arguments<'_, f64>,
-                out: &mut [f64],
-            ) -> Result<Condition<f64>, SizeError> {
-                Pendulum.eval_base(function, x, out)
-            }
+        fn eval(
+            &self,
+            function: Function,
+            x: Arguments<'_, f64>,
+            out: &mut [f64],
+        ) -> Result<Condition<f64>, SizeError> {
+            Pendulum.eval(function, x, out)
         }
     }
 
+    impl BaseModel<f64> for Limited {
+        fn base_info(&self) -> BaseInfo<'_> {
+            BaseModel::<f64>::base_info(&Pendulum)
+        }
+
+        fn eval_base(
+            &self,
+            function: BaseFunction,
+            x: Arguments<'_, f64>,
+            out: &mut [f64],
+        ) -> Result<Condition<f64>, SizeError> {
+            Pendulum.eval_base(function, x, out)
+        }
+    }
     #[test]
     fn a_tried_acceleration_is_that_of_half_a_hertz_at_half_of_the_largest_speed() {
         for largest in [2.0, 8.0] {
             let mut joint = regen_runtime::Joint::ROTATION;
             joint.limits.velocity = Some([-largest, largest]);
-            let model = models::Limited([joint]);
+            let model = Limited([joint]);
             // a log of eight equations that show nothing
             let mut log = QrFactor::new(vec!["Izz(1)".to_owned(), "mx(1)".to_owned()]);
             log.push_block(&[0.0; 16], &[0.0; 8]).unwrap();

@@ -377,20 +377,8 @@ pub fn predict<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Noise;
+    use crate::testing::{Noise, models};
     use regen_identify::identify::Recorded;
-
-    #[allow(unreachable_pub, reason = "examples include the files too")]
-    mod models {
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/pendulum.rs"
-        ));
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/pendulum_base.rs"
-        ));
-    }
 
     #[test]
     fn the_times_of_the_states_decide_how_dense_the_noise_is_and_not_the_stated_step() {

@@ -1,4 +1,16 @@
-//! Noise for tests.
+//! Noise and models for tests.
+
+#[allow(unreachable_pub, reason = "examples include the files too")]
+pub(crate) mod models {
+    include!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/models/pendulum.rs"
+    ));
+    include!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/models/pendulum_base.rs"
+    ));
+}
 
 /// Numbers of a linear congruential generator.
 pub(crate) struct Noise(u64);

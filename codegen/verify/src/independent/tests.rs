@@ -11,6 +11,7 @@ use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::sym::Number;
 
 use crate::check::Verdict;
+use crate::testing::ARM;
 
 use super::{INDEPENDENT, Vectors, independent};
 
@@ -204,18 +205,8 @@ limbs:
 /// are no parameters that the way back has to keep.
 #[test]
 fn robots_whose_base_drops_or_relates_parameters_pass_every_check() {
-    let arm = "\
-name: arm
-gravity: [0, -9.81, 0]
-limbs:
-  - name: arm
-    joints:
-      - {name: q1, type: revolute, body: 1, actuated: true}
-      - {name: q2, type: revolute, dh: {a: 0.4}, body: 2, actuated: true}
-base:
-";
     for choice in ["  drop: [mx(2)]\n", "  zero: [mx(2)]\n"] {
-        let text = format!("{arm}{choice}");
+        let text = format!("{ARM}base:\n{choice}");
         let case = Case {
             robot: derived(&text),
             text,

@@ -337,14 +337,7 @@ mod tests {
 
     use super::*;
 
-    #[allow(unreachable_pub, reason = "examples include the file too")]
-    mod models {
-        include!(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../tests/models/slider_crank.rs"
-        ));
-    }
-    use models::SliderCrank;
+    use crate::testing::SliderCrank;
 
     #[test]
     fn states_that_are_closed_but_for_rounding_pass_the_check_and_open_ones_do_not() {
