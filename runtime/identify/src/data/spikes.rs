@@ -18,7 +18,7 @@ const MIN_SPREAD_PART: f64 = 0.5;
 const MAX_PART: f64 = 0.05;
 /// Number of changes that their median is taken of.
 const MAX_CHANGES: usize = 16_384;
-/// Number of the largest jumps that are kept.
+/// Number of the largest jumps that are kept, however long the log is; as many spikes are chatter too.
 const MAX_KEPT: usize = 256;
 
 /// Looks for spikes in the efforts of rows that come one by one.
@@ -75,7 +75,7 @@ impl SpikeFinder {
             let least = (MIN_CHANGES * median(&own.changes)).max(MIN_SPREAD_PART * spread);
             let mut found: Vec<(f64, u64)> = own.jumps;
             found.retain(|(size, _)| *size > least);
-            let is_rare = (found.len() as f64) < MAX_PART * rows;
+            let is_rare = found.len() < MAX_KEPT && (found.len() as f64) < MAX_PART * rows;
             let row = found.iter().map(|(_, line)| *line).min()?;
             is_rare.then_some(Spikes {
                 effort,
@@ -148,8 +148,12 @@ mod tests {
 
     /// The spikes in an effort of 2000 rows.
     fn found(effort: impl Fn(usize) -> f64) -> Vec<Spikes> {
+        found_in(2000, effort)
+    }
+
+    fn found_in(rows: usize, effort: impl Fn(usize) -> f64) -> Vec<Spikes> {
         let mut finder = SpikeFinder::new(1);
-        for k in 0..2000 {
+        for k in 0..rows {
             let row = LogRow {
                 line: k as u64 + 2,
                 values: Vec::new(),
@@ -189,6 +193,9 @@ mod tests {
         );
         // two rows in five
         assert_eq!(found(|k| clean(k) + if k % 5 < 2 { 30.0 } else { 0.0 }), []);
+        // one row in nineteen, of more than are kept
+        let chatter = |k: usize| clean(k) + if k % 19 == 0 { 50.0 } else { 0.0 };
+        assert_eq!(found_in(40_000, chatter), []);
         // a stretch with more noise
         let noise = |k: usize| 60.0 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);
         let noisy = |k: usize| clean(k) + if k / 100 == 7 { noise(k) } else { 0.0 };
