@@ -194,7 +194,7 @@ mod tests {
         // two rows in five
         assert_eq!(found(|k| clean(k) + if k % 5 < 2 { 30.0 } else { 0.0 }), []);
         // one row in nineteen, of more than are kept
-        let chatter = |k: usize| clean(k) + if k % 19 == 0 { 50.0 } else { 0.0 };
+        let chatter = |k: usize| clean(k) + if k.is_multiple_of(19) { 50.0 } else { 0.0 };
         assert_eq!(found_in(40_000, chatter), []);
         // a stretch with more noise
         let noise = |k: usize| 60.0 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);

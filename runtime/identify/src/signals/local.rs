@@ -6,7 +6,7 @@
 
 use core::ops::Range;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use super::window_sums::WindowSums;
 use super::windows::{Bounds, Windows, are_alike};
@@ -254,16 +254,12 @@ impl WithSimd for Smooth<'_> {
                 && windows.reduce();
             if alike {
                 windows.weights(&mut side_by_side);
-                let weight = |sample: usize, window: usize| {
-                    let lanes = side_by_side.get(sample).map(Windows::<S>::lanes);
-                    lanes.and_then(|lanes| lanes.get(window)).copied()
-                };
                 WindowSums {
                     simd,
                     values: &values[bounds[0].0 * channels..],
                     channels,
-                    samples: side_by_side.len(),
-                    weight,
+                    weights: bytemuck::cast_slice::<S::f64s, f64>(&side_by_side),
+                    stride: S::F64_LANES,
                 }
                 .write(&mut out[k * channels..(k + bounds.len()) * channels]);
                 continue;
@@ -274,8 +270,8 @@ impl WithSimd for Smooth<'_> {
                     simd,
                     values: &values[low * channels..high * channels],
                     channels,
-                    samples: weights.len(),
-                    weight: |sample: usize, _: usize| weights.get(sample).copied(),
+                    weights: &weights,
+                    stride: 1,
                 }
                 .write(&mut out[k * channels..(k + 1) * channels]);
             }

@@ -13,20 +13,19 @@ use pulp::Simd;
 const TILE: usize = 4;
 
 /// Sums of the channels of windows of equally many samples, each window one sample later than the one
-/// before: `sum_k weight(k, window) values[window + k]`.
+/// before: `sum_k weights[k, window] values[window + k]`.
 #[derive(Clone, Copy)]
-pub(super) struct WindowSums<'a, S, F> {
+pub(super) struct WindowSums<'a, S> {
     pub(super) simd: S,
     /// From the first sample of the first window on, `channels` entries each.
     pub(super) values: &'a [f64],
     pub(super) channels: usize,
-    /// The number of samples of a window.
-    pub(super) samples: usize,
-    /// The weight of a sample of a window.
-    pub(super) weight: F,
+    /// For each sample of a window its weights, `stride` entries of which the first are of the windows.
+    pub(super) weights: &'a [f64],
+    pub(super) stride: usize,
 }
 
-impl<S: Simd, F: Fn(usize, usize) -> Option<f64> + Copy> WindowSums<'_, S, F> {
+impl<S: Simd> WindowSums<'_, S> {
     /// Writes the sums of the windows one after the other; there are as many as `out` has room for.
     #[inline(always)]
     pub(super) fn write(self, out: &mut [f64]) {
@@ -65,18 +64,21 @@ impl<S: Simd, F: Fn(usize, usize) -> Option<f64> + Copy> WindowSums<'_, S, F> {
         }
     }
 
-    /// The samples of the windows, each with its values.
+    /// The samples of some windows from `first` on, each with its values.
     #[inline(always)]
     fn samples(&self, first: usize, windows: usize) -> impl Iterator<Item = (usize, &[f64])> {
-        let all = self.values.chunks_exact(self.channels).skip(first);
-        all.take(self.samples + windows - 1).enumerate()
+        let from = self.values.get(first * self.channels..).unwrap_or_default();
+        let count = self.weights.len() / self.stride + windows - 1;
+        from.chunks_exact(self.channels).take(count).enumerate()
     }
 
-    /// The weight of a sample, counted from the first of these windows, in one of them.
+    /// The weight of a sample, counted from the first of these windows, in one of them; `None` if it is
+    /// not in that window.
     #[inline(always)]
     fn weight(&self, first: usize, sample: usize, window: usize) -> Option<S::f64s> {
-        let own = sample.checked_sub(window).filter(|k| *k < self.samples)?;
-        (self.weight)(own, first + window).map(|weight| self.simd.splat_f64s(weight))
+        let own = sample.checked_sub(window)?;
+        let weight = self.weights.get(own * self.stride + first + window)?;
+        Some(self.simd.splat_f64s(*weight))
     }
 
     /// The sums of the channels in some registers from `at` on; returns how many registers.
@@ -137,7 +139,8 @@ mod tests {
     struct Task<'a> {
         values: &'a [f64],
         channels: usize,
-        samples: usize,
+        weights: &'a [f64],
+        stride: usize,
         out: &'a mut [f64],
     }
 
@@ -154,8 +157,8 @@ mod tests {
                 simd,
                 values: self.values,
                 channels: self.channels,
-                samples: self.samples,
-                weight: |sample: usize, window: usize| Some(weight(sample, window)),
+                weights: self.weights,
+                stride: self.stride,
             }
             .write(self.out);
         }
@@ -165,6 +168,10 @@ mod tests {
     fn sums_of_any_number_of_windows_and_channels_have_the_bits_of_one_after_the_other() {
         let samples = 7;
         for windows in 1..=9 {
+            // more weights than there are windows, as of lanes of a register
+            let stride = windows + windows % 2;
+            let at = |k: usize| weight(k / stride, k % stride);
+            let weights: Vec<f64> = (0..samples * stride).map(at).collect();
             for channels in [1, 3, 7, 8, 23, 24, 41, 81] {
                 let count = (samples + windows - 1) * channels;
                 let values: Vec<f64> = (0..count).map(|k| (0.37 * k as f64).cos()).collect();
@@ -172,7 +179,8 @@ mod tests {
                 Arch::new().dispatch(Task {
                     values: &values,
                     channels,
-                    samples,
+                    weights: &weights,
+                    stride,
                     out: &mut out,
                 });
                 for (at, found) in out.iter().enumerate() {
