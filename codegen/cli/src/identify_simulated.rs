@@ -191,7 +191,7 @@ fn of_efforts(
         _ => None,
     };
     let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);
-    let found = didim(model, &runs_at(bandwidth), &options, start);
+    let found = didim(model, model, &runs_at(bandwidth), &options, start);
     session.watch.finished();
     let found = found?;
     note_departures(&found.departures, known.iter().all(Option::is_some));

@@ -8,8 +8,8 @@ use regen_identify::identify::MotionSeries;
 use regen_runtime::{Model, SizeError};
 
 use crate::simulate::{
-    Drive, Gains, Log, Pid, Reference, Settings, SimulationError, Termination, TuningError,
-    control, linear_friction, simulate,
+    Control, Drive, Gains, Log, Pid, Reference, Settings, SimulationError, Termination,
+    TuningError, control, linear_friction, simulate,
 };
 
 /// The tolerance of each step of the integration, relative.
@@ -81,48 +81,9 @@ pub fn follow<M: Model<f64> + ?Sized>(
     phi: &[f64],
     times: &[f64],
 ) -> Result<Log, LoopError> {
+    let run = simulate_loop(model, closed_loop, phi, times)?;
+    let (mut log, skip) = (run.log, run.lead);
     let info = model.info();
-    let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > 1) else {
-        return Err(LoopError::TooFew);
-    };
-    let step = (last - first) / (times.len() - 1) as f64;
-    let early = (closed_loop.lead / step).ceil();
-    let begin = first - early * step;
-    let dof = info.dof();
-    let mut start = vec![0.0; dof];
-    closed_loop
-        .reference
-        .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
-    let (pid, offset) = match closed_loop.controllers {
-        Controllers::Tuned { bandwidth, given } => {
-            let tuned = control(bandwidth, given, model, phi, &start).map_err(LoopError::Tuning)?;
-            (tuned.pid, tuned.offset)
-        }
-        Controllers::Known { pid, offset } => (pid.to_vec(), offset.to_vec()),
-    };
-    let drive = |joint: &usize| Drive {
-        lag: 0.0,
-        limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
-    };
-    let settings = Settings {
-        duration: last - begin,
-        period: step,
-        pid,
-        offset,
-        drives: info.actuated.iter().map(drive).collect(),
-        friction: linear_friction(&info, phi),
-        tolerance: TOLERANCE,
-        ..Settings::default()
-    };
-    let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
-        closed_loop.reference.at(begin + t, q, qd, qdd);
-    };
-    let mut log = simulate(model, phi, &along, &settings).map_err(LoopError::Simulation)?;
-    if log.ended != Termination::Complete {
-        return Err(LoopError::Termination(log.ended));
-    }
-    #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
-    let skip = early as usize;
     let (n, a) = (info.coordinates.len(), info.actuated.len());
     log.energy.drain(..skip.min(log.energy.len()));
     for (list, width) in [
@@ -141,6 +102,108 @@ pub fn follow<M: Model<f64> + ?Sized>(
     // the log's own times, not those of the simulation
     log.t = times.to_vec();
     Ok(log)
+}
+
+/// A simulated loop from the beginning of its lead, with the controllers that it ran with.
+#[derive(Clone, Debug)]
+pub struct LoopRun {
+    /// All samples; times are those from the beginning, s.
+    pub log: Log,
+    /// The number of samples before those that were asked for.
+    pub lead: usize,
+    /// The time between samples, s.
+    pub step: f64,
+    /// The controllers and the constant efforts, in the order of `Info::actuated`.
+    pub control: Control,
+    /// The drives, in the same order.
+    pub drives: Vec<Drive>,
+}
+
+/// Simulates a robot in a closed loop, as [`follow`] does; returns the samples of the lead too.
+///
+/// - `phi`: p parameters, SI;
+/// - `times`: of the samples, s; at least two.
+///
+/// # Errors
+/// As [`follow`].
+///
+/// ```
+/// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
+/// use regen_experiment::closed_loop::{ClosedLoop, Controllers, follow, simulate_loop};
+///
+/// let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+///     (q[0], qd[0], qdd[0]) = (0.3 * t.sin(), 0.3 * t.cos(), -0.3 * t.sin());
+/// };
+/// let closed_loop = ClosedLoop {
+///     reference: &swing,
+///     lead: 0.5,
+///     controllers: Controllers::Tuned { bandwidth: 5.0, given: &[] },
+/// };
+/// let times = [1.0, 1.25, 1.5];
+/// let run = simulate_loop(&models::Pendulum, &closed_loop, &[0.02, 0.1], &times)?;
+/// assert_eq!((run.lead, run.log.t.len()), (2, 5));
+/// let log = follow(&models::Pendulum, &closed_loop, &[0.02, 0.1], &times)?;
+/// assert_eq!(log.q, run.log.q[2..]);
+/// # Ok::<(), regen_experiment::closed_loop::LoopError>(())
+/// ```
+pub fn simulate_loop<M: Model<f64> + ?Sized>(
+    model: &M,
+    closed_loop: &ClosedLoop<'_>,
+    phi: &[f64],
+    times: &[f64],
+) -> Result<LoopRun, LoopError> {
+    let info = model.info();
+    let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > 1) else {
+        return Err(LoopError::TooFew);
+    };
+    let step = (last - first) / (times.len() - 1) as f64;
+    let early = (closed_loop.lead / step).ceil();
+    let begin = first - early * step;
+    let dof = info.dof();
+    let mut start = vec![0.0; dof];
+    closed_loop
+        .reference
+        .at(begin, &mut start, &mut vec![0.0; dof], &mut vec![0.0; dof]);
+    let control = match closed_loop.controllers {
+        Controllers::Tuned { bandwidth, given } => {
+            control(bandwidth, given, model, phi, &start).map_err(LoopError::Tuning)?
+        }
+        Controllers::Known { pid, offset } => Control {
+            pid: pid.to_vec(),
+            offset: offset.to_vec(),
+        },
+    };
+    let drive = |joint: &usize| Drive {
+        lag: 0.0,
+        limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
+    };
+    let drives: Vec<Drive> = info.actuated.iter().map(drive).collect();
+    let settings = Settings {
+        duration: last - begin,
+        period: step,
+        pid: control.pid.clone(),
+        offset: control.offset.clone(),
+        drives: drives.clone(),
+        friction: linear_friction(&info, phi),
+        tolerance: TOLERANCE,
+        ..Settings::default()
+    };
+    let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        closed_loop.reference.at(begin + t, q, qd, qdd);
+    };
+    let log = simulate(model, phi, &along, &settings).map_err(LoopError::Simulation)?;
+    if log.ended != Termination::Complete {
+        return Err(LoopError::Termination(log.ended));
+    }
+    #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
+    let lead = early as usize;
+    Ok(LoopRun {
+        log,
+        lead,
+        step,
+        control,
+        drives,
+    })
 }
 
 /// The motion of the independent coordinates in the simulated loop, at the sample times of a

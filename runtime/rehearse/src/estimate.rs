@@ -190,13 +190,16 @@ fn read<M: BaseModel<f64> + ?Sized>(
     Ok(all)
 }
 
-fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
+fn from_efforts<M>(
     session: &Session<'_, M>,
     all: &[Track],
     made: &Made<'_>,
     (along, bandwidth, settle): (bool, Option<f64>, f64),
     start: &[f64],
-) -> Result<Estimated, RehearseError> {
+) -> Result<Estimated, RehearseError>
+where
+    M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+{
     let model = session.model;
     let controllers = match bandwidth {
         Some(bandwidth) => Controllers::Tuned {
@@ -220,7 +223,7 @@ fn from_efforts<M: BaseModel<f64> + ?Sized + Sync>(
         settle,
         ..DidimOptions::default()
     };
-    let found = didim(model, &runs, &options, start)?;
+    let found = didim(model, model, &runs, &options, start)?;
     Ok(converged(
         found.model(session.confidence),
         found.converged,

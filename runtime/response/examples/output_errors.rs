@@ -135,7 +135,7 @@ where
                 },
             };
             let clock = Instant::now();
-            let found = didim(model, &[run], &DidimOptions::default(), &start);
+            let found = didim(model, model, &[run], &DidimOptions::default(), &start);
             count.seconds += clock.elapsed().as_secs_f64();
             let Ok(found) = found else {
                 count.failed += 1;

@@ -1,9 +1,10 @@
 //! How far the simulated motion of DIDIM is from the measured one.
 
+use regen_experiment::closed_loop::follow;
 use regen_runtime::BaseModel;
 
-use crate::didim::{DidimError, DidimOptions, EffortRun};
-use crate::rounds::Rounds;
+use crate::didim::{DidimError, EffortRun};
+use crate::rounds::parameters;
 
 /// How far the simulated motion of a coordinate is from its measured positions.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,16 +74,38 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
     settle: f64,
     values: &[f64],
 ) -> Result<Vec<Departure>, DidimError> {
-    let options = DidimOptions {
-        settle,
-        ..DidimOptions::default()
-    };
-    let rounds = Rounds {
-        model,
-        runs,
-        options: &options,
-        slopes: None,
-        resting: None,
-    };
-    rounds.departures(values)
+    if runs.iter().all(|run| run.positions.is_empty()) {
+        return Ok(Vec::new());
+    }
+    let info = model.info();
+    let n = info.coordinates.len();
+    let phi = parameters(model, values)?;
+    // for each coordinate the squares of differences and of the motion
+    let mut squares = vec![[0.0; 2]; n];
+    for run in runs {
+        let log = follow(model, &run.closed_loop, &phi, run.times)?;
+        let first = run.times.first().copied().unwrap_or(0.0);
+        let skip = run.times.iter();
+        let skip = skip.take_while(|t| *t - first < settle).count();
+        for (c, measured) in run.positions {
+            let Some(sums) = squares.get_mut(*c) else {
+                continue;
+            };
+            let used = measured.get(skip..).unwrap_or_default();
+            let mean = used.iter().sum::<f64>() / used.len().max(1) as f64;
+            for (k, x) in used.iter().enumerate() {
+                let simulated = log.q.get((skip + k) * n + c).copied().unwrap_or(*x);
+                sums[0] += (x - simulated) * (x - simulated);
+                sums[1] += (x - mean) * (x - mean);
+            }
+        }
+    }
+    let named = info.coordinates.iter().zip(&squares);
+    let moving = named.filter(|(_, [_, motion])| *motion > 0.0);
+    Ok(moving
+        .map(|(name, [difference, motion])| Departure {
+            name: (*name).to_owned(),
+            percent: 100.0 * (difference / motion).sqrt(),
+        })
+        .collect())
 }

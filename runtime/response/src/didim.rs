@@ -6,10 +6,10 @@
 //! robot's gains are unknown, they are tuned to a bandwidth with the current estimate.
 //!
 //! An estimate is a function G of the simulated parameters, and the result is the fixed point of G.
-//! If the loop is stiff, iterating G finds it in a few rounds. If the loop is so soft that this takes
-//! many, Newton's method takes over, with derivatives of G by differences, and with steps that are
-//! halved until the estimate differs less from the simulated parameters. The standard deviations
-//! account for the same derivatives.
+//! If the loop is stiff, G hardly depends on them, and iterating G would find it in a few rounds; if it is
+//! soft, iterations diverge. Newton's method works for both, with exact derivatives of the simulated
+//! efforts, and with steps that are halved where the efforts fit worse than before. The standard
+//! deviations account for the same derivatives.
 //!
 //! If the simulated loop is not the robot's, its motion differs, which biases the estimate. Measured
 //! positions, which the estimate does not use, show how far the simulated motion is from the robot's.
@@ -23,8 +23,9 @@ use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
 use regen_runtime::{BaseModel, SizeError};
 
-use crate::departure::Departure;
-use crate::rounds::{Rounds, is_same, moved};
+use crate::departure::{Departure, departures};
+use crate::rounds::{Rounds, Slopes, is_same, moved};
+use crate::{Number, ResponseError};
 
 /// The efforts of a run, and the control loop that produced them.
 #[derive(Clone, Copy)]
@@ -113,6 +114,7 @@ impl Didim {
 
 /// Identifies base parameters from efforts, by simulating the closed loop.
 ///
+/// - `derivatives`: the same model for numbers with derivatives;
 /// - `start`: base parameters of a robot that can be simulated, r; nominal ones, or those of least
 ///   squares.
 ///
@@ -148,17 +150,22 @@ impl Didim {
 ///     positions: &[(0, log.q.clone())],
 ///     closed_loop,
 /// };
-/// let found = didim(&models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
+/// let found = didim(&models::Pendulum, &models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
 /// assert!((found.identified.estimate.values[0] - 0.5).abs() < 1e-3);
 /// assert!(found.converged && !found.departures[0].is_far());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
-pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
+pub fn didim<M, D>(
     model: &M,
+    derivatives: &D,
     runs: &[EffortRun<'_>],
     options: &DidimOptions,
     start: &[f64],
-) -> Result<Didim, DidimError> {
+) -> Result<Didim, DidimError>
+where
+    M: BaseModel<f64> + ?Sized + Sync,
+    D: BaseModel<Number> + ?Sized + Sync,
+{
     let info = model.info();
     for run in runs {
         let fits = |expected, got| {
@@ -178,13 +185,14 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
     }
     let mut rounds = Rounds {
         model,
+        derivatives,
         runs,
         options,
         slopes: None,
         resting: None,
     };
     let mut values = start.to_vec();
-    let mut log = rounds.simulated(&values)?;
+    let mut now = rounds.simulated(&values)?;
     let mut norms: Vec<f64> = Vec::new();
     let mut best: Option<Best> = None;
     loop {
@@ -192,7 +200,7 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
             model,
             EquationKind::Forces,
             &options.least_squares,
-            &mut log,
+            &mut now.log,
         )?;
         let moved = moved(&found, &values)?;
         let before = norms.last().copied();
@@ -207,39 +215,34 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         if let Some(best) = &mut best
             && !last
             && best.halvings < MAX_HALVINGS
-            && rounds.slopes.is_some()
-            && moved > best.moved
+            && now.misfit > best.misfit + MISFIT_GROWTH
         {
-            // Newton's step was too long
+            // the step was too long
             best.halvings += 1;
             let between = best.values.iter().zip(&values);
             let between = between.map(|(a, b)| f64::midpoint(*a, *b)).collect();
-            (values, log) = rounds.simulable(&best.values, between)?;
+            (values, now) = rounds.simulable(&best.values, between)?;
             continue;
         }
         if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
-            rounds.rest(&mut log)?;
+            rounds.rest(&mut now.log)?;
         }
-        let is_slow = best
-            .as_ref()
-            .is_some_and(|best| moved > SLOW_PART * best.moved);
-        let (has_slopes, has_near) = match &rounds.slopes {
-            Some(slopes) => (true, slopes.moved < VALID_DEVIATIONS),
-            None => (false, false),
-        };
-        let for_next = norms.len() >= PLAIN_ROUNDS && (is_slow || has_slopes && !has_near);
-        if last && !has_near || !last && for_next && moved > options.tolerance {
-            match rounds.differentiate(&found, &values, moved) {
+        let near = |slopes: &Slopes| slopes.moved < NEAR_DEVIATIONS;
+        if !rounds.slopes.as_ref().is_some_and(near) {
+            let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+            match rounds.differentiate(&mut now, &values, &weights, moved) {
                 Ok(()) => {}
-                // if the robot cannot be simulated nearby, the rounds continue without derivatives,
-                // but a result needs them for its standard deviations
-                Err(DidimError::Loop(_)) if !last => {}
+                // a round can continue without derivatives, but a result needs them for its standard
+                // deviations
+                Err(DidimError::Loop(_) | DidimError::Response(_)) if !last => {
+                    rounds.slopes = None;
+                }
                 Err(other) => return Err(other),
             }
         }
         if last {
             return Ok(Didim {
-                departures: rounds.departures(&values)?,
+                departures: departures(model, runs, options.settle, &values)?,
                 identified: rounds.propagated(found),
                 rounds: norms.len(),
                 norms,
@@ -249,31 +252,27 @@ pub fn didim<M: BaseModel<f64> + ?Sized + Sync>(
         let wanted = rounds.next(&found, &values);
         best = Some(Best {
             values: values.clone(),
-            moved,
+            misfit: now.misfit,
             halvings: 0,
         });
-        (values, log) = rounds.simulable(&values, wanted)?;
+        (values, now) = rounds.simulable(&values, wanted)?;
     }
 }
 
 /// The parameters from which the last step began.
 struct Best {
     values: Vec<f64>,
-    /// The difference between their estimate and them, in standard deviations.
-    moved: f64,
+    /// The misfit of the efforts simulated with them.
+    misfit: f64,
     /// How often the step from them was halved.
     halvings: usize,
 }
 
 /// If a round changes the estimate by less than this many standard deviations, the rows at rest of
-/// its motion are used for the result.
-pub(super) const NEAR_DEVIATIONS: f64 = 1.0;
-/// The derivatives of a point are valid up to this distance from it, in standard deviations.
-const VALID_DEVIATIONS: f64 = 5.0;
-/// The number of rounds that iterate G; later ones take Newton's step if rounds converge slowly.
-const PLAIN_ROUNDS: usize = 3;
-/// A round converges slowly if its change is above this part of that of the round before.
-const SLOW_PART: f64 = 0.5;
+/// its motion and its derivatives are used for the result.
+const NEAR_DEVIATIONS: f64 = 1.0;
+/// A step is too long if the logarithm of the rms error of the efforts grows by more than this.
+const MISFIT_GROWTH: f64 = 0.02;
 /// How often a change of the estimate is halved until the robot can be simulated with it.
 pub(super) const MAX_HALVINGS: usize = 8;
 
@@ -285,6 +284,8 @@ pub enum DidimError {
     Size(SizeError),
     /// The loop cannot be simulated with an estimate.
     Loop(LoopError),
+    /// The derivatives of the simulated efforts cannot be computed.
+    Response(ResponseError),
     /// The efforts leave parameters undetermined.
     Estimate(EstimateError),
 }
@@ -294,6 +295,7 @@ impl fmt::Display for DidimError {
         match self {
             Self::Size(why) => why.fmt(f),
             Self::Loop(why) => why.fmt(f),
+            Self::Response(why) => why.fmt(f),
             Self::Estimate(why) => why.fmt(f),
         }
     }
@@ -304,6 +306,7 @@ impl core::error::Error for DidimError {
         match self {
             Self::Size(why) => Some(why),
             Self::Loop(why) => Some(why),
+            Self::Response(why) => Some(why),
             Self::Estimate(why) => Some(why),
         }
     }
@@ -318,6 +321,12 @@ impl From<SizeError> for DidimError {
 impl From<LoopError> for DidimError {
     fn from(why: LoopError) -> Self {
         Self::Loop(why)
+    }
+}
+
+impl From<ResponseError> for DidimError {
+    fn from(why: ResponseError) -> Self {
+        Self::Response(why)
     }
 }
 

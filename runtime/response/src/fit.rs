@@ -214,6 +214,11 @@ fn check<M: BaseModel<f64> + ?Sized>(
             got,
         })
     };
+    for (joint, name) in info.joints.iter().zip(info.coordinates) {
+        if !joint.friction.is_linear() {
+            return Err(ResponseError::NonlinearFriction((*name).to_owned()));
+        }
+    }
     size("start", model.base_info().base.len(), start.len())?;
     size("controllers", info.actuated.len(), setup.laws.len())?;
     let positive = [

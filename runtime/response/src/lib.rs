@@ -21,10 +21,12 @@
 mod control;
 mod departure;
 mod didim;
+mod effort_slopes;
 mod effort_tracks;
 mod error;
 mod files;
 mod fit;
+mod linear_step;
 mod logs;
 mod parameters;
 mod plant;

@@ -4,12 +4,13 @@
 mod direction;
 mod posture;
 
-use regen_experiment::simulate::{factor_mass, solve_mass};
+use regen_experiment::simulate::{factor_mass, friction_width, solve_mass};
 use regen_runtime::{BaseModel, Friction, SizeError, Status};
 
 use crate::{DIRECTIONS, Number, ResponseError};
 
-use direction::{Directed, Side};
+pub(crate) use direction::Directed;
+use direction::Side;
 pub(crate) use posture::Posture;
 
 /// The largest number of Newton steps that close the loops, from one stage of the integration to the
@@ -34,9 +35,7 @@ pub(crate) struct Plant<'m, M: ?Sized, D: ?Sized> {
     /// Whether the actuated coordinates are the independent ones in the same order.
     direct: bool,
     /// The Coulomb friction of all joints.
-    directed: Vec<Directed>,
-    /// The velocity over which the smoothed sign changes, rad/s or m/s.
-    width: f64,
+    pub(crate) directed: Vec<Directed>,
 }
 
 /// The accelerations of the independent coordinates and their derivatives, row by row.
@@ -52,11 +51,26 @@ pub(crate) struct Accelerations {
     pub(crate) by_beta: Vec<f64>,
 }
 
+/// The derivatives of `G u - W beta`, column by column.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Gradient {
+    /// G, dof x number of actuated joints.
+    pub(crate) by_effort: Vec<f64>,
+    /// W, dof x r: the derivatives by the base parameters with the opposite sign. Its columns of
+    /// friction have the sign of the velocity.
+    pub(crate) regressor: Vec<f64>,
+    /// dof x 2 dof: the derivatives by q_i, then by qd_i.
+    pub(crate) by_state: Vec<f64>,
+}
+
 impl<'m, M, D> Plant<'m, M, D>
 where
     M: BaseModel<f64> + ?Sized,
     D: BaseModel<Number> + ?Sized,
 {
+    /// - `width`: the velocity over which the smoothed sign of a joint changes, rad/s or m/s.
+    ///
+    /// Nonlinear friction, whose coefficients are not base parameters, is left out.
     pub(crate) fn new(model: &'m M, derivatives: &'m D, width: f64) -> Result<Self, ResponseError> {
         let info = model.info();
         let base = model.base_info();
@@ -72,12 +86,10 @@ where
         }
         let mut directed = Vec::new();
         for (coordinate, (joint, name)) in info.joints.iter().zip(info.coordinates).enumerate() {
-            if !joint.friction.is_linear() {
-                return Err(ResponseError::NonlinearFriction((*name).to_owned()));
-            }
-            if joint.friction == Friction::None {
+            if joint.friction == Friction::None || !joint.friction.is_linear() {
                 continue;
             }
+            let width = friction_width(Some(joint), width);
             for (symbol, side) in [
                 ("Fc", Side::Both),
                 ("Fc+", Side::Forward),
@@ -89,6 +101,7 @@ where
                 directed.push(Directed {
                     coordinate,
                     side,
+                    width,
                     combination: of_base.iter().map(|phi| phi[place]).collect(),
                 });
             }
@@ -104,7 +117,6 @@ where
             actuated: info.actuated.to_vec(),
             direct: info.actuated == info.independent,
             directed,
-            width,
         })
     }
 
@@ -126,12 +138,12 @@ where
         let near = |d: &&Directed| {
             let shares = posture.row(d.coordinate).zip(accelerations);
             let change: f64 = shares.map(|(share, a)| share * a).sum();
-            let reach = REACH_WIDTHS * self.width + GROWTH * step * change.abs();
+            let reach = REACH_WIDTHS * d.width + GROWTH * step * change.abs();
             posture.qd[d.coordinate].abs() < reach
         };
         let slopes = self.directed.iter().filter(near).map(|d| {
             let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
-            coefficient.abs() / self.width
+            coefficient.abs() / d.width
         });
         slopes.fold(0.0, f64::max)
     }
@@ -261,7 +273,7 @@ where
         }
         for d in &self.directed {
             let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
-            let (soft, _) = d.side.softening(qd[d.coordinate], self.width);
+            let (soft, _) = d.side.softening(qd[d.coordinate], d.width);
             for (x, share) in values.iter_mut().zip(posture.row(d.coordinate)) {
                 *x -= share * soft * coefficient;
             }
@@ -301,51 +313,76 @@ where
         drift: &[f64],
         out: &mut Accelerations,
     ) -> Result<(), SizeError> {
-        let (n, dof, r, a) = (self.n, self.dof, self.columns, efforts.len());
-        let (q, qd) = (&posture.q, &posture.qd);
-        let mut qdd = combined(&posture.reach, &out.values, n);
+        let dof = self.dof;
+        let mut qdd = combined(&posture.reach, &out.values, self.n);
         for (x, y) in qdd.iter_mut().zip(drift) {
             *x += y;
         }
-        let mut column = vec![0.0; dof];
-        // by the efforts
-        out.by_effort = vec![0.0; dof * a];
-        for k in 0..a {
-            let mut unit = vec![0.0; a];
-            unit[k] = 1.0;
-            column.copy_from_slice(&self.applied(q, &unit)?);
-            solve_mass(mass, &mut column);
-            for (i, x) in column.iter().enumerate() {
-                out.by_effort[i * a + k] = *x;
-            }
-        }
-        // by the base parameters
-        let mut w = vec![0.0; dof * r];
-        let _condition = self.model.base_regressor(q, qd, &qdd, &mut w)?;
+        let mut found = self.gradient(posture, &qdd, efforts, beta, true)?;
         for d in &self.directed {
-            let (soft, _) = d.side.softening(qd[d.coordinate], self.width);
+            let (soft, _) = d.side.softening(posture.qd[d.coordinate], d.width);
             let shares: Vec<f64> = posture.row(d.coordinate).collect();
-            for (column, factor) in w.chunks_exact_mut(dof.max(1)).zip(&d.combination) {
+            let columns = found.regressor.chunks_exact_mut(dof.max(1));
+            for (column, factor) in columns.zip(&d.combination) {
                 for (x, share) in column.iter_mut().zip(&shares) {
                     *x += share * soft * factor;
                 }
             }
         }
-        out.by_beta = vec![0.0; dof * r];
-        for (j, entries) in w.chunks_exact(dof.max(1)).enumerate() {
-            column.copy_from_slice(entries);
-            solve_mass(mass, &mut column);
-            for (i, x) in column.iter().enumerate() {
-                out.by_beta[i * r + j] = -x;
+        // row by row, as accelerations
+        let accelerated = |columns: &mut [f64], sign: f64| -> Vec<f64> {
+            let width = columns.len() / dof.max(1);
+            let mut rows = vec![0.0; columns.len()];
+            for (k, column) in columns.chunks_exact_mut(dof.max(1)).enumerate() {
+                solve_mass(mass, column);
+                for (i, x) in column.iter().enumerate() {
+                    rows[i * width + k] = sign * x;
+                }
             }
-        }
-        // by the state
+            rows
+        };
+        out.by_effort = accelerated(&mut found.by_effort, 1.0);
+        out.by_beta = accelerated(&mut found.regressor, -1.0);
+        out.by_state = accelerated(&mut found.by_state, 1.0);
+        Ok(())
+    }
+
+    /// The derivatives of `G u - W beta` at constant independent accelerations, for a posture with
+    /// derivatives.
+    ///
+    /// - `qdd`: the accelerations of all coordinates, n; `efforts`: u;
+    /// - `softened`: whether the derivatives by the state have those of smoothed friction; otherwise
+    ///   friction is constant in each direction.
+    pub(crate) fn gradient(
+        &self,
+        posture: &Posture,
+        qdd: &[f64],
+        efforts: &[f64],
+        beta: &[f64],
+        softened: bool,
+    ) -> Result<Gradient, SizeError> {
+        let (n, dof, a) = (self.n, self.dof, efforts.len());
         let width = 2 * dof;
-        out.by_state = vec![0.0; dof * width];
+        let mut out = Gradient {
+            by_effort: Vec::with_capacity(dof * a),
+            regressor: vec![0.0; dof * self.columns],
+            by_state: vec![0.0; dof * width],
+        };
+        let mut unit = vec![0.0; a];
+        for k in 0..a {
+            unit.fill(0.0);
+            unit[k] = 1.0;
+            out.by_effort.extend(self.applied(&posture.q, &unit)?);
+        }
+        let _condition =
+            self.model
+                .base_regressor(&posture.q, &posture.qd, qdd, &mut out.regressor)?;
         let constants = |values: &[f64]| -> Vec<Number> {
             values.iter().map(|x| Number::constant(*x)).collect()
         };
-        let (beta_n, qdd_i) = (constants(beta), constants(&out.values));
+        let independent = self.independent.iter().map(|c| qdd[*c]);
+        let qdd_i: Vec<Number> = independent.map(Number::constant).collect();
+        let beta_n = constants(beta);
         for (chunk, [q, qd]) in posture.numbers.iter().enumerate() {
             let first = chunk * DIRECTIONS;
             let mut qdd = vec![Number::constant(0.0); n];
@@ -354,7 +391,9 @@ where
             let _condition = self
                 .derivatives
                 .base_inverse_dynamics(q, qd, &qdd, &beta_n, &mut tau)?;
-            self.add_softening(q, qd, beta, &mut tau)?;
+            if softened {
+                self.add_softening(q, qd, beta, &mut tau)?;
+            }
             let mut applied = vec![Number::constant(0.0); dof];
             if !self.direct {
                 let efforts = constants(efforts);
@@ -363,16 +402,13 @@ where
                     .generalized_forces(q, &efforts, &mut applied)?;
             }
             for k in first..width.min(first + DIRECTIONS) {
+                let column = &mut out.by_state[k * dof..(k + 1) * dof];
                 for (x, (g, t)) in column.iter_mut().zip(applied.iter().zip(&tau)) {
                     *x = g.rates[k - first] - t.rates[k - first];
                 }
-                solve_mass(mass, &mut column);
-                for (i, x) in column.iter().enumerate() {
-                    out.by_state[i * width + k] = *x;
-                }
             }
         }
-        Ok(())
+        Ok(out)
     }
 
     /// Adds the difference between friction with the smoothed sign and friction with the sign.
@@ -404,7 +440,7 @@ where
         for d in &self.directed {
             let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
             let v = qd[d.coordinate];
-            let (value, slope) = d.side.softening(v.value, self.width);
+            let (value, slope) = d.side.softening(v.value, d.width);
             let friction = Number {
                 value: coefficient * value,
                 rates: v.rates.map(|x| coefficient * slope * x),

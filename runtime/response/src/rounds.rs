@@ -2,15 +2,18 @@
 //! simulated parameters.
 
 use nalgebra::{DMatrix, DVector};
-use regen_experiment::closed_loop::follow;
+use regen_experiment::closed_loop::{LoopRun, simulate_loop};
 use regen_experiment::simulate::Settings;
+use regen_identify::estimate::{Accumulator, EstimateError};
 use regen_identify::identify::{
-    EquationKind, Identified, Recorded, Source as _, StateSample, observe,
+    EquationBuilder, EquationKind, Identified, Recorded, Source as _, StateSample, equations,
 };
 use regen_runtime::{BaseModel, SizeError};
 
-use crate::departure::Departure;
-use crate::didim::{DidimError, DidimOptions, EffortRun, MAX_HALVINGS, NEAR_DEVIATIONS};
+use crate::Number;
+use crate::didim::{DidimError, DidimOptions, EffortRun, MAX_HALVINGS};
+use crate::effort_slopes::{SlopeColumns, effort_slopes};
+use crate::plant::Plant;
 use crate::threads::spread;
 
 /// Velocities below this many widths of the simulated friction count as rest: the regressor has the
@@ -19,18 +22,19 @@ const REST_WIDTHS: f64 = 4.0;
 /// Values that differ by a smaller part than this count as equal; simulated motion is a few digits
 /// more accurate.
 const SAME_DIGITS: f64 = 1e-5;
-/// The derivatives are computed over steps that change the efforts of all rows together by this many
-/// standard deviations of one effort.
-const STEP_DEVIATIONS: f64 = 5.0;
+/// The least rms error of efforts, as a part of their rms, that the misfit tells from zero.
+const LEAST_MISFIT: f64 = 1e-6;
 
 /// The rounds of one identification.
-pub(super) struct Rounds<'a, 'r, M: ?Sized> {
+pub(super) struct Rounds<'a, 'r, M: ?Sized, D: ?Sized> {
     pub(super) model: &'a M,
+    /// The same model for numbers with derivatives.
+    pub(super) derivatives: &'a D,
     pub(super) runs: &'a [EffortRun<'r>],
     pub(super) options: &'a DidimOptions,
     pub(super) slopes: Option<Slopes>,
-    /// For each row, which coordinates rest; fixed once the derivatives are known, because the
-    /// estimate would jump if rows were dropped or added from round to round.
+    /// For each row, which coordinates rest; fixed once the estimate is near its limit, because it
+    /// would jump if rows were dropped or added from round to round.
     pub(super) resting: Option<Vec<Vec<bool>>>,
 }
 
@@ -43,28 +47,53 @@ pub(super) struct Slopes {
     pub(super) moved: f64,
 }
 
-impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
+/// A simulation of all runs.
+pub(super) struct Simulated {
+    /// The measured efforts at the simulated motion.
+    pub(super) log: Recorded,
+    /// The simulated loops, one for each run.
+    loops: Vec<LoopRun>,
+    /// The mean over the actuated joints of the logarithm of the rms of measured minus simulated
+    /// efforts.
+    pub(super) misfit: f64,
+}
+
+impl<M, D> Rounds<'_, '_, M, D>
+where
+    M: BaseModel<f64> + ?Sized + Sync,
+    D: BaseModel<Number> + ?Sized + Sync,
+{
     /// The log of the measured efforts at the motion of the loop simulated with these parameters.
-    pub(super) fn simulated(&self, values: &[f64]) -> Result<Recorded, DidimError> {
+    pub(super) fn simulated(&self, values: &[f64]) -> Result<Simulated, DidimError> {
         let (model, options) = (self.model, self.options);
         let info = model.info();
         let (n, dof) = (info.coordinates.len(), info.dof());
-        let phi = self.parameters(values)?;
+        let phi = parameters(model, values)?;
         let slow = REST_WIDTHS * Settings::default().friction_width;
         let mut out = Recorded::new().filtered(options.filtering);
         let weights = vec![1.0; dof];
         let mut tau = vec![0.0; dof];
+        // for each actuated joint the sums of squared errors and of squared efforts
+        let mut squares = vec![[0.0; 2]; info.actuated.len()];
+        let mut loops = Vec::with_capacity(self.runs.len());
         for run in self.runs {
-            let log = follow(model, &run.closed_loop, &phi, run.times)?;
+            let simulated = simulate_loop(model, &run.closed_loop, &phi, run.times)?;
+            let (log, lead) = (&simulated.log, simulated.lead);
             let first = run.times.first().copied().unwrap_or(0.0);
             let mut follows = false;
             for (k, time) in run.times.iter().enumerate() {
                 if time - first < options.settle {
                     continue;
                 }
-                let row = |all: &[f64]| all.get(k * n..(k + 1) * n).unwrap_or_default().to_vec();
+                let at = lead + k;
+                let row = |all: &[f64]| all.get(at * n..(at + 1) * n).unwrap_or_default().to_vec();
                 let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
                 let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
+                let simulated = log.effort.iter().skip(at * efforts.len());
+                for ((sums, x), y) in squares.iter_mut().zip(&efforts).zip(simulated) {
+                    sums[0] += (x - y) * (x - y);
+                    sums[1] += x * x;
+                }
                 let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
                 let known = self.resting.as_ref().and_then(|all| all.get(out.len()));
                 let still = match known {
@@ -84,56 +113,17 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
                 });
                 follows = true;
             }
+            loops.push(simulated);
         }
-        Ok(out)
-    }
-
-    /// All p parameters, for these base parameters.
-    fn parameters(&self, values: &[f64]) -> Result<Vec<f64>, SizeError> {
-        let mut phi = vec![0.0; self.model.info().parameters.len()];
-        let free = vec![0.0; self.model.base_info().free.len()];
-        self.model.parameters_from_base(values, &free, &mut phi)?;
-        Ok(phi)
-    }
-
-    /// The departures of the motion simulated with these parameters from the measured positions.
-    pub(super) fn departures(&self, values: &[f64]) -> Result<Vec<Departure>, DidimError> {
-        if self.runs.iter().all(|run| run.positions.is_empty()) {
-            return Ok(Vec::new());
-        }
-        let info = self.model.info();
-        let n = info.coordinates.len();
-        let phi = self.parameters(values)?;
-        // for each coordinate the squares of differences and of the motion
-        let mut squares = vec![[0.0; 2]; n];
-        for run in self.runs {
-            let log = follow(self.model, &run.closed_loop, &phi, run.times)?;
-            let first = run.times.first().copied().unwrap_or(0.0);
-            let skip = run.times.iter();
-            let skip = skip
-                .take_while(|t| *t - first < self.options.settle)
-                .count();
-            for (c, measured) in run.positions {
-                let Some(sums) = squares.get_mut(*c) else {
-                    continue;
-                };
-                let used = measured.get(skip..).unwrap_or_default();
-                let mean = used.iter().sum::<f64>() / used.len().max(1) as f64;
-                for (k, x) in used.iter().enumerate() {
-                    let simulated = log.q.get((skip + k) * n + c).copied().unwrap_or(*x);
-                    sums[0] += (x - simulated) * (x - simulated);
-                    sums[1] += (x - mean) * (x - mean);
-                }
-            }
-        }
-        let named = info.coordinates.iter().zip(&squares);
-        let moving = named.filter(|(_, [_, motion])| *motion > 0.0);
-        Ok(moving
-            .map(|(name, [difference, motion])| Departure {
-                name: (*name).to_owned(),
-                percent: 100.0 * (difference / motion).sqrt(),
-            })
-            .collect())
+        let misfits = squares.iter().map(|[errors, efforts]| {
+            let least = LEAST_MISFIT * LEAST_MISFIT * efforts;
+            0.5 * libm::log(errors.max(least).max(f64::MIN_POSITIVE))
+        });
+        Ok(Simulated {
+            misfit: misfits.sum::<f64>() / info.actuated.len().max(1) as f64,
+            log: out,
+            loops,
+        })
     }
 
     /// The parameters to simulate next: the estimate or, once the derivatives are known, a Newton
@@ -156,7 +146,7 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         &self,
         values: &[f64],
         mut wanted: Vec<f64>,
-    ) -> Result<(Vec<f64>, Recorded), DidimError> {
+    ) -> Result<(Vec<f64>, Simulated), DidimError> {
         for _ in 0..MAX_HALVINGS {
             match self.simulated(&wanted) {
                 Ok(log) => return Ok((wanted, log)),
@@ -183,61 +173,69 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         Ok(())
     }
 
-    /// Computes the derivatives by differences.
+    /// Computes the derivatives of the estimate.
     ///
+    /// The estimate G minimises the squares of `tau - W G` with the regressor W at the motion that is
+    /// simulated with beta. The simulated efforts are `W beta`, and with their derivatives J,
+    /// `(dW/dbeta) beta = J - W`. Where the residuals are small beside the efforts,
+    /// `1 - dG/dbeta = (W^T W)^-1 W^T J`: the least squares of J on W.
+    ///
+    /// - `now`: the simulation with the values;
+    /// - `weights`: of the efforts;
     /// - `changed`: the difference of the estimate and the values, in standard deviations.
     pub(super) fn differentiate(
         &mut self,
-        found: &Identified,
+        now: &mut Simulated,
         values: &[f64],
+        weights: &[f64],
         changed: f64,
     ) -> Result<(), DidimError> {
+        let settle = self.options.settle;
+        let width = Settings::default().friction_width;
+        let plant = Plant::new(self.model, self.derivatives, width)?;
+        let loops = &now.loops;
+        let of_run = |k: usize| -> Result<Vec<f64>, DidimError> {
+            let (Some(run), Some(simulated)) = (self.runs.get(k), loops.get(k)) else {
+                return Ok(Vec::new());
+            };
+            let closed_loop = &run.closed_loop;
+            let mut slopes = effort_slopes(&plant, self.model, closed_loop, simulated, values)?;
+            let first = run.times.first().copied().unwrap_or(0.0);
+            let early = run.times.iter().take_while(|t| *t - first < settle).count();
+            let of_row = slopes.len() / run.times.len().max(1);
+            slopes.drain(..early * of_row);
+            Ok(slopes)
+        };
+        let mut slopes = Vec::new();
+        for (_, own) in spread(0, self.runs.len(), of_run, Result::is_ok) {
+            slopes.extend(own?);
+        }
         let n = values.len();
-        let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-        if self.resting.is_none() || changed > NEAR_DEVIATIONS {
-            self.resting = None;
-            let mut log = self.simulated(values)?;
-            self.rest(&mut log)?;
-        }
-        let this = &*self;
-        let estimate = |values: &[f64]| -> Result<Vec<f64>, DidimError> {
-            let mut log = this.simulated(values)?;
-            let (set, _) = observe(this.model, EquationKind::Forces, &mut log)?;
-            Ok(set.combined(&weights)?.solve()?)
-        };
-        let here = estimate(values)?;
-        // step so far that the efforts of all rows together change by a few standard deviations
-        let norms = found.factor.column_norms();
-        let step = |k: usize| {
-            let norm = norms.get(k).copied().unwrap_or(0.0);
-            if norm > 0.0 {
-                STEP_DEVIATIONS / norm
-            } else {
-                1e-6
+        let kind = EquationKind::Forces;
+        let mut origin = EquationBuilder::new(self.model, kind).origin();
+        let with_slopes = origin.labels.iter().map(|label| format!("d {label}"));
+        let with_slopes: Vec<String> = with_slopes.collect();
+        origin.labels.extend(with_slopes);
+        let mut rows = Accumulator::new(&origin);
+        let mut columns = SlopeColumns::new(self.model, &slopes);
+        equations(self.model, kind, &mut now.log, &mut columns, &mut |found| {
+            let count = found.tau.len();
+            for (effort, weight) in found.weights.iter().enumerate() {
+                if *weight != 0.0 {
+                    rows.push(effort, &found.w[effort..], count, 0.0, *weight)?;
+                }
             }
+            Ok(())
+        })?;
+        let both = rows.finish()?.combined(weights)?;
+        let r = DMatrix::from_column_slice(2 * n, 2 * n, both.r());
+        let regressor = r.view((0, 0), (n, n)).clone_owned();
+        let slopes = r.view((0, n), (n, n)).clone_owned();
+        let Some(matrix) = regressor.solve_upper_triangular(&slopes) else {
+            return Err(EstimateError::NoConvergence.into());
         };
-        let column = |k: usize| -> Result<Vec<f64>, DidimError> {
-            let moved = |by: f64| {
-                let mut moved = values.to_vec();
-                moved[k] += by;
-                estimate(&moved)
-            };
-            // use the opposite direction if this one cannot be simulated
-            let (h, there) = match moved(step(k)) {
-                Ok(there) => (step(k), there),
-                Err(_) => (-step(k), moved(-step(k))?),
-            };
-            Ok(there.iter().zip(&here).map(|(a, b)| (a - b) / h).collect())
-        };
-        let columns = spread(0, n, column, Result::is_ok);
-        let mut slopes = DMatrix::identity(n, n);
-        for (k, column) in columns {
-            for (i, slope) in column?.iter().enumerate() {
-                slopes[(i, k)] -= slope;
-            }
-        }
         self.slopes = Some(Slopes {
-            matrix: slopes,
+            matrix,
             moved: changed,
         });
         Ok(())
@@ -267,6 +265,17 @@ impl<M: BaseModel<f64> + ?Sized + Sync> Rounds<'_, '_, M> {
         found.deviations.degrees_of_freedom = freedom;
         found
     }
+}
+
+/// All p parameters, for these base parameters.
+pub(super) fn parameters<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    values: &[f64],
+) -> Result<Vec<f64>, SizeError> {
+    let mut phi = vec![0.0; model.info().parameters.len()];
+    let free = vec![0.0; model.base_info().free.len()];
+    model.parameters_from_base(values, &free, &mut phi)?;
+    Ok(phi)
 }
 
 /// Whether two lists of values agree as far as the simulation is accurate. If efforts have no noise,

@@ -143,6 +143,26 @@ pub fn fitted_friction(
     })
 }
 
+/// The velocity over which the smoothed friction of a joint changes its direction, rad/s or m/s; that of
+/// a drive is the velocity at which its joints reach theirs.
+///
+/// - `joint`: `None` stands for a joint that is no drive;
+/// - `of_joints`: the velocity for joints.
+///
+/// ```
+/// use regen_experiment::simulate::friction_width;
+/// use regen_runtime::Joint;
+///
+/// // a motor with a gear of ratio 45
+/// let motor = Joint { travel: [45.0, 0.0], ..Joint::ROTATION };
+/// assert_eq!(friction_width(Some(&motor), 1e-3), 45e-3);
+/// assert_eq!(friction_width(Some(&Joint::ROTATION), 1e-3), 1e-3);
+/// ```
+pub fn friction_width(joint: Option<&Joint>, of_joints: f64) -> f64 {
+    let drive = joint.filter(|joint| joint.is_drive());
+    drive.map_or(of_joints, |drive| drive.reach(of_joints, of_joints))
+}
+
 /// Multiplies each nonlinear friction law by a random factor between 1 - `part` and 1 + `part`.
 /// Coefficients of linear laws are parameters, which
 /// [`perturb_parameters`](super::perturb_parameters) changes.

@@ -31,8 +31,8 @@ pub use control::{Controller, ControllerInput, Drive, Pid};
 pub use csv::LogColumns;
 pub use forward::{Forward, ForwardOutcome, factor_mass, solve_mass};
 pub use friction::{
-    MissingNominal, add_stribeck, fitted_friction, linear_friction, nominal_friction,
-    perturb_friction,
+    MissingNominal, add_stribeck, fitted_friction, friction_width, linear_friction,
+    nominal_friction, perturb_friction,
 };
 pub use log::{Log, Termination};
 pub use missing::missing_values;

@@ -4,13 +4,12 @@ use super::audit::{Energy, moments, offsets, spring_power, springs};
 use super::complete::{Weights, complete};
 use super::control::Drive;
 use super::forward::Forward;
+use super::friction::friction_width;
 use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
 use regen_batch::{PredictedClosure, eval_many};
-use regen_runtime::{
-    Arguments, Condition, Friction, Function, Joint, Model, Outcome, SizeError, Status,
-};
+use regen_runtime::{Arguments, Condition, Friction, Function, Model, Outcome, SizeError, Status};
 
 /// The continuous-time robot that is integrated between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
@@ -445,11 +444,4 @@ impl Lanes {
         )?;
         Ok(&self.out)
     }
-}
-
-/// The width of the smoothed friction; that of a drive is the velocity at which its joints reach
-/// their width.
-fn friction_width(joint: Option<&Joint>, of_joints: f64) -> f64 {
-    let drive = joint.filter(|joint| joint.is_drive());
-    drive.map_or(of_joints, |drive| drive.reach(of_joints, of_joints))
 }

@@ -37,7 +37,13 @@ fn estimated<M: BaseModel<f64> + Sync>(
             controllers,
         },
     };
-    didim(twin.model, &[run], &DidimOptions::default(), start)
+    didim(
+        twin.model,
+        twin.model,
+        &[run],
+        &DidimOptions::default(),
+        start,
+    )
 }
 
 fn ratios(estimate: &Estimate, truth: &[f64]) -> Vec<f64> {
