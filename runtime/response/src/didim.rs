@@ -24,7 +24,7 @@ use regen_identify::session::{LeastSquaresStart, describe};
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::departure::{Departure, departures};
-use crate::rounds::{Rounds, Slopes, is_same, moved};
+use crate::rounds::{Rounds, is_same, moved};
 use crate::{Number, ResponseError};
 
 /// The efforts of a run, and the control loop that produced them.
@@ -188,93 +188,65 @@ where
         derivatives,
         runs,
         options,
-        slopes: None,
         resting: None,
     };
     let mut values = start.to_vec();
     let mut now = rounds.simulated(&values)?;
     let mut norms: Vec<f64> = Vec::new();
-    let mut best: Option<Best> = None;
+    let mut damping = 0.0;
     loop {
-        let found = identify(
-            model,
-            EquationKind::Forces,
-            &options.least_squares,
-            &mut now.log,
-        )?;
+        let mut found = rounds.estimate(&mut now, &values)?;
         let moved = moved(&found, &values)?;
+        eprintln!(
+            "DBG round {} moved {moved:.4} norm {:.4} misfit {:.4} damping {damping}",
+            norms.len(),
+            found.relative_absolute,
+            now.misfit
+        );
         let before = norms.last().copied();
         norms.push(found.relative_absolute);
         let quiet = before.is_some_and(|b| {
             let now = found.relative_absolute;
             (now - b).abs() <= options.tolerance * b.max(f64::MIN_POSITIVE)
         });
-        let converged =
+        let mut converged =
             quiet && moved <= options.tolerance || is_same(&found.estimate.values, &values);
-        let last = converged || norms.len() >= options.rounds.max(1);
-        if let Some(best) = &mut best
-            && !last
-            && best.halvings < MAX_HALVINGS
-            && now.misfit > best.misfit + MISFIT_GROWTH
-        {
-            // the step was too long
-            best.halvings += 1;
-            let between = best.values.iter().zip(&values);
-            let between = between.map(|(a, b)| f64::midpoint(*a, *b)).collect();
-            (values, now) = rounds.simulable(&best.values, between)?;
-            continue;
-        }
-        if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
-            rounds.rest(&mut now.log)?;
-        }
-        let near = |slopes: &Slopes| slopes.moved < NEAR_DEVIATIONS;
-        if !rounds.slopes.as_ref().is_some_and(near) {
-            let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-            match rounds.differentiate(&mut now, &values, &weights, moved) {
-                Ok(()) => {}
-                // a round can continue without derivatives, but a result needs them for its standard
-                // deviations
-                Err(DidimError::Loop(_) | DidimError::Response(_)) if !last => {
-                    rounds.slopes = None;
-                }
-                Err(other) => return Err(other),
+        let mut next = None;
+        if !converged && norms.len() < options.rounds.max(1) {
+            if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
+                rounds.rest(&mut now.log)?;
+            }
+            next = rounds.step(&found, &values, now.misfit, &mut damping)?;
+            // where only a small part of the step fits better, or none, the simulation is not accurate
+            // enough for a smaller change
+            let is_stuck = next.is_none() || damping >= STRONG_DAMPING;
+            if is_stuck && moved <= STUCK_TOLERANCES * options.tolerance {
+                converged = true;
+                next = None;
             }
         }
-        if last {
+        let Some((moved_to, simulated)) = next else {
+            let kind = EquationKind::Forces;
+            found.delays = identify(model, kind, &options.least_squares, &mut now.log)?.delays;
             return Ok(Didim {
                 departures: departures(model, runs, options.settle, &values)?,
-                identified: rounds.propagated(found),
+                identified: found,
                 rounds: norms.len(),
                 norms,
                 converged,
             });
-        }
-        let wanted = rounds.next(&found, &values);
-        best = Some(Best {
-            values: values.clone(),
-            misfit: now.misfit,
-            halvings: 0,
-        });
-        (values, now) = rounds.simulable(&values, wanted)?;
+        };
+        (values, now) = (moved_to, simulated);
     }
 }
 
-/// The parameters from which the last step began.
-struct Best {
-    values: Vec<f64>,
-    /// The misfit of the efforts simulated with them.
-    misfit: f64,
-    /// How often the step from them was halved.
-    halvings: usize,
-}
-
 /// If a round changes the estimate by less than this many standard deviations, the rows at rest of
-/// its motion and its derivatives are used for the result.
+/// its motion are used for the result.
 const NEAR_DEVIATIONS: f64 = 1.0;
-/// A step is too long if the logarithm of the rms error of the efforts grows by more than this.
-const MISFIT_GROWTH: f64 = 0.02;
-/// How often a change of the estimate is halved until the robot can be simulated with it.
-pub(super) const MAX_HALVINGS: usize = 8;
+/// Where no step fits better, or only one with this damping, the rounds have converged if the estimate
+/// changes by at most this many tolerances.
+const STRONG_DAMPING: f64 = 0.5;
+const STUCK_TOLERANCES: f64 = 5.0;
 
 /// The reason why DIDIM found no parameters.
 #[derive(Clone, Debug, PartialEq)]

@@ -251,33 +251,41 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     Ok(out)
 }
 
-/// The derivatives of the efforts, reduced to the independent coordinates, as columns beside the base
-/// regressor.
-pub(crate) struct SlopeColumns<'a, M: ?Sized> {
+/// A simulation's linearised efforts, reduced to the independent coordinates, as columns beside the base
+/// regressor: the derivatives, if there are any, then the difference of measured and simulated efforts.
+pub(crate) struct LinearisedColumns<'a, M: ?Sized> {
     model: &'a M,
-    /// For each row of the log a x r, column by column.
+    /// For each row of the log the derivatives of the efforts, a x r, column by column, or nothing.
     slopes: &'a [f64],
-    columns: usize,
+    /// For each row of the log measured minus simulated efforts, a.
+    differences: &'a [f64],
+    derivatives: usize,
     row: usize,
     reduced: Vec<f64>,
 }
 
-impl<'a, M: BaseModel<f64> + ?Sized> SlopeColumns<'a, M> {
-    /// - `slopes`: those of [`effort_slopes`], in the order of the log's rows.
-    pub(crate) fn new(model: &'a M, slopes: &'a [f64]) -> Self {
+impl<'a, M: BaseModel<f64> + ?Sized> LinearisedColumns<'a, M> {
+    /// - `slopes`: those of [`effort_slopes`], in the order of the log's rows; empty for the differences
+    ///   alone.
+    pub(crate) fn new(model: &'a M, slopes: &'a [f64], differences: &'a [f64]) -> Self {
         Self {
             model,
             slopes,
-            columns: model.base_info().base.len(),
+            differences,
+            derivatives: if slopes.is_empty() {
+                0
+            } else {
+                model.base_info().base.len()
+            },
             row: 0,
             reduced: vec![0.0; model.info().dof()],
         }
     }
 }
 
-impl<M: BaseModel<f64> + ?Sized> Columns for SlopeColumns<'_, M> {
+impl<M: BaseModel<f64> + ?Sized> Columns for LinearisedColumns<'_, M> {
     fn count(&self) -> usize {
-        self.columns
+        self.derivatives + 1
     }
 
     fn fill(
@@ -287,15 +295,15 @@ impl<M: BaseModel<f64> + ?Sized> Columns for SlopeColumns<'_, M> {
         out: &mut [f64],
     ) -> Result<bool, EstimateError> {
         let (dof, a) = (self.reduced.len(), self.model.info().actuated.len());
-        let mut rows = self.slopes.chunks_exact((a * self.columns).max(1));
-        let Some(own) = rows.nth(self.row) else {
-            return Ok(false);
+        let own = |all: &'_ [f64], width: usize| -> core::ops::Range<usize> {
+            let start = (self.row * width).min(all.len());
+            start..(start + width).min(all.len())
         };
+        let slopes = &self.slopes[own(self.slopes, a * self.derivatives)];
+        let difference = &self.differences[own(self.differences, a)];
         self.row += 1;
-        let columns = out
-            .chunks_exact_mut(dof.max(1))
-            .zip(own.chunks_exact(a.max(1)));
-        for (column, efforts) in columns {
+        let efforts = slopes.chunks_exact(a.max(1)).chain([difference]);
+        for (column, efforts) in out.chunks_exact_mut(dof.max(1)).zip(efforts) {
             let _condition = self
                 .model
                 .generalized_forces(row.q, efforts, &mut self.reduced)?;

@@ -1,18 +1,17 @@
-//! The rounds of DIDIM: simulation, estimate, and the derivatives of the estimate with respect to the
-//! simulated parameters.
+//! The rounds of DIDIM: simulation, linearisation and estimate.
 
 use nalgebra::{DMatrix, DVector};
 use regen_experiment::closed_loop::{LoopRun, simulate_loop};
-use regen_experiment::simulate::Settings;
-use regen_identify::estimate::{Accumulator, EstimateError};
+use regen_experiment::simulate::{Settings, friction_width};
+use regen_identify::estimate::Weighting;
 use regen_identify::identify::{
-    EquationBuilder, EquationKind, Identified, Recorded, Source as _, StateSample, equations,
+    Identified, Recorded, Source as _, StateSample, errors_of_prediction, identify_linearised,
 };
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::Number;
-use crate::didim::{DidimError, DidimOptions, EffortRun, MAX_HALVINGS};
-use crate::effort_slopes::{SlopeColumns, effort_slopes};
+use crate::didim::{DidimError, DidimOptions, EffortRun};
+use crate::effort_slopes::{LinearisedColumns, effort_slopes};
 use crate::plant::Plant;
 use crate::threads::spread;
 
@@ -22,8 +21,15 @@ const REST_WIDTHS: f64 = 4.0;
 /// Values that differ by a smaller part than this count as equal; simulated motion is a few digits
 /// more accurate.
 const SAME_DIGITS: f64 = 1e-5;
-/// The least rms error of efforts, as a part of their rms, that the misfit tells from zero.
-const LEAST_MISFIT: f64 = 1e-6;
+
+/// A step is refused if the misfit grows, by more than this where the estimate does not minimise it
+/// exactly: with other weights, or while the rows that are left out still change.
+const MISFIT_GROWTH: f64 = 0.003;
+/// The largest number of steps that are tried from one estimate.
+const MAX_STEPS: usize = 8;
+/// The least damping other than none, and the factor by which it changes.
+const LEAST_DAMPING: f64 = 1e-3;
+const DAMPING_FACTOR: f64 = 8.0;
 
 /// The rounds of one identification.
 pub(super) struct Rounds<'a, 'r, M: ?Sized, D: ?Sized> {
@@ -32,29 +38,21 @@ pub(super) struct Rounds<'a, 'r, M: ?Sized, D: ?Sized> {
     pub(super) derivatives: &'a D,
     pub(super) runs: &'a [EffortRun<'r>],
     pub(super) options: &'a DidimOptions,
-    pub(super) slopes: Option<Slopes>,
     /// For each row, which coordinates rest; fixed once the estimate is near its limit, because it
     /// would jump if rows were dropped or added from round to round.
     pub(super) resting: Option<Vec<Vec<bool>>>,
-}
-
-/// The derivatives of the estimate with respect to the simulated parameters.
-pub(super) struct Slopes {
-    /// `1 - dG/dbeta`, r x r, where G is the estimate.
-    pub(super) matrix: DMatrix<f64>,
-    /// The difference of the estimate and the simulated parameters at which the derivatives were
-    /// computed, in standard deviations.
-    pub(super) moved: f64,
 }
 
 /// A simulation of all runs.
 pub(super) struct Simulated {
     /// The measured efforts at the simulated motion.
     pub(super) log: Recorded,
+    /// For each row of the log measured minus simulated efforts of all actuated joints.
+    differences: Vec<f64>,
     /// The simulated loops, one for each run.
     loops: Vec<LoopRun>,
-    /// The mean over the actuated joints of the logarithm of the rms of measured minus simulated
-    /// efforts.
+    /// The mean over the equations of the logarithm of the rms of measured minus simulated efforts,
+    /// filtered as for the estimate. Its minimum is that of the least squares with weights by effort.
     pub(super) misfit: f64,
 }
 
@@ -69,12 +67,15 @@ where
         let info = model.info();
         let (n, dof) = (info.coordinates.len(), info.dof());
         let phi = parameters(model, values)?;
-        let slow = REST_WIDTHS * Settings::default().friction_width;
+        let width = Settings::default().friction_width;
+        let slow = info.joints.iter();
+        let slow: Vec<f64> = slow
+            .map(|joint| REST_WIDTHS * friction_width(Some(joint), width))
+            .collect();
         let mut out = Recorded::new().filtered(options.filtering);
         let weights = vec![1.0; dof];
         let mut tau = vec![0.0; dof];
-        // for each actuated joint the sums of squared errors and of squared efforts
-        let mut squares = vec![[0.0; 2]; info.actuated.len()];
+        let mut differences = Vec::new();
         let mut loops = Vec::with_capacity(self.runs.len());
         for run in self.runs {
             let simulated = simulate_loop(model, &run.closed_loop, &phi, run.times)?;
@@ -89,16 +90,17 @@ where
                 let row = |all: &[f64]| all.get(at * n..(at + 1) * n).unwrap_or_default().to_vec();
                 let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
                 let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
-                let simulated = log.effort.iter().skip(at * efforts.len());
-                for ((sums, x), y) in squares.iter_mut().zip(&efforts).zip(simulated) {
-                    sums[0] += (x - y) * (x - y);
-                    sums[1] += x * x;
-                }
+                let own = log.effort.iter().skip(at * efforts.len());
+                differences.extend(efforts.iter().zip(own).map(|(x, y)| x - y));
                 let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
                 let known = self.resting.as_ref().and_then(|all| all.get(out.len()));
                 let still = match known {
                     Some(known) => known.clone(),
-                    None => qd.iter().map(|v| v.abs() < slow).collect(),
+                    None => qd
+                        .iter()
+                        .zip(&slow)
+                        .map(|(v, slow)| v.abs() < *slow)
+                        .collect(),
                 };
                 out.push_row(&StateSample {
                     time: *time,
@@ -115,51 +117,17 @@ where
             }
             loops.push(simulated);
         }
-        let misfits = squares.iter().map(|[errors, efforts]| {
-            let least = LEAST_MISFIT * LEAST_MISFIT * efforts;
-            0.5 * libm::log(errors.max(least).max(f64::MIN_POSITIVE))
-        });
+        let mut difference = LinearisedColumns::new(model, &[], &differences);
+        let errors = errors_of_prediction(model, &mut out, &mut difference, 0)?.efforts();
+        let logarithms = errors
+            .iter()
+            .map(|e| libm::log(e.rms.max(f64::MIN_POSITIVE)));
         Ok(Simulated {
-            misfit: misfits.sum::<f64>() / info.actuated.len().max(1) as f64,
+            misfit: logarithms.sum::<f64>() / errors.len().max(1) as f64,
             log: out,
+            differences,
             loops,
         })
-    }
-
-    /// The parameters to simulate next: the estimate or, once the derivatives are known, a Newton
-    /// step towards the parameters that reproduce themselves as the estimate.
-    pub(super) fn next(&self, found: &Identified, values: &[f64]) -> Vec<f64> {
-        let estimate = &found.estimate.values;
-        let change = estimate.iter().zip(values).map(|(a, b)| a - b);
-        let change = DVector::from_iterator(values.len(), change);
-        let step = self
-            .slopes
-            .as_ref()
-            .and_then(|s| s.matrix.clone().lu().solve(&change));
-        let step = step.unwrap_or(change);
-        values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
-    }
-
-    /// Simulates with these parameters or, if they cannot be simulated, with parameters between them
-    /// and the last ones.
-    pub(super) fn simulable(
-        &self,
-        values: &[f64],
-        mut wanted: Vec<f64>,
-    ) -> Result<(Vec<f64>, Simulated), DidimError> {
-        for _ in 0..MAX_HALVINGS {
-            match self.simulated(&wanted) {
-                Ok(log) => return Ok((wanted, log)),
-                Err(DidimError::Loop(_)) => {
-                    for (x, old) in wanted.iter_mut().zip(values) {
-                        *x = f64::midpoint(*x, *old);
-                    }
-                }
-                Err(other) => return Err(other),
-            }
-        }
-        let log = self.simulated(&wanted)?;
-        Ok((wanted, log))
     }
 
     /// Fixes the rows that rest, as in this log, for all later rounds.
@@ -173,27 +141,69 @@ where
         Ok(())
     }
 
-    /// Computes the derivatives of the estimate.
+    /// The estimate of the next round: the least squares of the measured efforts on the linearised
+    /// simulated ones.
     ///
-    /// The estimate G minimises the squares of `tau - W G` with the regressor W at the motion that is
-    /// simulated with beta. The simulated efforts are `W beta`, and with their derivatives J,
-    /// `(dW/dbeta) beta = J - W`. Where the residuals are small beside the efforts,
-    /// `1 - dG/dbeta = (W^T W)^-1 W^T J`: the least squares of J on W.
-    ///
-    /// - `now`: the simulation with the values;
-    /// - `weights`: of the efforts;
-    /// - `changed`: the difference of the estimate and the values, in standard deviations.
-    pub(super) fn differentiate(
-        &mut self,
+    /// - `now`: the simulation with `values`.
+    pub(super) fn estimate(
+        &self,
         now: &mut Simulated,
         values: &[f64],
-        weights: &[f64],
-        changed: f64,
-    ) -> Result<(), DidimError> {
-        let settle = self.options.settle;
+    ) -> Result<Identified, DidimError> {
+        let slopes = self.slopes(&now.loops, values)?;
+        let columns = LinearisedColumns::new(self.model, &slopes, &now.differences);
+        let mut difference = LinearisedColumns::new(self.model, &[], &now.differences);
+        let found = identify_linearised(
+            self.model,
+            &self.options.least_squares,
+            &mut now.log,
+            Box::new(columns),
+            &mut difference,
+            values,
+        )?;
+        Ok(found)
+    }
+
+    /// The next values and their simulation: the estimate of a round, damped until the robot can be
+    /// simulated with it and its efforts fit better; `None` where no step gives that.
+    ///
+    /// - `misfit`: of the simulation at `values`;
+    /// - `damping`: of the last step, replaced by that of this one; see [`damped`].
+    pub(super) fn step(
+        &self,
+        found: &Identified,
+        values: &[f64],
+        misfit: f64,
+        damping: &mut f64,
+    ) -> Result<Option<(Vec<f64>, Simulated)>, DidimError> {
+        let least_squares = &self.options.least_squares;
+        let is_exact = self.resting.is_some()
+            && least_squares.huber.is_none()
+            && least_squares.weighting == Weighting::PerEffort;
+        let most = misfit + if is_exact { 0.0 } else { MISFIT_GROWTH };
+        for _ in 0..MAX_STEPS {
+            let wanted = damped(found, values, *damping);
+            match self.simulated(&wanted) {
+                Ok(there) if there.misfit <= most => {
+                    *damping *= 1.0 / DAMPING_FACTOR;
+                    if *damping < LEAST_DAMPING {
+                        *damping = 0.0;
+                    }
+                    return Ok(Some((wanted, there)));
+                }
+                Ok(_) | Err(DidimError::Loop(_)) => {
+                    *damping = (*damping * DAMPING_FACTOR).max(LEAST_DAMPING);
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        Ok(None)
+    }
+
+    /// The derivatives of the simulated efforts at all rows of the log, see [`effort_slopes`].
+    fn slopes(&self, loops: &[LoopRun], values: &[f64]) -> Result<Vec<f64>, DidimError> {
         let width = Settings::default().friction_width;
         let plant = Plant::new(self.model, self.derivatives, width)?;
-        let loops = &now.loops;
         let of_run = |k: usize| -> Result<Vec<f64>, DidimError> {
             let (Some(run), Some(simulated)) = (self.runs.get(k), loops.get(k)) else {
                 return Ok(Vec::new());
@@ -201,7 +211,10 @@ where
             let closed_loop = &run.closed_loop;
             let mut slopes = effort_slopes(&plant, self.model, closed_loop, simulated, values)?;
             let first = run.times.first().copied().unwrap_or(0.0);
-            let early = run.times.iter().take_while(|t| *t - first < settle).count();
+            let early = run.times.iter();
+            let early = early
+                .take_while(|t| *t - first < self.options.settle)
+                .count();
             let of_row = slopes.len() / run.times.len().max(1);
             slopes.drain(..early * of_row);
             Ok(slopes)
@@ -210,61 +223,33 @@ where
         for (_, own) in spread(0, self.runs.len(), of_run, Result::is_ok) {
             slopes.extend(own?);
         }
-        let n = values.len();
-        let kind = EquationKind::Forces;
-        let mut origin = EquationBuilder::new(self.model, kind).origin();
-        let with_slopes = origin.labels.iter().map(|label| format!("d {label}"));
-        let with_slopes: Vec<String> = with_slopes.collect();
-        origin.labels.extend(with_slopes);
-        let mut rows = Accumulator::new(&origin);
-        let mut columns = SlopeColumns::new(self.model, &slopes);
-        equations(self.model, kind, &mut now.log, &mut columns, &mut |found| {
-            let count = found.tau.len();
-            for (effort, weight) in found.weights.iter().enumerate() {
-                if *weight != 0.0 {
-                    rows.push(effort, &found.w[effort..], count, 0.0, *weight)?;
-                }
-            }
-            Ok(())
-        })?;
-        let both = rows.finish()?.combined(weights)?;
-        let r = DMatrix::from_column_slice(2 * n, 2 * n, both.r());
-        let regressor = r.view((0, 0), (n, n)).clone_owned();
-        let slopes = r.view((0, n), (n, n)).clone_owned();
-        let Some(matrix) = regressor.solve_upper_triangular(&slopes) else {
-            return Err(EstimateError::NoConvergence.into());
-        };
-        self.slopes = Some(Slopes {
-            matrix,
-            moved: changed,
-        });
-        Ok(())
+        Ok(slopes)
     }
+}
 
-    /// The estimate with standard deviations that include the feedback through the simulation: an
-    /// error of the efforts changes the parameters, these change the simulated motion, and the motion
-    /// changes the parameters again.
-    pub(super) fn propagated(&self, mut found: Identified) -> Identified {
-        let Some(inverse) = self
-            .slopes
-            .as_ref()
-            .and_then(|s| s.matrix.clone().try_inverse())
-        else {
-            return found;
-        };
-        let n = inverse.nrows();
-        let through = |covariance: &[f64]| -> Vec<f64> {
-            let inner = DMatrix::from_column_slice(n, n, covariance);
-            let whole = &inverse * inner * inverse.transpose();
-            (0.5 * (&whole + whole.transpose())).as_slice().to_vec()
-        };
-        found.estimate.covariance = through(&found.estimate.covariance);
-        let freedom = found.deviations.degrees_of_freedom.clone();
-        let whole = through(&found.deviations.covariance);
-        found.deviations = found.deviations.with_covariance(whole, 0);
-        found.deviations.degrees_of_freedom = freedom;
-        found
+/// The values of a step: the least squares of a linearised round, damped.
+///
+/// - `damping`: the part of each parameter's squared column that is added to it (Levenberg's and
+///   Marquardt's method); 0 for the least squares themselves.
+pub(super) fn damped(found: &Identified, values: &[f64], damping: f64) -> Vec<f64> {
+    if damping == 0.0 {
+        return found.estimate.values.clone();
     }
+    let factor = &found.factor;
+    let n = values.len();
+    let r = DMatrix::from_column_slice(n, n, factor.r());
+    let at = DVector::from_column_slice(values);
+    let residual = DVector::from_column_slice(factor.z()) - &r * at;
+    let gradient = r.tr_mul(&residual);
+    let mut normal = r.tr_mul(&r);
+    for k in 0..n {
+        normal[(k, k)] *= 1.0 + damping;
+    }
+    let step = normal.cholesky().map(|c| c.solve(&gradient));
+    let Some(step) = step else {
+        return found.estimate.values.clone();
+    };
+    values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
 }
 
 /// All p parameters, for these base parameters.

@@ -26,7 +26,10 @@ pub use instruments::{
 };
 pub use motion::{Completed, CompletedStates, Completeness, Completion};
 pub(crate) use passes::identify_and_store;
-pub use passes::{Identified, Options, Source, identify, observe, residuals};
+pub use passes::{
+    Identified, Options, Source, errors_of_prediction, identify, identify_linearised, observe,
+    residuals,
+};
 pub use recorded::Recorded;
 pub(crate) use replay::Replay;
 pub(crate) use stored::Means;

@@ -10,7 +10,7 @@ use super::replay::Replay;
 use super::residual_passes::{andrews_bandwidth, noise_of, samples_per_independent_one, scores};
 use super::slower::delays_of_slower_motion;
 use super::stored::StoredEquations;
-use super::stream::LeftOut;
+use super::stream::{Columns, LeftOut, equations};
 use crate::estimate::huber as loss;
 use crate::estimate::{
     Accumulator, Blocks, Deviations, EffortError, Estimate, EstimateError, FactorSet, QrFactor,
@@ -219,29 +219,170 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     source: &mut S,
 ) -> Result<(Identified, Option<StoredEquations>), S::Error> {
     let mut replay = Replay::new(model, kind, source);
-    let plain = reduce(&mut replay)?;
+    let identified = identify_replayed(&mut replay, options, kind == EquationKind::Forces)?;
+    Ok((identified, replay.into_stored()))
+}
+
+/// A step of Gauss's and Newton's method: identifies base parameters from the equations
+/// `e + J at = J x`, where e is the difference of the measured right-hand sides and those that are
+/// predicted with the base parameters `at`, and J are the derivatives of the predicted ones. J differs
+/// from the regressor where the motion follows from the parameters too, as that of a simulation does.
+///
+/// - `linearised`: the columns of J, as many as base parameters, then e;
+/// - `difference`: e alone;
+/// - `at`: r, SI.
+///
+/// In the result, errors and eps_RA are those of e beside the measured right-hand sides, and there are no
+/// delays.
+///
+/// # Errors
+/// As [`identify`].
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_identify::estimate::EstimateError;
+/// use regen_identify::identify::{Columns, Options, Recorded, StateSample, identify_linearised};
+///
+/// const AT: [f64; 2] = [0.4, 2.5];
+///
+/// /// Derivatives and difference where the motion does not depend on the parameters.
+/// struct Linearised {
+///     derivatives: usize,
+/// }
+///
+/// impl Columns for Linearised {
+///     fn count(&self) -> usize {
+///         self.derivatives + 1
+///     }
+///
+///     fn fill(
+///         &mut self,
+///         row: &StateSample<'_>,
+///         w: &[f64],
+///         out: &mut [f64],
+///     ) -> Result<bool, EstimateError> {
+///         let predicted: f64 = w.iter().zip(AT).map(|(w, x)| w * x).sum();
+///         out[..self.derivatives].copy_from_slice(&w[..self.derivatives]);
+///         out[self.derivatives] = row.tau[0] - predicted;
+///         Ok(true)
+///     }
+/// }
+///
+/// // a pendulum of 0.5 kg m^2 and 2 kg m about its axis, moved as q = sin(t)
+/// let mut log = Recorded::new();
+/// for k in 0..100 {
+///     let t = 0.05 * f64::from(k);
+///     let (q, qd, qdd) = (t.sin(), t.cos(), -t.sin());
+///     let tau = 0.5 * qdd + 2.0 * 9.81 * q.sin();
+///     log.push(t, &[q], &[qd], &[qdd], &[tau]);
+/// }
+/// let found = identify_linearised(
+///     &Pendulum,
+///     &Options::default(),
+///     &mut log,
+///     Box::new(Linearised { derivatives: 2 }),
+///     &mut Linearised { derivatives: 0 },
+///     &AT,
+/// )?;
+/// assert!((found.estimate.values[0] - 0.5).abs() < 1e-9);
+/// assert!(found.relative_absolute > 10.0, "of the parameters at which it is linearised");
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+pub fn identify_linearised<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    options: &Options,
+    source: &mut S,
+    linearised: Box<dyn Columns + '_>,
+    difference: &mut dyn Columns,
+    at: &[f64],
+) -> Result<Identified, S::Error> {
+    let base = model.base_info().base.len();
+    super::require("columns", base + 1, linearised.count())?;
+    super::require("base parameters", base, at.len())?;
+    let found = {
+        let replay = Replay::with_columns(model, EquationKind::Forces, &mut *source, linearised);
+        identify_replayed(&mut replay.linearised(at), options, false)?
+    };
+    let errors = errors_of_prediction(model, source, difference, options.lags)?;
+    Ok(Identified {
+        errors: errors.efforts(),
+        relative_absolute: errors.relative_absolute(),
+        ..found
+    })
+}
+
+/// The errors of a prediction that is not that of the regressor: of the difference of the measured and
+/// the predicted right-hand sides, filtered as equations are.
+///
+/// - `difference`: one column, e;
+/// - `lags`: the number of autocorrelations to compute.
+///
+/// # Errors
+/// When the log cannot be read or does not fit the model.
+pub fn errors_of_prediction<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    difference: &mut dyn Columns,
+    lags: usize,
+) -> Result<Residuals, S::Error> {
+    let kind = EquationKind::Forces;
+    super::require("columns", 1, difference.count())?;
+    let mut rows = StoredEquations::default();
+    let mut sums = vec![[0.0; 2]; model.info().dof()];
+    equations(model, kind, source, difference, &mut |found| {
+        let own = found.tau.iter().zip(found.weights);
+        for (sums, (tau, weight)) in sums.iter_mut().zip(own) {
+            if *weight != 0.0 {
+                sums[0] += tau;
+                sums[1] += 1.0;
+            }
+        }
+        let own = found.w.len().saturating_sub(found.tau.len());
+        let w = found.w.get(own..).unwrap_or_default();
+        rows.push(&Equations { w, ..*found });
+        Ok(())
+    })?;
+    let means: Vec<f64> = sums.iter().map(|[sum, n]| sum / n.max(1.0)).collect();
+    let origin = EquationBuilder::new(model, kind).origin();
+    let mut residuals = Residuals::new(&origin.efforts, &means, lags);
+    rows.visit(&mut |found| {
+        if !found.follows {
+            residuals.interrupt();
+        }
+        let fitted: Vec<f64> = found.tau.iter().zip(found.w).map(|(t, e)| t - e).collect();
+        let used: Vec<bool> = found.weights.iter().map(|w| *w > 0.0).collect();
+        if found.tau.is_empty() {
+            return Ok(());
+        }
+        residuals.push_used(found.tau, &fitted, &used)
+    })?;
+    Ok(residuals)
+}
+
+/// Identifies base parameters from equations that can be visited any number of times.
+///
+/// - `with_delays`: whether to estimate the delays of the efforts behind the motion.
+fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    options: &Options,
+    with_delays: bool,
+) -> Result<Identified, S::Error> {
+    let plain = reduce(replay)?;
     let left_out = replay.left_out().clone();
     let mut estimate = Estimate::new(&plain, options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
         let mut passes = Reweighting::default();
-        let start = partitioned(
-            &mut replay,
-            &mut passes,
-            &estimate,
-            bound,
-            options.weighting,
-        )?;
+        let start = partitioned(replay, &mut passes, &estimate, bound, options.weighting)?;
         estimate = start.unwrap_or(estimate);
         for _ in 0..loss::MAX_PASSES {
-            let (next, next_factor) = reweighted(
-                &mut replay,
-                &mut passes,
-                &estimate,
-                bound,
-                options.weighting,
-            )?;
+            let (next, next_factor) =
+                reweighted(replay, &mut passes, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
             let largest_change = pairs.fold(0.0, |m: f64, (k, (a, b))| {
@@ -256,9 +397,9 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     let means = plain.means();
     let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    let mut delays = (kind == EquationKind::Forces)
-        .then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
-    let (errors, noise) = noise_of(&mut replay, options, &estimate, &means, delays.as_mut())?;
+    let mut delays =
+        with_delays.then(|| DelayFit::new(&estimate.labels, &estimate.values, &names, &weights));
+    let (errors, noise) = noise_of(replay, options, &estimate, &means, delays.as_mut())?;
     let efforts = errors.efforts();
     // the equations with the weights of the efforts, but without Huber's
     let effort_weighted = plain.combined(&weights)?;
@@ -270,7 +411,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
         None => None,
     };
     let (blocks, newey_west, psi_sums) = scores(
-        &mut replay,
+        replay,
         options,
         &estimate,
         &noise,
@@ -281,7 +422,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     let mut delays = delays.map_or_else(Delays::default, DelayScores::finish);
     if delays.are_beyond_error() {
         let solved = (&estimate, names.as_slice(), weights.as_slice());
-        if let Some(slower) = delays_of_slower_motion(&mut replay, solved, bandwidth, step) {
+        if let Some(slower) = delays_of_slower_motion(replay, solved, bandwidth, step) {
             delays.compare(&slower);
         }
     }
@@ -306,7 +447,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
     if options.huber.is_some() {
         estimate.covariance = psi_sums.covariance(&effort_weighted)?;
     }
-    let identified = Identified {
+    Ok(Identified {
         relative_absolute: errors.relative_absolute(),
         errors: efforts,
         estimate,
@@ -316,8 +457,7 @@ pub(crate) fn identify_and_store<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>
         blocks,
         left_out,
         delays,
-    };
-    Ok((identified, replay.into_stored()))
+    })
 }
 
 /// Computes the residuals of given parameters on a log.

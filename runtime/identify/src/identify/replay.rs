@@ -17,6 +17,9 @@ pub(crate) struct Replay<'a, M: ?Sized, S: ?Sized> {
     kind: EquationKind,
     source: &'a mut S,
     columns: Box<dyn Columns + 'a>,
+    /// The base parameters around which the right-hand sides are linearised; see
+    /// [`linearised`](Self::linearised).
+    around: Option<&'a [f64]>,
     /// The largest number of values that are stored.
     most: usize,
     state: State,
@@ -49,10 +52,21 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             kind,
             source,
             columns,
+            around: None,
             most: MAX_NUMBERS,
             state: State::Empty,
             stored: StoredEquations::default(),
             left_out: LeftOut::default(),
+        }
+    }
+
+    /// Passes on, in place of the equations `tau = W x`, those of the additional columns, `e + J around =
+    /// J x`: first the derivatives J of predicted right-hand sides at the base parameters `around`, then
+    /// the difference e of measured and predicted ones.
+    pub(super) fn linearised(self, around: &'a [f64]) -> Self {
+        Self {
+            around: Some(around),
+            ..self
         }
     }
 
@@ -96,12 +110,16 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
             return Ok(self.stored.visit(each)?);
         }
         let (state, stored, most) = (&mut self.state, &mut self.stored, self.most);
+        let around = self.around;
+        let mut sides = Vec::new();
         self.left_out = equations(
             self.model,
             self.kind,
             self.source,
             &mut *self.columns,
             &mut |found| {
+                let linearised = around.map(|around| linearised(found, around, &mut sides));
+                let found = linearised.as_ref().unwrap_or(found);
                 if *state == State::Empty {
                     if stored.numbers() + found.w.len() + 2 * found.tau.len() > most {
                         *state = State::TooMany;
@@ -122,5 +140,27 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
     /// The stored equations; `None` if there were too many, or no pass yet.
     pub(crate) fn into_stored(self) -> Option<StoredEquations> {
         (self.state == State::Complete).then_some(self.stored)
+    }
+}
+
+/// The equations of the additional columns of others; see [`Replay::linearised`].
+///
+/// - `sides`: receives the right-hand sides.
+fn linearised<'s>(found: &Equations<'s>, around: &[f64], sides: &'s mut Vec<f64>) -> Equations<'s> {
+    let count = found.tau.len();
+    let size = count * around.len();
+    let (_, more) = found.w.split_at(size.min(found.w.len()));
+    let (derivatives, difference) = more.split_at(size.min(more.len()));
+    sides.clear();
+    sides.extend_from_slice(difference);
+    for (column, x) in derivatives.chunks_exact(count.max(1)).zip(around) {
+        for (side, j) in sides.iter_mut().zip(column) {
+            *side += j * x;
+        }
+    }
+    Equations {
+        w: derivatives,
+        tau: sides,
+        ..*found
     }
 }
