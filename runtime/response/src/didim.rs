@@ -197,12 +197,6 @@ where
     loop {
         let mut found = rounds.estimate(&mut now, &values)?;
         let moved = moved(&found, &values)?;
-        eprintln!(
-            "DBG round {} moved {moved:.4} norm {:.4} misfit {:.4} damping {damping}",
-            norms.len(),
-            found.relative_absolute,
-            now.misfit
-        );
         let before = norms.last().copied();
         norms.push(found.relative_absolute);
         let quiet = before.is_some_and(|b| {
