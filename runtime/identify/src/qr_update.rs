@@ -4,6 +4,9 @@
     reason = "a function that is not inlined is compiled without the token's instruction set"
 )]
 
+mod pair;
+
+use pair::Pair;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Rows reduced at a time: with some 40 columns they fit the second-level cache.
@@ -42,8 +45,65 @@ pub(crate) struct Reflection {
     head: f64,
     /// 0 if the column was zero and needed no reflection.
     h: f64,
-    /// Whether the row of the triangle changed its sign afterwards.
+    /// Whether the row of the triangle changes its sign afterwards.
     flipped: bool,
+}
+
+impl Reflection {
+    /// The reflection that makes a column `v` below the entry `top` of the triangle zero; `top` becomes
+    /// what it is afterwards, but for its sign.
+    #[inline(always)]
+    fn of(v: &[f64], top: &mut f64) -> Self {
+        let tail = dot(v, v);
+        let alpha = *top;
+        if tail == 0.0 {
+            return Self {
+                flipped: alpha < 0.0,
+                ..Self::default()
+            };
+        }
+        let norm = alpha.mul_add(alpha, tail).sqrt();
+        // of the sign opposite to alpha, so that nothing cancels; `flip` restores the sign
+        let beta = if alpha > 0.0 { -norm } else { norm };
+        *top = beta;
+        let head = alpha - beta;
+        Self {
+            head,
+            h: -beta * head,
+            flipped: beta < 0.0,
+        }
+    }
+
+    /// Reflects the entry `top` of a column whose scalar product with v is `product`; returns the
+    /// multiple of v that the rest of the column loses.
+    #[inline(always)]
+    fn reflect(self, top: &mut f64, product: f64) -> f64 {
+        let s = self.head.mul_add(*top, product) / self.h;
+        *top -= s * self.head;
+        s
+    }
+
+    /// Reflects columns of as many rows as `v` has.
+    ///
+    /// - `tops`: their entries in the row of the triangle, each `n` behind the one before.
+    #[inline(always)]
+    fn apply(self, v: &[f64], columns: &mut [f64], tops: &mut [f64], n: usize) {
+        let mut at = 0;
+        let mut pairs = columns.chunks_exact_mut(2 * v.len());
+        for pair in &mut pairs {
+            let (a, b) = pair.split_at_mut(v.len());
+            let (pa, pb) = dots(v, a, b);
+            let sa = self.reflect(&mut tops[at], pa);
+            let sb = self.reflect(&mut tops[at + n], pb);
+            subtract_two(v, a, sa, b, sb);
+            at += 2 * n;
+        }
+        let last = pairs.into_remainder();
+        if !last.is_empty() {
+            let s = self.reflect(&mut tops[at], dot(v, last));
+            subtract(v, last, s);
+        }
+    }
 }
 
 /// As [`reduce`], but returns the reflection of each column, for [`reflect`].
@@ -124,30 +184,10 @@ fn reflect_columns(
 ) {
     let n = reflections.len();
     for (k, (reflection, v)) in reflections.iter().zip(block.chunks_exact(rows)).enumerate() {
-        let Reflection { head, h, flipped } = *reflection;
-        if h != 0.0 {
-            let mut column = 0;
-            let mut pairs = columns.chunks_exact_mut(2 * rows);
-            for pair in &mut pairs {
-                let (a, b) = pair.split_at_mut(rows);
-                let (pa, pb) = dots(v, a, b);
-                let (ta, tb) = (column * n + k, (column + 1) * n + k);
-                let sa = head.mul_add(tops[ta], pa) / h;
-                let sb = head.mul_add(tops[tb], pb) / h;
-                tops[ta] -= sa * head;
-                tops[tb] -= sb * head;
-                subtract_two(v, a, sa, b, sb);
-                column += 2;
-            }
-            let last = pairs.into_remainder();
-            if !last.is_empty() {
-                let at = column * n + k;
-                let s = head.mul_add(tops[at], dot(v, last)) / h;
-                tops[at] -= s * head;
-                subtract(v, last, s);
-            }
+        if reflection.h != 0.0 {
+            reflection.apply(v, columns, &mut tops[k..], n);
         }
-        if flipped {
+        if reflection.flipped {
             tops.iter_mut()
                 .skip(k)
                 .step_by(n)
@@ -172,7 +212,7 @@ impl WithSimd for Reduce<'_> {
     type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
         let Reduce {
             r,
             z,
@@ -182,16 +222,20 @@ impl WithSimd for Reduce<'_> {
             reflections,
         } = self;
         match reflections {
-            Some(reflections) => reduce_rows(r, z, block, side, rows, |k, reflection| {
+            Some(reflections) => reduce_rows(simd, r, z, block, side, rows, |k, reflection| {
                 reflections[k] = reflection;
             }),
-            None => reduce_rows(r, z, block, side, rows, |_, _| {}),
+            None => reduce_rows(simd, r, z, block, side, rows, |_, _| {}),
         }
     }
 }
 
+/// With fewer columns behind two of them, each of the two is reflected alone.
+const LEAST_BEHIND_PAIR: usize = 4;
+
 #[inline(always)]
-fn reduce_rows(
+fn reduce_rows<S: Simd>(
+    simd: S,
     r: &mut [f64],
     z: &mut [f64],
     block: &mut [f64],
@@ -203,62 +247,44 @@ fn reduce_rows(
     if rows == 0 {
         return 0.0;
     }
-    let (columns, _) = block.split_at_mut(n * rows);
-    let mut rest = columns;
-    for k in 0..n {
+    let (mut rest, _) = block.split_at_mut(n * rows);
+    let mut k = 0;
+    while k < n {
         let (v, later) = rest.split_at_mut(rows);
         rest = later;
-        let tail = dot(v, v);
-        let alpha = r[k * n + k];
-        if tail == 0.0 {
-            if alpha < 0.0 {
+        let first = Reflection::of(v, &mut r[k * n + k]);
+        keep(k, first);
+        if first.h == 0.0 || n - k < 2 + LEAST_BEHIND_PAIR {
+            if first.h != 0.0 {
+                first.apply(v, rest, r.get_mut((k + 1) * n + k..).unwrap_or_default(), n);
+                first.apply(v, side, &mut z[k..], n);
+            }
+            if first.flipped {
                 flip(r, z, k);
             }
-            let flipped = alpha < 0.0;
-            keep(
-                k,
-                Reflection {
-                    flipped,
-                    ..Reflection::default()
-                },
-            );
+            k += 1;
             continue;
         }
-        let norm = alpha.mul_add(alpha, tail).sqrt();
-        // of the sign opposite to alpha, so that nothing cancels; `flip` restores the sign below
-        let beta = if alpha > 0.0 { -norm } else { norm };
-        // the reflection is 1 - u u^T / h with u = (alpha - beta, v)
-        let head = alpha - beta;
-        let h = -beta * head;
-        r[k * n + k] = beta;
-        let mut column = k + 1;
-        let mut pairs = rest.chunks_exact_mut(2 * rows);
-        for pair in &mut pairs {
-            let (a, b) = pair.split_at_mut(rows);
-            let (pa, pb) = dots(v, a, b);
-            let (ra, rb) = (column * n + k, (column + 1) * n + k);
-            let sa = head.mul_add(r[ra], pa) / h;
-            let sb = head.mul_add(r[rb], pb) / h;
-            r[ra] -= sa * head;
-            r[rb] -= sb * head;
-            subtract_two(v, a, sa, b, sb);
-            column += 2;
+        let (w, later) = rest.split_at_mut(rows);
+        rest = later;
+        first.apply(v, w, &mut r[(k + 1) * n + k..], n);
+        let second = Reflection::of(w, &mut r[(k + 1) * n + k + 1]);
+        keep(k + 1, second);
+        let tops = &mut r[(k + 2) * n + k..];
+        if second.h == 0.0 {
+            first.apply(v, rest, tops, n);
+            first.apply(v, side, &mut z[k..], n);
+        } else {
+            let pair = Pair::new(simd, [first, second], v, w);
+            pair.apply(rest, tops, n);
+            pair.apply(side, &mut z[k..], n);
         }
-        let last = pairs.into_remainder();
-        if !last.is_empty() {
-            let at = column * n + k;
-            let s = head.mul_add(r[at], dot(v, last)) / h;
-            r[at] -= s * head;
-            subtract(v, last, s);
+        for (at, reflection) in [(k, first), (k + 1, second)] {
+            if reflection.flipped {
+                flip(r, z, at);
+            }
         }
-        let s = head.mul_add(z[k], dot(v, side)) / h;
-        z[k] -= s * head;
-        subtract(v, side, s);
-        let flipped = beta < 0.0;
-        if flipped {
-            flip(r, z, k);
-        }
-        keep(k, Reflection { head, h, flipped });
+        k += 2;
     }
     dot(side, side)
 }
