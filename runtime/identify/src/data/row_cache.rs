@@ -36,7 +36,7 @@ struct Rows {
 }
 
 impl Rows {
-    fn push(&mut self, row: &Result<LogRow, Problem>) {
+    fn push(&mut self, row: &Result<&LogRow, Problem>) {
         match row {
             Ok(row) => {
                 self.width = row.values.len();
@@ -54,7 +54,7 @@ impl Rows {
 }
 
 /// Receives each row, or the problem for which it cannot be used.
-pub(super) type RecordSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
+pub(super) type RecordSink<'a> = dyn FnMut(Result<&LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 impl RowCache {
     /// An empty cache that holds at most `capacity` numbers.
@@ -83,14 +83,15 @@ impl RowCache {
         if let Some(rows) = self.rows.get() {
             let mut problems = rows.problems.iter().peekable();
             let values = rows.values.chunks_exact(rows.width.max(1));
+            let mut row = LogRow::default();
             for (index, (line, values)) in rows.lines.iter().zip(values).enumerate() {
                 while let Some((_, problem)) = problems.next_if(|p| p.0 <= index) {
                     each(Err(problem.clone()))?;
                 }
-                each(Ok(LogRow {
-                    line: *line,
-                    values: values.to_vec(),
-                }))?;
+                row.line = *line;
+                row.values.clear();
+                row.values.extend_from_slice(values);
+                each(Ok(&row))?;
             }
             for (_, problem) in problems {
                 each(Err(problem.clone()))?;

@@ -41,6 +41,8 @@ pub(super) struct RowChecker<'a> {
     longest_step: f64,
     /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
+    /// Rows that have left the buffer, whose memory is used again.
+    spare: Vec<LogRow>,
     /// The values of each position in the last rows of the buffer, the oldest first.
     recent: Vec<[f64; OUTLIER_ROWS]>,
     /// The time, s, of the last row that was in order of time, whether it is used or not.
@@ -78,6 +80,7 @@ impl<'a> RowChecker<'a> {
             survey,
             longest_step,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
+            spare: Vec::new(),
             recent: vec![[0.0; OUTLIER_ROWS]; layout.positions().len()],
             last_time: None,
             segment_ended: true,
@@ -95,7 +98,7 @@ impl<'a> RowChecker<'a> {
     /// judged by now.
     pub(super) fn take(
         &mut self,
-        row: Result<LogRow, Problem>,
+        row: Result<&LogRow, Problem>,
         problem: &mut dyn FnMut(Problem),
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
@@ -125,7 +128,7 @@ impl<'a> RowChecker<'a> {
     }
 
     /// Checks the time of a row and adds it to the buffer.
-    fn check(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
+    fn check(&mut self, row: &LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
         let mut report = |what| {
             problem(Problem::of(row.line, what));
@@ -193,8 +196,11 @@ impl<'a> RowChecker<'a> {
             recent.rotate_left(1);
             recent[OUTLIER_ROWS - 1] = value;
         }
+        let mut own = self.spare.pop().unwrap_or_default();
+        own.line = row.line;
+        own.values.clone_from(&row.values);
         self.queue.push_back(PendingRow {
-            row,
+            row: own,
             follows,
             fault: None,
         });
@@ -289,11 +295,14 @@ impl<'a> RowChecker<'a> {
             problem(Problem::of(pending.row.line, what));
             if !keep {
                 self.segment_ended = true;
+                self.spare.push(pending.row);
                 return Ok(());
             }
         }
         let follows = pending.follows && !self.segment_ended;
         self.segment_ended = false;
-        each(pending.row, follows)
+        each(&pending.row, follows)?;
+        self.spare.push(pending.row);
+        Ok(())
     }
 }
