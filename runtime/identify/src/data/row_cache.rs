@@ -14,7 +14,8 @@ pub(super) const MAX_NUMBERS: usize = 1 << 23;
 pub(super) struct RowCache {
     /// The largest number of values that are cached.
     capacity: usize,
-    rows: OnceLock<Rows>,
+    /// The rows after the first pass; `None` if they are too many.
+    rows: OnceLock<Option<Rows>>,
 }
 
 impl Clone for RowCache {
@@ -67,7 +68,10 @@ impl RowCache {
 
     /// How many numbers are cached.
     pub(super) fn numbers(&self) -> usize {
-        self.rows.get().map_or(0, Rows::numbers)
+        self.rows
+            .get()
+            .and_then(Option::as_ref)
+            .map_or(0, Rows::numbers)
     }
 
     /// Passes all rows to `each`: the cached ones or, if there are none, those that `read` reads,
@@ -80,7 +84,8 @@ impl RowCache {
         each: &mut RecordSink<'_>,
         read: impl FnOnce(&mut RecordSink<'_>) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
-        if let Some(rows) = self.rows.get() {
+        let known = self.rows.get();
+        if let Some(Some(rows)) = known {
             let mut problems = rows.problems.iter().peekable();
             let values = rows.values.chunks_exact(rows.width.max(1));
             let mut row = LogRow::default();
@@ -98,6 +103,9 @@ impl RowCache {
             }
             return Ok(());
         }
+        if known.is_some() {
+            return read(each);
+        }
         let mut cached = Some(Rows::default());
         read(&mut |row| {
             if let Some(rows) = &mut cached {
@@ -108,10 +116,8 @@ impl RowCache {
             }
             each(row)
         })?;
-        if let Some(rows) = cached {
-            // if another thread's pass ended first, it has cached the same rows
-            let _ = self.rows.set(rows);
-        }
+        // if another thread's pass ended first, it has cached the same rows
+        let _ = self.rows.set(cached);
         Ok(())
     }
 }
