@@ -12,6 +12,7 @@ use super::stretch::Stretch;
 use crate::estimate::EstimateError;
 use crate::identify::{Completeness, Completion, StateSample};
 use crate::signals::{Method, SignalError, Smoothing};
+use crate::turned::turn;
 use regen_batch::eval_many;
 use regen_runtime::{Arguments, Condition, Function, Model, Outcome, Status};
 
@@ -214,9 +215,8 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let info = self.model.info();
         let (n, dof, count) = (info.coordinates.len(), info.dof(), samples.len());
         // ordered entry by entry, as functions at many states require
-        let q: Vec<f64> = (0..n)
-            .flat_map(|c| states.q.iter().skip(c).step_by(n.max(1)).copied())
-            .collect();
+        let mut q = vec![0.0; n * count];
+        turn(&states.q, n, &mut q, count);
         let measured = efforts.iter();
         let measured: Vec<f64> = measured
             .flat_map(|effort| samples.iter().map(|k| effort[*k]))

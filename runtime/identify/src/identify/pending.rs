@@ -2,6 +2,7 @@
 
 use super::equation_builder::StateSample;
 use crate::estimate::EstimateError;
+use crate::turned::turn;
 use regen_batch::eval_base_many;
 use regen_runtime::{Arguments, BaseFunction, BaseModel};
 
@@ -45,22 +46,6 @@ fn assign<T: Copy>(to: &mut Vec<T>, from: &[T]) {
     to.extend_from_slice(from);
 }
 
-/// Turns series of `count` samples each into samples of `size` entries each; or the other way round,
-/// with samples in place of series.
-fn transpose(series: &[f64], count: usize, samples: &mut [f64], size: usize) {
-    /// Samples at a time: those in one line of a cache.
-    const SAMPLES: usize = 8;
-    for (block, samples) in samples.chunks_mut((SAMPLES * size).max(1)).enumerate() {
-        let first = block * SAMPLES;
-        for (entry, series) in series.chunks_exact(count.max(1)).enumerate() {
-            let slots = samples.iter_mut().skip(entry).step_by(size);
-            for (slot, value) in slots.zip(&series[first..]) {
-                *slot = *value;
-            }
-        }
-    }
-}
-
 impl Pending {
     /// Adds a sample, whose motion has the model's length; returns whether the buffer is full.
     pub(super) fn push(&mut self, sample: &StateSample<'_>) -> bool {
@@ -99,7 +84,7 @@ impl Pending {
         self.pivots.resize(count, 1.0);
         for (samples, series) in self.motion.iter().zip(&mut self.turned) {
             series.resize(n * count, 0.0);
-            transpose(samples, n, series, count);
+            turn(samples, n, series, count);
         }
         let [q, qd, qdd] = &self.turned;
         let arguments = Arguments {
@@ -119,7 +104,7 @@ impl Pending {
         )?;
         self.size = size;
         self.w.resize(size * count, 0.0);
-        transpose(&self.series, count, &mut self.w, size);
+        turn(&self.series, count, &mut self.w, size);
         Ok(())
     }
 
