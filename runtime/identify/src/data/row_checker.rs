@@ -26,7 +26,8 @@ struct PendingRow {
     row: LogRow,
     /// Whether there is no gap between the row before and this one.
     follows: bool,
-    fault: Option<Fault>,
+    /// In a box, as nearly no row has one: rows are moved in and out of the buffer.
+    fault: Option<Box<Fault>>,
 }
 
 /// Checks the rows of a file for faults in a look-ahead buffer.
@@ -212,10 +213,10 @@ impl<'a> RowChecker<'a> {
                 1
             };
             for pending in self.queue.iter_mut().rev().take(marked_rows) {
-                pending.fault = Some(Fault::Saturated {
+                pending.fault = Some(Box::new(Fault::Saturated {
                     column: self.layout.title(efforts.start + k),
                     value: pending.row.values[efforts.start + k],
-                });
+                }));
             }
         }
         if self.queue.len() >= OUTLIER_ROWS {
@@ -272,11 +273,11 @@ impl<'a> RowChecker<'a> {
             let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
             // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
-                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Fault::Outlier {
+                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Box::new(Fault::Outlier {
                     column: self.layout.title(entry),
                     value: middle,
                     around,
-                });
+                }));
             }
         }
     }
@@ -292,7 +293,7 @@ impl<'a> RowChecker<'a> {
         };
         if let Some(what) = pending.fault {
             let keep = self.used_faults.uses(&what);
-            problem(Problem::of(pending.row.line, what));
+            problem(Problem::of(pending.row.line, *what));
             if !keep {
                 self.segment_ended = true;
                 self.spare.push(pending.row);
