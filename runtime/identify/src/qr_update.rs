@@ -420,4 +420,75 @@ mod tests {
         close(rss, later_rss);
         assert!(rss > 1.0 && r[n * n - 1] > 0.1);
     }
+
+    /// Columns of `rows` entries and a side, among them one of zeros, and one that is twice the one
+    /// before it.
+    fn block(rows: usize, n: usize, number: usize) -> (Vec<f64>, Vec<f64>) {
+        let entry = |row: usize, column: usize| match column {
+            3 => 0.0,
+            _ => ((number * rows + row) as f64 * (0.3 + 0.17 * column as f64)).sin(),
+        };
+        let column = |c: usize| {
+            let (own, factor) = if c == 6 { (5, 2.0) } else { (c, 1.0) };
+            (0..rows).map(move |row| factor * entry(row, own))
+        };
+        ((0..n).flat_map(column).collect(), column(n + 1).collect())
+    }
+
+    #[test]
+    fn the_triangle_has_the_squares_of_all_rows_for_any_number_of_rows_and_columns() {
+        for rows in [1, 3, 8, 20, 41] {
+            for n in 1..=13 {
+                let (mut r, mut z, mut rss) = (vec![0.0; n * n], vec![0.0; n], 0.0);
+                let mut squares = vec![0.0; (n + 1) * (n + 1)];
+                for number in 0..4 {
+                    let (mut columns, mut side) = block(rows, n, number);
+                    let all = [columns.clone(), side.clone()].concat();
+                    for (i, a) in all.chunks_exact(rows).enumerate() {
+                        for (j, b) in all.chunks_exact(rows).enumerate() {
+                            squares[i * (n + 1) + j] += dot(a, b);
+                        }
+                    }
+                    rss += reduce(&mut r, &mut z, &mut columns, &mut side, rows);
+                }
+                let column = |c: usize| if c < n { &r[c * n..(c + 1) * n] } else { &z };
+                for i in 0..=n {
+                    for j in 0..=n {
+                        let more = if i == n && j == n { rss } else { 0.0 };
+                        let found = dot(column(i), column(j)) + more;
+                        let off = (found - squares[i * (n + 1) + j]).abs();
+                        assert!(off < 1e-12 * (4 * rows) as f64, "{rows} {n} {i} {j}: {off}");
+                    }
+                }
+                assert!((0..n).all(|c| r[c * n + c] >= 0.0), "{rows} {n}");
+                let below = (0..n).flat_map(|c| &r[c * n + c + 1..(c + 1) * n]);
+                assert!(below.into_iter().all(|x| *x == 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        for (rows, n) in [(41, 13), (256, 25), (7, 9)] {
+            let of = |run: fn(Reduce<'_>) -> f64| {
+                let (mut r, mut z) = (vec![0.0; n * n], vec![0.0; n]);
+                let mut rss = 0.0;
+                for number in 0..3 {
+                    let (mut columns, mut side) = block(rows, n, number);
+                    rss += run(Reduce {
+                        r: &mut r,
+                        z: &mut z,
+                        block: &mut columns,
+                        side: &mut side,
+                        rows,
+                        reflections: None,
+                    });
+                }
+                let all = r.into_iter().chain(z).chain([rss]);
+                all.map(f64::to_bits).collect::<Vec<_>>()
+            };
+            let widest = of(|task| Arch::new().dispatch(task));
+            assert_eq!(widest, of(|task| task.with_simd(pulp::Scalar::new())));
+        }
+    }
 }

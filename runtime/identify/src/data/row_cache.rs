@@ -121,3 +121,48 @@ impl RowCache {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::problem::Fault;
+
+    /// The good rows and the lines of the problems that a pass over three rows and a faulty one gives,
+    /// and whether they were read.
+    fn pass(cache: &RowCache) -> (Vec<LogRow>, Vec<u64>, bool) {
+        let (mut rows, mut problems, mut is_read) = (Vec::new(), Vec::new(), false);
+        let mut each = |row: Result<&LogRow, Problem>| {
+            match row {
+                Ok(row) => rows.push(row.clone()),
+                Err(problem) => problems.push(problem.row),
+            }
+            Ok(())
+        };
+        let read = |each: &mut RecordSink<'_>| {
+            is_read = true;
+            for line in [2, 3, 5] {
+                if line == 5 {
+                    each(Err(Problem::of(4, Fault::Duplicate { time: 0.0 })))?;
+                }
+                let values = vec![0.1 * line as f64, 1.0];
+                each(Ok(&LogRow { line, values }))?;
+            }
+            Ok(())
+        };
+        cache.visit(&mut each, read).unwrap();
+        (rows, problems, is_read)
+    }
+
+    #[test]
+    fn each_pass_gives_the_same_rows_and_only_too_many_are_read_again() {
+        for (capacity, fits) in [(100, true), (5, false)] {
+            let cache = RowCache::with_capacity(capacity);
+            let (rows, problems, is_read) = pass(&cache);
+            assert!(is_read && rows.len() == 3 && problems == [4]);
+            for _ in 0..2 {
+                assert_eq!(pass(&cache), (rows.clone(), problems.clone(), !fits));
+            }
+            assert_eq!(cache.numbers() > 0, fits);
+        }
+    }
+}
