@@ -44,6 +44,7 @@ pub mod signals;
 mod singular;
 pub mod status;
 pub mod text;
+mod turned;
 
 pub use model::IdentifiedModel;
 pub use singular::SingularValues;

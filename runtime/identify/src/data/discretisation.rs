@@ -5,7 +5,7 @@
 use super::logs::{Log, Logs};
 use super::motion;
 use super::problem::DataError;
-use super::reader::LogRow;
+use super::stretch::Stretch;
 use crate::estimate::QrFactor;
 use crate::identify::{Completed, Completion};
 use crate::signals::{Derivatives, Method, SignalError, differences};
@@ -97,7 +97,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             (STRETCHES, length)
         };
         let every = (count * length).div_ceil(SAMPLED_STATES).max(1);
-        let mut stretch: Vec<LogRow> = Vec::new();
+        let mut stretch = Stretch::default();
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
@@ -118,19 +118,18 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     fn stretch(
         &self,
         log: &Log,
-        rows: &mut Vec<LogRow>,
+        rows: &mut Stretch,
         every: usize,
         completions: &mut Completions<'_, M>,
         out: &mut Changes<'_>,
     ) -> Result<(), DataError> {
         let rows = core::mem::take(rows);
-        let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
         let method = self.settings.method;
         let mut valid = 0..rows.len();
         let (mut usual, mut other) = (Vec::new(), Vec::new());
         for place in 0..log.file.layout.measured.len() {
             // a stretch that is too short gives no equations
-            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &times, &rows) else {
+            let Ok((a, b)) = derivatives_by_both_methods(log, method, place, &rows) else {
                 return Ok(());
             };
             for found in [&a, &b] {
@@ -207,11 +206,10 @@ fn derivatives_by_both_methods(
     log: &Log,
     method: Method,
     place: usize,
-    times: &[f64],
-    rows: &[LogRow],
+    rows: &Stretch,
 ) -> Result<(Derivatives, Derivatives), SignalError> {
     let step = log.survey.time_step();
-    let usual = motion::derivatives(log, method.of_states(step), place, times, rows)?;
+    let usual = motion::derivatives(log, method.of_states(step), place, rows)?;
     let layout = &log.file.layout;
     let measured = |of: &[Option<usize>]| of.get(place).copied().flatten();
     let (velocity, acceleration) = (
@@ -222,8 +220,8 @@ fn derivatives_by_both_methods(
         return Ok((usual.clone(), usual));
     }
     let other = |entry: usize| {
-        let values: Vec<f64> = rows.iter().map(|row| row.values[entry]).collect();
-        let other = comparison_method(method, step).differentiate(times, &values)?;
+        let (times, values) = (rows.times(), rows.column(entry));
+        let other = comparison_method(method, step).differentiate(times, values)?;
         Ok(match method {
             // a stronger filter would differ also by the noise that it removes
             Method::Butterworth { .. } => Derivatives {

@@ -24,6 +24,18 @@ pub(super) struct JoinedRows<'a> {
     count: u64,
     /// Whether the last good row was within the times that are read.
     inside: bool,
+    /// The last row.
+    row: LogRow,
+}
+
+/// What a row of all files turned out to be.
+enum Found {
+    /// A row that can be used.
+    Row,
+    /// A row at whose time a file that is joined by time has no values.
+    Nothing,
+    /// A row that cannot be used.
+    Fault(Problem),
 }
 
 /// The columns of one file.
@@ -114,11 +126,15 @@ impl<'a> JoinedRows<'a> {
             count: 0,
             // a faulty row before the first good one counts only if all times are read
             inside: file.run.times.is_none(),
+            row: LogRow {
+                line: 0,
+                values: vec![0.0; file.layout.channels.len()],
+            },
         })
     }
 
     /// The next row, or why it cannot be used; `None` after the last one.
-    pub(super) fn next_row(&mut self) -> Result<Option<Result<LogRow, Problem>>, DataError> {
+    pub(super) fn next_row(&mut self) -> Result<Option<Result<&LogRow, Problem>>, DataError> {
         loop {
             if self
                 .file
@@ -128,7 +144,7 @@ impl<'a> JoinedRows<'a> {
             {
                 return Ok(None);
             }
-            let Some(row) = self.row()? else {
+            let Some(found) = self.read()? else {
                 return Ok(None);
             };
             self.count += 1;
@@ -140,31 +156,32 @@ impl<'a> JoinedRows<'a> {
             {
                 continue;
             }
-            let row = match row {
-                // another file has no values at this time
-                Ok(None) => continue,
-                Ok(Some(row)) => Ok(row),
-                Err(problem) => Err(problem),
-            };
+            // another file has no values at this time
+            if let Found::Nothing = found {
+                continue;
+            }
             if let Some((start, end)) = self.file.run.times {
-                if let Ok(row) = &row {
-                    let time = row.values.first().copied().unwrap_or(f64::NAN);
+                if let Found::Row = found {
+                    let time = self.row.values.first().copied().unwrap_or(f64::NAN);
                     self.inside = (start..=end).contains(&time);
                 }
                 if !self.inside {
                     continue;
                 }
             }
-            return Ok(Some(row));
+            return Ok(Some(match found {
+                Found::Fault(problem) => Err(problem),
+                _ => Ok(&self.row),
+            }));
         }
     }
 
-    /// The next row of all files; `Some(Ok(None))` if a file that is joined by time has no values at
-    /// the time of the row.
-    fn row(&mut self) -> Result<Option<Result<Option<LogRow>, Problem>>, DataError> {
+    /// Reads the next row of all files; `None` behind the last one.
+    fn read(&mut self) -> Result<Option<Found>, DataError> {
         let channels = &self.file.layout.channels;
-        let mut values = vec![0.0; channels.len()];
-        let mut line = 0;
+        let LogRow { line, values } = &mut self.row;
+        values.fill(0.0);
+        *line = 0;
         let mut fault = None;
         let mut lacking = false;
         let mut ended = Vec::new();
@@ -174,7 +191,7 @@ impl<'a> JoinedRows<'a> {
                     if fault.is_none() && !lacking {
                         let time = values.first().copied().unwrap_or(f64::NAN);
                         match track.at(&mut source.rows, time)? {
-                            Some(found) => fill(&mut values, channels, &source.entries, &found),
+                            Some(found) => fill(values, channels, &source.entries, &found),
                             None => lacking = true,
                         }
                     }
@@ -191,11 +208,11 @@ impl<'a> JoinedRows<'a> {
                 continue;
             };
             if order == 0 {
-                line = own;
+                *line = own;
             }
             match found {
                 Ok(found) => {
-                    fill(&mut values, channels, &source.entries, &found);
+                    fill(values, channels, &source.entries, &found);
                     source.rows.reuse(found);
                 }
                 Err(what) => {
@@ -218,9 +235,9 @@ impl<'a> JoinedRows<'a> {
             values[0] = self.count as f64 / rate;
         }
         Ok(Some(match fault {
-            Some(problem) => Err(problem),
-            None if lacking => Ok(None),
-            None => Ok(Some(LogRow { line, values })),
+            Some(problem) => Found::Fault(problem),
+            None if lacking => Found::Nothing,
+            None => Found::Row,
         }))
     }
 

@@ -10,6 +10,7 @@ use super::run::Run;
 use super::settings::Settings;
 use super::shift;
 use super::standstill::{self, Differences, Encoder};
+use super::stretch::Stretch;
 use super::window::Window;
 use crate::estimate::EstimateError;
 use crate::identify::{Completion, Filtering, Source, StateSample};
@@ -260,7 +261,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 support: support(log, &self.settings)?,
                 sign_thresholds: sign_thresholds(log, &self.settings)?,
                 delays: delays(&info, &self.settings),
-                rows: Vec::new(),
+                rows: Stretch::default(),
                 weights: Vec::new(),
                 before: 0,
                 count: 0,
@@ -296,7 +297,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 })?;
                 for (k, (values, weights)) in means.into_iter().enumerate() {
                     let row = LogRow { line: 0, values };
-                    window.take(row, Some(weights), k > 0)?;
+                    window.take(&row, Some(weights), k > 0)?;
                 }
             }
             window.finish()?;

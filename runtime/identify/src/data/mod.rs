@@ -31,6 +31,7 @@ mod settings;
 mod shift;
 mod spikes;
 mod standstill;
+mod stretch;
 mod stuck;
 mod table;
 mod tracks;

@@ -2,7 +2,7 @@
 //! from a series, or differentiated.
 
 use super::logs::Log;
-use super::reader::LogRow;
+use super::stretch::Stretch;
 use crate::signals::{Derivatives, Method, SignalError, differences};
 
 /// The motion of all measured coordinates, each as by [`derivatives`].
@@ -12,30 +12,19 @@ use crate::signals::{Derivatives, Method, SignalError, differences};
 pub(super) fn all_derivatives(
     log: &Log,
     method: Method,
-    times: &[f64],
-    rows: &[LogRow],
+    rows: &Stretch,
 ) -> Result<Vec<Derivatives>, SignalError> {
     let layout = &log.file.layout;
     let mut others = layout.velocities.iter().chain(&layout.accelerations);
     let only_positions = others.all(Option::is_none) && log.series.is_none();
     if only_positions && method != Method::Central {
-        let positions: Vec<Vec<f64>> = layout
-            .positions()
-            .map(|entry| column(rows, entry))
-            .collect();
-        let positions: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
-        return method.differentiate_all(times, &positions);
+        let positions: Vec<&[f64]> = layout.positions().map(|entry| rows.column(entry)).collect();
+        return method.differentiate_all(rows.times(), &positions);
     }
     let places = 0..layout.measured.len();
     places
-        .map(|place| derivatives(log, method, place, times, rows))
+        .map(|place| derivatives(log, method, place, rows))
         .collect()
-}
-
-/// The entries of one column.
-fn column(rows: &[LogRow], entry: usize) -> Vec<f64> {
-    let value = |row: &LogRow| row.values.get(entry).copied().unwrap_or(f64::NAN);
-    rows.iter().map(value).collect()
 }
 
 /// The motion of the measured coordinate with index `place`.
@@ -53,19 +42,18 @@ pub(super) fn derivatives(
     log: &Log,
     method: Method,
     place: usize,
-    times: &[f64],
-    rows: &[LogRow],
+    rows: &Stretch,
 ) -> Result<Derivatives, SignalError> {
     let layout = &log.file.layout;
-    let column = |entry: usize| column(rows, entry);
+    let (times, column) = (rows.times(), |entry: usize| rows.column(entry));
     let positions = column(layout.positions().start + place);
     let velocity = layout.velocities.get(place).copied().flatten();
     let acceleration = layout.accelerations.get(place).copied().flatten();
     if let (Some(velocity), Some(acceleration)) = (velocity, acceleration) {
         return Ok(Derivatives {
-            value: positions,
-            rate: column(velocity),
-            acceleration: column(acceleration),
+            value: positions.to_vec(),
+            rate: column(velocity).to_vec(),
+            acceleration: column(acceleration).to_vec(),
             valid: 0..rows.len(),
         });
     }
@@ -84,15 +72,15 @@ pub(super) fn derivatives(
         _ => method.differentiate(times, values),
     };
     let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
-    let mut found = differentiate(&positions, neighbours)?;
+    let mut found = differentiate(positions, neighbours)?;
     if let Some(velocity) = velocity {
         let noise = log.velocity_noise.get(place);
-        let own = differentiate(&column(velocity), noise.map_or(1, |e| e.neighbours))?;
+        let own = differentiate(column(velocity), noise.map_or(1, |e| e.neighbours))?;
         found.valid = found.valid.start.max(own.valid.start)..found.valid.end.min(own.valid.end);
         (found.rate, found.acceleration) = (own.value, own.rate);
     }
     if let Some(acceleration) = acceleration {
-        found.acceleration = column(acceleration);
+        found.acceleration = column(acceleration).to_vec();
     }
     Ok(found)
 }

@@ -37,18 +37,25 @@ pub(super) fn leading(line: &[u8], separator: u8, decimal_comma: bool) -> Option
     let mut digits = 0_u64;
     let mut point = None;
     let mut length = 0;
-    for byte in entry {
+    while let Some(byte) = entry.get(length) {
         let digit = byte.wrapping_sub(b'0');
+        length += 1;
         if digit < 10 {
             digits = digits.wrapping_mul(10).wrapping_add(u64::from(digit));
         } else if *byte == separator {
+            length -= 1;
             break;
         } else if point.is_none() && (*byte == b'.' || decimal_comma && *byte == b',') {
-            point = Some(length);
+            point = Some(length - 1);
+            // most decimals are many
+            let next = entry.get(length..).and_then(<[u8]>::first_chunk);
+            if let Some(eight) = next.and_then(|next| eight_digits(*next)) {
+                digits = digits.wrapping_mul(100_000_000).wrapping_add(eight);
+                length += 8;
+            }
         } else {
             return None;
         }
-        length += 1;
     }
     let decimals = point.map_or(0, |point| length - 1 - point);
     // with one point at most, numbers of so few bytes do not overflow; a point alone is no number
@@ -61,10 +68,49 @@ pub(super) fn leading(line: &[u8], separator: u8, decimal_comma: bool) -> Option
     Some((value, length + usize::from(negative)))
 }
 
+/// The number that eight digits are; `None` if one of them is none.
+#[inline]
+fn eight_digits(text: [u8; 8]) -> Option<u64> {
+    /// The same byte eight times.
+    const fn all(byte: u8) -> u64 {
+        u64::from_le_bytes([byte; 8])
+    }
+    // the first digit is in the lowest byte; of a digit, nothing but its value is left
+    let bytes = u64::from_le_bytes(text) ^ all(b'0');
+    // 10 to 127 reach the highest bit with 118 more, and above that they have it already
+    let too_large = bytes | (bytes & all(0x7f)).wrapping_add(all(118));
+    if too_large & all(0x80) != 0 {
+        return None;
+    }
+    // pairs of digits in every second byte, then two and four pairs in every fourth
+    let pairs = bytes.wrapping_mul(10).wrapping_add(bytes >> 8);
+    let (even, odd) = (pairs & 0xff_0000_00ff, (pairs >> 16) & 0xff_0000_00ff);
+    let even = even.wrapping_mul(100 + (1_000_000 << 32));
+    let odd = odd.wrapping_mul(1 + (10_000 << 32));
+    Some(even.wrapping_add(odd) >> 32)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn eight_digits_are_their_number_and_any_other_byte_is_none() {
+        for number in [0, 1, 12_345_678, 87_654_321, 99_999_999, 90_000_000] {
+            let text = format!("{number:08}");
+            let mut bytes: [u8; 8] = text.as_bytes().try_into().unwrap();
+            assert_eq!(eight_digits(bytes), Some(number));
+            for place in 0..8 {
+                let own = bytes[place];
+                for other in 0..=u8::MAX {
+                    bytes[place] = other;
+                    assert_eq!(eight_digits(bytes).is_some(), other.is_ascii_digit());
+                }
+                bytes[place] = own;
+            }
+        }
+    }
 
     proptest! {
         /// Entries near to numbers: signs, digits, points, commas, exponents and spaces in any order.

@@ -19,7 +19,7 @@ use crate::text;
 use regen_runtime::Info;
 
 /// A row in SI, in the order of [`ColumnLayout::channels`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LogRow {
     /// The line of a CSV file, or the row of a Parquet file, from 1; see [`Problem::row`].
     pub(super) line: u64,
@@ -334,4 +334,4 @@ impl LogFile {
 }
 
 /// Receives each row with whether it follows the one before without a gap.
-pub(super) type RowSink<'a> = dyn FnMut(LogRow, bool) -> Result<(), DataError> + 'a;
+pub(super) type RowSink<'a> = dyn FnMut(&LogRow, bool) -> Result<(), DataError> + 'a;

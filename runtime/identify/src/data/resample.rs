@@ -85,26 +85,23 @@ impl Resampler {
     /// Adds the next row of the log, and calls `each` with the rows of the grid that are now known.
     pub(super) fn push(
         &mut self,
-        row: LogRow,
+        row: &LogRow,
         follows: bool,
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
         if !follows {
             self.finish(each)?;
         }
-        let LogRow { line, mut values } = row;
-        let time = if values.is_empty() {
+        let Some((&time, values)) = row.values.split_first() else {
             return Ok(());
-        } else {
-            values.remove(0)
         };
         self.start.get_or_insert(time);
         if self.recent.len() == POINTS {
             self.recent.pop_front();
             self.lines.pop_front();
         }
-        self.recent.push_back((time, values));
-        self.lines.push_back(line);
+        self.recent.push_back((time, values.to_vec()));
+        self.lines.push_back(row.line);
         // a time is known once there are two rows after it
         match self.recent.len().checked_sub(3) {
             Some(left) => self.emit(left, each),
@@ -151,7 +148,7 @@ impl Resampler {
             let mut values = between(&self.recent, left, time);
             values.insert(0, time);
             let line = self.lines.get(left).copied().unwrap_or(0);
-            each(LogRow { line, values }, self.follows)?;
+            each(&LogRow { line, values }, self.follows)?;
             self.follows = true;
         }
     }
@@ -164,7 +161,7 @@ mod tests {
     /// The rows of the grid from times and values of a log, whose gaps are before the marked rows.
     fn grid(rate: f64, rows: &[(f64, f64)], gaps: &[usize]) -> Vec<(f64, f64, bool)> {
         let mut out = Vec::new();
-        let mut each = |row: LogRow, follows: bool| {
+        let mut each = |row: &LogRow, follows: bool| {
             out.push((row.values[0], row.values[1], follows));
             Ok(())
         };
@@ -175,7 +172,7 @@ mod tests {
                 values: vec![*t, *x],
             };
             let follows = k > 0 && !gaps.contains(&k);
-            resampler.push(row, follows, &mut each).unwrap();
+            resampler.push(&row, follows, &mut each).unwrap();
         }
         resampler.finish(&mut each).unwrap();
         out

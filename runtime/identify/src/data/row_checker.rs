@@ -26,7 +26,8 @@ struct PendingRow {
     row: LogRow,
     /// Whether there is no gap between the row before and this one.
     follows: bool,
-    fault: Option<Fault>,
+    /// In a box, as nearly no row has one: rows are moved in and out of the buffer.
+    fault: Option<Box<Fault>>,
 }
 
 /// Checks the rows of a file for faults in a look-ahead buffer.
@@ -41,6 +42,8 @@ pub(super) struct RowChecker<'a> {
     longest_step: f64,
     /// The look-ahead buffer, the oldest row first.
     queue: VecDeque<PendingRow>,
+    /// Rows that have left the buffer, whose memory is used again.
+    spare: Vec<LogRow>,
     /// The values of each position in the last rows of the buffer, the oldest first.
     recent: Vec<[f64; OUTLIER_ROWS]>,
     /// The time, s, of the last row that was in order of time, whether it is used or not.
@@ -78,6 +81,7 @@ impl<'a> RowChecker<'a> {
             survey,
             longest_step,
             queue: VecDeque::with_capacity(OUTLIER_ROWS + 1),
+            spare: Vec::new(),
             recent: vec![[0.0; OUTLIER_ROWS]; layout.positions().len()],
             last_time: None,
             segment_ended: true,
@@ -95,7 +99,7 @@ impl<'a> RowChecker<'a> {
     /// judged by now.
     pub(super) fn take(
         &mut self,
-        row: Result<LogRow, Problem>,
+        row: Result<&LogRow, Problem>,
         problem: &mut dyn FnMut(Problem),
         each: &mut RowSink<'_>,
     ) -> Result<(), DataError> {
@@ -125,7 +129,7 @@ impl<'a> RowChecker<'a> {
     }
 
     /// Checks the time of a row and adds it to the buffer.
-    fn check(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
+    fn check(&mut self, row: &LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
         let mut report = |what| {
             problem(Problem::of(row.line, what));
@@ -193,8 +197,11 @@ impl<'a> RowChecker<'a> {
             recent.rotate_left(1);
             recent[OUTLIER_ROWS - 1] = value;
         }
+        let mut own = self.spare.pop().unwrap_or_default();
+        own.line = row.line;
+        own.values.clone_from(&row.values);
         self.queue.push_back(PendingRow {
-            row,
+            row: own,
             follows,
             fault: None,
         });
@@ -206,10 +213,10 @@ impl<'a> RowChecker<'a> {
                 1
             };
             for pending in self.queue.iter_mut().rev().take(marked_rows) {
-                pending.fault = Some(Fault::Saturated {
+                pending.fault = Some(Box::new(Fault::Saturated {
                     column: self.layout.title(efforts.start + k),
                     value: pending.row.values[efforts.start + k],
-                });
+                }));
             }
         }
         if self.queue.len() >= OUTLIER_ROWS {
@@ -266,11 +273,11 @@ impl<'a> RowChecker<'a> {
             let allowed = allowed.max(OUTLIER_CHANGES * usual.max(f64::EPSILON * middle.abs()));
             // with a tolerance, as encoder steps are sums of rounded numbers
             if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
-                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Fault::Outlier {
+                self.queue[start + OUTLIER_NEIGHBOURS].fault = Some(Box::new(Fault::Outlier {
                     column: self.layout.title(entry),
                     value: middle,
                     around,
-                });
+                }));
             }
         }
     }
@@ -286,14 +293,17 @@ impl<'a> RowChecker<'a> {
         };
         if let Some(what) = pending.fault {
             let keep = self.used_faults.uses(&what);
-            problem(Problem::of(pending.row.line, what));
+            problem(Problem::of(pending.row.line, *what));
             if !keep {
                 self.segment_ended = true;
+                self.spare.push(pending.row);
                 return Ok(());
             }
         }
         let follows = pending.follows && !self.segment_ended;
         self.segment_ended = false;
-        each(pending.row, follows)
+        each(&pending.row, follows)?;
+        self.spare.push(pending.row);
+        Ok(())
     }
 }

@@ -6,6 +6,7 @@ use super::motion;
 use super::problem::DataError;
 use super::reader::LogRow;
 use super::spikes::SpikeFinder;
+use super::stretch::Stretch;
 use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
@@ -46,14 +47,14 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .div_ceil(STATES)
             .max(self.settings.decimation)
             .max(1);
-        let mut segment: Vec<LogRow> = Vec::new();
+        let mut segment = Stretch::default();
         let mut spread = Spread::new(log.file.layout.measured.len());
         let mut spikes = SpikeFinder::new(log.file.layout.efforts().len());
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
-                spread.push(log, &row);
-                spikes.push(&row, &row.values[log.file.layout.efforts()], follows);
+                spread.push(log, row);
+                spikes.push(row, &row.values[log.file.layout.efforts()], follows);
                 let block = place * count / rows.max(1);
                 let within = place < block * rows / count.max(1) + length;
                 place += 1;
@@ -76,17 +77,17 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     }
 
     /// Adds the states of consecutive rows to the sample, and clears the rows.
-    fn states(&self, log: &Log, rows: &mut Vec<LogRow>, every: usize, out: &mut Sample) {
+    fn states(&self, log: &Log, rows: &mut Stretch, every: usize, out: &mut Sample) {
         let layout = &log.file.layout;
         let rows = core::mem::take(rows);
-        let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
-        let column = |entry: usize| -> Vec<f64> { rows.iter().map(|r| r.values[entry]).collect() };
-        let mut efforts: Vec<Vec<f64>> = layout.efforts().map(&column).collect();
+        let times = rows.times();
+        let efforts = layout.efforts();
+        let mut efforts: Vec<Vec<f64>> = efforts.map(|entry| rows.column(entry).to_vec()).collect();
         let m = layout.measured.len();
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
         let mut valid = 0..rows.len();
         let method = self.settings.method;
-        let Ok(of_all) = motion::all_derivatives(log, method, &times, &rows) else {
+        let Ok(of_all) = motion::all_derivatives(log, method, &rows) else {
             return;
         };
         for own in of_all {
@@ -95,7 +96,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         }
         if matches!(method, Method::Butterworth { .. }) && !layout.derivatives {
             for effort in &mut efforts {
-                let Ok(found) = method.differentiate(&times, effort) else {
+                let Ok(found) = method.differentiate(times, effort) else {
                     return;
                 };
                 *effort = found.value;

@@ -8,9 +8,11 @@ use super::reader::LogRow;
 use super::settings::Settings;
 use super::shift;
 use super::standstill::{Encoder, resting};
+use super::stretch::Stretch;
 use crate::estimate::EstimateError;
 use crate::identify::{Completeness, Completion, StateSample};
 use crate::signals::{Method, SignalError, Smoothing};
+use crate::turned::turn;
 use regen_batch::eval_many;
 use regen_runtime::{Arguments, Condition, Function, Model, Outcome, Status};
 
@@ -34,7 +36,7 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) sign_thresholds: Vec<f64>,
     /// The delay of each actuated joint's effort, s.
     pub(super) delays: Vec<f64>,
-    pub(super) rows: Vec<LogRow>,
+    pub(super) rows: Stretch,
     pub(super) weights: Vec<Option<Vec<f64>>>,
     /// Number of rows at the start that only the filter needs; 0 at the start of a segment.
     pub(super) before: usize,
@@ -52,11 +54,11 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     /// Adds the next row; `follows` says whether it comes after the last one without a gap.
     pub(super) fn take(
         &mut self,
-        row: LogRow,
+        row: &LogRow,
         weights: Option<Vec<f64>>,
         follows: bool,
     ) -> Result<(), DataError> {
-        if !follows && !self.bridged(&row) {
+        if !follows && !self.bridged(row) {
             self.process(true)?;
         }
         self.rows.push(row);
@@ -75,12 +77,12 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     /// Whether rows on both sides of a gap are differentiated together: only a local regression
     /// does so, over gaps shorter than half its half width.
     fn bridged(&self, row: &LogRow) -> bool {
-        let Some(last) = self.rows.last() else {
+        let Some(last) = self.rows.times().last() else {
             return true;
         };
         match self.settings.method {
             _ if self.log.file.layout.derivatives || self.log.series.is_some() => false,
-            Method::Local { half_width } => row.values[0] - last.values[0] < 0.5 * half_width,
+            Method::Local { half_width } => row.values[0] - last < 0.5 * half_width,
             _ => false,
         }
     }
@@ -107,16 +109,17 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let layout = &self.log.file.layout;
         let m = layout.measured.len();
         let mut valid = self.before..if end { n } else { n - self.support };
-        let times: Vec<f64> = self.rows.iter().map(|r| r.values[0]).collect();
-        let column =
-            |entry: usize| -> Vec<f64> { self.rows.iter().map(|r| r.values[entry]).collect() };
+        let times = self.rows.times();
         // for each measured coordinate: position, velocity, acceleration
         let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
-        let mut efforts: Vec<Vec<f64>> = layout.efforts().map(&column).collect();
+        let efforts = layout.efforts();
+        let mut efforts: Vec<Vec<f64>> = efforts
+            .map(|entry| self.rows.column(entry).to_vec())
+            .collect();
         let file = &self.log.file;
         if n > 0 {
             let method = self.settings.method.of_states(self.log.survey.time_step());
-            match motion::all_derivatives(self.log, method, &times, &self.rows) {
+            match motion::all_derivatives(self.log, method, &self.rows) {
                 Ok(of_all) => {
                     for found in of_all {
                         // within a segment the support already bounds the valid rows
@@ -139,7 +142,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
         for (effort, delay) in efforts.iter_mut().zip(&self.delays) {
             if *delay != 0.0 && !valid.is_empty() {
-                let inside = shift::later(&times, effort, *delay);
+                let inside = shift::later(times, effort, *delay);
                 // within a segment the support already bounds the valid rows
                 let start = if self.before > 0 { 0 } else { inside.start };
                 let stop = if end { inside.end } else { n };
@@ -149,15 +152,15 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
         let entries = layout.positions().zip(&self.log.encoders);
         for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
-            let positions = column(entry);
+            let positions = self.rows.column(entry);
             // a joint that creeps has a velocity, but not the friction of sliding
-            let unmoved = resting(&times, &positions, encoder.without_creep());
+            let unmoved = resting(times, positions, encoder.without_creep());
             for (k, unmoved) in unmoved.into_iter().enumerate() {
                 if unmoved {
                     (rate[k], acceleration[k]) = (0.0, 0.0);
                 }
             }
-            let mut rests = resting(&times, &positions, *encoder);
+            let mut rests = resting(times, positions, *encoder);
             let slowest = self
                 .sign_thresholds
                 .get(still.len())
@@ -193,7 +196,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             self.follows = false;
         } else {
             let keep = (2 * self.support).min(n);
-            self.rows.drain(..n - keep);
+            self.rows.keep_last(keep);
             self.weights.drain(..n - keep);
             self.before = keep - self.support.min(keep);
         }
@@ -212,9 +215,8 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let info = self.model.info();
         let (n, dof, count) = (info.coordinates.len(), info.dof(), samples.len());
         // ordered entry by entry, as functions at many states require
-        let q: Vec<f64> = (0..n)
-            .flat_map(|c| states.q.iter().skip(c).step_by(n.max(1)).copied())
-            .collect();
+        let mut q = vec![0.0; n * count];
+        turn(&states.q, n, &mut q, count);
         let measured = efforts.iter();
         let measured: Vec<f64> = measured
             .flat_map(|effort| samples.iter().map(|k| effort[*k]))
@@ -281,7 +283,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
             }
             let [q, qd, qdd] = states.state(at);
             let row = StateSample {
-                time: self.rows[k].values[0],
+                time: self.rows.times()[k],
                 q,
                 qd,
                 qdd,
@@ -307,6 +309,6 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         };
         let why = why.to_owned();
         self.problems
-            .add(Problem::of(self.rows[k].line, Fault::Open { why }));
+            .add(Problem::of(self.rows.line(k), Fault::Open { why }));
     }
 }

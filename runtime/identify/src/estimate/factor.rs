@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::EstimateError;
 use super::spectrum::RANK_TOLERANCE;
-use crate::qr_update::{BLOCK, reduce, substitute};
+use crate::qr_update::{BLOCK, reduce, reduce_by_pairs, substitute};
 
 /// Singular values are computed unless the bound of the condition number is below this part of
 /// the one at which the rank is no longer full.
@@ -217,7 +217,7 @@ impl QrFactor {
         let rows = tau.len();
         size("w", self.columns() * rows, w.len())?;
         require_finite(&w, tau)?;
-        self.rss += reduce(&mut self.r, &mut self.z, &mut w, tau, rows);
+        self.rss += reduce_by_pairs(&mut self.r, &mut self.z, &mut w, tau, rows);
         self.rows += rows;
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Completes measured coordinates to whole states of motion by the closure equations.
 
 use crate::qr_update::{reduce, substitute};
+use crate::turned::turn;
 use regen_batch::TrajectoryClosure;
 use regen_runtime::{ClosureError, Model, Outcome, SizeError, State};
 
@@ -208,11 +209,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
                 (&mut states.qd, &found.qd),
                 (&mut states.qdd, &found.qdd),
             ] {
-                for (c, series) in series.chunks_exact(samples.len().max(1)).enumerate() {
-                    for (slot, value) in out.iter_mut().skip(c).step_by(n).zip(series) {
-                        *slot = *value;
-                    }
-                }
+                turn(series, samples.len(), out, n);
             }
             states
                 .outcomes

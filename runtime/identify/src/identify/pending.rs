@@ -2,6 +2,7 @@
 
 use super::equation_builder::StateSample;
 use crate::estimate::EstimateError;
+use crate::turned::turn;
 use regen_batch::eval_base_many;
 use regen_runtime::{Arguments, BaseFunction, BaseModel};
 
@@ -14,6 +15,11 @@ pub(super) struct Pending {
     samples: Vec<OwnedSample>,
     /// The number of `samples` that wait; the others keep their memory for later ones.
     count: usize,
+    /// Coordinates, velocities and accelerations of the samples that wait, those of one sample one after
+    /// the other.
+    motion: [Vec<f64>; 3],
+    /// The same, those of one coordinate one after the other.
+    turned: [Vec<f64>; 3],
     /// The entries of the base regressors, those of one entry at all samples one after the other.
     series: Vec<f64>,
     /// The base regressors of the samples, each column by column.
@@ -23,13 +29,10 @@ pub(super) struct Pending {
     pivots: Vec<f64>,
 }
 
-/// The fields of [`StateSample`], owned.
+/// The fields of [`StateSample`] but for the motion, owned.
 #[derive(Debug, Default)]
 struct OwnedSample {
     time: f64,
-    q: Vec<f64>,
-    qd: Vec<f64>,
-    qdd: Vec<f64>,
     tau: Vec<f64>,
     efforts: Vec<f64>,
     at_standstill: Vec<bool>,
@@ -43,23 +46,8 @@ fn assign<T: Copy>(to: &mut Vec<T>, from: &[T]) {
     to.extend_from_slice(from);
 }
 
-/// Turns series of `count` samples each into samples of `size` entries each.
-fn transpose(series: &[f64], count: usize, samples: &mut [f64], size: usize) {
-    /// Samples at a time: those in one line of a cache.
-    const SAMPLES: usize = 8;
-    for (block, samples) in samples.chunks_mut((SAMPLES * size).max(1)).enumerate() {
-        let first = block * SAMPLES;
-        for (entry, series) in series.chunks_exact(count.max(1)).enumerate() {
-            let slots = samples.iter_mut().skip(entry).step_by(size);
-            for (slot, value) in slots.zip(&series[first..]) {
-                *slot = *value;
-            }
-        }
-    }
-}
-
 impl Pending {
-    /// Adds a sample; returns whether the buffer is full.
+    /// Adds a sample, whose motion has the model's length; returns whether the buffer is full.
     pub(super) fn push(&mut self, sample: &StateSample<'_>) -> bool {
         if self.count == self.samples.len() {
             self.samples.push(OwnedSample::default());
@@ -67,19 +55,20 @@ impl Pending {
         if let Some(own) = self.samples.get_mut(self.count) {
             own.time = sample.time;
             own.follows = sample.follows;
-            assign(&mut own.q, sample.q);
-            assign(&mut own.qd, sample.qd);
-            assign(&mut own.qdd, sample.qdd);
             assign(&mut own.tau, sample.tau);
             assign(&mut own.efforts, sample.efforts);
             assign(&mut own.at_standstill, sample.at_standstill);
             assign(&mut own.weights, sample.weights);
         }
+        let parts = [sample.q, sample.qd, sample.qdd];
+        for (all, own) in self.motion.iter_mut().zip(parts) {
+            all.extend_from_slice(own);
+        }
         self.count += 1;
         self.count >= MAX_WAITING
     }
 
-    /// Computes the base regressors of the waiting samples, whose motion has the model's length.
+    /// Computes the base regressors of the waiting samples.
     ///
     /// # Errors
     /// When a length does not fit.
@@ -93,19 +82,15 @@ impl Pending {
         self.series.resize(size * count, 0.0);
         self.pivots.clear();
         self.pivots.resize(count, 1.0);
-        let samples = self.samples.get(..count).unwrap_or_default();
-        let series = |part: fn(&OwnedSample) -> &Vec<f64>| -> Vec<f64> {
-            let entry = |c: usize| {
-                let value = move |s: &OwnedSample| part(s).get(c).copied().unwrap_or(f64::NAN);
-                samples.iter().map(value)
-            };
-            (0..n).flat_map(entry).collect()
-        };
-        let (q, qd, qdd) = (series(|s| &s.q), series(|s| &s.qd), series(|s| &s.qdd));
+        for (samples, series) in self.motion.iter().zip(&mut self.turned) {
+            series.resize(n * count, 0.0);
+            turn(samples, n, series, count);
+        }
+        let [q, qd, qdd] = &self.turned;
         let arguments = Arguments {
-            q: &q,
-            qd: &qd,
-            qdd: &qdd,
+            q,
+            qd,
+            qdd,
             ..Arguments::EMPTY
         };
         let function = BaseFunction::BaseRegressor;
@@ -119,7 +104,7 @@ impl Pending {
         )?;
         self.size = size;
         self.w.resize(size * count, 0.0);
-        transpose(&self.series, count, &mut self.w, size);
+        turn(&self.series, count, &mut self.w, size);
         Ok(())
     }
 
@@ -131,11 +116,15 @@ impl Pending {
     /// A waiting sample with the entries of its base regressor, column by column, and its pivot.
     pub(super) fn at(&self, index: usize) -> Option<(StateSample<'_>, &[f64], f64)> {
         let own = self.samples.get(index).filter(|_| index < self.count)?;
+        let [q, qd, qdd] = self.motion.each_ref().map(|all| {
+            let n = all.len() / self.count;
+            all.get(index * n..(index + 1) * n).unwrap_or_default()
+        });
         let sample = StateSample {
             time: own.time,
-            q: &own.q,
-            qd: &own.qd,
-            qdd: &own.qdd,
+            q,
+            qd,
+            qdd,
             tau: &own.tau,
             efforts: &own.efforts,
             at_standstill: &own.at_standstill,
@@ -149,5 +138,6 @@ impl Pending {
     /// Forgets the waiting samples.
     pub(super) fn clear(&mut self) {
         self.count = 0;
+        self.motion.iter_mut().for_each(Vec::clear);
     }
 }

@@ -93,10 +93,12 @@ impl<S: Simd> WindowSums<'_, S> {
         let width = REGISTERS * S::F64_LANES;
         let mut sums = [[simd.splat_f64s(0.0); REGISTERS]; WINDOWS];
         for (sample, values) in self.samples(first, WINDOWS) {
-            let (own, _) = S::as_simd_f64s(&values[at..at + width]);
+            // read once for all windows
+            let mut own = [simd.splat_f64s(0.0); REGISTERS];
+            own.copy_from_slice(S::as_simd_f64s(&values[at..at + width]).0);
             for (window, sums) in sums.iter_mut().enumerate() {
                 if let Some(weight) = self.weight(first, sample, window) {
-                    for (sum, x) in sums.iter_mut().zip(own) {
+                    for (sum, x) in sums.iter_mut().zip(&own) {
                         *sum = simd.add_f64s(*sum, simd.mul_f64s(weight, *x));
                     }
                 }

@@ -1,0 +1,81 @@
+//! Consecutive rows of a log, column by column.
+
+use super::reader::LogRow;
+
+/// Consecutive rows; their columns are those of [`LogRow::values`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stretch {
+    lines: Vec<u64>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Stretch {
+    /// Adds the next row, which has as many entries as the ones before.
+    pub(super) fn push(&mut self, row: &LogRow) {
+        if self.columns.len() < row.values.len() {
+            self.columns.resize(row.values.len(), Vec::new());
+        }
+        for (column, value) in self.columns.iter_mut().zip(&row.values) {
+            column.push(*value);
+        }
+        self.lines.push(row.line);
+    }
+
+    /// The number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The times of the rows, s.
+    pub(super) fn times(&self) -> &[f64] {
+        self.column(0)
+    }
+
+    /// One entry of every row.
+    pub(super) fn column(&self, entry: usize) -> &[f64] {
+        self.columns.get(entry).map_or(&[], Vec::as_slice)
+    }
+
+    /// The line of a row; 0 if there is no such row.
+    pub(super) fn line(&self, row: usize) -> u64 {
+        self.lines.get(row).copied().unwrap_or(0)
+    }
+
+    /// Forgets all rows but the last ones.
+    pub(super) fn keep_last(&mut self, rows: usize) {
+        let first = self.len().saturating_sub(rows);
+        self.lines.drain(..first);
+        for column in &mut self.columns {
+            column.drain(..first);
+        }
+    }
+
+    /// Forgets all rows.
+    pub(super) fn clear(&mut self) {
+        self.keep_last(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_rows_remain_with_their_lines_and_columns() {
+        let mut rows = Stretch::default();
+        for k in 0..5_u32 {
+            rows.push(&LogRow {
+                line: u64::from(k) + 2,
+                values: vec![0.1 * f64::from(k), f64::from(k)],
+            });
+        }
+        rows.keep_last(2);
+        assert_eq!((rows.len(), rows.line(0), rows.line(1)), (2, 5, 6));
+        assert_eq!(rows.times(), [0.1 * 3.0, 0.1 * 4.0]);
+        assert_eq!(rows.column(1), [3.0, 4.0]);
+        rows.keep_last(7);
+        assert_eq!(rows.len(), 2);
+        rows.clear();
+        assert_eq!((rows.len(), rows.times().len(), rows.line(0)), (0, 0, 0));
+    }
+}
