@@ -13,7 +13,7 @@ use crate::simulate::{
 };
 
 /// The tolerance of each step of the integration, relative.
-const TOLERANCE: f64 = 1e-7;
+const TOLERANCE: f64 = 1e-9;
 
 /// The controllers of a simulated loop.
 #[derive(Clone, Copy, Debug, PartialEq)]

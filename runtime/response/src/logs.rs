@@ -114,8 +114,9 @@ impl Run {
 }
 
 /// The motion of the independent coordinates that the commands of a track require. At any time the
-/// positions are those of the nearest row, velocities are central differences of the rows, and
-/// accelerations are 0.
+/// positions are those of the nearest row, velocities are central differences of the rows (at the first
+/// row, with whose velocity simulations begin, that of the cubic through four rows), and accelerations
+/// are 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Commanded {
     times: Vec<f64>,
@@ -182,6 +183,13 @@ impl Reference for Commanded {
             *q = value(row).unwrap_or(f64::NAN);
             let difference = value(after).zip(value(before)).map_or(0.0, |(b, a)| b - a);
             *qd = if span > 0.0 { difference / span } else { 0.0 };
+            if row == 0
+                && span > 0.0
+                && let [Some(a), Some(b), Some(c), Some(d)] = [0, 1, 2, 3].map(value)
+            {
+                // of the cubic through four rows
+                *qd = (18.0 * b - 11.0 * a - 9.0 * c + 2.0 * d) / (6.0 * span);
+            }
         }
     }
 }
