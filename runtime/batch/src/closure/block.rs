@@ -67,18 +67,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut pivots,
         )?;
         let mut q = repeated(last, len);
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (series, tangent) in q.chunks_exact_mut(len).zip(tangents.chunks_exact(dof)) {
-                    for (rate, line) in tangent.iter().zip(line.chunks_exact(len)) {
-                        for (q, line) in series.iter_mut().zip(line) {
-                            *q += rate * line;
-                        }
-                    }
-                }
-            },
-        );
+        add_tangents(&mut q, &tangents, line, len);
         set(&mut q, info.independent, targets, len);
         Ok(q)
     }
@@ -108,18 +97,8 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut tangent,
             &mut pivots,
         )?;
-        let mut moves = vec![0.0; len];
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (series, unit) in tangent.chunks_exact(len).zip(&self.units) {
-                    raise(&mut moves, series, *unit);
-                }
-                for (step, q) in tangent.iter_mut().zip(q) {
-                    *step += q;
-                }
-            },
-        );
+        let moves = largest_entries(&tangent, &self.units, len);
+        add(&mut tangent, q);
         set(&mut tangent, info.independent, targets, len);
         Ok((tangent, moves))
     }
@@ -137,8 +116,9 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
         let info = self.model.info();
         let mut step = vec![0.0; info.dependent.len() * len];
         let mut pivots = vec![1.0; len];
-        let floor: Vec<f64> = self
-            .sizes(q, info.dependent, len)
+        let units = info.dependent.iter().map(|c| self.units[*c]);
+        let units: Vec<f64> = units.collect();
+        let floor: Vec<f64> = sizes(q, info.dependent, &self.units, len)
             .iter()
             .map(|size| {
                 (1.0 + size)
@@ -166,7 +146,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
                 &mut step,
                 &mut pivots,
             )?;
-            let sizes = self.step_sizes(&step, len);
+            let sizes = largest_entries(&step, &units, len);
             for (state, size) in sizes.into_iter().enumerate() {
                 stepping[state] = false;
                 if done[state] {
@@ -185,17 +165,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
                 before[state] = size;
                 done[state] = size <= floor[state];
             }
-            Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    for (c, step) in info.dependent.iter().zip(step.chunks_exact(len)) {
-                        let series = q[c * len..(c + 1) * len].iter_mut();
-                        for ((q, step), stepping) in series.zip(step).zip(&stepping) {
-                            *q = if *stepping { *q + step } else { *q };
-                        }
-                    }
-                },
-            );
+            add_steps(q, &step, &stepping, info.dependent, len);
             if done.iter().all(|done| *done) {
                 return Ok(());
             }
@@ -224,7 +194,7 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             ..Arguments::EMPTY
         };
         self.eval(Function::Jacobian, arguments, &mut a, ok)?;
-        let tolerances = self.tolerances(&a, q, len);
+        let tolerances = tolerances(&a, q, &self.units, &self.row_units);
         let near = reference.is_near(&a, len);
         for (state, ok) in ok.iter_mut().enumerate() {
             *ok &= residuals[state] <= tolerances[state] && near[state];
@@ -248,79 +218,115 @@ impl<M: Model<f64> + ?Sized> TrajectoryClosure<'_, M> {
             &mut f,
             &mut pivots,
         )?;
-        let mut out = vec![0.0; len];
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (series, unit) in f.chunks_exact(len).zip(&self.row_units) {
-                    raise(&mut out, series, *unit);
-                }
-            },
-        );
-        Ok(out)
+        Ok(largest_entries(&f, &self.row_units, len))
     }
+}
 
-    /// For each state, the largest residual up to which it counts as closed: a constant times the
-    /// size of the terms of the largest row, `|A| max(1, |q|)`.
-    fn tolerances(&self, a: &[f64], q: &[f64], len: usize) -> Vec<f64> {
-        let mut out = vec![0.0; len];
-        let mut sizes = vec![0.0; q.len()];
-        let mut sums = vec![0.0; len];
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                let series = sizes.chunks_exact_mut(len).zip(q.chunks_exact(len));
-                for ((sizes, q), unit) in series.zip(&self.units) {
-                    for (size, q) in sizes.iter_mut().zip(q) {
-                        *size = (q / unit).abs().max(1.0);
+// What follows knows no model: it is compiled once, with this package's optimisation.
+
+/// Adds to each state `tangents`, one column for each independent coordinate, times `line`.
+fn add_tangents(q: &mut [f64], tangents: &[f64], line: &[f64], len: usize) {
+    let dof = line.len() / len;
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (series, tangent) in q.chunks_exact_mut(len).zip(tangents.chunks_exact(dof)) {
+                for (rate, line) in tangent.iter().zip(line.chunks_exact(len)) {
+                    for (q, line) in series.iter_mut().zip(line) {
+                        *q += rate * line;
                     }
                 }
-                for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(&self.row_units) {
-                    sums.fill(0.0);
-                    let entries = row.chunks_exact(len).zip(sizes.chunks_exact(len));
-                    for ((entries, sizes), unit) in entries.zip(&self.units) {
-                        let ratio = unit / row_unit;
-                        for (sum, (a, size)) in sums.iter_mut().zip(entries.iter().zip(sizes)) {
-                            *sum += (a * ratio).abs() * size;
-                        }
-                    }
-                    for (out, sum) in out.iter_mut().zip(&sums) {
-                        *out = largest(*out, RELATIVE_TOLERANCE * sum);
-                    }
-                }
-            },
-        );
-        out
-    }
+            }
+        },
+    );
+}
 
-    /// The largest of these coordinates of each state, in units.
-    fn sizes(&self, q: &[f64], which: &[usize], len: usize) -> Vec<f64> {
-        let mut out = vec![0.0; len];
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for c in which {
-                    raise(&mut out, &q[c * len..(c + 1) * len], self.units[*c]);
+/// Adds the steps of the dependent coordinates to the states that are `stepping`.
+fn add_steps(q: &mut [f64], steps: &[f64], stepping: &[bool], dependent: &[usize], len: usize) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (c, step) in dependent.iter().zip(steps.chunks_exact(len)) {
+                let series = q[c * len..(c + 1) * len].iter_mut();
+                for ((q, step), stepping) in series.zip(step).zip(stepping) {
+                    *q = if *stepping { *q + step } else { *q };
                 }
-            },
-        );
-        out
-    }
+            }
+        },
+    );
+}
 
-    /// The largest entry of each state's Newton step, in units.
-    fn step_sizes(&self, step: &[f64], len: usize) -> Vec<f64> {
-        let mut out = vec![0.0; len];
-        let dependent = self.model.info().dependent;
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (series, c) in step.chunks_exact(len).zip(dependent) {
-                    raise(&mut out, series, self.units[*c]);
+fn add(to: &mut [f64], more: &[f64]) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (to, more) in to.iter_mut().zip(more) {
+                *to += more;
+            }
+        },
+    );
+}
+
+/// For each state, the largest residual up to which it counts as closed: a constant times the
+/// size of the terms of the largest row, `|A| max(1, |q|)`.
+fn tolerances(a: &[f64], q: &[f64], units: &[f64], row_units: &[f64]) -> Vec<f64> {
+    let len = q.len() / units.len().max(1);
+    let mut out = vec![0.0; len];
+    let mut sizes = vec![0.0; q.len()];
+    let mut sums = vec![0.0; len];
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            let series = sizes.chunks_exact_mut(len).zip(q.chunks_exact(len));
+            for ((sizes, q), unit) in series.zip(units) {
+                for (size, q) in sizes.iter_mut().zip(q) {
+                    *size = (q / unit).abs().max(1.0);
                 }
-            },
-        );
-        out
-    }
+            }
+            for (row, row_unit) in a.chunks_exact(q.len().max(1)).zip(row_units) {
+                sums.fill(0.0);
+                let entries = row.chunks_exact(len).zip(sizes.chunks_exact(len));
+                for ((entries, sizes), unit) in entries.zip(units) {
+                    let ratio = unit / row_unit;
+                    for (sum, (a, size)) in sums.iter_mut().zip(entries.iter().zip(sizes)) {
+                        *sum += (a * ratio).abs() * size;
+                    }
+                }
+                for (out, sum) in out.iter_mut().zip(&sums) {
+                    *out = largest(*out, RELATIVE_TOLERANCE * sum);
+                }
+            }
+        },
+    );
+    out
+}
+
+/// The largest of these coordinates of each state, in units.
+fn sizes(q: &[f64], which: &[usize], units: &[f64], len: usize) -> Vec<f64> {
+    let mut out = vec![0.0; len];
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for c in which {
+                raise(&mut out, &q[c * len..(c + 1) * len], units[*c]);
+            }
+        },
+    );
+    out
+}
+
+/// The largest size of the entries of each state, in units; NaN if one of them is.
+fn largest_entries(series: &[f64], units: &[f64], len: usize) -> Vec<f64> {
+    let mut out = vec![0.0; len];
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (series, unit) in series.chunks_exact(len).zip(units) {
+                raise(&mut out, series, *unit);
+            }
+        },
+    );
+    out
 }
 
 /// Raises each entry to the size of that of the series, in this unit; NaN if one of them is.
