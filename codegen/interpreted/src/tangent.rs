@@ -163,6 +163,26 @@ impl<const N: usize> WithSimd for OneState<'_, N> {
     }
 }
 
+/// The directions of searches for trajectories and of fits of responses, whose time is spent here.
+const OFTEN: usize = 9;
+
+/// Executes a run. For the usual number of directions this is compiled in this package, with its
+/// optimisation, and not again in each that uses it.
+fn execute<const N: usize>(run: OneState<'_, N>) {
+    if N == OFTEN {
+        let often: &dyn Any = &(execute_often as for<'a> fn(OneState<'a, OFTEN>));
+        if let Some(own) = often.downcast_ref::<for<'a> fn(OneState<'a, N>)>() {
+            own(run);
+        }
+    } else {
+        Arch::new().dispatch(run);
+    }
+}
+
+fn execute_often(run: OneState<'_, OFTEN>) {
+    Arch::new().dispatch(run);
+}
+
 impl<const N: usize> Interpret for Tangent<N> {
     fn constant(value: f64) -> Self {
         Tangent::constant(value)
@@ -180,7 +200,7 @@ impl<const N: usize> Interpret for Tangent<N> {
         };
         let last = REGISTERS.take().and_then(|last| last.downcast().ok());
         let mut registers: Box<Vec<Self>> = last.unwrap_or_default();
-        Arch::new().dispatch(OneState(run, &mut registers));
+        execute(OneState(run, &mut registers));
         REGISTERS.set(Some(registers));
         let [pivot] = pivots;
         pivot

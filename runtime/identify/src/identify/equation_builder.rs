@@ -288,9 +288,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
         let dof = self.model.info().dof();
         super::require("tau", dof, sample.tau.len())?;
         super::require("weights", dof, sample.weights.len())?;
-        // without a branch for each entry
-        let finite = w.iter().fold(true, |finite, x| finite & x.is_finite());
-        Ok(condition.status() != Status::Singular && finite)
+        Ok(condition.status() != Status::Singular && all_finite(w))
     }
 
     /// Extends the energy balance by a sample, and sets up its equation if the sample ends the
@@ -414,4 +412,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
             },
         )))
     }
+}
+
+/// Whether all numbers are finite; looks at all of them, without a branch for each.
+fn all_finite(values: &[f64]) -> bool {
+    values.iter().fold(true, |finite, x| finite & x.is_finite())
 }
