@@ -1,15 +1,16 @@
-//! DIDIM: direct and inverse dynamic identification models. Least squares of measured efforts on the
-//! regressor at the motion of the simulated loop, repeated with the new estimate.
+//! DIDIM: direct and inverse dynamic identification models. Least squares of measured efforts on those of
+//! the simulated loop.
 //!
-//! The positions of the log are not used: a simulated motion has no noise, so that the regressor is
-//! exact and needs no filter. The simulated loop must follow its commands as the robot's does; if the
-//! robot's gains are unknown, they are tuned to a bandwidth with the current estimate.
+//! The positions of the log are not used: a simulated motion has no noise, so that the equations are exact
+//! and need no filter. The simulated loop must follow its commands as the robot's does; if the robot's
+//! gains are unknown, they are tuned to a bandwidth with the current estimate.
 //!
-//! An estimate is a function G of the simulated parameters, and the result is the fixed point of G.
-//! If the loop is stiff, G hardly depends on them, and iterating G would find it in a few rounds; if it is
-//! soft, iterations diverge. Newton's method works for both, with exact derivatives of the simulated
-//! efforts, and with steps that are halved where the efforts fit worse than before. The standard
-//! deviations account for the same derivatives.
+//! At the simulated motion the efforts are the regressor times the parameters, `W beta`. If the loop is
+//! stiff, the motion hardly depends on the parameters, and W is nearly the derivative of the efforts, with
+//! which the method was published. If it is soft, the controllers answer a change of the parameters by another motion, and
+//! rounds with W approach slowly or diverge. So the exact derivatives J are used, from the loop linearised
+//! along its motion (`effort_slopes.rs`), in Gauss's and Newton's method, with steps that are damped where
+//! the efforts would fit worse (Levenberg and Marquardt). The standard deviations are those of J.
 //!
 //! If the simulated loop is not the robot's, its motion differs, which biases the estimate. Measured
 //! positions, which the estimate does not use, show how far the simulated motion is from the robot's.
@@ -126,6 +127,7 @@ impl Didim {
 /// # mod models {
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// #     base_of_the_pendulum!(regen_response::Number);
 /// # }
 /// use regen_experiment::closed_loop::{ClosedLoop, Controllers, follow};
 /// use regen_experiment::simulate::Pid;
@@ -150,7 +152,8 @@ impl Didim {
 ///     positions: &[(0, log.q.clone())],
 ///     closed_loop,
 /// };
-/// let found = didim(&models::Pendulum, &models::Pendulum, &[run], &DidimOptions::default(), &[0.65, 1.5])?;
+/// let (model, options) = (&models::Pendulum, DidimOptions::default());
+/// let found = didim(model, model, &[run], &options, &[0.65, 1.5])?;
 /// assert!((found.identified.estimate.values[0] - 0.5).abs() < 1e-3);
 /// assert!(found.converged && !found.departures[0].is_far());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
@@ -211,10 +214,10 @@ where
                 rounds.rest(&mut now.log)?;
             }
             next = rounds.step(&found, &values, now.misfit, &mut damping)?;
-            // where only a small part of the step fits better, or none, the simulation is not accurate
-            // enough for a smaller change
-            let is_stuck = next.is_none() || damping >= STRONG_DAMPING;
-            if is_stuck && moved <= STUCK_TOLERANCES * options.tolerance {
+            // where no step fits noticeably better, the simulation is not accurate enough for a smaller
+            // change
+            let after = next.as_ref().map_or(now.misfit, |(_, there)| there.misfit);
+            if now.misfit - after < LEAST_GAIN && moved <= STUCK_TOLERANCES * options.tolerance {
                 converged = true;
                 next = None;
             }
@@ -237,9 +240,10 @@ where
 /// If a round changes the estimate by less than this many standard deviations, the rows at rest of
 /// its motion are used for the result.
 const NEAR_DEVIATIONS: f64 = 1.0;
-/// Where no step fits better, or only one with this damping, the rounds have converged if the estimate
-/// changes by at most this many tolerances.
-const STRONG_DAMPING: f64 = 0.5;
+/// A step fits noticeably better if the misfit falls by this much.
+const LEAST_GAIN: f64 = 1e-5;
+/// Where no step fits noticeably better, the rounds have converged if the estimate changes by at most this
+/// many tolerances.
 const STUCK_TOLERANCES: f64 = 5.0;
 
 /// The reason why DIDIM found no parameters.

@@ -2,19 +2,22 @@
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_identify::estimate::Estimate;
-use regen_response::{Didim, DidimError, DidimOptions, EffortRun, didim};
+use regen_response::{Didim, DidimError, DidimOptions, EffortRun, Number, didim};
 use regen_runtime::BaseModel;
 
 use crate::exact::{ARM, FIVE};
 use crate::models::arm::Arm;
 use crate::models::picker_asymmetric::PickerAsymmetric;
-use crate::twin::{Twin, off};
+use crate::twin::{Twin, off, worst};
 
-fn estimated<M: BaseModel<f64> + Sync>(
+fn estimated<M>(
     twin: &Twin<'_, M>,
     controllers: Controllers<'_>,
     start: &[f64],
-) -> Result<Didim, DidimError> {
+) -> Result<Didim, DidimError>
+where
+    M: BaseModel<f64> + BaseModel<Number> + Sync,
+{
     let log = twin.log();
     let joints = twin.pid.len();
     let column = |k: usize| {
@@ -51,7 +54,10 @@ fn ratios(estimate: &Estimate, truth: &[f64]) -> Vec<f64> {
     truth.iter().enumerate().map(of).collect()
 }
 
-fn all_within<M: BaseModel<f64> + Sync>(twin: &Twin<'_, M>) {
+fn all_within<M>(twin: &Twin<'_, M>)
+where
+    M: BaseModel<f64> + BaseModel<Number> + Sync,
+{
     let truth = twin.beta();
     let known = Controllers::Known {
         pid: &twin.pid,
@@ -91,13 +97,56 @@ fn efforts_alone_give_the_parameters_of_an_arm() {
 
 #[test]
 fn a_soft_loop_whose_rounds_approach_slowly_converges_to_the_parameters() {
-    // a third of the stiffness: the motion follows from the parameters by as much as from the
-    // commands, and rounds without slopes come nearer by a small part each
+    // a third of the stiffness: the motion follows from the parameters by as much as from the commands
     let soft: Vec<[f64; 2]> = ARM.iter().map(|[kp, kd]| [kp / 3.0, kd / 2.0]).collect();
     all_within(&Twin {
         noise: [1e-5, 0.05],
         ..Twin::new(&Arm, &soft)
     });
+}
+
+#[test]
+fn a_loop_too_soft_for_rounds_without_derivatives_converges_too() {
+    let soft: Vec<[f64; 2]> = ARM.iter().map(|[kp, kd]| [kp / 12.0, kd / 4.0]).collect();
+    all_within(&Twin {
+        noise: [1e-5, 0.05],
+        ..Twin::new(&Arm, &soft)
+    });
+}
+
+/// Exact derivatives of the simulated efforts: efforts without noise are met in few rounds, each with the
+/// square of the error before.
+fn meets_exact_efforts<M>(twin: &Twin<'_, M>, controllers: Controllers<'_>)
+where
+    M: BaseModel<f64> + BaseModel<Number> + Sync,
+{
+    let truth = twin.beta();
+    let found = estimated(twin, controllers, &off(&truth, 0.1)).unwrap();
+    let norms = &found.norms;
+    assert!(found.converged && norms[2] < 1e-3 * norms[0], "{norms:?}");
+    let values = &found.identified.estimate.values;
+    assert!(worst(values, &truth) < 1e-3, "{values:?} {truth:?}");
+}
+
+#[test]
+fn exact_efforts_of_a_soft_loop_are_met_in_few_rounds() {
+    let soft: Vec<[f64; 2]> = ARM.iter().map(|[kp, kd]| [kp / 3.0, kd / 2.0]).collect();
+    let arm = Twin::new(&Arm, &soft);
+    meets_exact_efforts(
+        &arm,
+        Controllers::Known {
+            pid: &arm.pid,
+            offset: &[],
+        },
+    );
+    let five = Twin::new(&PickerAsymmetric, &FIVE);
+    meets_exact_efforts(
+        &five,
+        Controllers::Known {
+            pid: &five.pid,
+            offset: &[],
+        },
+    );
 }
 
 #[test]
