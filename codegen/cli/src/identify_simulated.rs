@@ -206,12 +206,13 @@ fn of_efforts(
     }
     let identified = found.model(args.confidence);
     let simulated = Simulated::didim(&found, is_tuned.then_some(bandwidth));
+    let contributions = found.contributions.clone();
     let start = found.start(args.confidence);
     let summary = Summary {
         simulated: Some(simulated),
         ..Summary::of(&start)
     };
-    Ok((identified, summary, EffortContributions::of(&start.factor)))
+    Ok((identified, summary, contributions))
 }
 
 fn pid_of(law: &Law) -> Pid {
@@ -222,8 +223,8 @@ fn pid_of(law: &Law) -> Pid {
     }
 }
 
-/// Warns where the simulated motion is far from the measured one: the regressor is then evaluated at
-/// another motion than the one that the efforts belong to.
+/// Warns where the simulated motion is far from the measured one: the simulated efforts then belong to
+/// another motion than the measured ones.
 fn note_departures(found: &[Departure], is_known: bool) {
     let far = found.iter().filter(|own| own.is_far());
     let far: Vec<String> = far

@@ -98,7 +98,7 @@ pub fn counted(statuses: impl Iterator<Item = Status>) -> String {
 ///
 /// All efforts have the weights of the fit, which are the inverse of their noise unless all weights
 /// are equal: so N and N m can be summed, and an effort counts by how well it is measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EffortContributions {
     /// The root mean squares of the columns, each in the efforts' units over the parameter's.
     columns: Vec<f64>,

@@ -86,7 +86,7 @@ impl RehearseError {
             Self::Session(SessionError::Gains(why)) => of_gains(why),
             Self::Session(SessionError::NoWellIdentifiedParameter)
             | Self::Instruments(InstrumentError::Loop(_))
-            | Self::Didim(DidimError::Loop(_))
+            | Self::Didim(DidimError::Loop(_) | DidimError::NotLinearised { .. })
             | Self::Response(ResponseError::Start { .. })
             | Self::Track(TrackError::Open { .. }) => true,
             Self::Didim(DidimError::Estimate(why))

@@ -22,11 +22,12 @@ use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, Filtering, Identified, Options, identify};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
+use regen_identify::status::EffortContributions;
 use regen_runtime::{BaseModel, SizeError};
 
+use crate::Number;
 use crate::departure::{Departure, departures};
 use crate::rounds::{Rounds, is_same, moved};
-use crate::{Number, ResponseError};
 
 /// The efforts of a run, and the control loop that produced them.
 #[derive(Clone, Copy)]
@@ -56,7 +57,8 @@ pub struct DidimOptions {
     /// The largest number of rounds.
     pub rounds: usize,
     /// A round is the last one if eps_RA changes by less than this part, and the estimate by an rms of
-    /// less than this many standard deviations.
+    /// less than this many standard deviations; of less than five times as many, where the simulation is
+    /// not accurate enough to come nearer.
     pub tolerance: f64,
 }
 
@@ -79,6 +81,8 @@ pub struct Didim {
     /// The least squares of the last round: estimate, statistics and standard deviations, which
     /// account for the dependence of the motion on the estimate.
     pub identified: Identified,
+    /// The contributions of the parameters to the efforts at the last simulated motion.
+    pub contributions: EffortContributions,
     /// eps_RA of each round over all efforts, in percent (Eq. 33).
     pub norms: Vec<f64>,
     /// The number of rounds.
@@ -96,7 +100,7 @@ impl Didim {
     /// - `confidence`: the level of the intervals, in (0, 1).
     pub fn start(self, confidence: f64) -> LeastSquaresStart {
         let method = format!(
-            "least squares at the simulated motion, {}",
+            "least squares of simulated efforts, {}",
             describe(&self.identified.deviations)
         );
         LeastSquaresStart::of_identified(self.identified, confidence, method)
@@ -120,8 +124,8 @@ impl Didim {
 ///   squares.
 ///
 /// # Errors
-/// When lists do not fit the model, the loop cannot be simulated with an estimate or near the last
-/// one, or the efforts leave parameters undetermined: see [`DidimError`].
+/// When lists do not fit the model, the loop cannot be simulated with an estimate or linearised, or the
+/// efforts leave parameters undetermined: see [`DidimError`].
 ///
 /// ```
 /// # mod models {
@@ -214,18 +218,29 @@ where
                 rounds.rest(&mut now.log)?;
             }
             next = rounds.step(&found, &values, now.misfit, &mut damping)?;
-            // where no step fits noticeably better, the simulation is not accurate enough for a smaller
-            // change
+            // where the next step fits by far less better than the linearised efforts promise, or no step
+            // does, the simulation is not accurate enough for a smaller change
             let after = next.as_ref().map_or(now.misfit, |(_, there)| there.misfit);
-            if now.misfit - after < LEAST_GAIN && moved <= STUCK_TOLERANCES * options.tolerance {
+            let rows = found.factor.rows().max(1) as f64;
+            let promised = 0.5 * values.len() as f64 * moved * moved / rows;
+            if now.misfit - after < LEAST_PART * promised
+                && moved <= STUCK_TOLERANCES * options.tolerance
+            {
                 converged = true;
                 next = None;
             }
         }
         let Some((moved_to, simulated)) = next else {
+            // at the motion as it is
             let kind = EquationKind::Forces;
-            found.delays = identify(model, kind, &options.least_squares, &mut now.log)?.delays;
+            let plain = identify(model, kind, &options.least_squares, &mut now.log).ok();
+            let contributions = EffortContributions::of(match &plain {
+                Some(plain) => &plain.factor,
+                None => &found.factor,
+            });
+            found.delays = plain.map(|plain| plain.delays).unwrap_or_default();
             return Ok(Didim {
+                contributions,
                 departures: departures(model, runs, options.settle, &values)?,
                 identified: found,
                 rounds: norms.len(),
@@ -240,10 +255,10 @@ where
 /// If a round changes the estimate by less than this many standard deviations, the rows at rest of
 /// its motion are used for the result.
 const NEAR_DEVIATIONS: f64 = 1.0;
-/// A step fits noticeably better if the misfit falls by this much.
-const LEAST_GAIN: f64 = 1e-5;
-/// Where no step fits noticeably better, the rounds have converged if the estimate changes by at most this
-/// many tolerances.
+/// The part of the promised fall of the misfit below which a step fits no better.
+const LEAST_PART: f64 = 0.1;
+/// Where no step fits better, the rounds have converged if the estimate changes by at most this many
+/// tolerances.
 const STUCK_TOLERANCES: f64 = 5.0;
 
 /// The reason why DIDIM found no parameters.
@@ -254,8 +269,13 @@ pub enum DidimError {
     Size(SizeError),
     /// The loop cannot be simulated with an estimate.
     Loop(LoopError),
-    /// The derivatives of the simulated efforts cannot be computed.
-    Response(ResponseError),
+    /// The simulated loop cannot be linearised along its motion.
+    NotLinearised {
+        /// The time after the first row of the log, s; negative in the lead.
+        after: f64,
+        /// The reason, in words.
+        why: &'static str,
+    },
     /// The efforts leave parameters undetermined.
     Estimate(EstimateError),
 }
@@ -265,7 +285,10 @@ impl fmt::Display for DidimError {
         match self {
             Self::Size(why) => why.fmt(f),
             Self::Loop(why) => why.fmt(f),
-            Self::Response(why) => why.fmt(f),
+            Self::NotLinearised { after, why } => write!(
+                f,
+                "the simulated loop cannot be linearised {after} s after the first row: {why}"
+            ),
             Self::Estimate(why) => why.fmt(f),
         }
     }
@@ -276,7 +299,7 @@ impl core::error::Error for DidimError {
         match self {
             Self::Size(why) => Some(why),
             Self::Loop(why) => Some(why),
-            Self::Response(why) => Some(why),
+            Self::NotLinearised { .. } => None,
             Self::Estimate(why) => Some(why),
         }
     }
@@ -291,12 +314,6 @@ impl From<SizeError> for DidimError {
 impl From<LoopError> for DidimError {
     fn from(why: LoopError) -> Self {
         Self::Loop(why)
-    }
-}
-
-impl From<ResponseError> for DidimError {
-    fn from(why: ResponseError) -> Self {
-        Self::Response(why)
     }
 }
 

@@ -5,6 +5,9 @@
 //! ([`linear_step`](crate::linear_step)). The gains of controllers that are tuned to the parameters change
 //! with these too.
 
+#[cfg(test)]
+mod tests;
+
 use nalgebra::DMatrix;
 use regen_experiment::closed_loop::{ClosedLoop, Controllers, LoopError, LoopRun};
 use regen_experiment::simulate::{Control, Pid, control};
@@ -12,6 +15,7 @@ use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{Columns, StateSample};
 use regen_runtime::BaseModel;
 
+use crate::Number;
 use crate::control::{Controller, Sensitive};
 use crate::didim::DidimError;
 use crate::linear_step::{Beside, Place, matrix};
@@ -19,10 +23,9 @@ use crate::parameters::Entry;
 use crate::plant::Plant;
 use crate::rounds::parameters;
 use crate::setup::{Law, Value};
-use crate::{Number, ResponseError};
 
-/// The part of a base parameter, or of the largest one of them where that is more than a thousand times as
-/// large, by which it is changed to find out how tuned gains follow it. Gains are smooth functions.
+/// The part of a base parameter (of the largest one where it is 0) by which it is changed to find out how
+/// tuned gains follow it. Gains are smooth functions.
 const GAIN_STEP: f64 = 1e-5;
 
 /// The derivatives of the efforts of all actuated joints by the base parameters, at the samples of a run
@@ -82,6 +85,13 @@ where
             let before = before.as_ref().unwrap_or(&now);
             out.extend(before.iter().zip(&now).map(|(x, y)| f64::midpoint(*x, *y)));
         }
+        if !now.iter().all(|x| x.is_finite()) {
+            return Err(not_linearised(
+                run,
+                sample,
+                "the motion grows beyond all bounds",
+            ));
+        }
         before = Some(now);
         if sample + 1 == samples {
             break;
@@ -95,20 +105,20 @@ where
             return Err(not_linearised(
                 run,
                 sample,
-                "the mass matrix is not positive definite",
+                "the equations of motion are singular",
             ));
         }
         here = next;
     }
-    if !out.iter().all(|x| x.is_finite()) {
-        return Err(not_linearised(run, 0, "the motion grows beyond all bounds"));
-    }
     Ok(out)
 }
 
+/// - `sample`: of the simulation, whose lead comes before the log.
 fn not_linearised(run: &LoopRun, sample: usize, why: &'static str) -> DidimError {
-    let time = run.log.t.get(sample).copied().unwrap_or(0.0);
-    DidimError::Response(ResponseError::Start { time, why })
+    DidimError::NotLinearised {
+        after: (sample as f64 - run.lead as f64) * run.step,
+        why,
+    }
 }
 
 /// The equations at a sample.
@@ -231,7 +241,12 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     let at = listed(here);
     let mut out = Vec::with_capacity(beta.len());
     for (k, x) in beta.iter().enumerate() {
-        let size = GAIN_STEP * x.abs().max(1e-3 * largest);
+        let size = GAIN_STEP
+            * match x.abs() {
+                0.0 if largest == 0.0 => 1.0,
+                0.0 => largest,
+                own => own,
+            };
         let moved = |by: f64| -> Result<Vec<f64>, DidimError> {
             let mut moved = beta.to_vec();
             moved[k] += by;
@@ -265,18 +280,14 @@ pub(crate) struct LinearisedColumns<'a, M: ?Sized> {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> LinearisedColumns<'a, M> {
-    /// - `slopes`: those of [`effort_slopes`], in the order of the log's rows; empty for the differences
+    /// - `slopes`: those of [`effort_slopes`], in the order of the log's rows; `None` for the differences
     ///   alone.
-    pub(crate) fn new(model: &'a M, slopes: &'a [f64], differences: &'a [f64]) -> Self {
+    pub(crate) fn new(model: &'a M, slopes: Option<&'a [f64]>, differences: &'a [f64]) -> Self {
         Self {
             model,
-            slopes,
+            slopes: slopes.unwrap_or_default(),
             differences,
-            derivatives: if slopes.is_empty() {
-                0
-            } else {
-                model.base_info().base.len()
-            },
+            derivatives: slopes.map_or(0, |_| model.base_info().base.len()),
             row: 0,
             reduced: vec![0.0; model.info().dof()],
         }
@@ -310,6 +321,10 @@ impl<M: BaseModel<f64> + ?Sized> Columns for LinearisedColumns<'_, M> {
             column.copy_from_slice(&self.reduced);
         }
         Ok(true)
+    }
+
+    fn restart(&mut self) {
+        self.row = 0;
     }
 
     fn skip(&mut self) {

@@ -4,8 +4,7 @@
 //! - [`fit_responses`] needs no efforts: it fits base parameters to the positions with which a robot
 //!   answered to commands, given its controllers or estimating their gains, and names what commands
 //!   alone do not determine.
-//! - [`didim`] needs efforts alone: least squares of measured efforts on the regressor at the motion
-//!   of the simulated loop (Gautier, Janot and Vandanjon, A new closed-loop output error method for
+//! - [`didim`] needs efforts alone: least squares of measured efforts on those of the simulated loop (Gautier, Janot and Vandanjon, A new closed-loop output error method for
 //!   parameter identification of robot dynamics, 2013).
 //!
 //! Both work for robots with and without loops, on the independent coordinates.

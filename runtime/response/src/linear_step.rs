@@ -4,14 +4,15 @@
 //! With the changes dq and dv of the independent coordinates and velocities, those of the efforts du
 //! and of the parameters dbeta:
 //!
-//! `M dv' = K dq + D dv + G du - W dbeta - sum_j c_j x_j x_j^T dv`
+//! `M dv' = K dq + D dv + G du - W dbeta - sum_j c_j x_j (x_j^T dv + t_j^T dq)`
 //!
 //! where K and D are the derivatives of `G u - W beta` at constant accelerations, and the last sum is the
-//! friction that changes its direction with the velocity: `x_j` is the row of dq/dq_i of joint j. Over a
-//! sample all matrices are means of both ends, and dq and dv change by the trapezoidal rule. Where
-//! friction changes its direction within the sample, `c_j` is the exact mean over the velocities from end to end,
-//! with which the rule is exact for a joint alone: dv then stays proportional to the acceleration, as
-//! that of the same motion a little earlier does. Where a joint sticks, `c_j` is so large that dv would
+//! friction that changes its direction with the velocity of joint j, whose derivatives by the independent
+//! velocities and positions are `x_j` and `t_j`. Over a sample all matrices are means of both ends, and dq and
+//! dv change by the trapezoidal rule. Where friction changes its direction within the sample, the direction
+//! and `c_j` are their means over the velocities from end to end, as if these changed evenly; in truth
+//! they change faster before a reversal than after it, which is an error of a part of a sample at each
+//! reversal. Where a joint sticks, `c_j` is so large that dv would
 //! alternate; the rule then leans towards the end of the sample as far as is needed to prevent that.
 
 use nalgebra::DMatrix;
@@ -70,6 +71,7 @@ impl Beside {
         // friction at the beginning and at the end of the sample
         let dof = mass.nrows();
         let mut friction = [DMatrix::zeros(dof, dof), DMatrix::zeros(dof, dof)];
+        let mut by_position = mean(&from.by_position, &to.by_position);
         let Some(inverse) = mass.clone().cholesky().map(|c| c.inverse()) else {
             return false;
         };
@@ -90,10 +92,11 @@ impl Beside {
             let product = damping * h * row.dot(&(&inverse * &row));
             let late = (1.0 - 1.0 / product.max(1e-300)).max(0.5);
             let outer = &row * row.transpose() * damping;
+            let turning = mean(&from.turning, &to.turning);
+            by_position -= &row * turning.row(joint.coordinate) * damping;
             friction[0] += &outer * (1.0 - late);
             friction[1] += outer * late;
         }
-        let by_position = mean(&from.by_position, &to.by_position);
         let by_velocity = mean(&from.by_velocity, &to.by_velocity);
         let smooth = &by_position * (0.25 * h) + &by_velocity * 0.5;
         let ends = &mass / h - &smooth + &friction[1];

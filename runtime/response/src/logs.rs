@@ -115,8 +115,8 @@ impl Run {
 
 /// The motion of the independent coordinates that the commands of a track require. At any time the
 /// positions are those of the nearest row, velocities are central differences of the rows (at the first
-/// row, with whose velocity simulations begin, that of the cubic through four rows), and accelerations
-/// are 0.
+/// row, with whose velocity simulations begin, that of the cubic through four rows if these change alike),
+/// and accelerations are 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Commanded {
     times: Vec<f64>,
@@ -187,8 +187,12 @@ impl Reference for Commanded {
                 && span > 0.0
                 && let [Some(a), Some(b), Some(c), Some(d)] = [0, 1, 2, 3].map(value)
             {
-                // of the cubic through four rows
-                *qd = (18.0 * b - 11.0 * a - 9.0 * c + 2.0 * d) / (6.0 * span);
+                // of the cubic through four rows, unless commands are steps
+                let (first, middle, last) = (b - a, c - b, d - c);
+                let is_like_middle = |x: f64| (0.5..2.0).contains(&(x / middle));
+                if is_like_middle(first) && is_like_middle(last) {
+                    *qd = (11.0 * first - 7.0 * middle + 2.0 * last) / (6.0 * span);
+                }
             }
         }
     }

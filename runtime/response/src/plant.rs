@@ -7,7 +7,7 @@ mod posture;
 use regen_experiment::simulate::{factor_mass, friction_width, solve_mass};
 use regen_runtime::{BaseModel, Friction, SizeError, Status};
 
-use crate::{DIRECTIONS, Number, ResponseError};
+use crate::{DIRECTIONS, Number};
 
 pub(crate) use direction::Directed;
 use direction::Side;
@@ -71,7 +71,7 @@ where
     /// - `width`: the velocity over which the smoothed sign of a joint changes, rad/s or m/s.
     ///
     /// Nonlinear friction, whose coefficients are not base parameters, is left out.
-    pub(crate) fn new(model: &'m M, derivatives: &'m D, width: f64) -> Result<Self, ResponseError> {
+    pub(crate) fn new(model: &'m M, derivatives: &'m D, width: f64) -> Result<Self, SizeError> {
         let info = model.info();
         let base = model.base_info();
         let (columns, p) = (base.base.len(), info.parameters.len());

@@ -1,11 +1,11 @@
 //! The rounds of DIDIM: simulation, linearisation and estimate.
 
-use nalgebra::{DMatrix, DVector};
 use regen_experiment::closed_loop::{LoopRun, simulate_loop};
 use regen_experiment::simulate::{Settings, friction_width};
-use regen_identify::estimate::Weighting;
+use regen_identify::estimate::{EstimateError, QrFactor, Weighting};
 use regen_identify::identify::{
-    Identified, Recorded, Source as _, StateSample, errors_of_prediction, identify_linearised,
+    Identified, Recorded, Source as _, Standstill, StateSample, errors_of_prediction,
+    identify_linearised,
 };
 use regen_runtime::{BaseModel, SizeError};
 
@@ -13,6 +13,7 @@ use crate::Number;
 use crate::didim::{DidimError, DidimOptions, EffortRun};
 use crate::effort_slopes::{LinearisedColumns, effort_slopes};
 use crate::plant::Plant;
+use crate::search::substitute;
 use crate::threads::spread;
 
 /// Velocities below this many widths of the simulated friction count as rest: the regressor has the
@@ -51,8 +52,9 @@ pub(super) struct Simulated {
     differences: Vec<f64>,
     /// The simulated loops, one for each run.
     loops: Vec<LoopRun>,
-    /// The mean over the equations of the logarithm of the rms of measured minus simulated efforts,
-    /// filtered as for the estimate. Its minimum is that of the least squares with weights by effort.
+    /// The mean over all equations of the logarithm of the rms error of their effort, measured minus
+    /// simulated, filtered as for the estimate. Its minimum is that of the least squares with weights by
+    /// effort, which are the inverse of these rms errors.
     pub(super) misfit: f64,
 }
 
@@ -117,13 +119,13 @@ where
             }
             loops.push(simulated);
         }
-        let mut difference = LinearisedColumns::new(model, &[], &differences);
+        let mut difference = LinearisedColumns::new(model, None, &differences);
         let errors = errors_of_prediction(model, &mut out, &mut difference, 0)?.efforts();
-        let logarithms = errors
-            .iter()
-            .map(|e| libm::log(e.rms.max(f64::MIN_POSITIVE)));
+        let samples: f64 = errors.iter().map(|e| e.samples as f64).sum();
+        let own = errors.iter();
+        let own = own.map(|e| e.samples as f64 * libm::log(e.rms.max(f64::MIN_POSITIVE)));
         Ok(Simulated {
-            misfit: logarithms.sum::<f64>() / errors.len().max(1) as f64,
+            misfit: own.sum::<f64>() / samples.max(1.0),
             log: out,
             differences,
             loops,
@@ -151,8 +153,8 @@ where
         values: &[f64],
     ) -> Result<Identified, DidimError> {
         let slopes = self.slopes(&now.loops, values)?;
-        let columns = LinearisedColumns::new(self.model, &slopes, &now.differences);
-        let mut difference = LinearisedColumns::new(self.model, &[], &now.differences);
+        let columns = LinearisedColumns::new(self.model, Some(&slopes), &now.differences);
+        let mut difference = LinearisedColumns::new(self.model, None, &now.differences);
         let found = identify_linearised(
             self.model,
             &self.options.least_squares,
@@ -179,10 +181,11 @@ where
         let least_squares = &self.options.least_squares;
         let is_exact = self.resting.is_some()
             && least_squares.huber.is_none()
-            && least_squares.weighting == Weighting::PerEffort;
+            && least_squares.weighting == Weighting::PerEffort
+            && self.options.filtering.standstill != Standstill::Weigh;
         let most = misfit + if is_exact { 0.0 } else { MISFIT_GROWTH };
         for _ in 0..MAX_STEPS {
-            let wanted = damped(found, values, *damping);
+            let wanted = damped(found, values, *damping)?;
             match self.simulated(&wanted) {
                 Ok(there) if there.misfit <= most => {
                     *damping *= 1.0 / DAMPING_FACTOR;
@@ -231,25 +234,31 @@ where
 ///
 /// - `damping`: the part of each parameter's squared column that is added to it (Levenberg's and
 ///   Marquardt's method); 0 for the least squares themselves.
-pub(super) fn damped(found: &Identified, values: &[f64], damping: f64) -> Vec<f64> {
+pub(super) fn damped(
+    found: &Identified,
+    values: &[f64],
+    damping: f64,
+) -> Result<Vec<f64>, EstimateError> {
     if damping == 0.0 {
-        return found.estimate.values.clone();
+        return Ok(found.estimate.values.clone());
     }
     let factor = &found.factor;
     let n = values.len();
-    let r = DMatrix::from_column_slice(n, n, factor.r());
-    let at = DVector::from_column_slice(values);
-    let residual = DVector::from_column_slice(factor.z()) - &r * at;
-    let gradient = r.tr_mul(&residual);
-    let mut normal = r.tr_mul(&r);
-    for k in 0..n {
-        normal[(k, k)] *= 1.0 + damping;
+    let mut residual = factor.z().to_vec();
+    for (column, x) in factor.r().chunks_exact(n.max(1)).zip(values) {
+        for (sum, r) in residual.iter_mut().zip(column) {
+            *sum -= r * x;
+        }
     }
-    let step = normal.cholesky().map(|c| c.solve(&gradient));
-    let Some(step) = step else {
-        return found.estimate.values.clone();
-    };
-    values.iter().zip(step.iter()).map(|(x, d)| x + d).collect()
+    let (labels, r) = (factor.labels().to_vec(), factor.r().to_vec());
+    let mut all = QrFactor::from_parts(labels, r, residual, factor.rss(), factor.rows())?;
+    let mut rows = vec![0.0; n * n];
+    for (k, norm) in factor.column_norms().iter().enumerate() {
+        rows[k * n + k] = damping.sqrt() * norm;
+    }
+    all.push_block(&rows, &vec![0.0; n])?;
+    let step = substitute(all.r(), all.z());
+    Ok(values.iter().zip(&step).map(|(x, d)| x + d).collect())
 }
 
 /// All p parameters, for these base parameters.

@@ -77,7 +77,7 @@ printed cutoff; noise below the cutoff then still biases the result. The test of
 Durbin, Wu and Hausman shows whether least squares is biased.
 
 Two estimators compare the simulated robot under its controllers with the logs.
-`didim` uses efforts only: least squares at the simulated motion, along
+`didim` uses efforts only: least squares of them on the simulated ones, along
 --reference or the columns cmd_NAME, repeated until the estimate converges.
 `response` uses positions only, with commands in the columns cmd_NAME: it fits
 the responses to them, starting from --start or nominal values. It can also

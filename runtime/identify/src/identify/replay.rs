@@ -164,3 +164,71 @@ fn linearised<'s>(found: &Equations<'s>, around: &[f64], sides: &'s mut Vec<f64>
         ..*found
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::{Recorded, StateSample};
+    use super::*;
+
+    #[allow(unreachable_pub, dead_code, reason = "a model of other tests")]
+    mod models {
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum.rs"
+        ));
+        include!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/models/pendulum_base.rs"
+        ));
+    }
+
+    /// A column that knows which row it fills.
+    #[derive(Default)]
+    struct Numbers {
+        row: u32,
+    }
+
+    impl Columns for Numbers {
+        fn count(&self) -> usize {
+            1
+        }
+
+        fn fill(
+            &mut self,
+            _: &StateSample<'_>,
+            _: &[f64],
+            out: &mut [f64],
+        ) -> Result<bool, EstimateError> {
+            out.fill(f64::from(self.row));
+            self.row += 1;
+            Ok(true)
+        }
+
+        fn restart(&mut self) {
+            self.row = 0;
+        }
+    }
+
+    #[test]
+    fn columns_begin_again_in_each_pass_over_a_log_that_is_not_stored() {
+        let mut log = Recorded::new();
+        for k in 0..5 {
+            log.push(0.1 * f64::from(k), &[0.1], &[0.2], &[0.3], &[1.0]);
+        }
+        let columns = Box::new(Numbers::default());
+        let mut replay =
+            Replay::with_columns(&models::Pendulum, EquationKind::Forces, &mut log, columns).once();
+        for _ in 0..2 {
+            let mut rows = Vec::new();
+            replay
+                .visit(&mut |found| {
+                    rows.push(found.w[found.w.len() - 1]);
+                    Ok(())
+                })
+                .unwrap();
+            assert_eq!(rows, [0.0, 1.0, 2.0, 3.0, 4.0]);
+        }
+    }
+}

@@ -44,6 +44,9 @@ pub trait Columns {
         out: &mut [f64],
     ) -> Result<bool, EstimateError>;
 
+    /// Called before the first state of each pass over the log.
+    fn restart(&mut self) {}
+
     /// Called for a state that gave no equation, in the order of the source's states, between calls
     /// of [`fill`](Self::fill). The source may be some states ahead.
     fn skip(&mut self) {}
@@ -90,6 +93,7 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
 ) -> Result<LeftOut, S::Error> {
     let filtering = source.filtering();
+    columns.restart();
     let mut stream = Stream::new(model, kind, filtering, columns.count());
     source.visit(&mut |row| stream.take(row, columns, each))?;
     stream.flush(columns, each)?;
