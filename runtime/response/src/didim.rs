@@ -8,7 +8,7 @@
 //! At the simulated motion the efforts are the regressor times the parameters, `W beta`. If the loop is
 //! stiff, the motion hardly depends on the parameters, and W is nearly the derivative of the efforts, with
 //! which the method was published. If it is soft, the controllers answer a change of the parameters by another motion, and
-//! rounds with W approach slowly or diverge. So the exact derivatives J are used, from the loop linearised
+//! rounds with W approach slowly or diverge. So the derivatives J of the whole loop are used, from the loop linearised
 //! along its motion (`effort_slopes.rs`), in Gauss's and Newton's method, with steps that are damped where
 //! the efforts would fit worse (Levenberg and Marquardt). The standard deviations are those of J.
 //!

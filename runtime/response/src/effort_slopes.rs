@@ -113,7 +113,7 @@ where
     Ok(out)
 }
 
-/// - `sample`: of the simulation, whose lead comes before the log.
+/// The error at a sample of the simulation, whose lead comes before the log.
 fn not_linearised(run: &LoopRun, sample: usize, why: &'static str) -> DidimError {
     DidimError::NotLinearised {
         after: (sample as f64 - run.lead as f64) * run.step,
