@@ -4,8 +4,8 @@
     /usr/bin/time -v regen observe robots/3rps.yaml long.csv --out long.json --local 0.01
 
 For measuring memory and time only: the forces are arbitrary, so the parameters are meaningless.
-Measured with these two commands on two virtual cores of an AMD EPYC (Zen 4), shared with other
-work: 80 MB at most, of which 64 MiB are the first rows, kept until they are too many; 25 s of CPU.
+Measured with these two commands on two virtual cores of an AMD EPYC (Zen 4): 81 MB at most, of
+which 64 MiB are the first rows, kept until they are too many; 26 s of CPU.
 """
 
 import math
