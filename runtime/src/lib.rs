@@ -67,7 +67,7 @@ pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
 #[cfg(feature = "tangent")]
-pub use scalar::Tangent;
+pub use scalar::{DIRECTIONS, Tangent};
 pub use scalar::{Scalar, angles};
 pub use size::{SizeError, array, array_mut, matrix_mut};
 pub use solve_guarded::{PIVOT_BOUND, solve_guarded};

@@ -13,7 +13,7 @@ mod tangent;
 #[cfg(feature = "dual")]
 pub use dual::Dual;
 #[cfg(feature = "tangent")]
-pub use tangent::Tangent;
+pub use tangent::{DIRECTIONS, Tangent};
 
 /// A real number, a number with derivatives, or several numbers at once.
 ///

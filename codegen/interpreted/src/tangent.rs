@@ -8,7 +8,7 @@ use std::any::Any;
 use std::cell::RefCell;
 
 use pulp::{Arch, Simd, WithSimd};
-use regen_runtime::Tangent;
+use regen_runtime::{DIRECTIONS, Tangent};
 
 use crate::Interpret;
 use crate::machine::{Input, Number, Register, Run, flag, one_state, sign};
@@ -163,14 +163,11 @@ impl<const N: usize> WithSimd for OneState<'_, N> {
     }
 }
 
-/// The directions of searches for trajectories and of fits of responses, whose time is spent here.
-const OFTEN: usize = 9;
-
 /// Executes a run. For the usual number of directions this is compiled in this package, with its
 /// optimisation, and not again in each that uses it.
 fn execute<const N: usize>(run: OneState<'_, N>) {
-    if N == OFTEN {
-        let often: &dyn Any = &(execute_often as for<'a> fn(OneState<'a, OFTEN>));
+    if N == DIRECTIONS {
+        let often: &dyn Any = &(execute_often as for<'a> fn(OneState<'a, DIRECTIONS>));
         if let Some(own) = often.downcast_ref::<for<'a> fn(OneState<'a, N>)>() {
             own(run);
         }
@@ -179,7 +176,7 @@ fn execute<const N: usize>(run: OneState<'_, N>) {
     }
 }
 
-fn execute_often(run: OneState<'_, OFTEN>) {
+fn execute_often(run: OneState<'_, DIRECTIONS>) {
     Arch::new().dispatch(run);
 }
 

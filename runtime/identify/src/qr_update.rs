@@ -28,15 +28,7 @@ pub(crate) fn reduce(
     side: &mut [f64],
     rows: usize,
 ) -> f64 {
-    Arch::new().dispatch(Reduce {
-        r,
-        z,
-        block,
-        side,
-        rows,
-        reflections: None,
-        by_pairs: false,
-    })
+    Arch::new().dispatch(Reduce::new(r, z, block, side, rows))
 }
 
 /// As [`reduce`], with two reflections of the columns behind them at a time: many rows of many columns
@@ -49,13 +41,8 @@ pub(crate) fn reduce_by_pairs(
     rows: usize,
 ) -> f64 {
     Arch::new().dispatch(Reduce {
-        r,
-        z,
-        block,
-        side,
-        rows,
-        reflections: None,
         by_pairs: true,
+        ..Reduce::new(r, z, block, side, rows)
     })
 }
 
@@ -137,13 +124,8 @@ pub(crate) fn reduce_and_keep(
 ) -> Vec<Reflection> {
     let mut reflections = vec![Reflection::default(); z.len()];
     Arch::new().dispatch(Reduce {
-        r,
-        z,
-        block,
-        side,
-        rows,
         reflections: Some(&mut reflections),
-        by_pairs: false,
+        ..Reduce::new(r, z, block, side, rows)
     });
     reflections
 }
@@ -230,6 +212,27 @@ struct Reduce<'a> {
     reflections: Option<&'a mut [Reflection]>,
     /// Whether two reflections are applied at a time.
     by_pairs: bool,
+}
+
+impl<'a> Reduce<'a> {
+    /// One reflection at a time, none of which is stored.
+    fn new(
+        r: &'a mut [f64],
+        z: &'a mut [f64],
+        block: &'a mut [f64],
+        side: &'a mut [f64],
+        rows: usize,
+    ) -> Self {
+        Self {
+            r,
+            z,
+            block,
+            side,
+            rows,
+            reflections: None,
+            by_pairs: false,
+        }
+    }
 }
 
 /// With fewer columns behind two of them, each of the two is reflected alone.
@@ -497,13 +500,8 @@ mod tests {
                 for number in 0..3 {
                     let (mut columns, mut side) = block(rows, n, number);
                     rss += run(Reduce {
-                        r: &mut r,
-                        z: &mut z,
-                        block: &mut columns,
-                        side: &mut side,
-                        rows,
-                        reflections: None,
                         by_pairs: true,
+                        ..Reduce::new(&mut r, &mut z, &mut columns, &mut side, rows)
                     });
                 }
                 let all = r.into_iter().chain(z).chain([rss]);

@@ -1,7 +1,7 @@
 //! How far the simulated motion of DIDIM is from the measured one.
 
-use regen_experiment::closed_loop::follow;
-use regen_runtime::BaseModel;
+use regen_experiment::closed_loop::{LoopRun, simulate_loop};
+use regen_runtime::{BaseModel, Info};
 
 use crate::didim::{DidimError, EffortRun};
 use crate::rounds::parameters;
@@ -77,13 +77,25 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
     if runs.iter().all(|run| run.positions.is_empty()) {
         return Ok(Vec::new());
     }
-    let info = model.info();
-    let n = info.coordinates.len();
     let phi = parameters(model, values)?;
+    let simulated = |run: &EffortRun<'_>| {
+        simulate_loop(model, &run.closed_loop, &phi, run.times).map_err(DidimError::from)
+    };
+    let loops: Result<Vec<LoopRun>, _> = runs.iter().map(simulated).collect();
+    Ok(of_loops(&model.info(), runs, &loops?, settle))
+}
+
+/// The departures of loops that are simulated already, one for each run.
+pub(crate) fn of_loops(
+    info: &Info<'_>,
+    runs: &[EffortRun<'_>],
+    loops: &[LoopRun],
+    settle: f64,
+) -> Vec<Departure> {
+    let n = info.coordinates.len();
     // for each coordinate the squares of differences and of the motion
     let mut squares = vec![[0.0; 2]; n];
-    for run in runs {
-        let log = follow(model, &run.closed_loop, &phi, run.times)?;
+    for (run, simulated) in runs.iter().zip(loops) {
         let first = run.times.first().copied().unwrap_or(0.0);
         let skip = run.times.iter();
         let skip = skip.take_while(|t| *t - first < settle).count();
@@ -94,18 +106,19 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
             let used = measured.get(skip..).unwrap_or_default();
             let mean = used.iter().sum::<f64>() / used.len().max(1) as f64;
             for (k, x) in used.iter().enumerate() {
-                let simulated = log.q.get((skip + k) * n + c).copied().unwrap_or(*x);
-                sums[0] += (x - simulated) * (x - simulated);
+                let row = simulated.lead + skip + k;
+                let own = simulated.log.q.get(row * n + c).copied().unwrap_or(*x);
+                sums[0] += (x - own) * (x - own);
                 sums[1] += (x - mean) * (x - mean);
             }
         }
     }
     let named = info.coordinates.iter().zip(&squares);
     let moving = named.filter(|(_, [_, motion])| *motion > 0.0);
-    Ok(moving
+    moving
         .map(|(name, [difference, motion])| Departure {
             name: (*name).to_owned(),
             percent: 100.0 * (difference / motion).sqrt(),
         })
-        .collect())
+        .collect()
 }

@@ -1,16 +1,17 @@
-//! DIDIM: direct and inverse dynamic identification models. Least squares of measured efforts on those of
-//! the simulated loop.
+//! DIDIM: direct and inverse dynamic identification models. Least squares of measured efforts on
+//! those of the simulated loop.
 //!
-//! The positions of the log are not used: a simulated motion has no noise, so that the equations are exact
-//! and need no filter. The simulated loop must follow its commands as the robot's does; if the robot's
-//! gains are unknown, they are tuned to a bandwidth with the current estimate.
+//! The positions of the log are not used: a simulated motion has no noise, so that the equations are
+//! exact and need no filter. The simulated loop must follow its commands as the robot's does; if the
+//! robot's gains are unknown, they are tuned to a bandwidth with the current estimate.
 //!
-//! At the simulated motion the efforts are the regressor times the parameters, `W beta`. If the loop is
-//! stiff, the motion hardly depends on the parameters, and W is nearly the derivative of the efforts, with
-//! which the method was published. If it is soft, the controllers answer a change of the parameters by another motion, and
-//! rounds with W approach slowly or diverge. So the derivatives J of the whole loop are used, from the loop linearised
-//! along its motion (`effort_slopes.rs`), in Gauss's and Newton's method, with steps that are damped where
-//! the efforts would fit worse (Levenberg and Marquardt). The standard deviations are those of J.
+//! At the simulated motion the efforts are the regressor times the parameters, `W beta`. If the loop
+//! is stiff, the motion hardly depends on the parameters, and W is nearly the derivative of the
+//! efforts, with which the method was published. If it is soft, the controllers answer a change of
+//! the parameters by another motion, and rounds with W approach slowly or diverge. So the derivatives
+//! J of the whole loop are used, from the loop linearised along its motion (`effort_slopes.rs`), in
+//! Gauss's and Newton's method, with steps that are damped where the efforts would fit worse
+//! (Levenberg and Marquardt). The standard deviations are those of J.
 //!
 //! If the simulated loop is not the robot's, its motion differs, which biases the estimate. Measured
 //! positions, which the estimate does not use, show how far the simulated motion is from the robot's.
@@ -26,7 +27,7 @@ use regen_identify::status::EffortContributions;
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::Number;
-use crate::departure::{Departure, departures};
+use crate::departure::{self, Departure};
 use crate::rounds::{Rounds, is_same, moved};
 
 /// The efforts of a run, and the control loop that produced them.
@@ -100,7 +101,7 @@ impl Didim {
     /// - `confidence`: the level of the intervals, in (0, 1).
     pub fn start(self, confidence: f64) -> LeastSquaresStart {
         let method = format!(
-            "least squares of simulated efforts, {}",
+            "least squares on simulated efforts, {}",
             describe(&self.identified.deviations)
         );
         LeastSquaresStart::of_identified(self.identified, confidence, method)
@@ -241,7 +242,7 @@ where
             found.delays = plain.map(|plain| plain.delays).unwrap_or_default();
             return Ok(Didim {
                 contributions,
-                departures: departures(model, runs, options.settle, &values)?,
+                departures: departure::of_loops(&info, runs, &now.loops, options.settle),
                 identified: found,
                 rounds: norms.len(),
                 norms,

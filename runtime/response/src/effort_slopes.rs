@@ -45,7 +45,7 @@ where
     D: BaseModel<Number> + ?Sized,
 {
     let (n, r, a) = (plant.n, beta.len(), plant.actuated.len());
-    let gains = gain_slopes(model, closed_loop, &run.control, run, beta)?;
+    let gains = gain_slopes(model, closed_loop, run, beta)?;
     let unknowns = r + if gains.is_empty() { 0 } else { 4 * a };
     let mut controllers = controllers(plant, run, r, unknowns);
     let mut beside = Beside::zeros(plant.dof, unknowns);
@@ -221,7 +221,6 @@ fn by_parameters(controllers: &[Controller], r: usize, gains: &[Vec<f64>]) -> Ve
 fn gain_slopes<M: BaseModel<f64> + ?Sized>(
     model: &M,
     closed_loop: &ClosedLoop<'_>,
-    here: &Control,
     run: &LoopRun,
     beta: &[f64],
 ) -> Result<Vec<Vec<f64>>, DidimError> {
@@ -238,7 +237,7 @@ fn gain_slopes<M: BaseModel<f64> + ?Sized>(
         each.flat_map(|(Pid { kp, ki, kd }, offset)| [*kp, *ki, *kd, *offset])
             .collect()
     };
-    let at = listed(here);
+    let at = listed(&run.control);
     let mut out = Vec::with_capacity(beta.len());
     for (k, x) in beta.iter().enumerate() {
         let size = GAIN_STEP

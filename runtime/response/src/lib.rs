@@ -49,8 +49,7 @@ pub use logs::{Commanded, TrackError, efforts};
 pub use rank::Direction;
 pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};
 
-/// The number of directions in which a model is differentiated at once.
-pub const DIRECTIONS: usize = regen_experiment::excite::DIRECTIONS;
+pub use regen_runtime::DIRECTIONS;
 
 /// The number type with which a model is differentiated.
 pub type Number = regen_runtime::Tangent<DIRECTIONS>;

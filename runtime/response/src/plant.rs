@@ -142,7 +142,7 @@ where
             posture.qd[d.coordinate].abs() < reach
         };
         let slopes = self.directed.iter().filter(near).map(|d| {
-            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            let coefficient = d.coefficient(beta);
             coefficient.abs() / d.width
         });
         slopes.fold(0.0, f64::max)
@@ -272,7 +272,7 @@ where
             *x -= y;
         }
         for d in &self.directed {
-            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            let coefficient = d.coefficient(beta);
             let (soft, _) = d.side.softening(qd[d.coordinate], d.width);
             for (x, share) in values.iter_mut().zip(posture.row(d.coordinate)) {
                 *x -= share * soft * coefficient;
@@ -438,7 +438,7 @@ where
             }
         }
         for d in &self.directed {
-            let coefficient: f64 = d.combination.iter().zip(beta).map(|(a, b)| a * b).sum();
+            let coefficient = d.coefficient(beta);
             let v = qd[d.coordinate];
             let (value, slope) = d.side.softening(v.value, d.width);
             let friction = Number {

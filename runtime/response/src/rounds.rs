@@ -16,8 +16,8 @@ use crate::plant::Plant;
 use crate::search::substitute;
 use crate::threads::spread;
 
-/// Velocities below this many widths of the simulated friction count as rest: the regressor has the
-/// sign of the velocity, but the simulated friction was smoothed there.
+/// Velocities below this many widths of the simulated friction count as rest: there the simulated friction
+/// changes its direction smoothly, which no real one does.
 const REST_WIDTHS: f64 = 4.0;
 /// Values that differ by a smaller part than this count as equal; simulated motion is a few digits
 /// more accurate.
@@ -51,7 +51,7 @@ pub(super) struct Simulated {
     /// For each row of the log measured minus simulated efforts of all actuated joints.
     differences: Vec<f64>,
     /// The simulated loops, one for each run.
-    loops: Vec<LoopRun>,
+    pub(super) loops: Vec<LoopRun>,
     /// The mean over all equations of the logarithm of the rms error of their effort, measured minus
     /// simulated, filtered as for the estimate. Its minimum is that of the least squares with weights by
     /// effort, which are the inverse of these rms errors.

@@ -169,7 +169,8 @@ pub struct Setup {
     pub signals: Vec<(SignalKind, SignalModel)>,
     /// The length of a window, s; the last window of a run may be up to half as long again.
     pub window: f64,
-    /// The width w of the smooth sign `tanh(v / w)` that Coulomb friction has, rad/s or m/s.
+    /// The width w of the smooth sign `tanh(v / w)` that Coulomb friction of joints has, rad/s or m/s;
+    /// that of a drive is the velocity at which its joints reach w.
     pub friction_width: f64,
     /// The greatest delay of a measured signal that the search tries, s. Where a delay is
     /// estimated, rows within this time of the ends of a window are left out.

@@ -4,6 +4,10 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::Scalar;
 
+/// The number of directions in which searches for trajectories and fits of responses differentiate at
+/// once: position, velocity and acceleration of three coordinates.
+pub const DIRECTIONS: usize = 9;
+
 /// A number with its derivatives in `N` directions: a dual number with `N` tangents.
 ///
 /// Unlike `Dual`, its elementary functions are those of the crate `libm` and no operation is fused,

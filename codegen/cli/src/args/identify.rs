@@ -201,7 +201,8 @@ pub(crate) struct SimulatedArgs {
     /// Length of the windows of `response`, s, whose first states are estimated
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub(crate) window: f64,
-    /// The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s
+    /// The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s,
+    /// of joints; of a drive, the velocity at which its joints reach it
     #[arg(long, value_name = "V", default_value_t = 1e-3)]
     pub(crate) friction_width: f64,
     /// Parameters to start from [default: the spec's nominal ones]

@@ -30,16 +30,12 @@ use core::fmt;
 
 pub use criterion::{Criterion, Figures};
 pub use limits::{Limit, Quantity};
-pub use regen_runtime::Tangent;
+pub use regen_runtime::{DIRECTIONS, Tangent};
 pub use run::{Excitation, Margin, Monitor, Outcome, Progress, excite};
 pub use scaled_problem::{ScaledEvaluation, ScaledProblem};
 
 use regen_identify::signals::SignalError;
 use regen_runtime::{ClosureError, Info, Limits, SizeError};
-
-/// The number of directions in which the search differentiates at once: position, velocity and
-/// acceleration of three coordinates.
-pub const DIRECTIONS: usize = 9;
 
 /// The settings of a search: series, criterion, limits and effort of the search.
 #[derive(Clone, Debug, PartialEq)]

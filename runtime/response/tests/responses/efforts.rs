@@ -106,7 +106,7 @@ fn a_soft_loop_whose_rounds_approach_slowly_converges_to_the_parameters() {
 }
 
 #[test]
-fn a_loop_too_soft_for_rounds_without_derivatives_converges_too() {
+fn a_loop_with_a_twelfth_of_the_stiffness_converges_too() {
     let soft: Vec<[f64; 2]> = ARM.iter().map(|[kp, kd]| [kp / 12.0, kd / 4.0]).collect();
     all_within(&Twin {
         noise: [1e-5, 0.05],
