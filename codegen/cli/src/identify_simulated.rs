@@ -160,19 +160,40 @@ fn of_efforts(
         };
     let file = args.reference.as_deref();
     let trajectory = file.map(|file| path::read(file, model)).transpose()?;
-    let reference = trajectory
-        .as_ref()
-        .map(|series| -> KnownReference<'_> { (series, series.period()) });
-    let tracks = EffortTracks::new(model, all, reference)?;
+    // a log begins with the motion, or after the robot has repeated it: as its positions show
+    let settle = if trajectory.is_some() {
+        0.0
+    } else {
+        args.simulated.settle
+    };
+    let tracks_after = |lead: f64| {
+        let reference = trajectory.as_ref();
+        EffortTracks::new(
+            model,
+            all,
+            reference.map(|series| -> KnownReference<'_> { (series, lead) }),
+        )
+    };
+    let far_at = |tracks: &EffortTracks<'_>, bandwidth: f64| -> Option<f64> {
+        let runs = tracks.runs(|k| controllers_of(k, bandwidth));
+        let found = departures(model, &runs, settle, start).ok()?;
+        (!found.is_empty()).then(|| found.iter().map(|own| own.percent * own.percent).sum())
+    };
+    let mut tracks = tracks_after(trajectory.as_ref().map_or(0.0, |series| series.period()))?;
+    if trajectory.is_some() {
+        let at_once = tracks_after(0.0)?;
+        let far = |tracks| far_at(tracks, wanted.unwrap_or(BANDWIDTH_HZ));
+        if let (Some(repeated), Some(first)) = (far(&tracks), far(&at_once))
+            && first < repeated
+        {
+            tracks = at_once;
+        }
+    }
     let runs_at = |bandwidth: f64| tracks.runs(|k| controllers_of(k, bandwidth));
     let options = DidimOptions {
         least_squares: session.options,
         filtering: session.reading.filtering(),
-        settle: if trajectory.is_some() {
-            0.0
-        } else {
-            args.simulated.settle
-        },
+        settle,
         ..DidimOptions::default()
     };
     session.watch.phase("simulating the controlled robot");
@@ -184,10 +205,9 @@ fn of_efforts(
         Some(second - first)
     });
     let chosen = match (wanted, step) {
-        (None, Some(step)) if is_tuned => nearest_bandwidth(step, &mut |bandwidth| {
-            let found = departures(model, &runs_at(bandwidth), options.settle, start).ok()?;
-            (!found.is_empty()).then(|| found.iter().map(|own| own.percent * own.percent).sum())
-        }),
+        (None, Some(step)) if is_tuned => {
+            nearest_bandwidth(step, &mut |bandwidth| far_at(&tracks, bandwidth))
+        }
         _ => None,
     };
     let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);

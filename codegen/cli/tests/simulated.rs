@@ -98,6 +98,26 @@ fn responses_and_efforts_give_the_parameters_in_the_common_result() {
 }
 
 #[test]
+fn a_log_that_begins_with_the_motion_is_simulated_from_there_along_the_trajectory() {
+    let dir = prepared("simulated_at_once");
+    for (words, log) in [("", "once.csv"), ("--settle 2", "later.csv")] {
+        run(
+            &dir,
+            &format!(
+                "simulate swing.yaml --trajectory m.json --bandwidth 2 --controller soft.yaml {words} --out {log}"
+            ),
+        )
+        .ended(0);
+        let found = run(
+            &dir,
+            &format!("identify swing.yaml {log} --estimator didim --reference m.json --controller soft.yaml"),
+        )
+        .ended(0);
+        assert!(!found.err.contains("differs"), "{log}: {}", found.err);
+    }
+}
+
+#[test]
 fn rounds_that_do_not_converge_leave_no_estimate() {
     let dir = prepared("simulated_unsettled");
     // efforts with the wrong sign: those of a mass below zero, with which nothing can be simulated
