@@ -250,7 +250,7 @@ class IdentifyOptions(TypedDict, total=False):
     fourier: Value | None
     #: Identify the nonlinear friction of the spec (atan, power, stribeck, lugre) together with all other parameters, which are physical (Eq. 29)
     friction: bool
-    #: The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s
+    #: The width of the smoothed sign of Coulomb friction in `response`, rad/s or m/s, of joints; of a drive, the velocity at which its joints reach it
     friction_width: Value | None
     #: Residuals beyond K standard deviations count linearly (Huber); 1.345 is usual
     huber: Value | None
