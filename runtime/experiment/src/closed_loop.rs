@@ -186,6 +186,7 @@ pub fn simulate_loop<M: Model<f64> + ?Sized>(
         drives: drives.clone(),
         friction: linear_friction(&info, phi),
         tolerance: TOLERANCE,
+        energies: false,
         ..Settings::default()
     };
     let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {

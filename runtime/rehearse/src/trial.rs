@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use regen_experiment::simulate::{LogColumns, Termination, simulate};
+use regen_experiment::simulate::{LogColumns, Settings, Termination, simulate};
 use regen_identify::data::Run;
 use regen_identify::model::{IdentifiedModel, Interval};
 use regen_identify::session::{Session, Silent, compare};
@@ -197,7 +197,10 @@ where
         name: &str,
     ) -> Result<Result<Run, String>, RehearseError> {
         let info = Model::<f64>::info(self.model);
-        let settings = self.twin.run(seed, number, self.settle + duration);
+        let settings = Settings {
+            energies: false,
+            ..self.twin.run(seed, number, self.settle + duration)
+        };
         let mut parameters = self.parameters();
         if let Some(loads) = &self.loads {
             parameters = loads.carrying(&info, &parameters, number);

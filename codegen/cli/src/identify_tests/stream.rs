@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 
 use regen_identify::data::{Logs, Settings};
 use regen_identify::identify::{
-    EquationKind, Filtering, Identified, Options, Recorded, Standstill, identify,
+    EquationKind, Filtering, Identified, NoColumns, Options, Recorded, Standstill, StateSample,
+    equations, identify,
 };
 use regen_identify::signals::{Method, Smoothing};
 
@@ -137,11 +138,11 @@ fn a_long_log_filtered_in_blocks_equals_the_log_filtered_as_a_whole() {
         let times: Vec<f64> = (0..rows).map(|k| k as f64 * 0.01).collect();
         smoothing.apply(&times, &mut whole, 1).unwrap();
         let mut count = 0;
-        regen_identify::identify::equations(
+        equations(
             model,
             EquationKind::Forces,
             &mut log,
-            &mut regen_identify::identify::NoColumns,
+            &mut NoColumns,
             &mut |found| {
                 #[allow(clippy::cast_sign_loss)]
                 let k = (found.time / 0.01).round() as usize;
@@ -248,5 +249,53 @@ fn samples_of_a_joint_at_rest_are_left_out() {
             "{:?}",
             keep.estimate.values
         );
+    });
+}
+
+/// Rests of 0.15 s every second, in which the drive's effort is balanced by static friction alone: a
+/// filter with a memory as long spreads it over the equations beside.
+#[test]
+fn no_equation_that_is_used_has_a_thirtieth_of_a_static_friction_in_it() {
+    with_arm(|model| {
+        const STATIC: f64 = 1.2;
+        let mut log = Recorded::new().filtered(Filtering {
+            smoothing: Smoothing::Butterworth {
+                order: 5,
+                cutoff: 7.0,
+            },
+            ..Filtering::default()
+        });
+        for k in 0..2000_u32 {
+            let rests = k % 100 < 15;
+            log.push_row(&StateSample {
+                time: 0.01 * f64::from(k),
+                q: &[0.0],
+                qd: &[1.0],
+                qdd: &[0.0],
+                tau: &[if rests { STATIC } else { 0.0 }],
+                efforts: &[],
+                at_standstill: &[rests],
+                weights: &[1.0],
+                follows: k > 0,
+            });
+        }
+        let (mut used, mut largest) = (0, 0.0_f64);
+        equations(
+            model,
+            EquationKind::Forces,
+            &mut log,
+            &mut NoColumns,
+            &mut |found| {
+                if found.weights[0] > 0.0 {
+                    used += 1;
+                    largest = largest.max(found.tau[0].abs());
+                }
+                Ok(())
+            },
+        )
+        .unwrap();
+        assert!(largest < STATIC / 30.0, "{largest}");
+        // 0.85 of each second is motion
+        assert!(used > 1000, "{used}");
     });
 }

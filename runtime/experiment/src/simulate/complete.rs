@@ -20,7 +20,7 @@ pub(super) struct Weights<'a> {
 }
 
 /// Adds the accelerations of all coordinates to a log, and completes its energies and the error of
-/// their balance.
+/// their balance if it has energies.
 ///
 /// - `qdd_i`: the accelerations of the independent coordinates (dof per row).
 pub(super) fn complete<M: Model<f64> + ?Sized>(
@@ -54,6 +54,9 @@ pub(super) fn complete<M: Model<f64> + ?Sized>(
         for row in 0..count {
             log.qdd.extend(qdd.iter().skip(row).step_by(count));
         }
+        if log.energy.is_empty() {
+            continue;
+        }
         let kinetic = kinetic(model, weights.phi, &q, &qd, count)?;
         let potential = potential(model, weights, &q, count)?;
         let both = kinetic.iter().zip(&potential);
@@ -61,11 +64,13 @@ pub(super) fn complete<M: Model<f64> + ?Sized>(
             (energy.kinetic, energy.potential) = (*kinetic, *potential);
         }
     }
-    if let Some(start) = log.energy.first().copied() {
-        for energy in &log.energy {
-            log.imbalance = log.imbalance.max(energy.imbalance(start).abs());
+    log.imbalance = match log.energy.first().copied() {
+        Some(start) => {
+            let errors = log.energy.iter().map(|e| e.imbalance(start).abs());
+            errors.fold(0.0, f64::max)
         }
-    }
+        None => f64::NAN,
+    };
     Ok(())
 }
 

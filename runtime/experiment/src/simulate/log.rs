@@ -62,11 +62,11 @@ pub struct Log {
     pub command: Vec<f64>,
     /// The measured efforts (one per actuated joint and row), N or N m.
     pub measured_effort: Vec<f64>,
-    /// The energies of each row, J.
+    /// The energies of each row, J; empty without [`Settings::energies`](super::Settings::energies).
     pub energy: Vec<Energy>,
     /// The largest constraint residual |f| of any sample, m or without unit.
     pub residual: f64,
-    /// The largest error of the energy balance of any sample, J.
+    /// The largest error of the energy balance of any sample, J; NaN without energies.
     pub imbalance: f64,
     /// The number of steps of the integration, refused ones included.
     pub steps: usize,

@@ -21,7 +21,7 @@ pub(super) struct Robot<'m, M: ?Sized> {
     /// The constant effort of each coordinate, N m or N.
     offsets: Vec<f64>,
     /// All parameters, 0 except for those of springs and effort terms; empty if there are none of
-    /// these.
+    /// these, or the log has no energies.
     springs: Vec<f64>,
     pub(super) dof: usize,
     dependent: Vec<usize>,
@@ -46,7 +46,8 @@ pub(super) struct Robot<'m, M: ?Sized> {
     qd: Vec<f64>,
     /// The reduced efforts of friction there (dof), N m or N.
     friction: Vec<f64>,
-    /// The power of friction, springs and effort terms there, W.
+    /// The power of friction, springs and effort terms there, W; that of friction alone if the log has
+    /// no energies.
     loss: f64,
     // results of the last call of `rates`
     qdd_i: Vec<f64>,
@@ -100,7 +101,11 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             closure: PredictedClosure::new(model)?,
             moments: moments(&info, phi),
             offsets: offsets(&info, phi),
-            springs: springs(&info, phi),
+            springs: if settings.energies {
+                springs(&info, phi)
+            } else {
+                Vec::new()
+            },
             forward,
             dof,
             dependent: info.dependent.to_vec(),
@@ -377,11 +382,13 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         let measured_effort = self.effort.iter().map(|e| sensors.effort(*e, noise));
         log.measured_effort.extend(measured_effort);
         log.residual = log.residual.max(self.closure.residual());
-        log.energy.push(Energy {
-            work: y[y.len() - 2],
-            loss: y[y.len() - 1],
-            ..Energy::default()
-        });
+        if self.settings.energies {
+            log.energy.push(Energy {
+                work: y[y.len() - 2],
+                loss: y[y.len() - 1],
+                ..Energy::default()
+            });
+        }
         Ok(Ok(()))
     }
 

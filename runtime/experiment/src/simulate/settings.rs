@@ -74,11 +74,14 @@ pub struct Settings {
     pub seed: u64,
     /// The relative tolerance of each step of the integration.
     pub tolerance: f64,
+    /// Whether the log has energies and the error of their balance, which takes a fifth of the time
+    /// for a robot with springs.
+    pub energies: bool,
 }
 
 impl Default for Settings {
     /// 1 s at 100 Hz without control, drives, friction or noise, with a relative tolerance of 1e-9
-    /// per step.
+    /// per step, and with energies.
     fn default() -> Self {
         Self {
             duration: 1.0,
@@ -91,6 +94,7 @@ impl Default for Settings {
             sensors: Sensors::default(),
             seed: 0,
             tolerance: 1e-9,
+            energies: true,
         }
     }
 }

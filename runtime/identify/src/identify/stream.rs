@@ -73,9 +73,11 @@ impl Columns for NoColumns {
 
 /// The number of rows filtered at a time, not counting those that the filter needs on both sides.
 const BLOCK_ROWS: usize = 2048;
-/// The part of the filter's window in which a coordinate must have moved for its equation to
-/// be used: with less, more than a tenth of the static friction would be in the residual.
-const MIN_MOVED_PART: f64 = 0.9;
+/// The largest part of the filter's memory in which a coordinate may have rested for its equation to
+/// be used, and with it the largest part of the static friction in a residual: a tenth put friction and
+/// inertia of simulated arms two standard deviations off. A sinusoidal motion is slower than a
+/// twentieth of its rms value in a part of 0.0225, so that of fast motion not everything is left out.
+const MAX_RESTED_PART: f64 = 0.03;
 
 /// Passes the equations of a log to `each` in order of time: the base regressor at every state,
 /// then the additional columns, all filtered according to [`Source::filtering`] (energy balances
@@ -482,7 +484,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
             for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
                 let part = match self.filtering.standstill {
                     Standstill::Weigh => moved.clamp(0.0, 1.0),
-                    _ => f64::from(*moved >= MIN_MOVED_PART),
+                    // above 1 the filter weighs a rest near by negatively
+                    _ => f64::from((1.0 - moved).abs() <= MAX_RESTED_PART),
                 };
                 *weight = own[e] * part;
                 self.left.resting[e] += usize::from(*weight == 0.0);
