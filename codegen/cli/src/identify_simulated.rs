@@ -4,8 +4,8 @@ mod controllers;
 mod estimator;
 mod failures;
 
-use regen_experiment::closed_loop::{Controllers, nearest_bandwidth};
-use regen_experiment::simulate::{Pid, missing_values};
+use regen_experiment::closed_loop::nearest_bandwidth;
+use regen_experiment::simulate::missing_values;
 use regen_identify::data::{Assignment, FileReport, Track, tracks};
 use regen_identify::files::ParameterFile;
 use regen_identify::identify::digest;
@@ -15,8 +15,8 @@ use regen_identify::status::EffortContributions;
 use regen_interpreted::Interpreted;
 use regen_report::results::{Identification, LogFile, Simulated, Summary, stem};
 use regen_response::{
-    Departure, DidimOptions, EffortTracks, KnownReference, Law, Run, Setup, TrackError, departures,
-    didim, fit_responses,
+    Departure, DidimOptions, EffortTracks, Run, Setup, TrackControllers, TrackError, didim,
+    fit_responses, motion_distance,
 };
 use regen_runtime::BaseModel;
 
@@ -141,23 +141,7 @@ fn of_efforts(
     for setup in known.iter().copied().flatten() {
         require_known(setup)?;
     }
-    let laws = |setup: Option<&Setup>| setup.map_or(Vec::new(), |own| own.laws.clone());
-    let pids: Vec<Vec<Pid>> = known
-        .iter()
-        .map(|setup| laws(*setup).iter().map(pid_of).collect())
-        .collect();
-    let offsets: Vec<Vec<f64>> = known
-        .iter()
-        .map(|setup| laws(*setup).iter().map(|law| law.offset.value).collect())
-        .collect();
-    let controllers_of =
-        |k: usize, bandwidth: f64| match (known.get(k), pids.get(k), offsets.get(k)) {
-            (Some(Some(_)), Some(pid), Some(offset)) => Controllers::Known { pid, offset },
-            _ => Controllers::Tuned {
-                bandwidth,
-                given: &args.pid,
-            },
-        };
+    let controllers = TrackControllers::new(known, &args.pid);
     let file = args.reference.as_deref();
     let trajectory = file.map(|file| path::read(file, model)).transpose()?;
     // a log begins with the motion, or after the robot has repeated it: as its positions show
@@ -166,30 +150,15 @@ fn of_efforts(
     } else {
         args.simulated.settle
     };
-    let tracks_after = |lead: f64| {
-        let reference = trajectory.as_ref();
-        EffortTracks::new(
-            model,
-            all,
-            reference.map(|series| -> KnownReference<'_> { (series, lead) }),
-        )
-    };
-    let far_at = |tracks: &EffortTracks<'_>, bandwidth: f64| -> Option<f64> {
-        let runs = tracks.runs(|k| controllers_of(k, bandwidth));
-        let found = departures(model, &runs, settle, start).ok()?;
-        (!found.is_empty()).then(|| found.iter().map(|own| own.percent * own.percent).sum())
-    };
-    let mut tracks = tracks_after(trajectory.as_ref().map_or(0.0, |series| series.period()))?;
-    if trajectory.is_some() {
-        let at_once = tracks_after(0.0)?;
-        let far = |tracks| far_at(tracks, wanted.unwrap_or(BANDWIDTH_HZ));
-        if let (Some(repeated), Some(first)) = (far(&tracks), far(&at_once))
-            && first < repeated
-        {
-            tracks = at_once;
+    let tracks = match &trajectory {
+        Some(series) => {
+            let at = wanted.unwrap_or(BANDWIDTH_HZ);
+            let motion = (series as _, series.period());
+            EffortTracks::along(model, all, motion, (&controllers, at), start)?
         }
-    }
-    let runs_at = |bandwidth: f64| tracks.runs(|k| controllers_of(k, bandwidth));
+        None => EffortTracks::new(model, all, None)?,
+    };
+    let runs_at = |bandwidth: f64| tracks.runs(|k| controllers.of(k, bandwidth));
     let options = DidimOptions {
         least_squares: session.options,
         filtering: session.reading.filtering(),
@@ -197,7 +166,7 @@ fn of_efforts(
         ..DidimOptions::default()
     };
     session.watch.phase("simulating the controlled robot");
-    let is_tuned = known.iter().any(Option::is_none);
+    let is_tuned = controllers.are_tuned();
     let step = all.first().and_then(|track| {
         let [first, second, ..] = track.times[..] else {
             return None;
@@ -205,16 +174,16 @@ fn of_efforts(
         Some(second - first)
     });
     let chosen = match (wanted, step) {
-        (None, Some(step)) if is_tuned => {
-            nearest_bandwidth(step, &mut |bandwidth| far_at(&tracks, bandwidth))
-        }
+        (None, Some(step)) if is_tuned => nearest_bandwidth(step, &mut |hz| {
+            motion_distance(model, &runs_at(hz), settle, start)
+        }),
         _ => None,
     };
     let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);
     let found = didim(model, model, &runs_at(bandwidth), &options, start);
     session.watch.finished();
     let found = found?;
-    note_departures(&found.departures, known.iter().all(Option::is_some));
+    note_departures(&found.departures, !is_tuned);
     if !found.converged {
         return Err(Failure::Numeric(format!(
             "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
@@ -233,14 +202,6 @@ fn of_efforts(
         ..Summary::of(&start)
     };
     Ok((identified, summary, contributions))
-}
-
-fn pid_of(law: &Law) -> Pid {
-    Pid {
-        kp: law.kp.value,
-        ki: law.ki.value,
-        kd: law.kd.value,
-    }
 }
 
 /// Warns where the simulated motion is far from the measured one: the simulated efforts then belong to

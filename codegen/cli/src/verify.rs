@@ -111,12 +111,20 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut inside =
             regen_sources::entries(path).map_err(|error| Failure::io("read", path, &error))?;
         inside.retain(|p| p.extension().is_some_and(|e| e == "yaml") && p.is_file());
+        inside.retain(|p| !is_experiment(p));
         if inside.is_empty() {
             return Err(Failure::Input(format!("no *.yaml in {}", path.display())));
         }
         files.extend(inside);
     }
     Ok(files)
+}
+
+/// Whether a file has runs and no robot, as experiment files have that stand beside their specs.
+fn is_experiment(file: &Path) -> bool {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let has = |key| text.lines().any(|line| line.starts_with(key));
+    has("runs:") && !has("limbs:")
 }
 
 fn independent(file: &Path) -> Result<OfFile, Failure> {

@@ -83,14 +83,17 @@ pub(super) fn motion(model: &Interpreted<'_>, rows: &LogRows) -> Result<Vec<Figu
                     look: Look::Dashed,
                 });
             }
-            let suffix = if kind == Motion::Rotation {
-                "turns"
+            let (suffix, joints) = if kind == Motion::Rotation {
+                ("turns", "revolute")
             } else {
-                "shifts"
+                ("shifts", "prismatic")
             };
             figures.push(Figure {
                 name: format!("{what}-{suffix}"),
-                caption: format!("{what} of the independent coordinates over {}", rows.file),
+                caption: format!(
+                    "{what} of the independent coordinates of {joints} joints over {}",
+                    rows.file
+                ),
                 svg: charts::lines("t, s", &format!("{what}, {unit}"), 250, &lines)?,
             });
         }

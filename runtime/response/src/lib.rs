@@ -41,7 +41,7 @@ mod window;
 
 pub use departure::{Departure, departures};
 pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
-pub use effort_tracks::{EffortTracks, KnownReference};
+pub use effort_tracks::{EffortTracks, KnownReference, TrackControllers, motion_distance};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
 pub use fit::{Estimated, ResponseFit, fit_responses};

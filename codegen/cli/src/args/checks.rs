@@ -51,7 +51,8 @@ Examples:
   regen verify --all my_arm.yaml
   regen verify --all robots --format markdown")]
 pub(crate) struct VerifyArgs {
-    /// The robot's spec; with --all any number of specs and directories
+    /// The robot's spec; with --all any number of specs and directories, whose
+    /// experiment files are left out
     #[arg(required_unless_present = "all")]
     pub(crate) files: Vec<PathBuf>,
     /// Run every independent check, and print a table of errors and bounds
