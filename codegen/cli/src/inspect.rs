@@ -7,7 +7,9 @@ use regen_codegen::robot::Robot;
 use regen_identify::data::{Checks, Policy, Run, Settings};
 use regen_identify::experiment_file::ExperimentFile;
 use regen_identify::signals::Method;
-use regen_inspect::{ClockSource, LogFacts, Prediction, VERSION, inspect, predict, proposal};
+use regen_inspect::{
+    ClockSource, LogFacts, Prediction, VERSION, delays_by_model, inspect, predict, proposal,
+};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{Inspection, Suspected, inspection_text};
 use regen_runtime::Info;
@@ -50,20 +52,20 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
         .zip(terms.as_ref())
         .map(|(robot, terms)| Interpreted::with_terms(robot, terms));
     let info = model.as_ref().map(Interpreted::info);
-    let logs = args
+    let mut logs = args
         .logs
         .iter()
         .map(|run| inspect(run, &settings, info.as_ref()))
         .collect::<Result<Vec<LogFacts>, _>>()?;
-    let relative = relative_to(&args.logs, args.out.as_deref());
-    let proposed = proposal(&relative, &logs, robot.is_some());
     let (prediction, doubts, unpredicted) = match (&model, &robot) {
-        (Some(model), Some(robot)) => match predicted(model, robot, &args, &logs)? {
+        (Some(model), Some(robot)) => match predicted(model, robot, &args, &mut logs)? {
             Ok((found, doubts)) => (Some(found), doubts, None),
             Err(why) => (None, Vec::new(), Some(why)),
         },
         _ => (None, Vec::new(), None),
     };
+    let relative = relative_to(&args.logs, args.out.as_deref());
+    let proposed = proposal(&relative, &logs, robot.is_some());
     let doubt_texts: Vec<String> = doubts.iter().map(ToString::to_string).collect();
     let found = Inspection {
         robot: robot.as_ref().map(|robot| robot.name.as_str()),
@@ -176,13 +178,14 @@ fn reading(
     Ok(settings)
 }
 
-/// The prediction of what the logs can identify, and the contradictions between logs and robot. The
+/// The prediction of what the logs can identify, and the contradictions between logs and robot; the
+/// delays of efforts in `logs` become those of the robot's equations. The
 /// inner error is the reason why the logs cannot be read for this robot, in words.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,
     args: &InspectArgs,
-    logs: &[LogFacts],
+    logs: &mut [LogFacts],
 ) -> Result<Result<(Prediction, Vec<Suspected>), String>, Failure> {
     if model.base_info().base.is_empty() {
         return Ok(Err(format!("{} has no base parameters", robot.name)));
@@ -217,6 +220,7 @@ fn predicted(
         Ok(found) => found,
         Err(error) => return Ok(Err(error.to_string())),
     };
+    delays_by_model(&session, &args.logs, logs);
     let doubts = suspect::doubts(model, opened.logs(), &session.reading.columns, None);
     Ok(Ok((found, doubts)))
 }

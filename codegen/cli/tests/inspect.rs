@@ -106,6 +106,49 @@ fn predicted_deviations_are_those_of_the_fit() {
     assert!(ratios.iter().all(|r| (0.5..1.5).contains(r)), "{ratios:?}");
 }
 
+/// The log of the guide, its efforts some rows behind.
+fn late(text: &str, rows: usize) -> String {
+    let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let mut out = lines[0].join(",") + "\n";
+    for (now, before) in lines[1 + rows..].iter().zip(&lines[1..]) {
+        out.push_str(&[&now[..3], &before[3..]].concat().join(","));
+        out.push('\n');
+    }
+    out
+}
+
+#[test]
+fn efforts_that_are_logged_late_are_told_by_the_equations_of_the_robot() {
+    let dir = scratch("inspect_late");
+    let text = fs::read_to_string(guide("run1.csv")).unwrap();
+    let time = |row: usize| -> f64 {
+        let line = text.lines().nth(row).unwrap();
+        line.split(',').next().unwrap().parse().unwrap()
+    };
+    let step = time(2) - time(1);
+    for rows in [0, 3] {
+        fs::write(dir.join("late.csv"), late(&text, rows)).unwrap();
+        let spec = guide("fivebar.yaml");
+        let found = regen(&dir, &["inspect", &spec, "late.csv", "--format", "json"]);
+        let found = found.ended(0).json();
+        let efforts = found["logs"][0]["efforts"].as_array().unwrap();
+        assert_eq!(efforts.len(), 2);
+        for effort in efforts {
+            // none is stated where slower motion contradicts a small one
+            if rows == 0 && effort["delay"].is_null() {
+                continue;
+            }
+            let [seconds, sigma] = [0, 1].map(|k| effort["delay"][k].as_f64().unwrap());
+            let expected = rows as f64 * step;
+            assert!((seconds - expected).abs() < 4.0 * sigma, "{rows}: {effort}");
+        }
+        let proposed = found["proposal"].as_str().unwrap();
+        assert_eq!(proposed.contains("delay: auto"), rows > 0, "{proposed}");
+        let notes = found["logs"][0]["notes"].to_string();
+        assert_eq!(notes.contains("behind the motion"), rows > 0, "{notes}");
+    }
+}
+
 #[test]
 fn exchanged_and_reversed_efforts_of_a_log_without_header_are_reported() {
     let dir = scratch("inspect_exchanged");

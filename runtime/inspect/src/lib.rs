@@ -5,6 +5,7 @@
 //!   with the frequency at which the noise exceeds the signal, the period, and which joint each
 //!   effort follows, with which sign and delay.
 //! - [`proposal`] writes these facts as a first experiment file, which identification reads.
+//! - [`delays_by_model`] finds the delays of efforts again with a robot's model.
 //! - [`predict`] predicts, for a robot's model, how well each base parameter will be determined at
 //!   the noise of the efforts, which parameters affect no effort, and which motion of which joint
 //!   would determine more.
@@ -15,6 +16,7 @@
 
 mod clock;
 mod columns;
+mod delay;
 mod fft;
 mod follow;
 mod gather;
@@ -36,6 +38,7 @@ mod words;
 
 pub use clock::{Clock, ClockSource, Gap};
 pub use columns::Extreme;
+pub use delay::delays_by_model;
 pub use follow::Following;
 pub use joints::Joint;
 pub use log::{Column, LogFacts, inspect};

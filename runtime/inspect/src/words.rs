@@ -191,6 +191,11 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             ));
         }
     }
+    out.extend(late_sentence(found));
+}
+
+/// The sentence about efforts that are certainly behind the motion; `None` if there are none.
+pub(crate) fn late_sentence(found: &LogFacts) -> Option<String> {
     let late: Vec<String> = late_efforts(found)
         .iter()
         .map(|(column, seconds)| {
@@ -198,12 +203,8 @@ fn efforts(found: &LogFacts, out: &mut Vec<String>) {
             format!("{title} {} ms", figure_of(3, 1e3 * seconds))
         })
         .collect();
-    if !late.is_empty() {
-        out.push(format!(
-            "efforts are behind the motion: {}",
-            late.join(", ")
-        ));
-    }
+    let words = format!("efforts are behind the motion: {}", late.join(", "));
+    (!late.is_empty()).then_some(words)
 }
 
 /// The columns of the efforts that are certainly behind the motion, each with its delay in s; none
