@@ -200,27 +200,27 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
     });
 }
 
+/// Swings of three seconds, separated by rests of a second.
+fn swings_and_rests(t: f64) -> [f64; 3] {
+    let phase = t.rem_euclid(4.0);
+    if phase >= 3.0 {
+        return [0.3, 0.0, 0.0];
+    }
+    let w = std::f64::consts::TAU / 3.0;
+    let turn = (t / 4.0).floor();
+    let size = 0.5 + 0.2 * turn.rem_euclid(3.0);
+    let (sin, cos) = (w * phase).sin_cos();
+    // each swing starts and ends at rest
+    [0.3 + size * (1.0 - cos), size * w * sin, size * w * w * cos]
+}
+
 #[test]
 fn samples_of_a_joint_at_rest_are_left_out() {
     with_arm(|model| {
-        // swings separated by rests of a second
-        let motion = |t: f64| {
-            let phase = t.rem_euclid(4.0);
-            if phase < 3.0 {
-                let w = std::f64::consts::TAU / 3.0;
-                let turn = (t / 4.0).floor();
-                let size = 0.5 + 0.2 * turn.rem_euclid(3.0);
-                let (sin, cos) = (w * phase).sin_cos();
-                // each swing starts and ends at rest
-                [0.3 + size * (1.0 - cos), size * w * sin, size * w * w * cos]
-            } else {
-                [0.3, 0.0, 0.0]
-            }
-        };
         let mut text = "t,q1,tau_q1\n".to_owned();
         for k in 0..8000 {
             let t = f64::from(k) * 0.005;
-            let state = motion(t);
+            let state = swings_and_rests(t);
             // at rest, static friction balances an arbitrary effort of the drive
             let static_friction = if state[1] == 0.0 { 1.2 } else { 0.0 };
             let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + static_friction);
@@ -297,5 +297,32 @@ fn no_equation_that_is_used_has_a_thirtieth_of_a_static_friction_in_it() {
         assert!(largest < STATIC / 30.0, "{largest}");
         // 0.85 of each second is motion
         assert!(used > 1000, "{used}");
+    });
+}
+
+/// Where a filter of a low cutoff spreads rests over all equations, another cutoff is the remedy and not
+/// more of the same motion.
+#[test]
+fn a_log_whose_rests_take_every_equation_says_so() {
+    with_arm(|model| {
+        let mut text = "t,q1,tau_q1\n".to_owned();
+        for k in 0..8000 {
+            let t = f64::from(k) * 0.005;
+            let state = swings_and_rests(t);
+            let _ = writeln!(text, "{t},{},{}", state[0], effort(state));
+        }
+        let path = scratch("slow_filter.csv", &text);
+        let settings = Settings {
+            method: Method::Butterworth {
+                order: 4,
+                cutoff: 0.5,
+            },
+            ..Settings::default()
+        };
+        let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
+        let found = identify(model, EquationKind::Forces, &Options::default(), &mut logs);
+        let why = found.unwrap_err().to_string();
+        assert!(why.contains("joints rest there"), "{why}");
+        assert!(why.contains("raise the filter's cutoff"), "{why}");
     });
 }

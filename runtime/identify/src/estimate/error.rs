@@ -43,6 +43,9 @@ pub enum EstimateError {
         parameters: usize,
         /// Labels of the parameters that take part in undetermined combinations.
         labels: Vec<String>,
+        /// The number of rows that were left out because joints rest there, or within the filter's
+        /// memory around them.
+        resting: usize,
     },
     /// The data leave some parameters undetermined.
     Undetermined {
@@ -79,6 +82,7 @@ impl fmt::Display for EstimateError {
                 rows,
                 parameters,
                 labels,
+                resting,
             } => {
                 write!(
                     f,
@@ -87,7 +91,16 @@ impl fmt::Display for EstimateError {
                 if !labels.is_empty() {
                     write!(f, " (undetermined: {})", labels.join(", "))?;
                 }
-                f.write_str(": give a longer log")
+                if *resting > 0 {
+                    write!(
+                        f,
+                        ": {resting} more were left out because joints rest there, or within the \
+                         filter's memory: raise the filter's cutoff, or"
+                    )?;
+                } else {
+                    f.write_str(":")?;
+                }
+                f.write_str(" give a longer log")
             }
             Self::Undetermined {
                 rank,

@@ -115,6 +115,7 @@ impl FactorSet {
             rows: 0,
             parameters: 0,
             labels: Vec::new(),
+            resting: 0,
         })?;
         for set in sets {
             first.merge(&set)?;

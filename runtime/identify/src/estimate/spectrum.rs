@@ -89,6 +89,7 @@ impl Spectrum {
                 rows: factor.rows(),
                 parameters,
                 labels: labels(),
+                resting: 0,
             });
         }
         let rank = self.rank();

@@ -271,6 +271,7 @@ fn undetermined_parameters_are_named() {
             rows: 2,
             parameters: 5,
             labels: labels(5),
+            resting: 0,
         })
     );
     let before = short.clone();
