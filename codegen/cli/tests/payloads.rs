@@ -267,7 +267,7 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
         close(&delayed["gains"][k], gain);
         let found = delayed["corrected_delays"][k][1].as_f64().unwrap();
         // dry friction changes sign between two samples, which blurs a delay by part of a step
-        assert!((found - step).abs() < 0.25 * step, "{found} {step}");
+        assert!((found - step).abs() < 0.3 * step, "{found} {step}");
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);
     assert!(
