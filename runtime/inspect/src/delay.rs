@@ -13,13 +13,17 @@ use crate::words::late_sentence;
 /// positions that a controller answers seems to be a delay, which falls with a high power of the cutoff.
 const CUTOFF_PART: f64 = 0.5;
 
+/// The largest number of rows of each log that are used: enough for a delay, and each is read some ten times.
+const MAX_ROWS: usize = 100_000;
+
 /// Finds the delays of efforts by least squares of the robot's equations of motion, which have all
-/// couplings of its joints (see [`settled_delays`]), where [`inspect`](crate::inspect) stated none without a model, and adds
-/// the sentence that tells them.
+/// couplings of its joints (see [`settled_delays`]), where [`inspect`](crate::inspect) stated none
+/// without a model, and adds the sentence that tells them.
 ///
-/// They are found twice, with a low-pass filter of half the cutoff too, at which noise that a controller answers hardly
-/// seems to be a delay; the difference of both is in the standard deviation. Where least squares has
-/// no solution, and of efforts that follow another joint than their own, no delay is stated.
+/// They are found twice, with a low-pass filter of half the cutoff too, at which noise that a
+/// controller answers hardly seems to be a delay; the difference of both is in the standard
+/// deviation. Of each log the first hundred thousand rows are used. Where least squares has no
+/// solution, and of efforts that follow another joint than their own, no delay is stated.
 ///
 /// - `session`: the model, with the settings by which the logs are read;
 /// - `runs`: all logs;
@@ -73,7 +77,9 @@ pub fn delays_by_model<M: BaseModel<f64> + ?Sized>(
     if all.any(|effort| effort.delay.is_some()) {
         return;
     }
-    let [Some(fast), Some(slow)] = [1.0, CUTOFF_PART].map(|part| found(session, runs, part)) else {
+    let runs: Vec<Run> = runs.iter().zip(&*logs).map(beginning).collect();
+    let [Some(fast), Some(slow)] = [1.0, CUTOFF_PART].map(|part| found(session, &runs, part))
+    else {
         return;
     };
     for log in logs {
@@ -91,6 +97,16 @@ pub fn delays_by_model<M: BaseModel<f64> + ?Sized>(
         }
         log.notes.extend(late_sentence(log));
     }
+}
+
+/// The first rows of a run.
+fn beginning((run, log): (&Run, &LogFacts)) -> Run {
+    let mut run = run.clone();
+    if log.rows > MAX_ROWS {
+        let (first, last) = run.rows.unwrap_or((1, u64::MAX));
+        run.rows = Some((first, last.min(first + MAX_ROWS as u64 - 1)));
+    }
+    run
 }
 
 /// The name of an effort, and its delay with the standard deviation, s.
