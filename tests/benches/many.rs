@@ -13,8 +13,8 @@
 //! building at the same time: PUMA 560 87.7 and 93.7 ns (ratio 1.07), Panda 106 and 136 ns (1.28),
 //! 3-RPS 121 and 90 ns (0.74), 6-UPS platform 1,843 and 685 ns (0.37). Straight-line code of the
 //! larger ones no longer fits the first-level cache of instructions, while a list of them streams. On
-//! 26 November 2026, quiet, on a slower machine of the same kind: 136 and 147 ns (1.08), 164 and 227 ns (1.39),
-//! 177 and 141 ns (0.80), 2,637 and 982 ns (0.37).
+//! 26 November 2026, quiet, where compiled models took about half as long again: 136 and 147 ns (1.08), 164 and
+//! 227 ns (1.39), 177 and 141 ns (0.80), 2,637 and 982 ns (0.37).
 #![allow(
     clippy::expect_used,
     clippy::inline_always,

@@ -145,18 +145,12 @@ fn of_efforts(
     let file = args.reference.as_deref();
     let trajectory = file.map(|file| path::read(file, model)).transpose()?;
     // a log begins with the motion, or after the robot has repeated it: as its positions show
-    let settle = if trajectory.is_some() {
-        0.0
+    let (tracks, settle) = if let Some(series) = &trajectory {
+        let at = (&controllers, wanted.unwrap_or(BANDWIDTH_HZ));
+        let motion = (series as _, series.period());
+        (EffortTracks::along(model, all, motion, at, start)?, 0.0)
     } else {
-        args.simulated.settle
-    };
-    let tracks = match &trajectory {
-        Some(series) => {
-            let at = wanted.unwrap_or(BANDWIDTH_HZ);
-            let motion = (series as _, series.period());
-            EffortTracks::along(model, all, motion, (&controllers, at), start)?
-        }
-        None => EffortTracks::new(model, all, None)?,
+        (EffortTracks::new(model, all, None)?, args.simulated.settle)
     };
     let runs_at = |bandwidth: f64| tracks.runs(|k| controllers.of(k, bandwidth));
     let options = DidimOptions {

@@ -110,9 +110,7 @@ fn take_spec(args: &mut InspectArgs) -> Result<(), Failure> {
         return Ok(());
     };
     if let (None, Some(path)) = (&args.spec, experiment::yaml_path(first))
-        && load::text(&path)?
-            .lines()
-            .any(|line| line.starts_with("limbs:"))
+        && load::has_key(&load::text(&path)?, "limbs")
     {
         args.spec = Some(path);
         args.logs.remove(0);
@@ -178,9 +176,9 @@ fn reading(
     Ok(settings)
 }
 
-/// The prediction of what the logs can identify, and the contradictions between logs and robot; the
-/// delays of efforts in `logs` become those of the robot's equations. The
-/// inner error is the reason why the logs cannot be read for this robot, in words.
+/// The prediction of what the logs can identify, and the contradictions between logs and robot; adds
+/// delays to the efforts in `logs` if none has one. The inner error is the reason why the logs cannot
+/// be read for this robot, in words.
 fn predicted(
     model: &Interpreted<'_>,
     robot: &Robot,

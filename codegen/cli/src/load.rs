@@ -21,6 +21,12 @@ use crate::progress::spinner;
 /// Largest file of states, factors or trajectories, in bytes: some million states.
 const MAX_BYTES: usize = 1 << 28;
 
+/// Whether a YAML text has this key at its top, such as `limbs`, by which a spec is known.
+pub(crate) fn has_key(text: &str, key: &str) -> bool {
+    let mut after = text.lines().filter_map(|line| line.strip_prefix(key));
+    after.any(|rest| rest.starts_with(':'))
+}
+
 /// Reads a text file.
 pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     up_to(MAX_BYTES, path)

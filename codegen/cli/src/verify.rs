@@ -110,8 +110,8 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         }
         let mut inside =
             regen_sources::entries(path).map_err(|error| Failure::io("read", path, &error))?;
-        inside.retain(|p| p.extension().is_some_and(|e| e == "yaml") && p.is_file());
-        inside.retain(|p| !is_experiment(p));
+        let is_yaml = |p: &Path| p.extension().is_some_and(|e| e == "yaml") && p.is_file();
+        inside.retain(|p| is_yaml(p) && !is_experiment(p));
         if inside.is_empty() {
             return Err(Failure::Input(format!("no *.yaml in {}", path.display())));
         }
@@ -122,9 +122,8 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// Whether a file has runs and no robot, as experiment files have that stand beside their specs.
 fn is_experiment(file: &Path) -> bool {
-    let text = std::fs::read_to_string(file).unwrap_or_default();
-    let has = |key| text.lines().any(|line| line.starts_with(key));
-    has("runs:") && !has("limbs:")
+    let is = |text: String| load::has_key(&text, "runs") && !load::has_key(&text, "limbs");
+    load::text(file).is_ok_and(is)
 }
 
 fn independent(file: &Path) -> Result<OfFile, Failure> {

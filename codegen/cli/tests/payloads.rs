@@ -266,7 +266,7 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
     for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
         close(&delayed["gains"][k], gain);
         let found = delayed["corrected_delays"][k][1].as_f64().unwrap();
-        // dry friction changes sign between two samples, which blurs a delay by part of a step
+        // dry friction changes sign between two samples, which blurs a delay by a good quarter of a step
         assert!((found - step).abs() < 0.3 * step, "{found} {step}");
     }
     let (_, err) = run(&dir, "observe arm.yaml runs.yaml --out f.json", 3);

@@ -13,7 +13,7 @@ use crate::words::late_sentence;
 /// positions that a controller answers seems to be a delay, which falls with a high power of the cutoff.
 const CUTOFF_PART: f64 = 0.5;
 
-/// The largest number of rows of each log that are used: enough for a delay, and each is read some ten times.
+/// The largest number of rows of each log that are used: all are read again for every correction.
 const MAX_ROWS: usize = 100_000;
 
 /// Finds the delays of efforts by least squares of the robot's equations of motion, which have all

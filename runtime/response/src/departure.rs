@@ -85,6 +85,32 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
     Ok(of_loops(&model.info(), runs, &loops?, settle))
 }
 
+/// How far the motion simulated with these base parameters is from the measured one: the sum of the
+/// squares of all [`departures`]; `None` where it cannot be simulated or no position is measured.
+///
+/// - `settle`: seconds at the start of each run that do not count;
+/// - `values`: base parameters, r.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// # }
+/// use regen_response::motion_distance;
+///
+/// assert_eq!(motion_distance(&models::Pendulum, &[], 0.0, &[0.5, 2.0]), None);
+/// ```
+pub fn motion_distance<M: BaseModel<f64> + ?Sized + Sync>(
+    model: &M,
+    runs: &[EffortRun<'_>],
+    settle: f64,
+    values: &[f64],
+) -> Option<f64> {
+    let found = departures(model, runs, settle, values).ok()?;
+    let squares = found.iter().map(|own| own.percent * own.percent);
+    (!found.is_empty()).then(|| squares.sum())
+}
+
 /// The departures of loops that are simulated already, one for each run.
 pub(crate) fn of_loops(
     info: &Info<'_>,

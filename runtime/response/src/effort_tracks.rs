@@ -1,14 +1,14 @@
 //! Makes the runs of DIDIM from the tracks of logs.
 
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
-use regen_experiment::simulate::{Gains, Pid, Reference};
+use regen_experiment::simulate::Reference;
 use regen_identify::data::Track;
 use regen_runtime::{BaseModel, Model};
 
-use crate::departure::departures;
+use crate::departure::motion_distance;
 use crate::didim::EffortRun;
 use crate::logs::{Commanded, TrackError, efforts};
-use crate::setup::Setup;
+use crate::track_controllers::TrackControllers;
 
 /// The motion that a robot was commanded, on the time axis of the logs, and the time for which it is
 /// simulated before the first row (s): a period, if the robot repeated the motion.
@@ -173,92 +173,5 @@ impl<'a> EffortTracks<'a> {
             .enumerate()
             .filter_map(of_track)
             .collect()
-    }
-}
-
-/// How far the motion simulated with these base parameters is from the measured one: the sum of the
-/// squares of all [`departures`]; `None` where it cannot be simulated or no position is measured.
-///
-/// - `settle`: seconds at the start of each run that do not count;
-/// - `values`: base parameters, r.
-///
-/// ```
-/// # mod models {
-/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
-/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
-/// # }
-/// use regen_response::motion_distance;
-///
-/// assert_eq!(motion_distance(&models::Pendulum, &[], 0.0, &[0.5, 2.0]), None);
-/// ```
-pub fn motion_distance<M: BaseModel<f64> + ?Sized + Sync>(
-    model: &M,
-    runs: &[EffortRun<'_>],
-    settle: f64,
-    values: &[f64],
-) -> Option<f64> {
-    let found = departures(model, runs, settle, values).ok()?;
-    let squares = found.iter().map(|own| own.percent * own.percent);
-    (!found.is_empty()).then(|| squares.sum())
-}
-
-/// The controllers of several tracks: those that are known, and tuned ones for the others.
-#[derive(Clone, Debug)]
-pub struct TrackControllers<'a> {
-    /// For each track with known controllers these, and the constant efforts that are added to theirs.
-    known: Vec<Option<(Vec<Pid>, Vec<f64>)>>,
-    /// Gains that replace those of tuned controllers.
-    given: &'a [Gains],
-}
-
-impl<'a> TrackControllers<'a> {
-    /// Gathers controllers.
-    ///
-    /// - `known`: for each track its controllers, `None` to tune them;
-    /// - `given`: gains that replace those of tuned controllers.
-    ///
-    /// ```
-    /// use regen_experiment::closed_loop::Controllers;
-    /// use regen_response::{Law, Setup, TrackControllers};
-    ///
-    /// let setup = Setup::new(vec![Law::pd(40.0, 2.0)]);
-    /// let own = TrackControllers::new(&[Some(&setup), None], &[]);
-    /// assert!(matches!(own.of(0, 3.0), Controllers::Known { pid, .. } if pid[0].kp == 40.0));
-    /// assert!(matches!(own.of(1, 3.0), Controllers::Tuned { bandwidth, .. } if bandwidth == 3.0));
-    /// assert!(own.are_tuned());
-    /// ```
-    pub fn new(known: &[Option<&Setup>], given: &'a [Gains]) -> Self {
-        let of_setup = |setup: &Setup| {
-            let laws = setup.laws.iter();
-            let pid = laws.clone().map(|law| Pid {
-                kp: law.kp.value,
-                ki: law.ki.value,
-                kd: law.kd.value,
-            });
-            (pid.collect(), laws.map(|law| law.offset.value).collect())
-        };
-        let known = known.iter().map(|setup| setup.map(of_setup));
-        Self {
-            known: known.collect(),
-            given,
-        }
-    }
-
-    /// The controllers of a track, by its number from 0.
-    ///
-    /// - `bandwidth`: of tuned controllers, Hz.
-    pub fn of(&self, track: usize, bandwidth: f64) -> Controllers<'_> {
-        match self.known.get(track) {
-            Some(Some((pid, offset))) => Controllers::Known { pid, offset },
-            _ => Controllers::Tuned {
-                bandwidth,
-                given: self.given,
-            },
-        }
-    }
-
-    /// Whether the controllers of any track are tuned.
-    pub fn are_tuned(&self) -> bool {
-        self.known.iter().any(Option::is_none)
     }
 }

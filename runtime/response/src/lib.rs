@@ -37,17 +37,19 @@ mod setup;
 mod start;
 mod statistics;
 mod threads;
+mod track_controllers;
 mod window;
 
-pub use departure::{Departure, departures};
+pub use departure::{Departure, departures, motion_distance};
 pub use didim::{Didim, DidimError, DidimOptions, EffortRun, didim};
-pub use effort_tracks::{EffortTracks, KnownReference, TrackControllers, motion_distance};
+pub use effort_tracks::{EffortTracks, KnownReference};
 pub use error::ResponseError;
 pub use files::{ControllerError, controllers};
 pub use fit::{Estimated, ResponseFit, fit_responses};
 pub use logs::{Commanded, TrackError, efforts};
 pub use rank::Direction;
 pub use setup::{Action, Damping, Law, Run, Setup, SignalKind, SignalModel, Value};
+pub use track_controllers::TrackControllers;
 
 pub use regen_runtime::DIRECTIONS;
 

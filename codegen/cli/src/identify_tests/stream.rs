@@ -214,18 +214,22 @@ fn swings_and_rests(t: f64) -> [f64; 3] {
     [0.3 + size * (1.0 - cos), size * w * sin, size * w * w * cos]
 }
 
+/// Writes a log of these swings; at rest, static friction balances an arbitrary effort of the drive.
+fn log_with_rests(name: &str) -> std::path::PathBuf {
+    let mut text = "t,q1,tau_q1\n".to_owned();
+    for k in 0..8000 {
+        let t = f64::from(k) * 0.005;
+        let state = swings_and_rests(t);
+        let static_friction = if state[1] == 0.0 { 1.2 } else { 0.0 };
+        let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + static_friction);
+    }
+    scratch(name, &text)
+}
+
 #[test]
 fn samples_of_a_joint_at_rest_are_left_out() {
     with_arm(|model| {
-        let mut text = "t,q1,tau_q1\n".to_owned();
-        for k in 0..8000 {
-            let t = f64::from(k) * 0.005;
-            let state = swings_and_rests(t);
-            // at rest, static friction balances an arbitrary effort of the drive
-            let static_friction = if state[1] == 0.0 { 1.2 } else { 0.0 };
-            let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + static_friction);
-        }
-        let path = scratch("rests.csv", &text);
+        let path = log_with_rests("rests.csv");
         let fit = |standstill| {
             let settings = Settings {
                 method: Method::Butterworth {
@@ -305,13 +309,7 @@ fn no_equation_that_is_used_has_a_thirtieth_of_a_static_friction_in_it() {
 #[test]
 fn a_log_whose_rests_take_every_equation_says_so() {
     with_arm(|model| {
-        let mut text = "t,q1,tau_q1\n".to_owned();
-        for k in 0..8000 {
-            let t = f64::from(k) * 0.005;
-            let state = swings_and_rests(t);
-            let _ = writeln!(text, "{t},{},{}", state[0], effort(state));
-        }
-        let path = scratch("slow_filter.csv", &text);
+        let path = log_with_rests("slow_filter.csv");
         let settings = Settings {
             method: Method::Butterworth {
                 order: 4,
@@ -323,6 +321,6 @@ fn a_log_whose_rests_take_every_equation_says_so() {
         let found = identify(model, EquationKind::Forces, &Options::default(), &mut logs);
         let why = found.unwrap_err().to_string();
         assert!(why.contains("joints rest there"), "{why}");
-        assert!(why.contains("raise the filter's cutoff"), "{why}");
+        assert!(why.contains("a higher cutoff"), "{why}");
     });
 }

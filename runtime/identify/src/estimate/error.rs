@@ -64,6 +64,16 @@ pub enum EstimateError {
     Signal(SignalError),
 }
 
+impl EstimateError {
+    /// The same error with the number of rows that rests left out, if there were too few.
+    pub(crate) fn beside_rests(mut self, left_out: usize) -> Self {
+        if let Self::TooShort { resting, .. } = &mut self {
+            *resting = left_out;
+        }
+        self
+    }
+}
+
 impl fmt::Display for EstimateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -94,13 +104,11 @@ impl fmt::Display for EstimateError {
                 if *resting > 0 {
                     write!(
                         f,
-                        ": {resting} more were left out because joints rest there, or within the \
-                         filter's memory: raise the filter's cutoff, or"
+                        "; {resting} more were left out because joints rest there, or within the \
+                         memory of a filter, which a higher cutoff shortens"
                     )?;
-                } else {
-                    f.write_str(":")?;
                 }
-                f.write_str(" give a longer log")
+                f.write_str(": give a longer log")
             }
             Self::Undetermined {
                 rank,

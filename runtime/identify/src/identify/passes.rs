@@ -373,24 +373,8 @@ fn identify_replayed<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 ) -> Result<Identified, S::Error> {
     let plain = reduce(replay)?;
     let left_out = replay.left_out().clone();
-    let mut estimate = match Estimate::new(&plain, options.weighting) {
-        Err(EstimateError::TooShort {
-            rows,
-            parameters,
-            labels,
-            ..
-        }) => {
-            let resting = left_out.resting.iter().sum();
-            let why = EstimateError::TooShort {
-                rows,
-                parameters,
-                labels,
-                resting,
-            };
-            return Err(why.into());
-        }
-        other => other?,
-    };
+    let mut estimate = Estimate::new(&plain, options.weighting)
+        .map_err(|why| why.beside_rests(left_out.resting.iter().sum()))?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {

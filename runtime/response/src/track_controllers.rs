@@ -1,0 +1,67 @@
+//! The controllers of the logs that DIDIM simulates.
+
+use regen_experiment::closed_loop::Controllers;
+use regen_experiment::simulate::{Gains, Pid};
+
+use crate::setup::Setup;
+
+/// The controllers of several tracks: those that are known, and tuned ones for the others.
+#[derive(Clone, Debug)]
+pub struct TrackControllers<'a> {
+    /// For each track with known controllers these, and the constant efforts that are added to theirs.
+    known: Vec<Option<(Vec<Pid>, Vec<f64>)>>,
+    /// Gains that replace those of tuned controllers.
+    given: &'a [Gains],
+}
+
+impl<'a> TrackControllers<'a> {
+    /// Gathers controllers.
+    ///
+    /// - `known`: for each track its controllers, `None` to tune them;
+    /// - `given`: gains that replace those of tuned controllers.
+    ///
+    /// ```
+    /// use regen_experiment::closed_loop::Controllers;
+    /// use regen_response::{Law, Setup, TrackControllers};
+    ///
+    /// let setup = Setup::new(vec![Law::pd(40.0, 2.0)]);
+    /// let own = TrackControllers::new(&[Some(&setup), None], &[]);
+    /// assert!(matches!(own.of(0, 3.0), Controllers::Known { pid, .. } if pid[0].kp == 40.0));
+    /// assert!(matches!(own.of(1, 3.0), Controllers::Tuned { bandwidth, .. } if bandwidth == 3.0));
+    /// assert!(own.are_tuned());
+    /// ```
+    pub fn new(known: &[Option<&Setup>], given: &'a [Gains]) -> Self {
+        let of_setup = |setup: &Setup| {
+            let laws = setup.laws.iter();
+            let pid = laws.clone().map(|law| Pid {
+                kp: law.kp.value,
+                ki: law.ki.value,
+                kd: law.kd.value,
+            });
+            (pid.collect(), laws.map(|law| law.offset.value).collect())
+        };
+        let known = known.iter().map(|setup| setup.map(of_setup));
+        Self {
+            known: known.collect(),
+            given,
+        }
+    }
+
+    /// The controllers of a track, by its number from 0.
+    ///
+    /// - `bandwidth`: of tuned controllers, Hz.
+    pub fn of(&self, track: usize, bandwidth: f64) -> Controllers<'_> {
+        match self.known.get(track) {
+            Some(Some((pid, offset))) => Controllers::Known { pid, offset },
+            _ => Controllers::Tuned {
+                bandwidth,
+                given: self.given,
+            },
+        }
+    }
+
+    /// Whether the controllers of any track are tuned.
+    pub fn are_tuned(&self) -> bool {
+        self.known.iter().any(Option::is_none)
+    }
+}
