@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod constrained;
+mod instruments;
 mod robust;
 
 use nalgebra::{DMatrix, DVector};

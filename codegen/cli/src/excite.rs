@@ -1,40 +1,18 @@
 //! `regen excite`: exciting trajectories.
 
-use std::fmt::Write as _;
 use std::sync::atomic::Ordering;
 
 use indicatif::ProgressBar;
 use regen_experiment::excite::{
-    Criterion, Excitation, ExciteError, Margin, Monitor, Outcome, Progress, Settings, excite,
+    Criterion, ExciteError, Monitor, Outcome, Progress, Settings, excite,
 };
-use regen_experiment::trajectory::Trajectory;
+use regen_report::results::{Excited, excited_text};
 use regen_runtime::Info;
-use serde::Serialize;
 
 use crate::args::{CriterionArg, ExciteArgs, Format};
 use crate::exit::Failure;
 use crate::{interrupt, load, observe, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
-
-/// The JSON of `regen excite`.
-#[derive(Serialize)]
-struct ExciteJson<'a> {
-    trajectory: &'a Trajectory,
-    seed: u64,
-    start: usize,
-    interrupted: bool,
-    limits: Vec<LimitJson>,
-}
-
-#[derive(Serialize)]
-struct LimitJson {
-    limit: String,
-    bound: f64,
-    /// The smallest distance from the limit, as a part of half its range.
-    #[serde(rename = "left")]
-    relative_distance: f64,
-    time: f64,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
@@ -99,21 +77,12 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         write::atomically(out, &trajectory.text())?;
     }
-    let limits = found.margins.iter().map(|margin| LimitJson {
-        limit: margin.limit.to_string(),
-        bound: margin.limit.bound,
-        relative_distance: margin.relative_distance,
-        time: margin.time,
-    });
     terminal::print(&match args.format {
-        Format::Json => table::document(&ExciteJson {
-            trajectory: &trajectory,
-            seed: args.seed,
-            start: found.start,
-            interrupted,
-            limits: limits.collect(),
-        }),
-        Format::Human => to_text(&trajectory, &found),
+        Format::Json => {
+            let excited = Excited::new(&trajectory, &found, args.seed, interrupted);
+            table::document(&excited)
+        }
+        Format::Human => excited_text(&trajectory, &found),
     })?;
     match &args.out {
         Some(out) if interrupted => Err(Failure::Interrupted(format!(
@@ -184,46 +153,6 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
         *slot = given.angle;
     }
     Ok(settings)
-}
-
-fn to_text(trajectory: &Trajectory, found: &Excitation) -> String {
-    let figures = found.figures;
-    let mut out = format!(
-        "{}, {} harmonics of {} Hz\n",
-        trajectory.robot,
-        trajectory.harmonics,
-        table::figure(trajectory.base_frequency)
-    );
-    let _ = writeln!(
-        out,
-        "  condition     {:.4} with scaled columns (Eq. 27), {:.4} without (Eq. 24)\n  \
-         -log det      {:.4} (Eq. 26)\n  smallest      singular value {}\n",
-        figures.scaled_condition,
-        figures.condition,
-        figures.determinant,
-        table::figure(figures.smallest_singular)
-    );
-    let mut margins: Vec<&Margin> = found.margins.iter().collect();
-    margins.sort_by(|a, b| a.relative_distance.total_cmp(&b.relative_distance));
-    let rows: Vec<Vec<String>> = margins
-        .iter()
-        .take(12)
-        .map(|margin| {
-            vec![
-                margin.limit.to_string(),
-                format!("{:.2}", 100.0 * margin.relative_distance),
-                format!("{:.3}", margin.time),
-            ]
-        })
-        .collect();
-    out.push_str(&table::columns(
-        &["closest limits", "left, %", "at, s"],
-        &rows,
-    ));
-    if margins.len() > rows.len() {
-        let _ = writeln!(out, "  and {} more, all met", margins.len() - rows.len());
-    }
-    out
 }
 
 fn show(bar: &ProgressBar, progress: Progress) {

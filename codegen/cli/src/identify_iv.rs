@@ -1,7 +1,12 @@
 //! `regen identify --iv`: instrumental variables.
 
 use regen_experiment::closed_loop::LoopError;
-use regen_experiment::instruments::{InstrumentError, instrumental};
+use regen_experiment::instruments::{InstrumentError, instrumental, instrumental_with_gains};
+use regen_experiment::simulate::Gains;
+use regen_experiment::trajectory::FourierReference;
+use regen_identify::data::{FileReport, Run};
+use regen_identify::gains::{GainFit, Plan};
+use regen_identify::identify::Instrumental;
 use regen_report::results::Instruments;
 
 use crate::args::IdentifyArgs;
@@ -19,41 +24,72 @@ pub(crate) fn run(
     start: &LeastSquaresStart,
 ) -> Result<(IdentifiedModel, Instruments, usize), Failure> {
     observe::require_consistent(&args.reading)?;
-    let file = args.reference.as_deref();
-    let reference = file
-        .map(|file| path::read(file, session.model))
-        .transpose()?;
+    let reference = reference(args, session)?;
+    let reference = reference
+        .as_ref()
+        .map(|(path, gains)| (path, gains.as_slice()));
+    let found = instrumental(session, start, &args.logs, reference)?;
+    let how = (found.cutoff, found.controller_bandwidth);
+    let json = converged(&found.instrumental, how)?;
+    Ok((found.model, json, found.instrumental.hac_bandwidth))
+}
+
+/// Instrumental variables with unknown gains and payloads.
+pub(crate) fn with_gains(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    plan: &Plan,
+    runs: &[(Run, Option<usize>)],
+) -> Result<(GainFit, Instruments, Vec<FileReport>), Failure> {
+    let reference = reference(args, session)?;
+    let reference = reference
+        .as_ref()
+        .map(|(path, gains)| (path, gains.as_slice()));
+    let all = instrumental_with_gains(session, plan, runs, reference)?;
+    let how = (all.cutoff, all.controller_bandwidth);
+    let json = converged(&all.found.instrumental, how)?;
+    Ok((all.found.fit, json, all.reports))
+}
+
+/// The motion along which instruments are simulated, and the gains of the controllers.
+fn reference(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+) -> Result<Option<(FourierReference, Vec<Gains>)>, Failure> {
+    let Some(file) = args.reference.as_deref() else {
+        return Ok(None);
+    };
     let stated = identify_simulated::stated_gains(args, &session.model.info());
     let gains = match stated {
         Some(stated) if args.pid.is_empty() => stated,
         _ => args.pid.clone(),
     };
-    let reference = reference.as_ref().map(|path| (path, gains.as_slice()));
-    let found = instrumental(session, start, &args.logs, reference)?;
-    if !found.instrumental.converged {
+    Ok(Some((path::read(file, session.model)?, gains)))
+}
+
+/// The JSON of an estimate; refuses one that has not converged.
+fn converged(
+    found: &Instrumental,
+    (cutoff, bandwidth): (Option<f64>, Option<f64>),
+) -> Result<Instruments, Failure> {
+    if !found.converged {
         return Err(Failure::Numeric(format!(
             "--iv did not converge in {} rounds, so there is no estimate: the instruments are weak; \
              take a motion that excites more, or {}",
-            found.instrumental.rounds,
-            if found.controller_bandwidth.is_some() {
-                "give the robot's own gains by --pid, or as `controller` in an experiment file"
-            } else {
+            found.rounds,
+            if cutoff.is_some() {
                 "give the commanded one by --reference"
+            } else {
+                "give the robot's own gains by --pid, or as `controller` in an experiment file"
             }
         )));
     }
-    let motion = if found.cutoff.is_some() {
+    let motion = if cutoff.is_some() {
         "measured and smoothed, for no --reference is given"
     } else {
         "simulated along the reference"
     };
-    let json = Instruments::new(
-        &found.instrumental,
-        found.cutoff,
-        found.controller_bandwidth,
-        motion,
-    );
-    Ok((found.model, json, found.instrumental.hac_bandwidth))
+    Ok(Instruments::new(found, cutoff, bandwidth, motion))
 }
 
 impl From<InstrumentError> for Failure {
@@ -66,6 +102,7 @@ impl From<InstrumentError> for Failure {
         };
         match error {
             InstrumentError::Data(error) => error.into(),
+            InstrumentError::Gains(error) => error.into(),
             InstrumentError::Unsmoothed(_) => Self::Input(format!("--iv: {error}")),
             InstrumentError::Loop(LoopError::Tuning(why)) => not_simulated(why.to_string()),
             InstrumentError::Loop(LoopError::Simulation(why)) => not_simulated(why.to_string()),

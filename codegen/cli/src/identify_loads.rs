@@ -7,14 +7,18 @@ use regen_identify::files::{FileError, ParameterFile};
 use regen_identify::gains::{GainError, GainFit, KnownPayload, KnownRobot, Plan};
 use regen_identify::identify::digest;
 use regen_identify::model::{IdentifiedModel, Provenance};
-use regen_identify::session::{LogError, Session, loaded_residuals, settled_delays, with_gains};
+use regen_identify::session::{
+    LoadedFits, LogError, Session, loaded_residuals, settled_delays, with_gains,
+};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_report::results::{self, Identification, LogFile, ModelErrors, Summary, stem};
 
 use crate::args::{DelayArg, EstimatorArg, IdentifyArgs, PayloadArg};
 use crate::exit::Failure;
 use crate::identify::{Outcome, note_unexplained};
-use crate::{load, loads, observe, parameters, physical, terminal};
+use crate::{
+    identify_iv, identify_simulated, load, loads, observe, parameters, physical, terminal,
+};
 
 /// The number of alternations between estimating gains at given delays and delays at given gains,
 /// since errors of either bias the other.
@@ -31,14 +35,10 @@ pub(crate) fn wanted(args: &IdentifyArgs) -> bool {
 /// Refuses options that this fit does not support.
 pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     let physical = &args.physical;
-    let estimator = !matches!(
-        args.estimator,
-        None | Some(EstimatorArg::Ls | EstimatorArg::Huber)
-    );
+    let responds = args.estimator == Some(EstimatorArg::Response);
     let wrong = [
         (!args.from.is_empty(), "--from"),
-        (args.iv, "--iv"),
-        (estimator, "--estimator"),
+        (responds, "--estimator response"),
         (args.cross, "--cross"),
         (args.bandwidth.is_some(), "--bandwidth"),
         (args.reading.energy.is_some(), "--energy"),
@@ -48,8 +48,8 @@ pub(crate) fn require_options(args: &IdentifyArgs) -> Result<(), Failure> {
     ];
     if let Some((_, option)) = wrong.iter().find(|wrong| wrong.0) {
         return Err(Failure::Usage(format!(
-            "{option} does not work with unknown gains or payloads, which least squares or Huber's \
-             estimator identifies from all runs: leave it out"
+            "{option} does not work with unknown gains or payloads, which are identified from all \
+             runs: leave it out"
         )));
     }
     if physical.feasible && args.before.covariance {
@@ -171,7 +171,18 @@ pub(crate) fn solve(
     let knowledge = physical::knowledge(&args.physical);
     let knowledge = (args.physical.feasible).then_some((&knowledge, args.physical.draws));
     let first = if finds_delays { None } else { knowledge };
-    let mut fits = with_gains(session, &plan, &runs, first)?;
+    let (mut instruments, mut simulated) = (None, None);
+    let mut fits = if args.estimator == Some(EstimatorArg::Didim) {
+        let (free, rounds, reports) = identify_simulated::with_gains(args, session, &plan, &runs)?;
+        simulated = Some(rounds);
+        LoadedFits {
+            free,
+            physical: None,
+            reports,
+        }
+    } else {
+        with_gains(session, &plan, &runs, first)?
+    };
     let mut settled = Session {
         reading: session.reading.clone(),
         ..*session
@@ -185,6 +196,10 @@ pub(crate) fn solve(
         fits = with_gains(&settled, &plan, &runs, own)?;
     }
     let session = &settled;
+    if args.iv {
+        let (free, own, reports) = identify_iv::with_gains(args, session, &plan, &runs)?;
+        (fits.free, fits.reports, instruments) = (free, reports, Some(own));
+    }
     let (found, reports) = (&fits.free, &fits.reports);
     observe::note_problems(reports);
     if let Some(text) = results::too_short(&found.deviations) {
@@ -220,7 +235,11 @@ pub(crate) fn solve(
             "--covariance needs a robot to be identified, but --parameters states it".to_owned(),
         ));
     }
-    let mut summary = Summary::of_gains(found, session.kind.name());
+    let mut summary = Summary {
+        instruments,
+        simulated,
+        ..Summary::of_gains(found, session.kind.name())
+    };
     if let Some(physical) = &fits.physical {
         summary.relative_absolute = Some(physical.relative_absolute);
         for (effort, error) in summary.efforts.iter_mut().zip(&physical.errors) {

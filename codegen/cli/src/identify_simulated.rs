@@ -4,19 +4,20 @@ mod controllers;
 mod estimator;
 mod failures;
 
-use regen_experiment::closed_loop::nearest_bandwidth;
 use regen_experiment::simulate::missing_values;
-use regen_identify::data::{Assignment, FileReport, Track, tracks};
+use regen_experiment::trajectory::FourierReference;
+use regen_identify::data::{Assignment, FileReport, Run as LogRun, Track, tracks};
 use regen_identify::files::ParameterFile;
+use regen_identify::gains::{GainFit, LoadedLoops, Plan};
 use regen_identify::identify::digest;
 use regen_identify::model::{IdentifiedModel, Provenance};
-use regen_identify::session::Session;
+use regen_identify::session::{Session, gain_options};
 use regen_identify::status::EffortContributions;
 use regen_interpreted::Interpreted;
 use regen_report::results::{Identification, LogFile, Simulated, Summary, stem};
 use regen_response::{
-    Departure, DidimOptions, EffortTracks, Run, Setup, TrackControllers, TrackError, didim,
-    fit_responses, motion_distance,
+    Departure, DidimOptions, Run, Setup, SimulatedLoops, TrackControllers, TrackError, didim,
+    didim_with_gains, fit_responses,
 };
 use regen_runtime::BaseModel;
 
@@ -29,10 +30,6 @@ use crate::{observe, parameters, path, table, terminal};
 pub(crate) use controllers::stated_gains;
 use controllers::{common, controlled, require_known, setups};
 pub(crate) use estimator::{HUBER_BOUND, SETTLE, note_unused, with_estimator};
-
-/// The bandwidth of tuned controllers if it is not given and logs have no positions to choose it by,
-/// Hz.
-const BANDWIDTH_HZ: f64 = 3.0;
 
 /// Identifies by an estimator that simulates the controlled robot.
 pub(crate) fn solve(
@@ -129,66 +126,15 @@ fn of_efforts(
     start: &[f64],
 ) -> Result<(IdentifiedModel, Summary, EffortContributions), Failure> {
     let model = session.model;
-    let wanted = args.simulated.loop_bandwidth;
-    if wanted.is_some_and(|bandwidth| !(bandwidth > 0.0 && bandwidth.is_finite())) {
-        let text = "--loop-bandwidth must be above 0";
-        return Err(Failure::Input(text.to_owned()));
-    }
-    if args.simulated.controller.is_some() && !args.pid.is_empty() {
-        let text = "--pid and --controller both give the controllers: use one of them";
-        return Err(Failure::Usage(text.to_owned()));
-    }
-    for setup in known.iter().copied().flatten() {
-        require_known(setup)?;
-    }
-    let controllers = TrackControllers::new(known, &args.pid);
-    let file = args.reference.as_deref();
-    let trajectory = file.map(|file| path::read(file, model)).transpose()?;
-    // a log begins with the motion, or after the robot has repeated it: as its positions show
-    let (tracks, settle) = if let Some(series) = &trajectory {
-        let at = (&controllers, wanted.unwrap_or(BANDWIDTH_HZ));
-        let motion = (series as _, series.period());
-        (EffortTracks::along(model, all, motion, at, start)?, 0.0)
-    } else {
-        (EffortTracks::new(model, all, None)?, args.simulated.settle)
-    };
-    let runs_at = |bandwidth: f64| tracks.runs(|k| controllers.of(k, bandwidth));
-    let options = DidimOptions {
-        least_squares: session.options,
-        filtering: session.reading.filtering(),
-        settle,
-        ..DidimOptions::default()
-    };
-    session.watch.phase("simulating the controlled robot");
-    let is_tuned = controllers.are_tuned();
-    let step = all.first().and_then(|track| {
-        let [first, second, ..] = track.times[..] else {
-            return None;
-        };
-        Some(second - first)
-    });
-    let chosen = match (wanted, step) {
-        (None, Some(step)) if is_tuned => nearest_bandwidth(step, &mut |hz| {
-            motion_distance(model, &runs_at(hz), settle, start)
-        }),
-        _ => None,
-    };
-    let bandwidth = wanted.or(chosen).unwrap_or(BANDWIDTH_HZ);
-    let found = didim(model, model, &runs_at(bandwidth), &options, start);
+    let loops = Loops::of(args, session, known)?;
+    let loops = loops.choose(model, all, &vec![start.to_vec(); all.len()])?;
+    let options = options(session, &loops);
+    let found = didim(model, model, &loops.runs(), &options, start);
     session.watch.finished();
     let found = found?;
-    note_departures(&found.departures, !is_tuned);
-    if !found.converged {
-        return Err(Failure::Numeric(format!(
-            "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
-             estimate: take a motion that excites more, give the robot's own gains \
-             (--controller, or `controller` in an experiment file), or start nearer with --start",
-            found.rounds,
-            found.norms.last().copied().unwrap_or(f64::NAN)
-        )));
-    }
+    let norms = &found.norms;
+    let simulated = rounds(norms, found.converged, &found.departures, loops.bandwidth())?;
     let identified = found.model(args.confidence);
-    let simulated = Simulated::didim(&found, is_tuned.then_some(bandwidth));
     let contributions = found.contributions.clone();
     let start = found.start(args.confidence);
     let summary = Summary {
@@ -196,6 +142,124 @@ fn of_efforts(
         ..Summary::of(&start)
     };
     Ok((identified, summary, contributions))
+}
+
+/// What is known of the loops that DIDIM simulates.
+struct Loops<'a> {
+    args: &'a IdentifyArgs,
+    controllers: TrackControllers<'a>,
+    trajectory: Option<FourierReference>,
+}
+
+impl<'a> Loops<'a> {
+    fn of(
+        args: &'a IdentifyArgs,
+        session: &Session<'_, Interpreted<'_>>,
+        known: &[Option<&Setup>],
+    ) -> Result<Self, Failure> {
+        let wanted = args.simulated.loop_bandwidth;
+        if wanted.is_some_and(|bandwidth| !(bandwidth > 0.0 && bandwidth.is_finite())) {
+            let text = "--loop-bandwidth must be above 0";
+            return Err(Failure::Input(text.to_owned()));
+        }
+        if args.simulated.controller.is_some() && !args.pid.is_empty() {
+            let text = "--pid and --controller both give the controllers: use one of them";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+        for setup in known.iter().copied().flatten() {
+            require_known(setup)?;
+        }
+        let file = args.reference.as_deref();
+        Ok(Self {
+            args,
+            controllers: TrackControllers::new(known, &args.pid),
+            trajectory: file
+                .map(|file| path::read(file, session.model))
+                .transpose()?,
+        })
+    }
+
+    fn choose<'b>(
+        &'b self,
+        model: &Interpreted<'_>,
+        all: &'b [Track],
+        values: &[Vec<f64>],
+    ) -> Result<SimulatedLoops<'b>, TrackError> {
+        let known = self.trajectory.as_ref();
+        let known = known.map(|series| (series as _, series.period()));
+        let own = &self.args.simulated;
+        let (wanted, settle) = (own.loop_bandwidth, own.settle);
+        SimulatedLoops::choose(model, all, known, &self.controllers, wanted, settle, values)
+    }
+}
+
+/// The options of DIDIM; announces it.
+fn options(session: &Session<'_, Interpreted<'_>>, loops: &SimulatedLoops<'_>) -> DidimOptions {
+    session.watch.phase("simulating the controlled robot");
+    DidimOptions {
+        least_squares: session.options,
+        filtering: session.reading.filtering(),
+        settle: loops.settle,
+        ..DidimOptions::default()
+    }
+}
+
+/// The rounds of DIDIM, with a warning where they are those of another motion.
+///
+/// - `bandwidth`: of controllers that are not known, Hz.
+fn rounds(
+    norms: &[f64],
+    has_converged: bool,
+    departures: &[Departure],
+    bandwidth: Option<f64>,
+) -> Result<Simulated, Failure> {
+    note_departures(departures, bandwidth.is_none());
+    if has_converged {
+        return Ok(Simulated::didim(norms, departures, bandwidth));
+    }
+    Err(Failure::Numeric(format!(
+        "DIDIM did not converge in {} rounds (eps_RA of the last one {:.3} %), so there is no \
+         estimate: take a motion that excites more, give the robot's own gains \
+         (--controller, or `controller` in an experiment file), or start nearer with --start",
+        norms.len(),
+        norms.last().copied().unwrap_or(f64::NAN)
+    )))
+}
+
+/// Unknown gains and payloads by DIDIM, and its rounds.
+///
+/// - `runs`: those of the plan, with their payloads.
+pub(crate) fn with_gains(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+    plan: &Plan,
+    runs: &[(LogRun, Option<usize>)],
+) -> Result<(GainFit, Simulated, Vec<FileReport>), Failure> {
+    let setups = setups(args, session.model)?;
+    let in_amperes = Session {
+        reading: session.reading.clone().with_gains(&[]),
+        ..*session
+    };
+    let (all, places, reports) = read(args, &in_amperes)?;
+    let of_track = |place: &usize| setups.get(*place).and_then(Option::as_ref);
+    let known: Vec<Option<&Setup>> = places.iter().map(of_track).collect();
+    let carried = places
+        .iter()
+        .map(|place| runs.get(*place).and_then(|run| run.1));
+    let carried: Vec<Option<usize>> = carried.collect();
+    let (model, start) = (session.model, start(args, session.model)?);
+    let loads = LoadedLoops::new(model, &gain_options(session), plan, &carried, &start)?;
+    let loops = Loops::of(args, session, &known)?;
+    let values = loads.start(&vec![1.0; model.info().actuated.len()]);
+    let values: Vec<Vec<f64>> = (0..all.len()).map(|k| loads.base(&values, k)).collect();
+    let loops = loops.choose(model, &all, &values)?;
+    let options = options(session, &loops);
+    let found = didim_with_gains(model, model, &loops.runs(), &loads, &options);
+    session.watch.finished();
+    let found = found?;
+    let bandwidth = loops.bandwidth();
+    let simulated = rounds(&found.norms, found.converged, &found.departures, bandwidth)?;
+    Ok((found.fit, simulated, reports))
 }
 
 /// Warns where the simulated motion is far from the measured one: the simulated efforts then belong to

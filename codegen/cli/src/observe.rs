@@ -3,12 +3,11 @@
 use regen_identify::data::{
     Checks, DataError, Fault, FileReport, Policies, Policy, Problems, Quantity, Run, Settings,
 };
-use regen_identify::estimate::{EstimateError, FactorSet};
+use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{MonitoredLogs, Session, SessionError};
 use regen_identify::signals::{Method, SignalError};
-use regen_report::results::{LogFile, corrected_delays_text, resting};
-use serde::Serialize;
+use regen_report::results::{LogFile, Observed, observed_text};
 
 use crate::args::{
     DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, VelocitiesArg,
@@ -17,28 +16,6 @@ use crate::exit::Failure;
 use crate::watch::TERMINAL;
 use crate::{delay, experiment, load, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
-
-/// The JSON of `regen observe`.
-#[derive(Serialize)]
-struct ObserveJson<'a> {
-    robot: &'a str,
-    model: &'a str,
-    kind: &'a str,
-    parameters: usize,
-    efforts: Vec<Rows<'a>>,
-    singular: usize,
-    left_out: &'a LeftOut,
-    /// The delays of efforts that were found and corrected, s.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    corrected_delays: Vec<(String, f64)>,
-    files: Vec<LogFile>,
-}
-
-#[derive(Serialize)]
-struct Rows<'a> {
-    name: &'a str,
-    rows: usize,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
@@ -57,48 +34,14 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
-    let json = ObserveJson {
-        robot: &set.robot,
-        model: &set.model,
-        kind: &set.kind,
-        parameters: set.labels().len(),
-        efforts: rows(&set),
-        singular: left_out.singular,
-        left_out: &left_out,
-        corrected_delays,
-        files: logs.logs().reports().iter().map(LogFile::new).collect(),
-    };
+    let files = logs.logs().reports().iter().map(LogFile::new).collect();
+    let found = Observed::new(&set, &left_out, corrected_delays, files);
     terminal::print(&match args.format {
-        Format::Json => table::document(&json),
-        Format::Human => to_text(&json),
+        Format::Json => table::document(&found),
+        Format::Human => observed_text(&found),
     })?;
     terminal::note(&format!("{}: written", args.out.display()));
     Ok(())
-}
-
-fn rows(set: &FactorSet) -> Vec<Rows<'_>> {
-    let pairs = set.efforts.iter().zip(set.factors());
-    let rows = pairs.map(|(name, factor)| Rows {
-        name,
-        rows: factor.rows(),
-    });
-    rows.collect()
-}
-
-fn to_text(json: &ObserveJson<'_>) -> String {
-    let efforts = json.efforts.iter();
-    let lines: Vec<Vec<String>> = efforts
-        .map(|e| vec![e.name.to_owned(), e.rows.to_string()])
-        .collect();
-    let mut out = format!("{}, {} parameters\n", json.robot, json.parameters);
-    out.push_str(&table::field("equations", json.kind));
-    if json.singular > 0 {
-        out.push_str(&table::field("singular", &json.singular.to_string()));
-    }
-    out.push_str(&corrected_delays_text(&json.corrected_delays));
-    out.push_str(&resting(json.left_out));
-    out.push_str(&table::columns(&["effort", "equations"], &lines));
-    out
 }
 
 /// Whether every equation was left out because its joint was at rest.

@@ -244,16 +244,23 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
         written.contains("load:") && written.contains("mass: 2.2"),
         "{written}"
     );
+    let instruments = json(&dir, "identify arm.yaml runs.yaml --iv");
+    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+        close(&instruments["gains"][k], gain);
+    }
+    assert!(
+        instruments["instruments"]["rounds"].is_u64(),
+        "{instruments}"
+    );
     for (line, words) in [
         ("--friction", "--friction does not work with unknown gains"),
-        ("--estimator iv", "--iv does not work with unknown gains"),
         (
             "--feasible --covariance --out f.json",
             "--covariance needs least squares",
         ),
         (
-            "--estimator didim",
-            "--estimator does not work with unknown gains",
+            "--estimator response",
+            "--estimator response does not work with unknown gains",
         ),
         ("--payload none", "leave out --payload"),
     ] {
@@ -275,6 +282,43 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
             && err.contains("does not support runs with a payload"),
         "{err}"
     );
+}
+
+#[test]
+fn gains_and_loads_are_found_from_the_efforts_of_each_run_s_own_simulation() {
+    let dir = scratch("payload_didim");
+    arm(&dir);
+    run(
+        &dir,
+        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4",
+        0,
+    );
+    for payload in ["none", "carried"] {
+        run(
+            &dir,
+            &format!(
+                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.05 --seed 3 --bandwidth 5 --step 0.005 --out {payload}.csv --payload {payload}"
+            ),
+            0,
+        );
+    }
+    fs::write(dir.join("runs.yaml"), RUNS).unwrap();
+    let line = "identify arm.yaml runs.yaml --estimator didim --loop-bandwidth 5 --reference t.json \
+                --out fit.json";
+    let found = json(&dir, line);
+    for (k, gain) in [8.0, -12.0, 3.0].into_iter().enumerate() {
+        close(&found["gains"][k], gain);
+    }
+    assert_eq!(found["method"], "DIDIM with gains and payloads");
+    let rounds = &found["simulated"]["didim"];
+    assert_eq!(rounds["bandwidth"], 5.0, "{rounds}");
+    let values = found["payloads"][0]["values"].as_array().unwrap();
+    let cz = values.iter().find(|row| row["name"] == "cz").unwrap();
+    assert!(close(cz, 0.04) < 1e-3, "{cz}");
+    // the parameters predict the runs with what they carry
+    let validated = json(&dir, "validate arm.yaml fit.json runs.yaml");
+    let error = &validated["models"][0]["logs"][0]["relative_absolute"];
+    assert!(error.as_f64().unwrap() < 10.0, "{error}");
 }
 
 #[test]

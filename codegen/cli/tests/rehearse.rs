@@ -291,7 +291,19 @@ fn gains_and_a_payload_are_scored_against_the_simulated_ones() {
     let [ours, exact] = ["relative_absolute", "relative_absolute_of_truth"].map(|k| of(&json, k));
     assert!(exact > 0.01 && ours < 1.2 * exact, "{ours} {exact}");
 
-    let words = words.replace("--seeds 4", "--estimator iv --seeds 1");
+    for own in ["iv --reference", "didim"] {
+        let words = words.replace("--seeds 4", &format!("--seeds 2 --estimator {own}"));
+        let json = run(&dir, &words).ended(0).json();
+        assert_eq!(json["failed"], Value::Array(vec![]), "{own}");
+        let rows = json["parameters"].as_array().unwrap();
+        for (label, truth) in [("gain(x)", -8.0), ("gain(q)", 1.0)] {
+            let row = rows.iter().find(|row| row["label"] == label).unwrap();
+            assert!((of(row, "mean") / truth - 1.0).abs() < 0.05, "{own}: {row}");
+            assert_eq!(row["within"], 2, "{own}: {row}");
+        }
+    }
+
+    let words = words.replace("--seeds 4", "--estimator response --seeds 1");
     let refused = run(&dir, &words).ended(3);
     assert!(
         refused.err.contains("gains and payloads"),

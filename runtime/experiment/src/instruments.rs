@@ -1,19 +1,24 @@
 //! Identification by instrumental variables. The instruments are evaluated at the measured motion
 //! after smoothing, or at that of a robot simulated under control along a reference.
 
+mod loaded;
+
 use core::fmt;
 
 use regen_identify::data::{DataError, Logs, Run, Settings as Reading};
 use regen_identify::estimate::EstimateError;
+use regen_identify::gains::GainError;
 use regen_identify::identify::{self, InstrumentOptions, Instrumental, MotionSeries};
 use regen_identify::model::{IdentifiedModel, Intervals};
-use regen_identify::session::{LeastSquaresStart, Session};
+use regen_identify::session::{self, LeastSquaresStart, PriorKnowledge, Session};
 use regen_identify::signals::{Method, SignalError};
 use regen_runtime::{BaseModel, SizeError};
 
 use crate::closed_loop::{self, ClosedLoop, Controllers, LoopError};
 use crate::simulate::Gains;
 use crate::trajectory::FourierReference;
+
+pub use loaded::{LoadedInstrumentalResult, instrumental_with_gains};
 
 /// The bandwidth of simulated controllers whose gains are not given, Hz, where none can be found.
 const BANDWIDTH_HZ: f64 = 3.0;
@@ -52,23 +57,12 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     reference: Option<(&FourierReference, &[Gains])>,
 ) -> Result<InstrumentalResult, InstrumentError> {
     let model = session.model;
-    // all positions, unfiltered, whatever filter the regressor passes: filtered rows would be
-    // decimated
-    let raw = Reading {
-        method: Method::Central,
-        decimation: 1,
-        ..session.reading.clone()
-    };
     session.watch.phase("reading the measured motion");
-    let measured =
-        Logs::open(model, logs, &raw).and_then(|mut l| MotionSeries::recorded(model, &mut l));
+    let measured = Logs::open(model, logs, &raw(session))
+        .and_then(|mut l| MotionSeries::recorded(model, &mut l));
     session.watch.finished();
     let measured = measured?;
-    let options = InstrumentOptions {
-        weighting: session.options.weighting,
-        hac_bandwidth: session.options.hac_bandwidth,
-        ..InstrumentOptions::default()
-    };
+    let options = options(session);
     let mut logs = session.open(logs)?;
     let least = &start.estimate.values;
     let (smooth, cutoff) = measured
@@ -83,22 +77,30 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     if let Some((reference, gains)) = reference {
         // least squares may be too biased for a simulation; this estimate is less biased
         let first = result.estimate.values.clone();
-        let near = nearest(model, reference, gains, &measured, &first).unwrap_or(BANDWIDTH_HZ);
-        bandwidth = Some(near);
+        let mut physical = || {
+            let found = session::physical(session, &PriorKnowledge::default(), start, 0);
+            found.ok()?.pop().map(|model| vec![model.beta])
+        };
+        let mut robot = Simulable::new(&mut physical);
+        let with = (reference, gains);
+        let all = core::slice::from_ref(&measured);
+        let along = Along::choose(model, with, all, &mut robot, core::slice::from_ref(&first));
+        bandwidth = along.bandwidth;
         let mut failed = None;
-        let simulation = identify::instrumental(
-            model,
-            &options,
-            &mut logs,
-            &first,
-            &mut |values| match simulated(model, (reference, near), gains, &measured, values) {
-                Ok(motion) => Ok(Some(motion)),
-                Err(why) => {
-                    failed = Some(why);
-                    Err(EstimateError::NoConvergence.into())
+        let simulation =
+            identify::instrumental(model, &options, &mut logs, &first, &mut |values| {
+                let motion = robot.try_with(&[values.to_vec()], |values| {
+                    let values = values.first().map_or(&[][..], Vec::as_slice);
+                    along.motion(model, &measured, values)
+                });
+                match motion {
+                    Ok(motion) => Ok(Some(motion)),
+                    Err(why) => {
+                        failed = Some(why);
+                        Err(EstimateError::NoConvergence.into())
+                    }
                 }
-            },
-        );
+            });
         if let Some(why) = failed {
             return Err(why);
         }
@@ -111,6 +113,57 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
         controller_bandwidth: bandwidth,
         model,
     })
+}
+
+/// A robot that can be simulated. An estimate need not be that of bodies, so that its mass matrix may
+/// not be positive definite; any motion without the log's noise is a valid instrument, so that the
+/// robot with the physical parameters that fit best then moves in its place.
+struct Simulable<'a> {
+    physical: &'a mut dyn FnMut() -> Option<Vec<Vec<f64>>>,
+    found: Option<Option<Vec<Vec<f64>>>>,
+}
+
+impl<'a> Simulable<'a> {
+    /// - `physical`: computes the base parameters of each run of the physical robot; `None` where there
+    ///   is none.
+    fn new(physical: &'a mut dyn FnMut() -> Option<Vec<Vec<f64>>>) -> Self {
+        Self {
+            physical,
+            found: None,
+        }
+    }
+
+    /// Simulates with these base parameters of each run or, where that fails, with the physical ones.
+    fn try_with<R, E>(
+        &mut self,
+        values: &[Vec<f64>],
+        mut simulate: impl FnMut(&[Vec<f64>]) -> Result<R, E>,
+    ) -> Result<R, E> {
+        simulate(values).or_else(
+            |why| match self.found.get_or_insert_with(&mut self.physical) {
+                Some(physical) => simulate(physical).map_err(|_| why),
+                None => Err(why),
+            },
+        )
+    }
+}
+
+/// The settings for reading the measured motion: all positions, unfiltered, whatever filter the
+/// regressor passes, since filtered rows would be decimated.
+fn raw<M: ?Sized>(session: &Session<'_, M>) -> Reading {
+    Reading {
+        method: Method::Central,
+        decimation: 1,
+        ..session.reading.clone()
+    }
+}
+
+fn options<M: ?Sized>(session: &Session<'_, M>) -> InstrumentOptions {
+    InstrumentOptions {
+        weighting: session.options.weighting,
+        hac_bandwidth: session.options.hac_bandwidth,
+        ..InstrumentOptions::default()
+    }
 }
 
 /// The identified model with the confidence intervals of its values.
@@ -145,28 +198,108 @@ fn identified<M: BaseModel<f64> + ?Sized>(
     }
 }
 
-/// The bandwidth with which the simulated motion is nearest to the measured one; `None` where gains
-/// are given for all joints, or no bandwidth can be simulated.
-fn nearest<M: BaseModel<f64> + ?Sized>(
-    model: &M,
-    reference: &FourierReference,
-    gains: &[Gains],
-    measured: &MotionSeries,
-    values: &[f64],
-) -> Option<f64> {
-    let info = model.info();
-    let mut names = info.actuated.iter().map(|k| info.coordinates.get(*k));
-    let is_given = |name: Option<&&str>| gains.iter().any(|g| g.name.as_deref() == name.copied());
-    if gains.iter().any(|g| g.name.is_none()) || names.all(is_given) {
-        return None;
+/// A robot under PID control along a reference.
+#[derive(Clone, Copy)]
+struct Along<'a> {
+    reference: &'a FourierReference,
+    given: &'a [Gains],
+    /// Of controllers without given gains, Hz; `None` where gains are given for all joints.
+    bandwidth: Option<f64>,
+    /// The time before each run for which the motion is simulated, s.
+    lead: f64,
+}
+
+impl<'a> Along<'a> {
+    /// Chooses what is not known by the measured motion of a run: the bandwidth, and whether the robot
+    /// repeated the motion before the run or began with it. Without a robot that can be simulated, the
+    /// motion was repeated.
+    ///
+    /// - `measured`: the motion of each run; `values`: its base parameters.
+    fn choose<M: BaseModel<f64> + ?Sized>(
+        model: &M,
+        (reference, given): (&'a FourierReference, &'a [Gains]),
+        measured: &[MotionSeries],
+        robot: &mut Simulable<'_>,
+        values: &[Vec<f64>],
+    ) -> Self {
+        let names = model.info().actuated.iter();
+        let mut names = names.map(|k| model.info().coordinates.get(*k).copied());
+        let is_given = |name: Option<&str>| given.iter().any(|g| g.name.as_deref() == name);
+        let are_given = given.iter().any(|g| g.name.is_none()) || names.all(is_given);
+        let of = |lead: f64| Self {
+            reference,
+            given,
+            bandwidth: (!are_given).then_some(BANDWIDTH_HZ),
+            lead,
+        };
+        let found = robot.try_with(values, |values| {
+            let own = measured.first().zip(values.first()).ok_or(())?;
+            let Some((repeated, far)) = of(reference.period()).nearest(model, own) else {
+                return of(0.0).nearest(model, own).map(|own| own.0).ok_or(());
+            };
+            let begun = Self {
+                lead: 0.0,
+                ..repeated
+            };
+            let is_nearer = begun.distance(model, own).is_some_and(|near| near < far);
+            let begun = is_nearer.then(|| begun.nearest(model, own)).flatten();
+            Ok(begun.map_or(repeated, |own| own.0))
+        });
+        found.unwrap_or_else(|()| of(reference.period()))
     }
-    let run = measured.runs().into_iter().find(|run| run.len() > 1)?;
-    let times = measured.times().get(run)?;
-    let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
-    closed_loop::nearest_bandwidth(step, &mut |bandwidth| {
-        let motion = simulated(model, (reference, bandwidth), gains, measured, values).ok()?;
-        Some(distance(&motion, measured, info.dof()))
-    })
+
+    /// The same with the bandwidth at which the simulated motion is nearest to the measured one, and
+    /// their distance; `None` where no bandwidth can be simulated.
+    fn nearest<M: BaseModel<f64> + ?Sized>(
+        self,
+        model: &M,
+        (measured, values): (&MotionSeries, &Vec<f64>),
+    ) -> Option<(Self, f64)> {
+        let distance_at =
+            |bandwidth: Option<f64>| Self { bandwidth, ..self }.distance(model, (measured, values));
+        let bandwidth = match self.bandwidth {
+            None => None,
+            Some(_) => {
+                let run = measured.runs().into_iter().find(|run| run.len() > 1)?;
+                let times = measured.times().get(run)?;
+                let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
+                let at = &mut |hertz| distance_at(Some(hertz));
+                Some(closed_loop::nearest_bandwidth(step, at)?)
+            }
+        };
+        Some((Self { bandwidth, ..self }, distance_at(bandwidth)?))
+    }
+
+    /// How far the motion is from the measured one; `None` where it cannot be simulated.
+    fn distance<M: BaseModel<f64> + ?Sized>(
+        &self,
+        model: &M,
+        (measured, values): (&MotionSeries, &Vec<f64>),
+    ) -> Option<f64> {
+        let motion = self.motion(model, measured, values).ok()?;
+        Some(distance(&motion, measured, model.info().dof()))
+    }
+
+    /// The motion of the robot with these base parameters at the times of a measured one.
+    fn motion<M: BaseModel<f64> + ?Sized>(
+        &self,
+        model: &M,
+        measured: &MotionSeries,
+        values: &[f64],
+    ) -> Result<MotionSeries, InstrumentError> {
+        let mut phi = vec![0.0; model.info().parameters.len()];
+        let free = vec![0.0; model.base_info().free.len()];
+        model.parameters_from_base(values, &free, &mut phi)?;
+        let run = ClosedLoop {
+            reference: self.reference,
+            lead: self.lead,
+            controllers: Controllers::Tuned {
+                bandwidth: self.bandwidth.unwrap_or(BANDWIDTH_HZ),
+                given: self.given,
+            },
+        };
+        Ok(closed_loop::motion(model, &run, &phi, measured)?)
+    }
 }
 
 /// The squared differences of two motions' positions, each coordinate relative to how far it moves.
@@ -194,29 +327,6 @@ fn distance(simulated: &MotionSeries, measured: &MotionSeries, dof: usize) -> f6
     (0..dof).map(one).sum()
 }
 
-/// The motion of the robot with these base parameters under PID control along a reference. Each run
-/// begins one period earlier, so that the initial transient has decayed.
-fn simulated<M: BaseModel<f64> + ?Sized>(
-    model: &M,
-    (reference, bandwidth): (&FourierReference, f64),
-    gains: &[Gains],
-    measured: &MotionSeries,
-    values: &[f64],
-) -> Result<MotionSeries, InstrumentError> {
-    let mut phi = vec![0.0; model.info().parameters.len()];
-    let free = vec![0.0; model.base_info().free.len()];
-    model.parameters_from_base(values, &free, &mut phi)?;
-    let run = ClosedLoop {
-        reference,
-        lead: reference.period(),
-        controllers: Controllers::Tuned {
-            bandwidth,
-            given: gains,
-        },
-    };
-    Ok(closed_loop::motion(model, &run, &phi, measured)?)
-}
-
 /// Why instrumental variables cannot be computed.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -227,6 +337,8 @@ pub enum InstrumentError {
     Unsmoothed(SignalError),
     /// The robot cannot be simulated with the present estimate.
     Loop(LoopError),
+    /// The gains and payloads cannot be identified.
+    Gains(GainError),
     /// The estimate and the model differ in size.
     Size(SizeError),
 }
@@ -237,6 +349,7 @@ impl fmt::Display for InstrumentError {
             Self::Data(why) => why.fmt(f),
             Self::Unsmoothed(why) => write!(f, "the measured motion cannot be smoothed: {why}"),
             Self::Loop(why) => why.fmt(f),
+            Self::Gains(why) => why.fmt(f),
             Self::Size(why) => why.fmt(f),
         }
     }
@@ -248,6 +361,7 @@ impl core::error::Error for InstrumentError {
             Self::Data(why) => Some(why),
             Self::Unsmoothed(why) => Some(why),
             Self::Loop(why) => Some(why),
+            Self::Gains(why) => Some(why),
             Self::Size(why) => Some(why),
         }
     }
@@ -256,6 +370,15 @@ impl core::error::Error for InstrumentError {
 impl From<DataError> for InstrumentError {
     fn from(why: DataError) -> Self {
         Self::Data(why)
+    }
+}
+
+impl From<GainError> for InstrumentError {
+    fn from(why: GainError) -> Self {
+        match why {
+            GainError::Data(why) => Self::Data(why),
+            why => Self::Gains(why),
+        }
     }
 }
 

@@ -83,7 +83,9 @@ impl RehearseError {
             Self::Session(SessionError::Data(why))
             | Self::Instruments(InstrumentError::Data(why)) => of_data(why),
             Self::Session(SessionError::Feasibility(why)) => of_fit(why),
-            Self::Session(SessionError::Gains(why)) => of_gains(why),
+            Self::Session(SessionError::Gains(why))
+            | Self::Instruments(InstrumentError::Gains(why))
+            | Self::Didim(DidimError::Gains(why)) => of_gains(why),
             Self::Session(SessionError::NoWellIdentifiedParameter)
             | Self::Instruments(InstrumentError::Loop(_))
             | Self::Didim(DidimError::Loop(_) | DidimError::NotLinearised { .. })

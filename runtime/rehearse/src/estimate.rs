@@ -6,13 +6,15 @@ use regen_experiment::simulate::{Gains, Pid, Reference, Settings as Simulated};
 use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{Run, Track, tracks};
 use regen_identify::feasibility::MAX_OPTIMAL_GAP;
+use regen_identify::gains::{LoadedLoops, Plan};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{
-    LeastSquaresStart, PriorKnowledge, Session, from_logs, physical, settled_delays, with_friction,
+    LeastSquaresStart, PriorKnowledge, Session, from_logs, gain_options, physical, settled_delays,
+    with_friction,
 };
 use regen_response::{
-    DidimOptions, EffortTracks, KnownReference, Law, Number, Run as Response, Setup, Value, didim,
-    fit_responses,
+    DidimError, DidimOptions, EffortTracks, KnownReference, Law, Number, Run as Response, Setup,
+    Value, didim, didim_with_gains, fit_responses,
 };
 use regen_runtime::{BaseModel, Info, Model};
 
@@ -141,9 +143,13 @@ where
             settle,
             start,
         } => {
-            let all = read(session, runs)?;
-            let settle = if *along { 0.0 } else { *settle };
-            from_efforts(session, &all, made, (*along, *bandwidth, settle), start)
+            let settings = DidimSettings {
+                along: *along,
+                bandwidth: *bandwidth,
+                settle: *settle,
+                start,
+            };
+            settings.estimate(session, &read(session, runs)?, made, None)
         }
         Estimator::Response { window, start } => {
             let all = read(session, runs)?;
@@ -161,7 +167,7 @@ fn least_squares<M: BaseModel<f64> + ?Sized>(
 }
 
 /// The gains of controllers, by the names of their joints.
-fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
+pub(crate) fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
     let named = info.actuated.iter().zip(pid).map(|(joint, pid)| Gains {
         name: info.coordinates.get(*joint).map(|name| (*name).to_owned()),
         values: [pid.kp, pid.ki, pid.kd],
@@ -169,7 +175,7 @@ fn gains(info: &Info<'_>, pid: &[Pid]) -> Vec<Gains> {
     named.collect()
 }
 
-fn converged(model: IdentifiedModel, has_converged: bool, rounds: usize) -> Estimated {
+pub(crate) fn converged(model: IdentifiedModel, has_converged: bool, rounds: usize) -> Estimated {
     if has_converged {
         return Ok(model);
     }
@@ -177,7 +183,7 @@ fn converged(model: IdentifiedModel, has_converged: bool, rounds: usize) -> Esti
 }
 
 /// The tracks of all runs.
-fn read<M: BaseModel<f64> + ?Sized>(
+pub(crate) fn read<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     runs: &[Run],
 ) -> Result<Vec<Track>, RehearseError> {
@@ -190,45 +196,67 @@ fn read<M: BaseModel<f64> + ?Sized>(
     Ok(all)
 }
 
-fn from_efforts<M>(
-    session: &Session<'_, M>,
-    all: &[Track],
-    made: &Made<'_>,
-    (along, bandwidth, settle): (bool, Option<f64>, f64),
-    start: &[f64],
-) -> Result<Estimated, RehearseError>
-where
-    M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
-{
-    let model = session.model;
-    let controllers = match bandwidth {
-        Some(bandwidth) => Controllers::Tuned {
-            bandwidth,
-            given: &[],
-        },
-        None => Controllers::Known {
-            pid: &made.settings.pid,
-            offset: &made.settings.offset,
-        },
-    };
-    let motion = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
-        made.motion.at(made.settle + t, q, qd, qdd);
-    };
-    let known: KnownReference<'_> = (&motion, made.motion.period());
-    let tracks = EffortTracks::new(model, all, along.then_some(known))?;
-    let runs = tracks.runs(|_| controllers);
-    let options = DidimOptions {
-        least_squares: session.options,
-        filtering: session.reading.filtering(),
-        settle,
-        ..DidimOptions::default()
-    };
-    let found = didim(model, model, &runs, &options, start)?;
-    Ok(converged(
-        found.model(session.confidence),
-        found.converged,
-        found.rounds,
-    ))
+/// What is given to DIDIM.
+pub(crate) struct DidimSettings<'a> {
+    /// See [`Estimator::Didim`].
+    pub(crate) along: bool,
+    pub(crate) bandwidth: Option<f64>,
+    pub(crate) settle: f64,
+    pub(crate) start: &'a [f64],
+}
+
+impl DidimSettings<'_> {
+    /// Identifies from the efforts of tracks.
+    ///
+    /// - `loads`: unknown gains and payloads, and what is carried in each track.
+    pub(crate) fn estimate<M>(
+        &self,
+        session: &Session<'_, M>,
+        all: &[Track],
+        made: &Made<'_>,
+        loads: Option<(&Plan, &[Option<usize>])>,
+    ) -> Result<Estimated, RehearseError>
+    where
+        M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+    {
+        let (model, start) = (session.model, self.start);
+        let controllers = match self.bandwidth {
+            Some(bandwidth) => Controllers::Tuned {
+                bandwidth,
+                given: &[],
+            },
+            None => Controllers::Known {
+                pid: &made.settings.pid,
+                offset: &made.settings.offset,
+            },
+        };
+        let motion = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+            made.motion.at(made.settle + t, q, qd, qdd);
+        };
+        let known: KnownReference<'_> = (&motion, made.motion.period());
+        let tracks = EffortTracks::new(model, all, self.along.then_some(known))?;
+        let runs = tracks.runs(|_| controllers);
+        let options = DidimOptions {
+            least_squares: session.options,
+            filtering: session.reading.filtering(),
+            settle: if self.along { 0.0 } else { self.settle },
+            ..DidimOptions::default()
+        };
+        if let Some((plan, carried)) = loads {
+            let own = gain_options(session);
+            let loads = LoadedLoops::new(model, &own, plan, carried, start);
+            let loads = loads.map_err(DidimError::from)?;
+            let found = didim_with_gains(model, model, &runs, &loads, &options)?;
+            let rounds = found.norms.len();
+            return Ok(converged(found.fit.model, found.converged, rounds));
+        }
+        let found = didim(model, model, &runs, &options, start)?;
+        Ok(converged(
+            found.model(session.confidence),
+            found.converged,
+            found.rounds,
+        ))
+    }
 }
 
 fn from_responses<M>(

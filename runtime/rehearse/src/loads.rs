@@ -1,13 +1,15 @@
 //! Unknown drive gains, and payloads that some runs carry, in rehearsals.
 
+use regen_experiment::instruments::instrumental_with_gains;
 use regen_identify::data::{Assignment, Quantity, Run};
 use regen_identify::gains::{KnownPayload, Plan};
 use regen_identify::model::{Gain, IdentifiedModel, Interval};
-use regen_identify::session::{PriorKnowledge, Session, loaded_residuals, with_gains};
-use regen_runtime::{BaseModel, Info, Symbol};
+use regen_identify::session::{Session, loaded_residuals, with_gains};
+use regen_response::Number;
+use regen_runtime::{BaseModel, Info, Model, Symbol};
 
 use crate::error::RehearseError;
-use crate::estimate::Estimated;
+use crate::estimate::{DidimSettings, Estimated, Estimator, Made, converged, gains, read};
 
 /// What the runs carry, and which efforts are logged as currents of unknown gain.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -166,14 +168,17 @@ impl Loads {
 
     /// The estimate from the runs of a seed.
     ///
-    /// - `physical`: for physically feasible parameters, what is known besides, and the number of
-    ///   draws for intervals.
-    pub(crate) fn estimate<M: BaseModel<f64> + ?Sized>(
+    /// - `made`: how the runs were simulated.
+    pub(crate) fn estimate<M>(
         &self,
         session: &Session<'_, M>,
         runs: &[Run],
-        physical: Option<(&PriorKnowledge, usize)>,
-    ) -> Result<Estimated, RehearseError> {
+        estimator: &Estimator,
+        made: &Made<'_>,
+    ) -> Result<Estimated, RehearseError>
+    where
+        M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
+    {
         let plan = Plan {
             unknown_gains: self.gains.iter().map(|(name, _)| name.clone()).collect(),
             payloads: self.payloads.clone(),
@@ -183,6 +188,43 @@ impl Loads {
         let runs: Vec<(Run, Option<usize>)> = runs
             .map(|(k, run)| (run.clone(), self.carried.get(k).copied().flatten()))
             .collect();
+        if let Estimator::Instrumental { along } = estimator {
+            let gains = gains(&Model::<f64>::info(session.model), &made.settings.pid);
+            let reference = along.then_some((made.motion, gains.as_slice()));
+            let found = instrumental_with_gains(session, &plan, &runs, reference)?.found;
+            let (has_converged, rounds) = (found.instrumental.converged, found.instrumental.rounds);
+            return Ok(converged(found.fit.model, has_converged, rounds));
+        }
+        if let Estimator::Didim {
+            along,
+            bandwidth,
+            settle,
+            start,
+        } = estimator
+        {
+            let settings = DidimSettings {
+                along: *along,
+                bandwidth: *bandwidth,
+                settle: *settle,
+                start,
+            };
+            let in_amperes = Session {
+                reading: session.reading.clone().with_gains(&[]),
+                ..*session
+            };
+            let (mut all, mut carried) = (Vec::new(), Vec::new());
+            for (run, own) in &runs {
+                all.extend(read(&in_amperes, std::slice::from_ref(run))?);
+                carried.resize(all.len(), *own);
+            }
+            return settings.estimate(&in_amperes, &all, made, Some((&plan, &carried)));
+        }
+        let physical = match estimator {
+            Estimator::Physical {
+                knowledge, draws, ..
+            } => Some((knowledge, *draws)),
+            _ => None,
+        };
         let fits = with_gains(session, &plan, &runs, physical)?;
         Ok(Ok(match fits.physical {
             Some(physical) => physical.model,

@@ -241,14 +241,17 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
     }
     if let Some(loads) = &rehearsal.loads {
         let takes = match &rehearsal.estimator {
-            Estimator::LeastSquares => true,
+            Estimator::LeastSquares | Estimator::Instrumental { .. } | Estimator::Didim { .. } => {
+                true
+            }
             Estimator::Physical { friction, .. } => !friction,
             _ => false,
         };
         if !takes || rehearsal.finds_delays || rehearsal.kind != EquationKind::Forces {
             return wrong(
                 "the estimator of gains and payloads",
-                "must be least squares of the equations of motion, without delays to find",
+                "must be least squares, instrumental variables or DIDIM from the equations of \
+                 motion, without delays to find",
             );
         }
         if loads.gains.iter().any(|(_, gain)| !gain.is_normal()) {

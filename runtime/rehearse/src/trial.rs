@@ -11,7 +11,7 @@ use regen_response::Number;
 use regen_runtime::{BaseModel, Model};
 
 use crate::error::RehearseError;
-use crate::estimate::{Estimator, Made, estimate};
+use crate::estimate::{Made, estimate};
 use crate::loads::Loads;
 use crate::seeds::Rehearsal;
 
@@ -71,15 +71,7 @@ where
         };
         let mut session = self.session();
         let found = match &self.loads {
-            Some(loads) => {
-                let physical = match &self.estimator {
-                    Estimator::Physical {
-                        knowledge, draws, ..
-                    } => Some((knowledge, *draws)),
-                    _ => None,
-                };
-                loads.estimate(&session, runs, physical)?
-            }
+            Some(loads) => loads.estimate(&session, runs, &self.estimator, &made)?,
             None => estimate(
                 &self.estimator,
                 &mut session,

@@ -33,7 +33,7 @@ const FAR_PERCENT: f64 = 0.3;
 /// measured coordinate that moves; empty if no position is measured.
 ///
 /// - `settle`: seconds at the start of each run that do not count;
-/// - `values`: base parameters, r.
+/// - `values`: the base parameters of each run, r.
 ///
 /// # Errors
 /// When the loop cannot be simulated, or a list does not fit the model.
@@ -63,7 +63,7 @@ const FAR_PERCENT: f64 = 0.3;
 ///         positions: &[(0, log.q.clone())],
 ///         closed_loop: at(bandwidth),
 ///     };
-///     departures(&models::Pendulum, &[run], 0.0, &[0.5, 2.0])
+///     departures(&models::Pendulum, &[run], 0.0, &[vec![0.5, 2.0]])
 /// };
 /// assert!(off(4.0)?[0].percent < 1e-3 && off(2.0)?[0].is_far());
 /// # Ok::<(), Box<dyn core::error::Error>>(())
@@ -72,16 +72,16 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
     model: &M,
     runs: &[EffortRun<'_>],
     settle: f64,
-    values: &[f64],
+    values: &[Vec<f64>],
 ) -> Result<Vec<Departure>, DidimError> {
     if runs.iter().all(|run| run.positions.is_empty()) {
         return Ok(Vec::new());
     }
-    let phi = parameters(model, values)?;
-    let simulated = |run: &EffortRun<'_>| {
+    let simulated = |(run, values): (&EffortRun<'_>, &Vec<f64>)| {
+        let phi = parameters(model, values)?;
         simulate_loop(model, &run.closed_loop, &phi, run.times).map_err(DidimError::from)
     };
-    let loops: Result<Vec<LoopRun>, _> = runs.iter().map(simulated).collect();
+    let loops: Result<Vec<LoopRun>, _> = runs.iter().zip(values).map(simulated).collect();
     Ok(of_loops(&model.info(), runs, &loops?, settle))
 }
 
@@ -89,7 +89,7 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
 /// squares of all [`departures`]; `None` where it cannot be simulated or no position is measured.
 ///
 /// - `settle`: seconds at the start of each run that do not count;
-/// - `values`: base parameters, r.
+/// - `values`: the base parameters of each run, r.
 ///
 /// ```
 /// # mod models {
@@ -98,13 +98,13 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
 /// # }
 /// use regen_response::motion_distance;
 ///
-/// assert_eq!(motion_distance(&models::Pendulum, &[], 0.0, &[0.5, 2.0]), None);
+/// assert_eq!(motion_distance(&models::Pendulum, &[], 0.0, &[]), None);
 /// ```
 pub fn motion_distance<M: BaseModel<f64> + ?Sized + Sync>(
     model: &M,
     runs: &[EffortRun<'_>],
     settle: f64,
-    values: &[f64],
+    values: &[Vec<f64>],
 ) -> Option<f64> {
     let found = departures(model, runs, settle, values).ok()?;
     let squares = found.iter().map(|own| own.percent * own.percent);

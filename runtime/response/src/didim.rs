@@ -19,7 +19,9 @@
 use core::fmt;
 
 use regen_experiment::closed_loop::{ClosedLoop, LoopError};
+use regen_identify::data::DataError;
 use regen_identify::estimate::EstimateError;
+use regen_identify::gains::GainError;
 use regen_identify::identify::{EquationKind, Filtering, Identified, Options, identify};
 use regen_identify::model::IdentifiedModel;
 use regen_identify::session::{LeastSquaresStart, describe};
@@ -28,7 +30,7 @@ use regen_runtime::{BaseModel, SizeError};
 
 use crate::Number;
 use crate::departure::{self, Departure};
-use crate::rounds::{Rounds, is_same, moved};
+use crate::rounds::{Round, RoundKind, Rounds, Simulated, is_same, moved};
 
 /// The efforts of a run, and the control loop that produced them.
 #[derive(Clone, Copy)]
@@ -174,36 +176,66 @@ where
     M: BaseModel<f64> + ?Sized + Sync,
     D: BaseModel<Number> + ?Sized + Sync,
 {
-    let info = model.info();
-    for run in runs {
-        let fits = |expected, got| {
-            if expected == got {
-                return Ok(());
-            }
-            Err(DidimError::Size(SizeError {
-                argument: "efforts",
-                expected,
-                got,
-            }))
-        };
-        fits(info.actuated.len(), run.efforts.len())?;
-        for efforts in run.efforts {
-            fits(run.times.len(), efforts.len())?;
-        }
-    }
     let mut rounds = Rounds {
         model,
         derivatives,
         runs,
         options,
+        loads: None,
         resting: None,
     };
-    let mut values = start.to_vec();
+    let mut ended = iterate(&mut rounds, start.to_vec())?;
+    let RoundKind::Base(found) = ended.found.kind else {
+        return Err(EstimateError::NoConvergence.into());
+    };
+    let mut found = *found;
+    // at the motion as it is
+    let kind = EquationKind::Forces;
+    let plain = identify(model, kind, &options.least_squares, &mut ended.now.log).ok();
+    let contributions = EffortContributions::of(match &plain {
+        Some(plain) => &plain.factor,
+        None => &found.factor,
+    });
+    found.delays = plain.map(|plain| plain.delays).unwrap_or_default();
+    Ok(Didim {
+        contributions,
+        departures: departure::of_loops(&model.info(), runs, &ended.now.loops, options.settle),
+        identified: found,
+        rounds: ended.norms.len(),
+        norms: ended.norms,
+        converged: ended.converged,
+    })
+}
+
+/// The last round.
+pub(crate) struct Ended {
+    pub(crate) found: Round,
+    /// The unknowns with which the loops were simulated in it.
+    pub(crate) values: Vec<f64>,
+    pub(crate) now: Simulated,
+    /// eps_RA of each round, percent.
+    pub(crate) norms: Vec<f64>,
+    pub(crate) converged: bool,
+}
+
+/// Goes from round to round until the estimate stays as it is.
+///
+/// - `values`: the unknowns to begin with.
+pub(crate) fn iterate<M, D>(
+    rounds: &mut Rounds<'_, '_, M, D>,
+    mut values: Vec<f64>,
+) -> Result<Ended, DidimError>
+where
+    M: BaseModel<f64> + ?Sized + Sync,
+    D: BaseModel<Number> + ?Sized + Sync,
+{
+    let options = rounds.options;
+    rounds.require_sizes()?;
     let mut now = rounds.simulated(&values)?;
     let mut norms: Vec<f64> = Vec::new();
     let mut damping = 0.0;
     loop {
-        let mut found = rounds.estimate(&mut now, &values)?;
+        let found = rounds.estimate(&mut now, &values)?;
         let moved = moved(&found, &values)?;
         let before = norms.last().copied();
         norms.push(found.relative_absolute);
@@ -211,8 +243,7 @@ where
             let now = found.relative_absolute;
             (now - b).abs() <= options.tolerance * b.max(f64::MIN_POSITIVE)
         });
-        let mut converged =
-            quiet && moved <= options.tolerance || is_same(&found.estimate.values, &values);
+        let mut converged = quiet && moved <= options.tolerance || is_same(&found.values, &values);
         let mut next = None;
         if !converged && norms.len() < options.rounds.max(1) {
             if moved < NEAR_DEVIATIONS && rounds.resting.is_none() {
@@ -232,19 +263,10 @@ where
             }
         }
         let Some((moved_to, simulated)) = next else {
-            // at the motion as it is
-            let kind = EquationKind::Forces;
-            let plain = identify(model, kind, &options.least_squares, &mut now.log).ok();
-            let contributions = EffortContributions::of(match &plain {
-                Some(plain) => &plain.factor,
-                None => &found.factor,
-            });
-            found.delays = plain.map(|plain| plain.delays).unwrap_or_default();
-            return Ok(Didim {
-                contributions,
-                departures: departure::of_loops(&info, runs, &now.loops, options.settle),
-                identified: found,
-                rounds: norms.len(),
+            return Ok(Ended {
+                found,
+                values,
+                now,
                 norms,
                 converged,
             });
@@ -279,6 +301,8 @@ pub enum DidimError {
     },
     /// The efforts leave parameters undetermined.
     Estimate(EstimateError),
+    /// The efforts leave gains or payloads undetermined.
+    Gains(GainError),
 }
 
 impl fmt::Display for DidimError {
@@ -291,6 +315,7 @@ impl fmt::Display for DidimError {
                 "the simulated loop cannot be linearised {after} s after the first row: {why}"
             ),
             Self::Estimate(why) => why.fmt(f),
+            Self::Gains(why) => why.fmt(f),
         }
     }
 }
@@ -302,6 +327,7 @@ impl core::error::Error for DidimError {
             Self::Loop(why) => Some(why),
             Self::NotLinearised { .. } => None,
             Self::Estimate(why) => Some(why),
+            Self::Gains(why) => Some(why),
         }
     }
 }
@@ -315,6 +341,15 @@ impl From<SizeError> for DidimError {
 impl From<LoopError> for DidimError {
     fn from(why: LoopError) -> Self {
         Self::Loop(why)
+    }
+}
+
+impl From<GainError> for DidimError {
+    fn from(why: GainError) -> Self {
+        match why {
+            GainError::Data(DataError::Estimate(why)) => Self::Estimate(why),
+            why => Self::Gains(why),
+        }
     }
 }
 

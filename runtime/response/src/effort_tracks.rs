@@ -3,12 +3,10 @@
 use regen_experiment::closed_loop::{ClosedLoop, Controllers};
 use regen_experiment::simulate::Reference;
 use regen_identify::data::Track;
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::Model;
 
-use crate::departure::motion_distance;
 use crate::didim::EffortRun;
 use crate::logs::{Commanded, TrackError, efforts};
-use crate::track_controllers::TrackControllers;
 
 /// The motion that a robot was commanded, on the time axis of the logs, and the time for which it is
 /// simulated before the first row (s): a period, if the robot repeated the motion.
@@ -81,68 +79,6 @@ impl<'a> EffortTracks<'a> {
             efforts: own?,
             references,
         })
-    }
-
-    /// The same, where the motion may have been repeated before the first rows or begin with them:
-    /// as is nearer to the measured positions.
-    ///
-    /// - `known`: the motion, with its period;
-    /// - `controllers`: of the tracks, with the bandwidth of tuned ones in Hz;
-    /// - `values`: the base parameters to simulate with, r.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    ///
-    /// ```
-    /// # mod models {
-    /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
-    /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
-    /// # }
-    /// use regen_experiment::closed_loop::{ClosedLoop, Controllers, follow};
-    /// use regen_identify::data::Track;
-    /// use regen_response::{EffortTracks, TrackControllers};
-    ///
-    /// let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
-    ///     (q[0], qd[0], qdd[0]) = (t.sin(), t.cos(), -t.sin());
-    /// };
-    /// let tuned = Controllers::Tuned { bandwidth: 2.0, given: &[] };
-    /// let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
-    /// for lead in [0.0, core::f64::consts::TAU] {
-    ///     let ran = ClosedLoop { reference: &swing, lead, controllers: tuned };
-    ///     let log = follow(&models::Pendulum, &ran, &[0.5, 2.0], &times)?;
-    ///     let tracks = [Track {
-    ///         times: times.clone(),
-    ///         positions: vec![(0, log.q)],
-    ///         efforts: vec![(0, log.effort)],
-    ///         ..Track::default()
-    ///     }];
-    ///     let known = (&swing as _, core::f64::consts::TAU);
-    ///     let (pendulum, values) = (&models::Pendulum, [0.5, 2.0]);
-    ///     let own = TrackControllers::new(&[None], &[]);
-    ///     let along = EffortTracks::along(pendulum, &tracks, known, (&own, 2.0), &values)?;
-    ///     assert_eq!(along.runs(|_| tuned)[0].closed_loop.lead, lead);
-    /// }
-    /// # Ok::<(), Box<dyn core::error::Error>>(())
-    /// ```
-    pub fn along<M: BaseModel<f64> + ?Sized + Sync>(
-        model: &M,
-        tracks: &'a [Track],
-        (motion, period): KnownReference<'a>,
-        (controllers, bandwidth): (&TrackControllers<'_>, f64),
-        values: &[f64],
-    ) -> Result<Self, TrackError> {
-        let [repeated, begun] =
-            [period, 0.0].map(|lead| Self::new(model, tracks, Some((motion, lead))));
-        let (repeated, begun) = (repeated?, begun?);
-        let distance = |own: &Self| {
-            let runs = own.runs(|track| controllers.of(track, bandwidth));
-            motion_distance(model, &runs, 0.0, values)
-        };
-        let is_begun = matches!(
-            (distance(&repeated), distance(&begun)),
-            (Some(repeated), Some(begun)) if begun < repeated
-        );
-        Ok(if is_begun { begun } else { repeated })
     }
 
     /// One run for each track.

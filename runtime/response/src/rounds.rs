@@ -3,6 +3,7 @@
 use regen_experiment::closed_loop::{LoopRun, simulate_loop};
 use regen_experiment::simulate::{Settings, friction_width};
 use regen_identify::estimate::{EstimateError, QrFactor, Weighting};
+use regen_identify::gains::LoadedLoops;
 use regen_identify::identify::{
     Identified, Recorded, Source as _, Standstill, StateSample, errors_of_prediction,
     identify_linearised,
@@ -39,6 +40,8 @@ pub(super) struct Rounds<'a, 'r, M: ?Sized, D: ?Sized> {
     pub(super) derivatives: &'a D,
     pub(super) runs: &'a [EffortRun<'r>],
     pub(super) options: &'a DidimOptions,
+    /// The unknown gains and payloads; `None`: the unknowns are the base parameters.
+    pub(super) loads: Option<&'a LoadedLoops<'a, M>>,
     /// For each row, which coordinates rest; fixed once the estimate is near its limit, because it
     /// would jump if rows were dropped or added from round to round.
     pub(super) resting: Option<Vec<Vec<bool>>>,
@@ -48,14 +51,36 @@ pub(super) struct Rounds<'a, 'r, M: ?Sized, D: ?Sized> {
 pub(super) struct Simulated {
     /// The measured efforts at the simulated motion.
     pub(super) log: Recorded,
-    /// For each row of the log measured minus simulated efforts of all actuated joints.
-    differences: Vec<f64>,
+    /// For each row of the log measured minus simulated efforts of all actuated joints, SI.
+    pub(super) differences: Vec<f64>,
+    /// For each row of the log the simulated efforts of all actuated joints, SI.
+    pub(super) simulated: Vec<f64>,
     /// The simulated loops, one for each run.
     pub(super) loops: Vec<LoopRun>,
     /// The mean over all equations of the logarithm of the rms error of their effort, measured minus
     /// simulated, filtered as for the estimate. Its minimum is that of the least squares with weights by
     /// effort, which are the inverse of these rms errors.
     pub(super) misfit: f64,
+}
+
+/// The least squares of a round.
+pub(super) struct Round {
+    /// The unknowns.
+    pub(super) values: Vec<f64>,
+    /// The weighted QR factor of the linearised equations.
+    pub(super) factor: QrFactor,
+    /// eps_RA of the simulation over all efforts, percent (Eq. 33).
+    pub(super) relative_absolute: f64,
+    pub(super) kind: RoundKind,
+}
+
+/// What a round leads to.
+pub(super) enum RoundKind {
+    /// Base parameters.
+    Base(Box<Identified>),
+    /// Base parameters, gains and payloads: the derivatives from which these follow, see
+    /// [`effort_slopes`].
+    Loaded(Vec<f64>),
 }
 
 impl<M, D> Rounds<'_, '_, M, D>
@@ -68,7 +93,7 @@ where
         let (model, options) = (self.model, self.options);
         let info = model.info();
         let (n, dof) = (info.coordinates.len(), info.dof());
-        let phi = parameters(model, values)?;
+        let gains = self.gains(values);
         let width = Settings::default().friction_width;
         let slow = info.joints.iter();
         let slow: Vec<f64> = slow
@@ -77,9 +102,10 @@ where
         let mut out = Recorded::new().filtered(options.filtering);
         let weights = vec![1.0; dof];
         let mut tau = vec![0.0; dof];
-        let mut differences = Vec::new();
+        let (mut differences, mut efforts_of_loops) = (Vec::new(), Vec::new());
         let mut loops = Vec::with_capacity(self.runs.len());
-        for run in self.runs {
+        for (number, run) in self.runs.iter().enumerate() {
+            let phi = parameters(model, &self.base(values, number))?;
             let simulated = simulate_loop(model, &run.closed_loop, &phi, run.times)?;
             let (log, lead) = (&simulated.log, simulated.lead);
             let first = run.times.first().copied().unwrap_or(0.0);
@@ -91,9 +117,11 @@ where
                 let at = lead + k;
                 let row = |all: &[f64]| all.get(at * n..(at + 1) * n).unwrap_or_default().to_vec();
                 let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| row(all));
-                let efforts: Vec<f64> = run.efforts.iter().map(|e| e[k]).collect();
-                let own = log.effort.iter().skip(at * efforts.len());
-                differences.extend(efforts.iter().zip(own).map(|(x, y)| x - y));
+                let measured = run.efforts.iter().zip(&gains);
+                let efforts: Vec<f64> = measured.map(|(e, gain)| gain * e[k]).collect();
+                let own = log.effort.iter().skip(at * efforts.len()).copied();
+                differences.extend(efforts.iter().zip(own.clone()).map(|(x, y)| x - y));
+                efforts_of_loops.extend(own.take(efforts.len()));
                 let _condition = model.generalized_forces(&q, &efforts, &mut tau)?;
                 let known = self.resting.as_ref().and_then(|all| all.get(out.len()));
                 let still = match known {
@@ -124,12 +152,65 @@ where
         let samples: f64 = errors.iter().map(|e| e.samples as f64).sum();
         let own = errors.iter();
         let own = own.map(|e| e.samples as f64 * libm::log(e.rms.max(f64::MIN_POSITIVE)));
+        // gains scale measured efforts and their errors, which are compared in the unit of measurement
+        let scale: f64 = gains.iter().map(|gain| libm::log(gain.abs())).sum();
         Ok(Simulated {
-            misfit: own.sum::<f64>() / samples.max(1.0),
+            misfit: own.sum::<f64>() / samples.max(1.0) - scale / gains.len().max(1) as f64,
             log: out,
             differences,
+            simulated: efforts_of_loops,
             loops,
         })
+    }
+
+    /// Returns an error unless each run has an effort of each actuated joint at each time.
+    pub(super) fn require_sizes(&self) -> Result<(), DidimError> {
+        let fits = |expected, got| {
+            if expected == got {
+                return Ok(());
+            }
+            Err(DidimError::Size(SizeError {
+                argument: "efforts",
+                expected,
+                got,
+            }))
+        };
+        let actuated = self.model.info().actuated.len();
+        for run in self.runs {
+            fits(actuated, run.efforts.len())?;
+            for efforts in run.efforts {
+                fits(run.times.len(), efforts.len())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The base parameters of a run, by its number.
+    pub(super) fn base(&self, values: &[f64], run: usize) -> Vec<f64> {
+        let loaded = self.loads.map(|loads| loads.base(values, run));
+        loaded.unwrap_or_else(|| values.to_vec())
+    }
+
+    /// The number of a run's rows in the log: those after the time to settle.
+    pub(super) fn rows_of(&self, run: usize) -> usize {
+        let times = self.runs.get(run).map_or(&[][..], |run| run.times);
+        let first = times.first().copied().unwrap_or(0.0);
+        let early = times.iter();
+        let early = early.take_while(|t| *t - first < self.options.settle);
+        times.len() - early.count()
+    }
+
+    /// eps_RA of a simulation over all efforts, percent (Eq. 33).
+    pub(super) fn relative_absolute(&self, now: &mut Simulated) -> Result<f64, DidimError> {
+        let mut difference = LinearisedColumns::new(self.model, None, &now.differences);
+        let errors = errors_of_prediction(self.model, &mut now.log, &mut difference, 0)?;
+        Ok(errors.relative_absolute())
+    }
+
+    /// The gains of all actuated joints; 1 where they are not unknown.
+    pub(super) fn gains(&self, values: &[f64]) -> Vec<f64> {
+        let loaded = self.loads.map(|loads| loads.gains(values));
+        loaded.unwrap_or_else(|| vec![1.0; self.model.info().actuated.len()])
     }
 
     /// Fixes the rows that rest, as in this log, for all later rounds.
@@ -151,8 +232,11 @@ where
         &self,
         now: &mut Simulated,
         values: &[f64],
-    ) -> Result<Identified, DidimError> {
+    ) -> Result<Round, DidimError> {
         let slopes = self.slopes(&now.loops, values)?;
+        if let Some(loads) = self.loads {
+            return self.loaded_estimate(loads, now, values, slopes);
+        }
         let columns = LinearisedColumns::new(self.model, Some(&slopes), &now.differences);
         let mut difference = LinearisedColumns::new(self.model, None, &now.differences);
         let found = identify_linearised(
@@ -163,7 +247,12 @@ where
             &mut difference,
             values,
         )?;
-        Ok(found)
+        Ok(Round {
+            values: found.estimate.values.clone(),
+            factor: found.factor.clone(),
+            relative_absolute: found.relative_absolute,
+            kind: RoundKind::Base(Box::new(found)),
+        })
     }
 
     /// The next values and their simulation: the estimate of a round, damped until the robot can be
@@ -173,7 +262,7 @@ where
     /// - `damping`: of the last step, replaced by that of this one; see [`damped`].
     pub(super) fn step(
         &self,
-        found: &Identified,
+        found: &Round,
         values: &[f64],
         misfit: f64,
         damping: &mut f64,
@@ -182,7 +271,8 @@ where
         let is_exact = self.resting.is_some()
             && least_squares.huber.is_none()
             && least_squares.weighting == Weighting::PerEffort
-            && self.options.filtering.standstill != Standstill::Weigh;
+            && self.options.filtering.standstill != Standstill::Weigh
+            && self.loads.is_none();
         let most = misfit + if is_exact { 0.0 } else { MISFIT_GROWTH };
         for _ in 0..MAX_STEPS {
             let wanted = damped(found, values, *damping)?;
@@ -204,6 +294,8 @@ where
     }
 
     /// The derivatives of the simulated efforts at all rows of the log, see [`effort_slopes`].
+    ///
+    /// Those by parameters of payloads that a run does not carry are 0.
     fn slopes(&self, loops: &[LoopRun], values: &[f64]) -> Result<Vec<f64>, DidimError> {
         let width = Settings::default().friction_width;
         let plant = Plant::new(self.model, self.derivatives, width)?;
@@ -212,14 +304,17 @@ where
                 return Ok(Vec::new());
             };
             let closed_loop = &run.closed_loop;
-            let mut slopes = effort_slopes(&plant, self.model, closed_loop, simulated, values)?;
-            let first = run.times.first().copied().unwrap_or(0.0);
-            let early = run.times.iter();
-            let early = early
-                .take_while(|t| *t - first < self.options.settle)
-                .count();
+            let base = self.base(values, k);
+            let mut slopes = effort_slopes(&plant, self.model, closed_loop, simulated, &base)?;
+            let early = run.times.len() - self.rows_of(k);
             let of_row = slopes.len() / run.times.len().max(1);
             slopes.drain(..early * of_row);
+            let a = run.efforts.len();
+            for row in slopes.chunks_exact_mut(of_row.max(1)) {
+                for column in self.loads.map_or(&[][..], |loads| loads.absent(k)) {
+                    row[column * a..(column + 1) * a].fill(0.0);
+                }
+            }
             Ok(slopes)
         };
         let mut slopes = Vec::new();
@@ -235,12 +330,12 @@ where
 /// - `damping`: the part of each parameter's squared column that is added to it (Levenberg's and
 ///   Marquardt's method); 0 for the least squares themselves.
 pub(super) fn damped(
-    found: &Identified,
+    found: &Round,
     values: &[f64],
     damping: f64,
 ) -> Result<Vec<f64>, EstimateError> {
     if damping == 0.0 {
-        return Ok(found.estimate.values.clone());
+        return Ok(found.values.clone());
     }
     let factor = &found.factor;
     let n = values.len();
@@ -282,7 +377,7 @@ pub(super) fn is_same(found: &[f64], values: &[f64]) -> bool {
 
 /// The difference of an estimate and values in standard deviations, as the root mean square over all
 /// directions.
-pub(super) fn moved(found: &Identified, values: &[f64]) -> Result<f64, DidimError> {
+pub(super) fn moved(found: &Round, values: &[f64]) -> Result<f64, DidimError> {
     let n = values.len().max(1) as f64;
     let (rows, factor) = (found.factor.rows(), &found.factor);
     let spare = rows.saturating_sub(values.len()).max(1) as f64;

@@ -89,9 +89,10 @@ gains, are named; the exit code is then 4.
 
 Currents of unknown gain (`gain: unknown` in an experiment file) and runs with a
 payload (`payload: unknown`, or its known parameters) are fitted together, in
-the units of measurement. Only a known gain or a payload of known mass
-determines the scale; without one the fit is refused. --payload unknown
-identifies a load on a robot whose parameters --parameters states.
+the units of measurement, by least squares, huber, iv or didim. Only a known
+gain or a payload of known mass determines the scale; without one the fit is
+refused. --payload unknown identifies a load on a robot whose parameters
+--parameters states.
 
 With --feasible the parameters of --out are physical: a semidefinite programme
 finds all ten of each body, nonnegative friction and rotors, and offsets of

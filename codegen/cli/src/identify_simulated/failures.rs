@@ -27,6 +27,7 @@ impl From<DidimError> for Failure {
     fn from(error: DidimError) -> Self {
         match error {
             DidimError::Estimate(error) => error.into(),
+            DidimError::Gains(error) => error.into(),
             DidimError::Loop(_) | DidimError::NotLinearised { .. } => Self::Numeric(format!(
                 "didim: {error}; start from other parameters (--start), or check the gains"
             )),

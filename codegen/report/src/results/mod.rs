@@ -19,13 +19,16 @@
 //! ```
 
 mod base;
+mod excitation;
 mod explanation;
 mod identification;
 mod info;
 mod inspection;
+mod observation;
 mod rehearsal;
 
 pub use base::{BaseJson, BaseSummary, base, base_lines, base_summary};
+pub use excitation::{Excited, excited_text};
 pub use explanation::{ExplanationJson, explanation, explanation_text};
 pub use identification::{
     EffortSummary, Identification, Instruments, LogFile, ModelErrors, ReductionStep, Rounds,
@@ -34,4 +37,5 @@ pub use identification::{
 };
 pub use info::{Info, info, info_text};
 pub use inspection::{Inspection, inspection_text};
+pub use observation::{Observed, observed_text};
 pub use rehearsal::{Rehearsed, rehearsed_text};

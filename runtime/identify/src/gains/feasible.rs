@@ -7,9 +7,9 @@
 //! end no physical change lowers the residuals to first order.
 
 use super::payload::Load;
-use super::problem::GainKind;
 use super::rows::Rows;
 use super::statistics::{Solved, residual_statistics};
+use super::unknowns::GainKind;
 use super::{GainError, GainFit, Source};
 use crate::data::DataError;
 use crate::estimate::{EffortError, EstimateError, QrFactor};
@@ -102,8 +102,13 @@ impl Solved<'_> {
         let start = problem.with_gains_of_least_squares()?;
         let (state, fit) = problem.search(start)?;
         let gains: Vec<f64> = state.inverse_gains.iter().map(|g| 1.0 / g).collect();
-        let errors =
-            residual_statistics(rows, (&state.x, &gains), &self.plain.means(), self.options)?;
+        let errors = residual_statistics(
+            rows,
+            (&state.x, &gains),
+            &self.plain.means(),
+            self.options,
+            |s| s.w,
+        )?;
         Ok(PhysicalGains {
             model: problem.model(found, &state, &fit, physical)?,
             relative_absolute: errors.relative_absolute(),
@@ -118,7 +123,7 @@ impl<'a> Constrained<'a> {
         efforts: &[String],
         physical: &Physical<'_>,
     ) -> Result<Self, GainError> {
-        let problem = solved.problem;
+        let problem = solved.problem.unknowns;
         let mut places = problem.robot.clone();
         let mut fixed = problem.known.clone();
         let mut known = physical.options.known.clone();
@@ -263,7 +268,7 @@ impl<'a> Constrained<'a> {
 
     /// The best physical parameters with the gains of least squares.
     fn with_gains_of_least_squares(&self) -> Result<State, GainError> {
-        let (problem, point) = (self.solved.problem, self.solved.point);
+        let (problem, point) = (self.solved.problem.unknowns, self.solved.point);
         let efforts = 0..problem.gains.len();
         let at = State {
             phi: Vec::new(),

@@ -45,7 +45,13 @@ impl Constrained<'_> {
         let reference = physical.options.reference.iter();
         let reference = reference.map(|value| value.unwrap_or(0.0));
         let mut phi: Vec<f64> = reference.chain(core::iter::repeat(0.0)).take(all).collect();
-        for load in solved.problem.loads.iter().filter(|l| l.unknown.is_empty()) {
+        for load in solved
+            .problem
+            .unknowns
+            .loads
+            .iter()
+            .filter(|l| l.unknown.is_empty())
+        {
             let body = physical.layout.body(&load.known.body)?;
             for (place, value) in body.columns.iter().zip(load.inertial_parameters(&[])) {
                 phi[*place] = value;
@@ -151,7 +157,7 @@ impl Constrained<'_> {
         progress: &dyn Fn(usize),
     ) -> Result<ProjectedDraws, GainError> {
         let solved = self.solved;
-        let (problem, point) = (solved.problem, solved.point);
+        let (problem, point) = (solved.problem.unknowns, solved.point);
         let linear = solved.linear();
         // the derivatives of the base parameters that are sought, then of each 1/k relative to that of
         // `at`, by the unknowns

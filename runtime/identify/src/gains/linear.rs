@@ -1,9 +1,9 @@
 //! The equations linearised at the solution, over the unknowns that are independent there.
 
 use super::payload::Load;
-use super::problem::{GainKind, spread};
 use super::rows::Sample;
 use super::statistics::Solved;
+use super::unknowns::{GainKind, Point, Unknowns, spread};
 use crate::estimate::{EstimateError, FactorSet, QrFactor};
 use crate::model::Covariance;
 
@@ -24,9 +24,10 @@ impl Column {
     }
 }
 
-/// The linearised equations, from which the entries of each row are computed.
+/// The equations linearised at a point, from which the entries of each row are computed.
 pub(super) struct Linear<'a> {
-    solved: &'a Solved<'a>,
+    unknowns: &'a Unknowns,
+    pub(super) point: Point,
     pub(super) columns: Vec<Column>,
     /// The derivatives of each payload's base parameters by its unknowns.
     of_loads: Vec<Vec<Vec<f64>>>,
@@ -34,16 +35,45 @@ pub(super) struct Linear<'a> {
     pub(super) x: Vec<f64>,
 }
 
-impl Linear<'_> {
+impl<'a> Linear<'a> {
+    pub(super) fn new(unknowns: &'a Unknowns, point: &Point) -> Self {
+        let robot = unknowns.robot.iter();
+        let mut columns: Vec<Column> = robot.map(|k| Column::Robot(*k)).collect();
+        let mut of_loads = Vec::new();
+        for (k, (load, unknown)) in unknowns.loads.iter().zip(&point.loads).enumerate() {
+            of_loads.push(load.columns(unknown));
+            let independent = load.independent(unknown).into_iter();
+            columns.extend(independent.map(|j| Column::Load(k, j)));
+        }
+        let gains = unknowns.gains.iter().enumerate();
+        let found = gains.filter(|(_, kind)| matches!(kind, GainKind::Unknown(_)));
+        columns.extend(found.map(|(effort, _)| Column::Gain(effort)));
+        Self {
+            unknowns,
+            point: point.clone(),
+            columns,
+            of_loads,
+            x: unknowns.base(point),
+        }
+    }
+
+    /// As [`new`](Self::new), with given columns: those of another point.
+    pub(super) fn with_columns(unknowns: &'a Unknowns, point: &Point, columns: &[Column]) -> Self {
+        Self {
+            columns: columns.to_vec(),
+            ..Self::new(unknowns, point)
+        }
+    }
+
     /// 1/k of an effort.
     pub(super) fn inverse_gain(&self, effort: usize) -> f64 {
-        self.solved.problem.inverse_gain(effort, self.solved.point)
+        self.unknowns.inverse_gain(effort, &self.point)
     }
 
     /// A payload, with the derivatives of its base parameters by an unknown.
     pub(super) fn load(&self, load: usize, unknown: usize) -> (&Load, &[f64]) {
         let column = &self.of_loads[load][unknown];
-        (&self.solved.problem.loads[load], column)
+        (&self.unknowns.loads[load], column)
     }
 
     /// The derivative of an effort's prediction by the unknown of a column, as a factor for the
@@ -66,9 +96,43 @@ impl Linear<'_> {
     fn value(&self, column: Column) -> f64 {
         match column {
             Column::Robot(place) => self.x[place],
-            Column::Load(load, unknown) => self.solved.point.loads[load][unknown],
+            Column::Load(load, unknown) => self.point.loads[load][unknown],
             Column::Gain(effort) => 1.0 / self.inverse_gain(effort),
         }
+    }
+
+    /// The values of the columns.
+    pub(super) fn values(&self) -> Vec<f64> {
+        self.columns
+            .iter()
+            .map(|column| self.value(*column))
+            .collect()
+    }
+
+    /// The point at which the columns have these values; unknowns of payloads that are no columns
+    /// keep theirs.
+    pub(super) fn point_at(&self, values: &[f64]) -> Point {
+        let mut out = self.point.clone();
+        for (column, value) in self.columns.iter().zip(values) {
+            let place = match *column {
+                Column::Robot(place) => {
+                    let robot = self.unknowns.robot.iter().position(|k| *k == place);
+                    robot.and_then(|k| out.robot.get_mut(k))
+                }
+                Column::Load(load, unknown) => {
+                    out.loads.get_mut(load).and_then(|own| own.get_mut(unknown))
+                }
+                Column::Gain(effort) => match self.unknowns.gains.get(effort) {
+                    Some(GainKind::Unknown(k)) => out.inverse_gains.get_mut(*k),
+                    _ => None,
+                },
+            };
+            let inverts = column.is_gain();
+            if let Some(place) = place {
+                *place = if inverts { 1.0 / value } else { *value };
+            }
+        }
+        out
     }
 
     /// The label of a column.
@@ -78,7 +142,7 @@ impl Linear<'_> {
         match column {
             Column::Robot(place) => labels[place].clone(),
             Column::Load(load, unknown) => {
-                let load = &self.solved.problem.loads[load];
+                let load = &self.unknowns.loads[load];
                 let symbol = regen_runtime::Symbol::INERTIAL[load.unknown[unknown]];
                 format!("{}({})", symbol.name(), load.known.body)
             }
@@ -86,21 +150,34 @@ impl Linear<'_> {
         }
     }
 
-    /// The weighted QR factor of the linearised equations, whose solution is the values of the
-    /// columns.
-    pub(super) fn factor(
-        &self,
-        columns: &[Column],
-        labels: &[String],
-    ) -> Result<QrFactor, EstimateError> {
-        self.factor_of(self.solved.problem.set, columns, labels)
+    /// The same columns linearised where they have these values.
+    pub(super) fn moved(&self, values: &[f64]) -> Self {
+        let point = self.point_at(values);
+        let loads = self.unknowns.loads.iter().zip(&point.loads);
+        Self {
+            unknowns: self.unknowns,
+            columns: self.columns.clone(),
+            of_loads: loads.map(|(load, unknown)| load.columns(unknown)).collect(),
+            x: self.unknowns.base(&point),
+            point,
+        }
     }
 
-    /// As [`factor`](Self::factor), with other QR factors of the efforts, such as those without
-    /// Huber's weights.
-    pub(super) fn factor_of(
+    /// The labels of all columns, see [`label`](Self::label).
+    pub(super) fn labels(&self, labels: &[String], efforts: &[String]) -> Vec<String> {
+        let columns = self.columns.iter();
+        columns
+            .map(|column| self.label(*column, labels, efforts))
+            .collect()
+    }
+
+    /// The QR factor of the linearised equations, whose solution is the values of the columns.
+    ///
+    /// - `set`, `weights`: the QR factors of the efforts' equations, and how they are weighted;
+    /// - `labels`: those of the columns.
+    pub(super) fn factor(
         &self,
-        set: &FactorSet,
+        (set, weights): (&FactorSet, &[f64]),
         columns: &[Column],
         labels: &[String],
     ) -> Result<QrFactor, EstimateError> {
@@ -128,9 +205,22 @@ impl Linear<'_> {
                 factor.rows(),
             )?;
             let own = moved.transformed(labels.to_vec(), &all)?;
-            whole.merge(&own.scaled(self.solved.weights[effort]))?;
+            whole.merge(&own.scaled(weights[effort]))?;
         }
         Ok(whole)
+    }
+
+    /// Replaces the derivatives by gains as they are with measured efforts for the predicted ones.
+    pub(super) fn set_gains(&self, measured: &[f64], rows: &mut [f64]) {
+        let columns = rows.chunks_exact_mut(measured.len().max(1));
+        for (entries, column) in columns.zip(&self.columns) {
+            let Column::Gain(effort) = *column else {
+                continue;
+            };
+            if let (Some(entry), Some(i)) = (entries.get_mut(effort), measured.get(effort)) {
+                *entry = -self.inverse_gain(effort) * i;
+            }
+        }
     }
 
     /// The entries of a sample's rows in these columns, efforts x columns, column-major; and the
@@ -165,22 +255,6 @@ impl Linear<'_> {
 impl Solved<'_> {
     /// The equations linearised at the solution.
     pub(super) fn linear(&self) -> Linear<'_> {
-        let (problem, point) = (self.problem, self.point);
-        let mut columns: Vec<Column> = problem.robot.iter().map(|k| Column::Robot(*k)).collect();
-        let mut of_loads = Vec::new();
-        for (k, (load, unknown)) in problem.loads.iter().zip(&point.loads).enumerate() {
-            of_loads.push(load.columns(unknown));
-            let independent = load.independent(unknown).into_iter();
-            columns.extend(independent.map(|j| Column::Load(k, j)));
-        }
-        let gains = problem.gains.iter().enumerate();
-        let unknown = gains.filter(|(_, kind)| matches!(kind, GainKind::Unknown(_)));
-        columns.extend(unknown.map(|(effort, _)| Column::Gain(effort)));
-        Linear {
-            solved: self,
-            columns,
-            of_loads,
-            x: problem.base(point),
-        }
+        Linear::new(self.problem.unknowns, self.point)
     }
 }

@@ -13,8 +13,12 @@
 mod error;
 mod feasible;
 mod feasible_model;
+mod instruments;
 mod linear;
+mod loops;
+mod optimum;
 mod payload;
+mod planned;
 mod problem;
 mod rank;
 mod result;
@@ -22,9 +26,12 @@ mod robot;
 mod robust;
 mod rows;
 mod statistics;
+mod unknowns;
 
 pub use error::{Free, GainError};
 pub use feasible::{Physical, PhysicalGains};
+pub use instruments::{LoadedInstruments, LoadedMotions, instrumental};
+pub use loops::{LoadedLoops, LoadedRound};
 pub use payload::KnownPayload;
 
 use crate::data::DataError;
@@ -32,10 +39,9 @@ use crate::estimate::{Deviations, EffortError, EffortFit, Estimate, Origin, Weig
 use crate::identify::{EquationBuilder, EquationKind, LeftOut, Source};
 use crate::model::{Covariance, IdentifiedModel};
 use crate::status::EffortContributions;
-use payload::Load;
-use problem::{GainKind, Problem};
+use optimum::Optimum;
+use planned::Planned;
 use regen_runtime::BaseModel;
-use robust::{reduce, reweighted};
 use rows::Rows;
 
 /// A run, and the payload that the robot carries in it.
@@ -214,112 +220,28 @@ where
     S: Source + ?Sized,
     S::Error: Into<DataError>,
 {
-    let loads: Result<Vec<Load>, GainError> =
-        plan.payloads.iter().map(|p| Load::new(model, p)).collect();
-    let loads = loads?;
-    let blocks: Vec<Vec<usize>> = loads.iter().map(|load| load.base.clone()).collect();
-    let is_carried = |k: usize| runs.iter().any(|run| run.carried == Some(k));
-    let carried: Vec<usize> = (0..loads.len()).filter(|k| is_carried(*k)).collect();
-    let mut rows = Rows::new(model, runs, &blocks)?;
-    let gains = gain_kinds(plan, &rows.efforts)?;
-    let n = model.base_info().base.len();
-    let of_robot: Vec<usize> = (0..n)
-        .filter(|k| !blocks.iter().any(|block| block.contains(k)))
-        .collect();
-    let mut known = vec![0.0; n];
-    let robot = match &plan.robot {
-        None => of_robot.clone(),
-        Some(robot) => {
-            crate::identify::require("beta", n, robot.beta.len())?;
-            for k in &of_robot {
-                known[*k] = robot.beta[*k];
-            }
-            Vec::new()
-        }
-    };
-    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
-    let efforts = rows.efforts.clone();
-    let origin = Origin { efforts, ..origin };
-    let (set, _) = reduce(&mut rows, &origin, None)?;
-    for ((kind, factor), name) in gains.iter().zip(set.factors()).zip(&rows.efforts) {
-        let is_zero = factor.rss() == 0.0 && factor.z().iter().all(|z| *z == 0.0);
-        if is_zero && factor.rows() > 0 && *kind != GainKind::Known {
-            return Err(GainError::NoCurrent(name.clone()));
-        }
-    }
-    let problem = Problem {
-        set: &set,
-        gains,
-        robot,
-        known,
-        loads: carried.iter().map(|k| loads[*k].clone()).collect(),
-    };
-    if problem.unknowns() == 0 {
-        return Err(GainError::NothingUnknown);
-    }
-    let (point, weights, converged) = problem.solve(options.weighting)?;
-    let robust = match options.huber {
-        Some(bound) if converged => {
-            let start = (point.clone(), options.weighting, bound);
-            Some(reweighted(&problem, &mut rows, &origin, start)?)
-        }
-        _ => None,
-    };
-    let (final_set, point, weights) = match &robust {
-        Some(robust) => (&robust.set, &robust.point, &robust.weights),
-        None => (&set, &point, &weights),
-    };
-    let final_problem = Problem {
-        set: final_set,
-        ..problem.clone()
-    };
-    let solved = statistics::Solved {
-        problem: &final_problem,
-        plain: &set,
-        point,
-        weights,
-        huber: robust.as_ref().map(|robust| &robust.huber),
-        converged,
-        of_robot: &of_robot,
-        plan,
-        options,
-    };
-    let mut found = solved.finish(&mut rows)?;
-    let idle = (0..loads.len()).filter(|k| !carried.contains(k));
-    found.model.left_out = idle.flat_map(|k| blocks[k].clone()).collect();
+    let carried: Vec<Option<usize>> = runs.iter().map(|run| run.carried).collect();
+    let planned = Planned::new(model, plan, &carried)?;
+    let mut rows = Rows::new(model, runs, &planned.blocks)?;
+    let origin = origin(model, &rows.efforts);
+    let found = Optimum::new(&mut rows, &origin, &planned, options, None)?;
+    let solved = found.solved(&planned, plan, options);
+    let mut fit = solved.finish(&mut rows)?;
+    fit.model.left_out.clone_from(&planned.idle);
     let constrained = match physical {
-        Some(physical) => Some(solved.constrained(&mut rows, &found, physical)?),
+        Some(physical) => Some(solved.constrained(&mut rows, &fit, physical)?),
         None => None,
     };
-    Ok((found, constrained))
+    Ok((fit, constrained))
 }
 
-/// What is known of the gain of each effort.
-fn gain_kinds(plan: &Plan, efforts: &[String]) -> Result<Vec<GainKind>, GainError> {
-    if let Some(name) = plan.unknown_gains.iter().find(|n| !efforts.contains(n)) {
-        return Err(GainError::NoEffort(name.clone()));
+/// The labels of all base parameters, and the names of the measured efforts.
+fn origin<M: BaseModel<f64> + ?Sized>(model: &M, efforts: &[String]) -> Origin {
+    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
+    Origin {
+        efforts: efforts.to_vec(),
+        ..origin
     }
-    let found = |name: &String| {
-        let robot = plan.robot.as_ref()?;
-        let gain = robot.gains.iter().find(|(own, _)| own == name);
-        gain.map(|(_, gain)| *gain)
-    };
-    let mut unknown = 0;
-    let mut kinds = Vec::with_capacity(efforts.len());
-    for name in efforts {
-        kinds.push(if !plan.unknown_gains.contains(name) {
-            GainKind::Known
-        } else if let Some(gain) = found(name) {
-            if !gain.is_normal() {
-                return Err(GainError::NoGain(name.clone()));
-            }
-            GainKind::Found(gain)
-        } else {
-            unknown += 1;
-            GainKind::Unknown(unknown - 1)
-        });
-    }
-    Ok(kinds)
 }
 
 /// The fit of an effort in SI.

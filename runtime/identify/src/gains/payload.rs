@@ -1,5 +1,6 @@
 //! A payload: its known parameters, and its base parameters as functions of the unknown ones.
 
+use nalgebra::{DMatrix, DVector};
 use regen_runtime::{BaseModel, Symbol};
 
 use super::GainError;
@@ -27,6 +28,8 @@ const MOMENT: usize = 6;
 const MASS: usize = 9;
 /// Masses below this count as zero where something is divided by them, kg.
 const TINY_MASS: f64 = 1e-12;
+/// The number of steps towards given base parameters; without a known centre or inertia one suffices.
+const CLOSEST_STEPS: usize = 20;
 /// A vector counts as a combination of others if less than this part of its length is orthogonal
 /// to them: the coefficients of base parameters are exact up to rounding.
 const DEPENDENT: f64 = 1e-9;
@@ -133,6 +136,25 @@ impl Load {
     pub(super) fn initial(&self) -> Vec<f64> {
         let one = |place: &usize| f64::from(*place == MASS);
         self.unknown.iter().map(one).collect()
+    }
+
+    /// The unknowns for which the base parameters are closest to these.
+    pub(super) fn closest(&self, base: &[f64]) -> Vec<f64> {
+        let mut out = self.initial();
+        for _ in 0..CLOSEST_STEPS {
+            let columns = self.columns(&out).concat();
+            let columns = DMatrix::from_vec(self.base.len(), out.len(), columns);
+            let pairs = base.iter().zip(self.values(&out));
+            let off = DVector::from_iterator(self.base.len(), pairs.map(|(x, y)| x - y));
+            // the smallest step, where the base parameters do not determine all unknowns
+            let Ok(step) = columns.svd(true, true).solve(&off, DEPENDENT) else {
+                break;
+            };
+            for (x, dx) in out.iter_mut().zip(&step) {
+                *x += dx;
+            }
+        }
+        out
     }
 
     /// The ten parameters for these unknowns.
@@ -399,6 +421,18 @@ mod tests {
             // the base parameters are all ten parameters, so that every quantity is determined
             assert_eq!(load.physical_values(&point).len(), 10);
             assert_eq!(load.independent(&point).len(), load.unknown.len());
+        }
+    }
+
+    #[test]
+    fn the_closest_unknowns_have_the_given_base_parameters() {
+        let at = [0.9, 0.05, 0.02, 0.8, -0.03, 0.7, 0.2, -0.5, 0.3, 1.7];
+        for load in every_knowledge() {
+            let point: Vec<f64> = load.unknown.iter().map(|k| at[*k]).collect();
+            let found = load.values(&load.closest(&load.values(&point)));
+            for (x, y) in found.iter().zip(load.values(&point)) {
+                assert!((x - y).abs() < 1e-9, "{:?}: {x} {y}", load.known);
+            }
         }
     }
 

@@ -1,60 +1,16 @@
-//! The unknowns of a fit on the QR factors of all efforts, and the search for them.
+//! The search for the unknowns of a fit on the QR factors of all efforts.
 
 use super::GainError;
 use super::payload::Load;
+use super::unknowns::{GainKind, Point, Unknowns, spread};
 use crate::estimate::{EstimateError, FactorSet, QrFactor, Weighting, weights_from};
 use crate::qr_update::substitute;
 
-/// The gain of an effort.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum GainKind {
-    /// The effort was measured in N m or N, or its gain is known.
-    Known,
-    /// The effort is a current of this gain, which another identification found.
-    Found(f64),
-    /// The effort is a current of the unknown gain with this index.
-    Unknown(usize),
-}
-
-/// A fit: measured efforts `i = g W x`, with gains k = 1/g.
-#[derive(Clone)]
+/// A fit of the unknowns to QR factors.
+#[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) set: &'a FactorSet,
-    pub(super) gains: Vec<GainKind>,
-    /// The places of the unknown parameters of the robot.
-    pub(super) robot: Vec<usize>,
-    /// All base parameters, with those that are known; the others are 0.
-    pub(super) known: Vec<f64>,
-    /// The payloads that are carried.
-    pub(super) loads: Vec<Load>,
-}
-
-/// Values of the unknowns.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Point {
-    pub(super) robot: Vec<f64>,
-    /// The unknowns of each payload.
-    pub(super) loads: Vec<Vec<f64>>,
-    /// 1/k of each unknown gain.
-    pub(super) inverse_gains: Vec<f64>,
-}
-
-impl Point {
-    fn to_vec(&self) -> Vec<f64> {
-        let loads = self.loads.iter().flatten();
-        let all = self.robot.iter().chain(loads).chain(&self.inverse_gains);
-        all.copied().collect()
-    }
-
-    fn moved(&self, step: &[f64]) -> Self {
-        let mut out = self.clone();
-        let loads = out.loads.iter_mut().flatten();
-        let all = out.robot.iter_mut().chain(loads);
-        for (x, dx) in all.chain(&mut out.inverse_gains).zip(step) {
-            *x += dx;
-        }
-        out
-    }
+    pub(super) unknowns: &'a Unknowns,
 }
 
 /// The largest number of steps of a search at fixed weights.
@@ -75,43 +31,9 @@ const MAX_ROUNDS: usize = 50;
 const WEIGHT_TOLERANCE: f64 = 1e-9;
 
 impl Problem<'_> {
-    /// 1/k of an effort.
-    pub(super) fn inverse_gain(&self, effort: usize, point: &Point) -> f64 {
-        match self.gains.get(effort) {
-            Some(GainKind::Found(gain)) => 1.0 / gain,
-            Some(GainKind::Unknown(k)) => point.inverse_gains.get(*k).copied().unwrap_or(1.0),
-            _ => 1.0,
-        }
-    }
-
-    /// All base parameters.
-    pub(super) fn base(&self, point: &Point) -> Vec<f64> {
-        let mut x = self.known.clone();
-        for (place, value) in self.robot.iter().zip(&point.robot) {
-            x[*place] = *value;
-        }
-        for (load, unknown) in self.loads.iter().zip(&point.loads) {
-            for (place, value) in load.base.iter().zip(load.values(unknown)) {
-                x[*place] = value;
-            }
-        }
-        x
-    }
-
-    fn unknown_gains(&self) -> usize {
-        let unknown = |gain: &&GainKind| matches!(gain, GainKind::Unknown(_));
-        self.gains.iter().filter(unknown).count()
-    }
-
-    /// The number of unknowns.
-    pub(super) fn unknowns(&self) -> usize {
-        let of_loads: usize = self.loads.iter().map(|load| load.unknown.len()).sum();
-        self.robot.len() + of_loads + self.unknown_gains()
-    }
-
     /// The residuals z - g R x of one effort's QR factor.
     fn residuals(&self, effort: usize, factor: &QrFactor, x: &[f64], point: &Point) -> Vec<f64> {
-        let g = self.inverse_gain(effort, point);
+        let g = self.unknowns.inverse_gain(effort, point);
         let fitted = factor.times_r(x);
         let pairs = factor.z().iter().zip(&fitted);
         pairs.map(|(z, f)| z - g * f).collect()
@@ -119,7 +41,7 @@ impl Problem<'_> {
 
     /// The weighted sum of squared residuals.
     pub(super) fn cost(&self, point: &Point, weights: &[f64]) -> f64 {
-        let x = self.base(point);
+        let x = self.unknowns.base(point);
         let factors = self.set.factors().iter().zip(weights).enumerate();
         let one = |(effort, (factor, weight)): (usize, (&QrFactor, &f64))| {
             let residuals = self.residuals(effort, factor, &x, point);
@@ -133,30 +55,31 @@ impl Problem<'_> {
     /// residuals.
     fn linear(&self, point: &Point, weights: &[f64]) -> Result<QrFactor, EstimateError> {
         let n = self.set.labels().len();
-        let x = self.base(point);
+        let x = self.unknowns.base(point);
         let columns: Vec<Vec<Vec<f64>>> = self
+            .unknowns
             .loads
             .iter()
             .zip(&point.loads)
             .map(|(load, unknown)| load.columns(unknown))
             .collect();
-        let mut whole = QrFactor::new(vec![String::new(); self.unknowns()]);
+        let mut whole = QrFactor::new(vec![String::new(); self.unknowns.count()]);
         for (effort, (factor, weight)) in self.set.factors().iter().zip(weights).enumerate() {
-            let g = self.inverse_gain(effort, point);
-            let mut block = Vec::with_capacity(n * self.unknowns());
-            for place in &self.robot {
+            let g = self.unknowns.inverse_gain(effort, point);
+            let mut block = Vec::with_capacity(n * self.unknowns.count());
+            for place in &self.unknowns.robot {
                 let column = factor.r().get(place * n..(place + 1) * n);
                 block.extend(column.unwrap_or_default().iter().map(|r| weight * g * r));
             }
-            for (load, columns) in self.loads.iter().zip(&columns) {
+            for (load, columns) in self.unknowns.loads.iter().zip(&columns) {
                 for column in columns {
                     let moved = factor.times_r(&spread(n, &load.base, column));
                     block.extend(moved.iter().map(|r| weight * g * r));
                 }
             }
             let fitted = factor.times_r(&x);
-            for k in 0..self.unknown_gains() {
-                let own = self.gains.get(effort) == Some(&GainKind::Unknown(k));
+            for k in 0..self.unknowns.unknown_gains() {
+                let own = self.unknowns.gains.get(effort) == Some(&GainKind::Unknown(k));
                 let factor = if own { *weight } else { 0.0 };
                 block.extend(fitted.iter().map(|f| factor * f));
             }
@@ -179,7 +102,7 @@ impl Problem<'_> {
         let step: Vec<f64> = pairs.map(|(b, a)| b - a).collect();
         let moved = self.linear(to, weights)?.times_r(&step);
         let rows: usize = self.set.factors().iter().map(QrFactor::rows).sum();
-        let freedom = rows.saturating_sub(self.unknowns()).max(1) as f64;
+        let freedom = rows.saturating_sub(self.unknowns.count()).max(1) as f64;
         let variance = self.cost(to, weights) / freedom;
         let squares: f64 = moved.iter().map(|x| x * x).sum();
         Ok((squares / variance.max(f64::MIN_POSITIVE)).sqrt())
@@ -194,7 +117,7 @@ impl Problem<'_> {
         let mut point = start;
         let mut cost = self.cost(&point, weights);
         let mut damping = DAMPING;
-        let mut sizes = vec![0.0_f64; self.unknowns()];
+        let mut sizes = vec![0.0_f64; self.unknowns.count()];
         for _ in 0..MAX_STEPS {
             if !cost.is_finite() {
                 return Ok((point, false));
@@ -246,16 +169,17 @@ impl Problem<'_> {
     /// a known part gives them a right side; `None` if there is none.
     fn linear_start(&self) -> Result<Option<Point>, EstimateError> {
         let n = self.set.labels().len();
-        let loads: Vec<Load> = self.loads.iter().map(Load::affine).collect();
-        let mut x = self.known.clone();
+        let loads: Vec<Load> = self.unknowns.loads.iter().map(Load::affine).collect();
+        let mut x = self.unknowns.known.clone();
         for load in &loads {
             let zero = vec![0.0; load.unknown.len()];
             for (place, value) in load.base.iter().zip(load.values(&zero)) {
                 x[*place] = value;
             }
         }
-        let count: usize = self.robot.len() + loads.iter().map(|l| l.unknown.len()).sum::<usize>();
-        let gains = self.unknown_gains();
+        let count: usize =
+            self.unknowns.robot.len() + loads.iter().map(|l| l.unknown.len()).sum::<usize>();
+        let gains = self.unknowns.unknown_gains();
         let mut whole = QrFactor::new(vec![String::new(); count + gains]);
         for (effort, factor) in self.set.factors().iter().enumerate() {
             let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
@@ -269,7 +193,7 @@ impl Problem<'_> {
                 block.extend(column.iter().map(|r| factor * r));
                 block.push(factor * last);
             };
-            for place in &self.robot {
+            for place in &self.unknowns.robot {
                 let column = factor.r().get(place * n..(place + 1) * n);
                 push(column.unwrap_or_default(), weight, 0.0);
             }
@@ -281,10 +205,10 @@ impl Problem<'_> {
             }
             let rest = factor.rss().sqrt();
             for k in 0..gains {
-                let own = self.gains.get(effort) == Some(&GainKind::Unknown(k));
+                let own = self.unknowns.gains.get(effort) == Some(&GainKind::Unknown(k));
                 push(factor.z(), if own { -weight } else { 0.0 }, rest);
             }
-            let known = match self.gains.get(effort) {
+            let known = match self.unknowns.gains.get(effort) {
                 Some(GainKind::Known) => 1.0,
                 Some(GainKind::Found(gain)) => *gain,
                 _ => 0.0,
@@ -301,15 +225,15 @@ impl Problem<'_> {
         let Some(values) = substitute(damped.r(), damped.z()) else {
             return Ok(None);
         };
-        let (robot, rest) = values.split_at(self.robot.len());
-        let (mut of_loads, gains) = rest.split_at(count - self.robot.len());
+        let (robot, rest) = values.split_at(self.unknowns.robot.len());
+        let (mut of_loads, gains) = rest.split_at(count - self.unknowns.robot.len());
         let largest = gains.iter().fold(0.0, |m: f64, k| m.max(k.abs()));
         let is_gain = |k: &f64| k.abs() > 1e-9 * largest;
         if !gains.iter().all(is_gain) {
             return Ok(None);
         }
         let mut starts = Vec::new();
-        for (affine, load) in loads.iter().zip(&self.loads) {
+        for (affine, load) in loads.iter().zip(&self.unknowns.loads) {
             let (own, others) = of_loads.split_at(affine.unknown.len());
             of_loads = others;
             let ten = affine.inertial_parameters(own);
@@ -329,8 +253,8 @@ impl Problem<'_> {
             let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
             (squares / factor.rows().max(1) as f64).sqrt()
         };
-        let mut weights: Vec<f64> = match weighting {
-            Weighting::Equal => vec![1.0; self.gains.len()],
+        let weights: Vec<f64> = match weighting {
+            Weighting::Equal => vec![1.0; self.unknowns.gains.len()],
             Weighting::PerEffort => {
                 let sizes = self.set.factors().iter().map(rms);
                 sizes
@@ -339,9 +263,9 @@ impl Problem<'_> {
             }
         };
         let plain = Point {
-            robot: vec![0.0; self.robot.len()],
-            loads: self.loads.iter().map(Load::initial).collect(),
-            inverse_gains: vec![1.0; self.unknown_gains()],
+            robot: vec![0.0; self.unknowns.robot.len()],
+            loads: self.unknowns.loads.iter().map(Load::initial).collect(),
+            inverse_gains: vec![1.0; self.unknowns.unknown_gains()],
         };
         let mut point = None;
         for start in [self.linear_start()?, Some(plain)].into_iter().flatten() {
@@ -351,11 +275,38 @@ impl Problem<'_> {
                 break;
             }
         }
-        let (mut point, converged) = point.ok_or(GainError::NotConverged)?;
+        let (point, converged) = point.ok_or(GainError::NotConverged)?;
         if !converged {
             return Ok((point, weights, false));
         }
-        if weighting == Weighting::PerEffort && self.gains.len() > 1 {
+        Ok(self.refined(point, weights, weighting)?)
+    }
+
+    /// As [`solve`](Self::solve), from a point near the solution.
+    pub(super) fn solve_from(
+        &self,
+        start: Point,
+        weighting: Weighting,
+    ) -> Result<(Point, Vec<f64>, bool), EstimateError> {
+        let weights = match weighting {
+            Weighting::Equal => vec![1.0; self.unknowns.gains.len()],
+            Weighting::PerEffort => weights_from(&self.sigmas(&start), self.set),
+        };
+        let (point, converged) = self.search(start, &weights)?;
+        if !converged {
+            return Ok((point, weights, false));
+        }
+        self.refined(point, weights, weighting)
+    }
+
+    /// Searches again with weights that follow from the residuals, until these settle.
+    fn refined(
+        &self,
+        mut point: Point,
+        mut weights: Vec<f64>,
+        weighting: Weighting,
+    ) -> Result<(Point, Vec<f64>, bool), EstimateError> {
+        if weighting == Weighting::PerEffort && self.unknowns.gains.len() > 1 {
             for _ in 0..MAX_ROUNDS {
                 let next = weights_from(&self.sigmas(&point), self.set);
                 let pairs = next.iter().zip(&weights);
@@ -376,9 +327,9 @@ impl Problem<'_> {
 
     /// The standard deviation of each effort's residuals, in its own unit.
     pub(super) fn sigmas(&self, point: &Point) -> Vec<f64> {
-        let x = self.base(point);
+        let x = self.unknowns.base(point);
         let rows: usize = self.set.factors().iter().map(QrFactor::rows).sum();
-        let free = (1.0 - self.unknowns() as f64 / rows.max(1) as f64).max(f64::EPSILON);
+        let free = (1.0 - self.unknowns.count() as f64 / rows.max(1) as f64).max(f64::EPSILON);
         let one = |(effort, factor): (usize, &QrFactor)| {
             let residuals = self.residuals(effort, factor, &x, point);
             let squares: f64 = residuals.iter().map(|r| r * r).sum::<f64>() + factor.rss();
@@ -390,15 +341,6 @@ impl Problem<'_> {
         };
         self.set.factors().iter().enumerate().map(one).collect()
     }
-}
-
-/// A column over all base parameters from one over some.
-pub(super) fn spread(n: usize, places: &[usize], column: &[f64]) -> Vec<f64> {
-    let mut out = vec![0.0; n];
-    for (place, value) in places.iter().zip(column) {
-        out[*place] = *value;
-    }
-    out
 }
 
 /// A QR factor with a row for each unknown that keeps it where it is: a factor times the length of

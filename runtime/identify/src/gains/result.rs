@@ -2,8 +2,8 @@
 
 use super::linear::{Column, Linear};
 use super::payload::PhysicalValue;
-use super::problem::GainKind;
 use super::statistics::Solved;
+use super::unknowns::GainKind;
 use crate::estimate::{Deviations, Estimate, quantile};
 use crate::model::{
     Covariance, Gain, IdentifiedModel, IdentifiedPayload, Interval, Intervals, PayloadValue,
@@ -19,7 +19,7 @@ impl Solved<'_> {
         method: String,
     ) -> IdentifiedModel {
         let columns = &linear.columns;
-        let n = linear.x.len();
+        let n = self.base;
         // the gradient of each base parameter by the columns; nothing, or 0, where it is known
         let mut gradients: Vec<Vec<f64>> = vec![Vec::new(); n];
         for (k, column) in columns.iter().enumerate() {
@@ -39,7 +39,7 @@ impl Solved<'_> {
                 Column::Gain(_) => {}
             }
         }
-        let labels = self.problem.set.labels();
+        let labels = self.problem.set.labels().get(..n).unwrap_or_default();
         let base = gradients.iter().enumerate().map(|(k, gradient)| {
             let value = linear.x[k];
             if gradient.iter().any(|g| *g != 0.0) {
@@ -52,7 +52,7 @@ impl Solved<'_> {
         });
         let base: Vec<Option<Interval>> = base.collect();
         let mut gains = Vec::new();
-        for (effort, kind) in self.problem.gains.iter().enumerate() {
+        for (effort, kind) in self.problem.unknowns.gains.iter().enumerate() {
             let value = 1.0 / linear.inverse_gain(effort);
             let place = columns.iter().position(|c| *c == Column::Gain(effort));
             let interval = match place {
@@ -71,7 +71,13 @@ impl Solved<'_> {
                 });
             }
         }
-        let payloads = self.problem.loads.iter().zip(&self.point.loads).enumerate();
+        let payloads = self
+            .problem
+            .unknowns
+            .loads
+            .iter()
+            .zip(&self.point.loads)
+            .enumerate();
         let payloads = payloads.map(|(load, (own, unknown))| {
             let values = own.physical_values(unknown);
             let values = values.into_iter().map(|found: PhysicalValue| {
@@ -108,8 +114,8 @@ impl Solved<'_> {
             uncertainty.covariance(names, &of)
         });
         IdentifiedModel {
-            name: format!("{} with gains and payloads", self.name()),
-            beta: linear.x.clone(),
+            name: format!("{} with gains and payloads", self.name),
+            beta: linear.x.iter().take(n).copied().collect(),
             feasibility: "not judged".to_owned(),
             intervals: Intervals {
                 base,

@@ -1,8 +1,9 @@
 //! Huber's estimate of parameters, gains and payloads: residuals are weighted in the units in which
 //! the efforts were measured.
 
-use super::problem::{Point, Problem};
+use super::problem::Problem;
 use super::rows::{Rows, Sample};
+use super::unknowns::Point;
 use super::{GainError, Source};
 use crate::data::DataError;
 use crate::estimate::{Accumulator, FactorSet, Origin, Weighting, huber};
@@ -114,14 +115,22 @@ where
         bound,
     };
     for pass in 1.. {
-        let efforts = 0..problem.gains.len();
+        let efforts = 0..problem.unknowns.gains.len();
         let previous = Previous {
-            x: problem.base(&point),
-            inverse_gains: efforts.map(|e| problem.inverse_gain(e, &point)).collect(),
+            x: problem.unknowns.base(&point),
+            inverse_gains: efforts
+                .map(|e| problem.unknowns.inverse_gain(e, &point))
+                .collect(),
             huber: &huber,
         };
         let (set, psi_squares) = reduce(rows, origin, Some(&previous))?;
-        let sigmas = huber::scales(&set, &psi_squares, &huber.sigmas, problem.unknowns(), bound);
+        let sigmas = huber::scales(
+            &set,
+            &psi_squares,
+            &huber.sigmas,
+            problem.unknowns.count(),
+            bound,
+        );
         let weights: Vec<f64> = match weighting {
             Weighting::Equal => vec![1.0; sigmas.len()],
             Weighting::PerEffort => sigmas.iter().map(|sigma| 1.0 / sigma).collect(),
@@ -129,7 +138,7 @@ where
         huber.sigmas = sigmas;
         let own = Problem {
             set: &set,
-            ..problem.clone()
+            unknowns: problem.unknowns,
         };
         let (next, converged) = own.search(point.clone(), &weights)?;
         if !converged {

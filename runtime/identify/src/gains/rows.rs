@@ -6,7 +6,10 @@ use nalgebra::DMatrix;
 use super::{CarriedRun, GainError};
 use crate::data::DataError;
 use crate::estimate::EstimateError;
-use crate::identify::{Columns, EquationKind, LeftOut, NoColumns, Replay, Source, StateSample};
+use crate::identify::{
+    Columns, EquationKind, InstrumentRegressor, LeftOut, MotionSeries, NoColumns, Replay, Source,
+    StateSample,
+};
 use regen_runtime::{BaseModel, Status};
 
 /// The equations of one sample.
@@ -14,23 +17,37 @@ pub(super) struct Sample<'a> {
     /// The regressor of all base parameters, efforts x r, column-major; the columns of payloads that
     /// are not carried are 0.
     pub(super) w: &'a [f64],
+    /// The regressor at the motion of the instruments, in the same form; empty without instruments.
+    pub(super) z: &'a [f64],
     /// The measured efforts: N m, N or A.
     pub(super) measured: &'a [f64],
     /// The factor on each equation; 0 for one that is left out.
     pub(super) weights: &'a [f64],
+    pub(super) time: f64,
     pub(super) follows: bool,
 }
 
 /// Receives the equations of each sample.
 type Sink<'a> = dyn FnMut(&Sample<'_>) -> Result<(), EstimateError> + 'a;
 
+/// Where the parts of a sample stand among the columns of a run's equations, counted in columns.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// The first column of the regressor, and the number of its columns.
+    w: (usize, usize),
+    /// The column of the measured efforts; `None` where they are the right-hand sides.
+    measured: Option<usize>,
+    /// The first column of the instruments.
+    z: Option<usize>,
+}
+
 /// The runs, whose equations are computed once as long as there is memory.
 pub(super) struct Rows<'a, M: ?Sized, S: ?Sized> {
+    model: &'a M,
     runs: Vec<(Replay<'a, M, S>, Vec<usize>)>,
     /// The names of the efforts, one for each row of a sample.
     pub(super) efforts: Vec<String>,
-    /// The number of base parameters.
-    base: usize,
+    layout: Layout,
     /// Whether the efforts are those of other coordinates than the independent ones.
     by_drive: bool,
 }
@@ -49,73 +66,144 @@ where
         runs: &'a mut [CarriedRun<'_, S>],
         blocks: &[Vec<usize>],
     ) -> Result<Self, GainError> {
-        let info = model.info();
-        let by_drive = !info.independent.iter().all(|c| info.actuated.contains(c));
-        if info.actuated.len() != info.dof() {
-            return Err(GainError::Drives {
-                actuated: info.actuated.len(),
-                dof: info.dof(),
-            });
-        }
-        let rows = if by_drive {
-            info.actuated
+        let by_drive = is_by_drive(model);
+        let r = model.base_info().base.len();
+        let layout = if by_drive {
+            Layout {
+                w: (r, r),
+                measured: Some(2 * r),
+                z: None,
+            }
         } else {
-            info.independent
+            Layout {
+                w: (0, r),
+                measured: None,
+                z: None,
+            }
         };
-        let names = rows.iter().filter_map(|c| info.coordinates.get(*c));
-        let base = model.base_info().base.len();
-        let count = runs.len();
         let runs = runs.iter_mut().map(|run| {
             let columns: Box<dyn Columns + 'a> = if by_drive {
-                Box::new(ByDrive::new(model, base))
+                Box::new(ByDrive::new(model))
             } else {
                 Box::new(NoColumns)
             };
-            let absent = blocks.iter().enumerate();
-            let absent = absent.filter(|(k, _)| run.carried != Some(*k));
-            let absent: Vec<usize> = absent.flat_map(|(_, block)| block.clone()).collect();
-            let replay = Replay::with_columns(model, EquationKind::Forces, run.source, columns);
+            (&mut *run.source, run.carried, columns)
+        });
+        Self::with_columns(model, runs.collect(), blocks, layout)
+    }
+
+    /// Prepares equations whose columns are those of [`LoadedLoops`](super::LoadedLoops): derivatives
+    /// and a constant part of predicted efforts, then measured ones.
+    pub(super) fn linearised(
+        model: &'a M,
+        source: &'a mut S,
+        columns: Box<dyn Columns + 'a>,
+    ) -> Result<Self, GainError> {
+        let r = model.base_info().base.len();
+        crate::identify::require("columns", r + 2, columns.count())?;
+        let layout = Layout {
+            w: (r, r + 1),
+            measured: Some(2 * r + 1),
+            z: None,
+        };
+        Self::with_columns(model, vec![(source, None, columns)], &[], layout)
+    }
+
+    fn with_columns(
+        model: &'a M,
+        runs: Vec<(&'a mut S, Option<usize>, Box<dyn Columns + 'a>)>,
+        blocks: &[Vec<usize>],
+        layout: Layout,
+    ) -> Result<Self, GainError> {
+        let count = runs.len();
+        let runs = runs.into_iter().map(|(source, carried, columns)| {
+            let absent = absent(blocks, carried);
+            let replay = Replay::with_columns(model, EquationKind::Forces, source, columns);
             (replay.shared(count), absent)
         });
         Ok(Self {
+            model,
+            efforts: efforts(model)?,
+            layout,
+            by_drive: is_by_drive(model),
             runs: runs.collect(),
-            efforts: names.map(|name| (*name).to_owned()).collect(),
-            base,
-            by_drive,
         })
+    }
+
+    /// Adds instruments to the equations of the runs, or replaces those that they have.
+    ///
+    /// - `motions`: the motion of the instruments of each run.
+    pub(super) fn set_instruments(&mut self, motions: Vec<MotionSeries>) -> Result<(), GainError> {
+        let r = self.model.base_info().base.len();
+        for ((replay, _), motion) in self.runs.iter_mut().zip(motions) {
+            let columns = InstrumentRegressor::new(self.model, motion)?;
+            replay.set_columns(if self.by_drive {
+                Box::new(BothByDrive {
+                    rows: ByDrive::new(self.model),
+                    instruments: columns,
+                })
+            } else {
+                Box::new(columns)
+            });
+        }
+        self.layout.z = Some(if self.by_drive { 2 * r + 1 } else { r });
+        Ok(())
+    }
+
+    /// The base parameters of each run: those of payloads that it does not carry are 0.
+    ///
+    /// - `x`: all base parameters.
+    pub(super) fn base_of_runs(&self, x: &[f64]) -> Vec<Vec<f64>> {
+        let of_run = |(_, absent): &(Replay<'a, M, S>, Vec<usize>)| without(x, absent);
+        self.runs.iter().map(of_run).collect()
     }
 
     /// Passes the equations of all runs to `each`, run after run.
     pub(super) fn visit(&mut self, each: &mut Sink<'_>) -> Result<(), GainError> {
         let dof = self.efforts.len();
-        let size = dof * self.base;
-        let mut w = vec![0.0; size];
+        let Layout {
+            w: (first, count),
+            measured,
+            z,
+        } = self.layout;
+        let mut w = vec![0.0; dof * count];
+        let mut instruments = vec![0.0; z.map_or(0, |_| dof * count)];
         let mut weights = vec![0.0; dof];
+        let by_drive = self.by_drive;
         for (replay, absent) in &mut self.runs {
-            let by_drive = self.by_drive;
             let result = replay.visit(&mut |rows| {
                 if rows.tau.is_empty() {
                     return Ok(());
                 }
-                let own = rows.w.get(if by_drive { size..2 * size } else { 0..size });
-                w.copy_from_slice(own.unwrap_or_default());
-                for column in absent.iter() {
-                    w[column * dof..(column + 1) * dof].fill(0.0);
+                let part = |first: usize, count: usize| {
+                    let own = rows.w.get(dof * first..dof * (first + count));
+                    own.unwrap_or_default()
+                };
+                w.copy_from_slice(part(first, count));
+                if let Some(z) = z {
+                    instruments.copy_from_slice(part(z, count));
                 }
-                let measured = if by_drive {
+                for column in absent.iter() {
+                    for all in [&mut w, &mut instruments] {
+                        if let Some(own) = all.get_mut(column * dof..(column + 1) * dof) {
+                            own.fill(0.0);
+                        }
+                    }
+                }
+                if by_drive {
                     // static friction in one equation affects the equations of all drives, because
                     // each of these is a combination of all equations
                     let least = rows.weights.iter().copied().fold(1.0, f64::min);
                     weights.fill(least);
-                    rows.w.get(2 * size..).unwrap_or_default()
                 } else {
                     weights.copy_from_slice(rows.weights);
-                    rows.tau
-                };
+                }
                 each(&Sample {
                     w: &w,
-                    measured,
+                    z: &instruments,
+                    measured: measured.map_or(rows.tau, |column| part(column, 1)),
                     weights: &weights,
+                    time: rows.time,
                     follows: rows.follows,
                 })
             });
@@ -143,9 +231,59 @@ where
     }
 }
 
+/// Whether a drive moves a dependent coordinate.
+pub(super) fn is_by_drive<M: BaseModel<f64> + ?Sized>(model: &M) -> bool {
+    let info = model.info();
+    !info.independent.iter().all(|c| info.actuated.contains(c))
+}
+
+/// The names of the efforts that are measured, one for each equation of a sample.
+pub(super) fn efforts<M: BaseModel<f64> + ?Sized>(model: &M) -> Result<Vec<String>, GainError> {
+    let info = model.info();
+    if info.actuated.len() != info.dof() {
+        return Err(GainError::Drives {
+            actuated: info.actuated.len(),
+            dof: info.dof(),
+        });
+    }
+    let rows = if is_by_drive(model) {
+        info.actuated
+    } else {
+        info.independent
+    };
+    let names = rows.iter().filter_map(|c| info.coordinates.get(*c));
+    Ok(names.map(|name| (*name).to_owned()).collect())
+}
+
+/// For each effort of [`efforts`], its place among the actuated coordinates.
+pub(super) fn drives<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<usize> {
+    let info = model.info();
+    if is_by_drive(model) {
+        return (0..info.actuated.len()).collect();
+    }
+    let place = |c: &usize| info.actuated.iter().position(|own| own == c);
+    info.independent.iter().filter_map(place).collect()
+}
+
+/// The base parameters of the payloads that a run does not carry.
+pub(super) fn absent(blocks: &[Vec<usize>], carried: Option<usize>) -> Vec<usize> {
+    let absent = blocks.iter().enumerate();
+    let absent = absent.filter(|(k, _)| carried != Some(*k));
+    absent.flat_map(|(_, block)| block.clone()).collect()
+}
+
+/// Base parameters with those at some places as 0.
+pub(super) fn without(x: &[f64], absent: &[usize]) -> Vec<f64> {
+    let mut out = x.to_vec();
+    for place in absent {
+        out[*place] = 0.0;
+    }
+    out
+}
+
 /// The regressor's rows, and the measured efforts, by drives: where a drive moves a dependent
 /// coordinate, the generalized forces are combinations of the efforts.
-struct ByDrive<'a, M: ?Sized> {
+pub(super) struct ByDrive<'a, M: ?Sized> {
     model: &'a M,
     base: usize,
     /// A unit effort of one drive.
@@ -155,14 +293,41 @@ struct ByDrive<'a, M: ?Sized> {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> ByDrive<'a, M> {
-    fn new(model: &'a M, base: usize) -> Self {
+    pub(super) fn new(model: &'a M) -> Self {
         let dof = model.info().dof();
         Self {
             model,
-            base,
+            base: model.base_info().base.len(),
             unit: vec![0.0; dof],
             forces: vec![0.0; dof * dof],
         }
+    }
+
+    /// The regressor's rows by drives at positions `q`; false where they are singular.
+    ///
+    /// - `w`: the base regressor, dof x r, column-major; `out`: as large.
+    pub(super) fn transform(
+        &mut self,
+        q: &[f64],
+        w: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
+        let dof = self.unit.len();
+        for (k, column) in self.forces.chunks_exact_mut(dof.max(1)).enumerate() {
+            self.unit.fill(0.0);
+            self.unit[k] = 1.0;
+            let condition = self.model.generalized_forces(q, &self.unit, column)?;
+            if condition.status() == Status::Singular {
+                return Ok(false);
+            }
+        }
+        let forces = DMatrix::from_column_slice(dof, dof, &self.forces);
+        let regressor = DMatrix::from_column_slice(dof, self.base, w);
+        let Some(rows) = forces.lu().solve(&regressor) else {
+            return Ok(false);
+        };
+        out.copy_from_slice(rows.as_slice());
+        Ok(true)
     }
 }
 
@@ -185,22 +350,41 @@ impl<M: BaseModel<f64> + ?Sized> Columns for ByDrive<'_, M> {
                 got: row.efforts.len(),
             });
         }
-        for (k, column) in self.forces.chunks_exact_mut(dof.max(1)).enumerate() {
-            self.unit.fill(0.0);
-            self.unit[k] = 1.0;
-            let condition = self.model.generalized_forces(row.q, &self.unit, column)?;
-            if condition.status() == Status::Singular {
-                return Ok(false);
-            }
-        }
-        let forces = DMatrix::from_column_slice(dof, dof, &self.forces);
-        let regressor = DMatrix::from_column_slice(dof, self.base, w);
-        let Some(rows) = forces.lu().solve(&regressor) else {
-            return Ok(false);
-        };
         let (of_base, measured) = out.split_at_mut(dof * self.base);
-        of_base.copy_from_slice(rows.as_slice());
         measured.copy_from_slice(row.efforts);
-        Ok(true)
+        self.transform(row.q, w, of_base)
+    }
+}
+
+/// The columns of [`ByDrive`], and then the instruments by drives.
+struct BothByDrive<'a, M: ?Sized> {
+    rows: ByDrive<'a, M>,
+    instruments: InstrumentRegressor<'a, M>,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for BothByDrive<'_, M> {
+    fn count(&self) -> usize {
+        self.rows.count() + self.instruments.count()
+    }
+
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        w: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
+        let (own, z) = out.split_at_mut(self.rows.count() * self.rows.unit.len());
+        let mut there = vec![0.0; z.len()];
+        // both, so that the instruments keep up with the rows
+        let is_regular = self.instruments.fill(row, &[], &mut there)?;
+        if !self.rows.fill(row, w, own)? || !is_regular {
+            return Ok(false);
+        }
+        let q = self.instruments.positions().to_vec();
+        self.rows.transform(&q, &there, z)
+    }
+
+    fn restart(&mut self) {
+        self.instruments.restart();
     }
 }

@@ -1,18 +1,20 @@
 //! The statistics of a solved fit: residuals, deviations, shares.
 
 use super::linear::{Column, Linear};
-use super::problem::{GainKind, Point, Problem};
+use super::problem::Problem;
 use super::rank::require_rank;
 use super::result::Uncertainty;
 use super::robust::Huber;
 use super::rows::{Rows, Sample};
+use super::unknowns::{GainKind, Point};
 use super::{GainError, GainFit, GainOptions, Plan, in_si};
 use crate::data::DataError;
 use crate::estimate::huber::PsiSums;
 use crate::estimate::{
-    Autoregression, Blocks, Estimate, EstimateError, FactorSet, ORDER, QrFactor, Residuals, Scores,
+    Autoregression, Blocks, Deviations, Estimate, EstimateError, FactorSet, ORDER, QrFactor,
+    Residuals, Scores,
 };
-use crate::identify::Source;
+use crate::identify::{Instrumental, LeftOut, Source};
 use crate::qr_update::substitute;
 use crate::session::describe;
 use crate::status::EffortContributions;
@@ -20,7 +22,7 @@ use regen_runtime::BaseModel;
 
 /// A solved fit, of which the deviations are computed.
 pub(super) struct Solved<'a> {
-    pub(super) problem: &'a Problem<'a>,
+    pub(super) problem: Problem<'a>,
     /// The QR factors of the equations without Huber's weights.
     pub(super) plain: &'a FactorSet,
     pub(super) point: &'a Point,
@@ -33,6 +35,20 @@ pub(super) struct Solved<'a> {
     pub(super) of_robot: &'a [usize],
     pub(super) plan: &'a Plan,
     pub(super) options: &'a GainOptions,
+    /// The number of base parameters, which come first among the places of the unknowns.
+    pub(super) base: usize,
+    /// The name of the estimator.
+    pub(super) name: &'static str,
+}
+
+/// An estimate of the linearised unknowns.
+struct Found {
+    estimate: Estimate,
+    deviations: Deviations,
+    /// How the deviations were computed, in words.
+    of: String,
+    errors: Residuals,
+    correlation_length: usize,
 }
 
 impl Solved<'_> {
@@ -45,9 +61,8 @@ impl Solved<'_> {
     {
         let linear = self.linear();
         let (set, efforts) = (self.problem.set, rows.efforts.clone());
-        let label = |column: &Column| linear.label(*column, set.labels(), &efforts);
-        let labels: Vec<String> = linear.columns.iter().map(label).collect();
-        let factor = linear.factor(&linear.columns, &labels)?;
+        let labels = linear.labels(set.labels(), &efforts);
+        let factor = linear.factor((set, self.weights), &linear.columns, &labels)?;
         require_rank(&linear, &factor)?;
         if !self.converged {
             return Err(GainError::NotConverged);
@@ -59,21 +74,13 @@ impl Solved<'_> {
         let (errors, noise) = self.residuals(&linear, rows, &gains)?;
         let (blocks, sums) = self.scores(&linear, rows, &noise, &estimate.values)?;
         let all: Vec<usize> = (0..linear.columns.len()).collect();
-        let plain = linear.factor_of(self.plain, &linear.columns, &labels)?;
+        let plain = linear.factor((self.plain, self.weights), &linear.columns, &labels)?;
         let mut inside = 1.0;
         if self.huber.is_some() {
             estimate.covariance = sums.covariance(&plain)?;
             inside = sums.fraction_within_bound();
         }
-        let mut deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
-        let of_robot = self.of_robot(&linear, &factor, &efforts)?;
-        let is_robot_exact = self.plan.robot.is_some() && of_robot.is_none();
-        if let Some(more) = of_robot {
-            deviations = deviations.with_added(&more);
-            for (sum, x) in estimate.covariance.iter_mut().zip(&more) {
-                *sum += x;
-            }
-        }
+        let deviations = blocks.deviations(&plain, &all, &estimate.values, inside)?;
         let sigmas = match self.huber {
             Some(huber) => huber.sigmas().to_vec(),
             None => self.problem.sigmas(self.point),
@@ -83,6 +90,89 @@ impl Solved<'_> {
             .zip(&gains)
             .map(|(((name, factor), sigma), gain)| in_si(name, factor.rows(), *sigma, *gain))
             .collect();
+        #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+        let correlation_length = blocks.correlation_length().round() as usize;
+        let found = Found {
+            of: describe(&deviations),
+            estimate,
+            deviations,
+            errors,
+            correlation_length,
+        };
+        Ok(GainFit {
+            left_out: rows.left_out(),
+            ..self.fit(&linear, found, &efforts)?
+        })
+    }
+
+    /// The result of an estimate by instrumental variables at this point, whose errors are computed in SI.
+    pub(super) fn finish_instrumental<M, S>(
+        &self,
+        rows: &mut Rows<'_, M, S>,
+        found: &mut Instrumental,
+    ) -> Result<GainFit, GainError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source + ?Sized,
+        S::Error: Into<DataError>,
+    {
+        let linear = self.linear();
+        let efforts = rows.efforts.clone();
+        let gains: Vec<f64> = (0..efforts.len())
+            .map(|effort| 1.0 / linear.inverse_gain(effort))
+            .collect();
+        let (errors, _) = self.residuals(&linear, rows, &gains)?;
+        let means = self.plain.means();
+        let at = (linear.x.as_slice(), gains.as_slice());
+        let smooth = residual_statistics(rows, at, &means, self.options, |sample| sample.z)?;
+        found.at_instruments = smooth.relative_absolute();
+        let mut estimate = found.estimate.clone();
+        let deviations = Deviations::white(&estimate);
+        for (own, gain) in estimate.efforts.iter_mut().zip(&gains) {
+            *own = in_si(&own.name, own.rows, own.sigma, *gain);
+        }
+        let correlation_length = found.hac_bandwidth;
+        let own = Found {
+            of: format!(
+                "whitened scores correlated in {correlation_length} samples (Newey and West)"
+            ),
+            estimate,
+            deviations,
+            errors,
+            correlation_length,
+        };
+        let fit = GainFit {
+            left_out: rows.left_out(),
+            ..self.fit(&linear, own, &efforts)?
+        };
+        found.errors.clone_from(&fit.errors);
+        found.left_out = fit.left_out.clone();
+        found.relative_absolute = fit.relative_absolute;
+        Ok(fit)
+    }
+
+    /// The result of an estimate, without what is left out of the logs.
+    fn fit(
+        &self,
+        linear: &Linear<'_>,
+        found: Found,
+        efforts: &[String],
+    ) -> Result<GainFit, GainError> {
+        let Found {
+            mut estimate,
+            mut deviations,
+            errors,
+            correlation_length,
+            of,
+        } = found;
+        let of_robot = self.of_robot(linear, efforts)?;
+        let is_robot_exact = self.plan.robot.is_some() && of_robot.is_none();
+        if let Some(more) = of_robot {
+            deviations = deviations.with_added(&more);
+            for (sum, x) in estimate.covariance.iter_mut().zip(&more) {
+                *sum += x;
+            }
+        }
         let uncertainty = Uncertainty {
             estimate: &estimate,
             deviations: &deviations,
@@ -93,23 +183,16 @@ impl Solved<'_> {
         } else {
             ""
         };
-        let method = format!(
-            "{} in units of measurement, {}{exact}",
-            self.name(),
-            describe(&deviations)
-        );
-        let model = self.model(&linear, &uncertainty, &efforts, method);
-        #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
-        let correlation_length = blocks.correlation_length().round() as usize;
+        let method = format!("{} in units of measurement, {of}{exact}", self.name);
         Ok(GainFit {
-            model,
-            shares: self.shares(&linear)?,
+            model: self.model(linear, &uncertainty, efforts, method),
+            shares: self.shares(linear)?,
             relative_absolute: errors.relative_absolute(),
             errors: errors.efforts(),
             estimate,
             deviations,
             correlation_length,
-            left_out: rows.left_out(),
+            left_out: LeftOut::default(),
             is_robot_exact,
         })
     }
@@ -117,7 +200,9 @@ impl Solved<'_> {
     /// The standard deviation of the weighted residuals.
     pub(super) fn noise(&self) -> f64 {
         let rows = self.problem.set.factors().iter().map(QrFactor::rows);
-        let freedom = rows.sum::<usize>().saturating_sub(self.problem.unknowns());
+        let freedom = rows
+            .sum::<usize>()
+            .saturating_sub(self.problem.unknowns.count());
         (self.problem.cost(self.point, self.weights) / freedom.max(1) as f64).sqrt()
     }
 
@@ -159,14 +244,6 @@ impl Solved<'_> {
             .iter()
             .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
         Ok((errors, fits.collect()))
-    }
-
-    /// The estimator.
-    pub(super) fn name(&self) -> &'static str {
-        match self.huber {
-            Some(_) => "Huber's estimate",
-            None => "least squares",
-        }
     }
 
     /// The weighted residuals of a sample, bounded by Huber's weight, and the derivatives of these by
@@ -224,7 +301,6 @@ impl Solved<'_> {
     fn of_robot(
         &self,
         linear: &Linear<'_>,
-        factor: &QrFactor,
         efforts: &[String],
     ) -> Result<Option<Vec<f64>>, EstimateError> {
         let robot = self.plan.robot.as_ref();
@@ -232,7 +308,7 @@ impl Solved<'_> {
             return Ok(None);
         };
         let mut fixed: Vec<Column> = self.of_robot.iter().map(|k| Column::Robot(*k)).collect();
-        let gains = self.problem.gains.iter().enumerate();
+        let gains = self.problem.unknowns.gains.iter().enumerate();
         let found = gains.filter(|(_, kind)| matches!(kind, GainKind::Found(_)));
         fixed.extend(found.map(|(effort, _)| Column::Gain(effort)));
         let set = self.problem.set;
@@ -243,9 +319,9 @@ impl Solved<'_> {
             .iter()
             .map(|column| covariance.place(&label(column)))
             .collect();
-        let whole = linear.factor(&columns, &labels)?;
+        let whole = linear.factor((set, self.weights), &columns, &labels)?;
         // the first columns of the QR factor are those of the unknowns alone
-        let (n, m) = (factor.columns(), columns.len());
+        let (n, m) = (linear.columns.len(), columns.len());
         let top = |column: usize| whole.r().get(column * m..column * m + n);
         let own: Vec<f64> = (0..n)
             .flat_map(|k| top(k).unwrap_or_default())
@@ -274,7 +350,7 @@ impl Solved<'_> {
     }
 
     /// The contributions of all base parameters to the measured efforts.
-    fn shares(&self, linear: &Linear<'_>) -> Result<EffortContributions, EstimateError> {
+    pub(super) fn shares(&self, linear: &Linear<'_>) -> Result<EffortContributions, EstimateError> {
         let set = self.problem.set;
         let mut whole = QrFactor::new(set.labels().to_vec());
         for (effort, factor) in set.factors().iter().enumerate() {
@@ -293,12 +369,14 @@ impl Solved<'_> {
 
 /// The statistics of the residuals of base parameters and gains, in SI.
 ///
-/// - `means`: those of the measured efforts, in their own units.
+/// - `means`: those of the measured efforts, in their own units;
+/// - `regressor`: which of a sample's regressors predicts the efforts.
 pub(super) fn residual_statistics<M, S>(
     rows: &mut Rows<'_, M, S>,
     (x, gains): (&[f64], &[f64]),
     means: &[f64],
     options: &GainOptions,
+    regressor: for<'s> fn(&Sample<'s>) -> &'s [f64],
 ) -> Result<Residuals, GainError>
 where
     M: BaseModel<f64> + ?Sized,
@@ -313,7 +391,8 @@ where
             errors.interrupt();
         }
         fitted.fill(0.0);
-        for (column, value) in sample.w.chunks_exact(gains.len().max(1)).zip(x) {
+        let columns = regressor(sample).chunks_exact(gains.len().max(1));
+        for (column, value) in columns.zip(x) {
             for (sum, w) in fitted.iter_mut().zip(column) {
                 *sum += w * value;
             }

@@ -70,6 +70,13 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         }
     }
 
+    /// Replaces the additional columns; the equations are computed again in the next pass.
+    pub(crate) fn set_columns(&mut self, columns: Box<dyn Columns + 'a>) {
+        self.columns = columns;
+        self.state = State::Empty;
+        self.stored = StoredEquations::default();
+    }
+
     /// Limits the memory to the share of one of several logs.
     pub(crate) fn shared(self, logs: usize) -> Self {
         Self {

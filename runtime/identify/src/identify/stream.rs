@@ -52,6 +52,29 @@ pub trait Columns {
     fn skip(&mut self) {}
 }
 
+impl<C: Columns + ?Sized> Columns for &mut C {
+    fn count(&self) -> usize {
+        (**self).count()
+    }
+
+    fn fill(
+        &mut self,
+        row: &StateSample<'_>,
+        w: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, EstimateError> {
+        (**self).fill(row, w, out)
+    }
+
+    fn restart(&mut self) {
+        (**self).restart();
+    }
+
+    fn skip(&mut self) {
+        (**self).skip();
+    }
+}
+
 /// No additional columns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoColumns;

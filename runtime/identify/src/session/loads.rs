@@ -56,12 +56,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
             carried: *carried,
         })
         .collect();
-    let options = GainOptions {
-        weighting: session.options.weighting,
-        huber: session.options.huber,
-        lags: session.options.lags,
-        confidence: session.confidence,
-    };
+    let options = gain_options(session);
     let model = session.model;
     let (free, physical) = match knowledge {
         None => (gains::fit(model, &options, plan, &mut sources)?, None),
@@ -91,6 +86,16 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
         physical,
         reports: reports.collect(),
     })
+}
+
+/// The options of a session for gains and payloads.
+pub fn gain_options<M: ?Sized>(session: &Session<'_, M>) -> GainOptions {
+    GainOptions {
+        weighting: session.options.weighting,
+        huber: session.options.huber,
+        lags: session.options.lags,
+        confidence: session.confidence,
+    }
 }
 
 /// The residuals of a model on one run, efforts in N m or N: currents of unknown gain have the

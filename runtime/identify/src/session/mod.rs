@@ -27,7 +27,7 @@ pub use cross::{CrossValidation, cross};
 pub use delays::settled_delays;
 pub use error::SessionError;
 pub use knowledge::{NominalTrust, PriorKnowledge};
-pub use loads::{LoadedFits, loaded_residuals, with_gains};
+pub use loads::{LoadedFits, gain_options, loaded_residuals, with_gains};
 pub(crate) use physical::{describe_draws, describe_fit, drawn_interval, unbounded};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use regen_codegen::explain::lines::{columns, field};
 use regen_identify::text::{figure, figure_of};
-use regen_response::{Didim, ResponseFit};
+use regen_response::{Departure, ResponseFit};
 use serde::Serialize;
 
 /// What estimators that simulate the controlled robot add to a result, as it is serialised.
@@ -73,15 +73,17 @@ struct UndeterminedDirection {
 impl Simulated {
     /// The rounds of DIDIM.
     ///
+    /// - `norms`: eps_RA of each round, percent;
+    /// - `departures`: how far the simulated motion is from measured positions;
     /// - `bandwidth`: of controllers whose gains are not known, Hz.
-    pub fn didim(found: &Didim, bandwidth: Option<f64>) -> Self {
-        let departures = found.departures.iter().map(|own| MotionDeparture {
+    pub fn didim(norms: &[f64], departures: &[Departure], bandwidth: Option<f64>) -> Self {
+        let departures = departures.iter().map(|own| MotionDeparture {
             name: own.name.clone(),
             percent: own.percent,
         });
         Self::Didim(Rounds {
-            count: found.rounds,
-            relative_absolute: found.norms.clone(),
+            count: norms.len(),
+            relative_absolute: norms.to_vec(),
             departures: departures.collect(),
             bandwidth,
         })

@@ -5,12 +5,10 @@ use std::collections::VecDeque;
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
-use super::log::Log;
-use super::{Hausman, RoundResult};
+use super::{Hausman, InstrumentedEquations, RoundResult};
 use crate::estimate::{Autocorrelated, EffortError, EstimateError, QrFactor};
-use crate::identify::passes::{Source, predicted};
+use crate::identify::passes::predicted;
 use crate::qr_update::substitute;
-use regen_runtime::BaseModel;
 
 /// A difference is left out of the test if the other differences explain all of its variance except
 /// at most this part.
@@ -38,32 +36,32 @@ pub(super) struct Covariances {
 /// computed, which is then coloured again (Andrews and Monahan, 1992): second differences of
 /// encoder noise are so strongly correlated that without whitening it would be several times too
 /// large.
-pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    log: &mut Log<'_, M, S>,
+pub(super) fn covariances<E: InstrumentedEquations>(
+    equations: &mut E,
     round: &RoundResult,
     bandwidth: usize,
-) -> Result<Covariances, S::Error> {
+) -> Result<Covariances, E::Error> {
     let solution = &round.solution;
     let r = solution.values.len();
     let noise = autoregression(&round.efforts);
     let mut past: VecDeque<Vec<f64>> = VecDeque::new();
     let mut scores = Autocorrelated::new(2 * r, bandwidth);
     let mut score = vec![0.0; 2 * r];
-    log.visit(&mut |equations| {
-        if !equations.follows {
+    equations.visit(&mut |rows| {
+        if !rows.follows {
             scores.interrupt();
             past.clear();
         }
         score.fill(0.0);
-        let count = equations.tau.len();
-        for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
+        let count = rows.tau.len();
+        for (e, (tau, own)) in rows.tau.iter().zip(rows.weights).enumerate() {
             let weight = own * round.weights.get(e).copied().unwrap_or(1.0);
             if weight == 0.0 {
                 continue;
             }
-            let psi = weight * weight * (tau - predicted(equations, e, &solution.values));
+            let psi = weight * weight * (tau - predicted(rows, e, &solution.values));
             // the scores of W, then those of Z
-            let row = equations.w.iter().skip(e).step_by(count);
+            let row = rows.w.iter().skip(e).step_by(count);
             for (sum, x) in score.iter_mut().zip(row) {
                 *sum += x * psi;
             }

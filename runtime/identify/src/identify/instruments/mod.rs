@@ -14,20 +14,21 @@
 //! 2014), or the measured one after smoothing ([`MotionSeries::smoothed`]). Z is filtered like W.
 
 mod hausman;
-mod log;
 mod motion;
+mod regressor;
 mod sums;
 
 pub use motion::MotionSeries;
+pub(crate) use regressor::InstrumentRegressor;
 
 use hausman::{covariances, hausman};
-use log::Log;
 use sums::{Solution, Sums};
 
 use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::{Source, predicted};
+use super::replay::Replay;
 use super::stream::LeftOut;
-use crate::estimate::{EffortError, Estimate, Residuals, Weighting};
+use crate::estimate::{EffortError, Estimate, EstimateError, Origin, Residuals, Weighting};
 use regen_runtime::BaseModel;
 
 /// Options of an estimate by instrumental variables.
@@ -148,6 +149,70 @@ const KEPT_DEVIATIONS: f64 = 1.0;
 /// same as in the last call.
 pub type MotionSource<'a, E> = dyn FnMut(&[f64]) -> Result<Option<MotionSeries>, E> + 'a;
 
+/// Equations whose columns are those of the regressor W, and then those of the instruments Z.
+pub(crate) trait InstrumentedEquations {
+    /// The error of reading a log or of computing a motion.
+    type Error: From<EstimateError>;
+
+    /// The labels of the unknowns, and the names of the efforts.
+    fn origin(&self) -> Origin;
+
+    /// Replaces the instruments by those for these values of the unknowns. Returns false if they
+    /// are the same as before.
+    fn renew(&mut self, values: &[f64]) -> Result<bool, Self::Error>;
+
+    /// Linearises the equations at these values. Returns false if they are linear.
+    fn linearise(&mut self, values: &[f64]) -> bool;
+
+    /// Passes the equations of all samples to `each`, in order of time.
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), Self::Error>;
+}
+
+/// The equations of the base parameters.
+struct BaseEquations<'a, 'f, M: ?Sized, S: Source + ?Sized> {
+    model: &'a M,
+    replay: Replay<'a, M, S>,
+    motion: &'f mut MotionSource<'f, S::Error>,
+}
+
+impl<M: BaseModel<f64> + ?Sized, S: Source + ?Sized> InstrumentedEquations
+    for BaseEquations<'_, '_, M, S>
+{
+    type Error = S::Error;
+
+    fn origin(&self) -> Origin {
+        EquationBuilder::new(self.model, EquationKind::Forces).origin()
+    }
+
+    fn renew(&mut self, values: &[f64]) -> Result<bool, S::Error> {
+        let Some(motion) = (self.motion)(values)? else {
+            return Ok(false);
+        };
+        let columns = InstrumentRegressor::new(self.model, motion)?;
+        self.replay.set_columns(Box::new(columns));
+        Ok(true)
+    }
+
+    fn linearise(&mut self, _: &[f64]) -> bool {
+        false
+    }
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        self.replay.visit(&mut |rows| {
+            if rows.tau.is_empty() {
+                return Ok(());
+            }
+            each(rows)
+        })
+    }
+}
+
 /// Identifies base parameters by instrumental variables.
 ///
 /// - `start`: base parameters to begin with, those of least squares, SI;
@@ -165,22 +230,40 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     start: &[f64],
     motion: &mut MotionSource<'_, S::Error>,
 ) -> Result<Instrumental, S::Error> {
-    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
+    let none = InstrumentRegressor::new(model, MotionSeries::new(model.info().dof()))?;
+    let mut equations = BaseEquations {
+        model,
+        replay: Replay::with_columns(model, EquationKind::Forces, source, Box::new(none)),
+        motion: &mut |values| motion(values),
+    };
+    let found = instrumental_of(&mut equations, options, start)?;
+    Ok(Instrumental {
+        left_out: equations.replay.left_out().clone(),
+        ..found
+    })
+}
+
+/// Identifies the unknowns of equations by instrumental variables; what is left out of the logs is
+/// not counted.
+pub(crate) fn instrumental_of<E: InstrumentedEquations>(
+    equations: &mut E,
+    options: &InstrumentOptions,
+    start: &[f64],
+) -> Result<Instrumental, E::Error> {
+    let origin = equations.origin();
     let mut values = start.to_vec();
-    let mut log = Log::new(model, source);
     let mut sums: Option<Sums> = None;
     let mut weights: Option<Vec<f64>> = None;
     let mut rounds = 0;
     let mut moved = f64::INFINITY;
     let (sums, mut found, converged) = loop {
         let keeps_motion = rounds >= MOTIONS && moved < KEPT_DEVIATIONS;
-        if !keeps_motion && let Some(next) = motion(&values)? {
-            log.set_motion(next);
+        if !keeps_motion && equations.renew(&values)? {
             sums = None;
         }
         let now = match sums.take() {
             Some(now) => now,
-            None => Sums::of(&mut log, &origin)?,
+            None => Sums::of(equations, &origin)?,
         };
         let own = if let Some(weights) = weights.take() {
             weights
@@ -192,7 +275,8 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         moved = solution.change_from(&values)?;
         rounds += 1;
         values.clone_from(&solution.values);
-        let (measured, smooth) = residuals(&mut log, options, &now, &values)?;
+        let is_linear = !equations.linearise(&values);
+        let (measured, smooth) = residuals(equations, options, &now, &values)?;
         let efforts = measured.efforts();
         let round = RoundResult {
             solution,
@@ -208,7 +292,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             break (now, round, converged);
         }
         weights = Some(round.next_weights(options.weighting));
-        sums = Some(now);
+        sums = is_linear.then_some(now);
     };
     let rows = found.efforts.iter().map(|e| e.samples).max().unwrap_or(0);
     // whitened scores need a short bandwidth only: Stock and Watson's rule
@@ -218,7 +302,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         .hac_bandwidth
         .unwrap_or(whitened)
         .clamp(1, rows.max(1));
-    let covariance = covariances(&mut log, &found, hac_bandwidth)?;
+    let covariance = covariances(equations, &found, hac_bandwidth)?;
     let mut estimate = Estimate::of(&found.solution.factor)?;
     estimate.labels.clone_from(&origin.labels);
     estimate.values.clone_from(&found.solution.values);
@@ -246,7 +330,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         relative_absolute: found.relative_absolute,
         at_instruments: found.at_instruments,
         hac_bandwidth,
-        left_out: log.left_out,
+        left_out: LeftOut::default(),
     })
 }
 
@@ -273,18 +357,18 @@ impl RoundResult {
 }
 
 /// The residuals at the measured motion and at that of the instruments.
-fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    log: &mut Log<'_, M, S>,
+fn residuals<E: InstrumentedEquations>(
+    equations: &mut E,
     options: &InstrumentOptions,
     sums: &Sums,
     values: &[f64],
-) -> Result<(Residuals, Residuals), S::Error> {
+) -> Result<(Residuals, Residuals), E::Error> {
     let means = sums.factors.means();
     let names = sums.factors.efforts.clone();
     let mut measured = Residuals::new(&names, &means, options.lags);
     let mut smooth = measured.clone();
     let (mut fitted, mut other, mut used) = (Vec::new(), Vec::new(), Vec::new());
-    log.visit(&mut |rows| {
+    equations.visit(&mut |rows| {
         if !rows.follows {
             measured.interrupt();
             smooth.interrupt();

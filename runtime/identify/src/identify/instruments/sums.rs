@@ -1,10 +1,8 @@
 //! Sums over equations with instruments, and the estimate from them.
 
-use super::log::Log;
+use super::InstrumentedEquations;
 use crate::estimate::{Accumulator, EstimateError, FactorSet, Origin, QrFactor};
-use crate::identify::passes::Source;
 use crate::qr_update::{reduce, substitute};
-use regen_runtime::BaseModel;
 
 /// A pivot below this part of the largest means that the instruments do not determine the
 /// parameters.
@@ -23,17 +21,17 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    pub(super) fn of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-        log: &mut Log<'_, M, S>,
+    pub(super) fn of<E: InstrumentedEquations>(
+        equations: &mut E,
         origin: &Origin,
-    ) -> Result<Self, S::Error> {
+    ) -> Result<Self, E::Error> {
         let (r, efforts) = (origin.labels.len(), origin.efforts.len());
         let mut accumulated = Accumulator::new(origin);
         let mut products = vec![vec![0.0; r * r]; efforts];
         let mut sides = vec![vec![0.0; r]; efforts];
         let mut squares = vec![vec![0.0; r]; efforts];
         let mut row = vec![0.0; r];
-        log.visit(&mut |rows| {
+        equations.visit(&mut |rows| {
             let count = rows.tau.len();
             let (own, instruments) = rows.w.split_at(r * count);
             for (e, (tau, weight)) in rows.tau.iter().zip(rows.weights).enumerate() {
