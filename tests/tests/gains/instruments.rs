@@ -5,7 +5,7 @@ use regen_identify::gains::{LoadedInstruments, instrumental};
 use regen_identify::identify::{InstrumentOptions, MotionSeries};
 
 /// Standard deviation of the noise of velocities and accelerations, SI.
-const MOTION_NOISE: f64 = 0.5;
+const MOTION_NOISE: f64 = 0.6;
 
 /// A log with noise in its velocities and accelerations, and its true motion.
 fn noisy(twin: &Twin<'_>, carried: bool, random: &mut Random) -> (Recorded, MotionSeries) {
@@ -106,7 +106,7 @@ fn gains_and_payload_have_no_bias_from_noise_in_the_motion() {
     }
     assert!(all > 100 && 10 * beyond < all, "{beyond} of {all}");
     assert!(largest < 4.0, "{largest}");
-    assert!(of_least_squares > 6.0, "{of_least_squares}");
+    assert!(of_least_squares > 4.5, "{of_least_squares}");
 }
 
 #[test]

@@ -132,15 +132,23 @@ where
     for stage in stages.iter_mut() {
         (equations.motions, equations.is_first) = (stage, true);
         let start = equations.linear.values();
-        found = Some(instrumental_of(&mut equations, options, &start)?);
+        let weights = match &found {
+            None => least.weights().to_vec(),
+            Some(found) => weights_of(found),
+        };
+        found = Some(instrumental_of(
+            &mut equations,
+            options,
+            &start,
+            Some(weights),
+        )?);
     }
     let mut found = found.ok_or(GainError::NotConverged)?;
     let LinearisedEquations {
         linear, mut rows, ..
     } = equations;
     let point = linear.point_at(&found.estimate.values);
-    let efforts = found.estimate.efforts.iter();
-    let weights: Vec<f64> = efforts.map(|own| own.weight).collect();
+    let weights = weights_of(&found);
     let solved = Solved {
         point: &point,
         weights: &weights,
@@ -154,6 +162,16 @@ where
         fit,
         instrumental: found,
     })
+}
+
+/// The weights of the efforts.
+fn weights_of(found: &Instrumental) -> Vec<f64> {
+    found
+        .estimate
+        .efforts
+        .iter()
+        .map(|own| own.weight)
+        .collect()
 }
 
 /// The equations of all runs, linearised at a point, with the instruments' derivatives at the same point.

@@ -236,7 +236,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         replay: Replay::with_columns(model, EquationKind::Forces, source, Box::new(none)),
         motion: &mut |values| motion(values),
     };
-    let found = instrumental_of(&mut equations, options, start)?;
+    let found = instrumental_of(&mut equations, options, start, None)?;
     Ok(Instrumental {
         left_out: equations.replay.left_out().clone(),
         ..found
@@ -245,15 +245,17 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 
 /// Identifies the unknowns of equations by instrumental variables; what is left out of the logs is
 /// not counted.
+///
+/// - `weights`: those of the efforts in the first round; `None`: those of least squares.
 pub(crate) fn instrumental_of<E: InstrumentedEquations>(
     equations: &mut E,
     options: &InstrumentOptions,
     start: &[f64],
+    mut weights: Option<Vec<f64>>,
 ) -> Result<Instrumental, E::Error> {
     let origin = equations.origin();
     let mut values = start.to_vec();
     let mut sums: Option<Sums> = None;
-    let mut weights: Option<Vec<f64>> = None;
     let mut rounds = 0;
     let mut moved = f64::INFINITY;
     let (sums, mut found, converged) = loop {
