@@ -3,6 +3,7 @@
 
 mod loaded;
 
+use core::cell::LazyCell;
 use core::fmt;
 
 use regen_identify::data::{DataError, Logs, Run, Settings as Reading};
@@ -77,14 +78,13 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     if let Some((reference, gains)) = reference {
         // least squares may be too biased for a simulation; this estimate is less biased
         let first = result.estimate.values.clone();
-        let mut physical = || {
+        let robot = Simulable::new(|| {
             let found = session::physical(session, &PriorKnowledge::default(), start, 0);
             found.ok()?.pop().map(|model| vec![model.beta])
-        };
-        let mut robot = Simulable::new(&mut physical);
+        });
         let with = (reference, gains);
         let all = core::slice::from_ref(&measured);
-        let along = Along::choose(model, with, all, &mut robot, core::slice::from_ref(&first));
+        let along = Along::choose(model, with, all, &robot, core::slice::from_ref(&first));
         bandwidth = along.bandwidth;
         let mut failed = None;
         let simulation =
@@ -119,32 +119,30 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized>(
 /// not be positive definite; any motion without the log's noise is a valid instrument, so that the
 /// robot with the physical parameters that fit best then moves in its place.
 struct Simulable<'a> {
-    physical: &'a mut dyn FnMut() -> Option<Vec<Vec<f64>>>,
-    found: Option<Option<Vec<Vec<f64>>>>,
+    physical: LazyCell<BaseOfRuns, Box<dyn FnOnce() -> BaseOfRuns + 'a>>,
 }
 
+/// The base parameters of each run of a robot; `None` where there is none.
+type BaseOfRuns = Option<Vec<Vec<f64>>>;
+
 impl<'a> Simulable<'a> {
-    /// - `physical`: computes the base parameters of each run of the physical robot; `None` where there
-    ///   is none.
-    fn new(physical: &'a mut dyn FnMut() -> Option<Vec<Vec<f64>>>) -> Self {
+    /// - `physical`: computes the base parameters of each run of the physical robot, once.
+    fn new(physical: impl FnOnce() -> BaseOfRuns + 'a) -> Self {
         Self {
-            physical,
-            found: None,
+            physical: LazyCell::new(Box::new(physical)),
         }
     }
 
     /// Simulates with these base parameters of each run or, where that fails, with the physical ones.
     fn try_with<R, E>(
-        &mut self,
+        &self,
         values: &[Vec<f64>],
-        mut simulate: impl FnMut(&[Vec<f64>]) -> Result<R, E>,
+        simulate: impl Fn(&[Vec<f64>]) -> Result<R, E>,
     ) -> Result<R, E> {
-        simulate(values).or_else(
-            |why| match self.found.get_or_insert_with(&mut self.physical) {
-                Some(physical) => simulate(physical).map_err(|_| why),
-                None => Err(why),
-            },
-        )
+        simulate(values).or_else(|why| match &*self.physical {
+            Some(physical) => simulate(physical).map_err(|_| why),
+            None => Err(why),
+        })
     }
 }
 
@@ -219,7 +217,7 @@ impl<'a> Along<'a> {
         model: &M,
         (reference, given): (&'a FourierReference, &'a [Gains]),
         measured: &[MotionSeries],
-        robot: &mut Simulable<'_>,
+        robot: &Simulable<'_>,
         values: &[Vec<f64>],
     ) -> Self {
         let names = model.info().actuated.iter();
@@ -257,16 +255,14 @@ impl<'a> Along<'a> {
     ) -> Option<(Self, f64)> {
         let distance_at =
             |bandwidth: Option<f64>| Self { bandwidth, ..self }.distance(model, (measured, values));
-        let bandwidth = match self.bandwidth {
-            None => None,
-            Some(_) => {
-                let run = measured.runs().into_iter().find(|run| run.len() > 1)?;
-                let times = measured.times().get(run)?;
-                let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
-                let at = &mut |hertz| distance_at(Some(hertz));
-                Some(closed_loop::nearest_bandwidth(step, at)?)
-            }
-        };
+        let mut bandwidth = self.bandwidth;
+        if bandwidth.is_some() {
+            let run = measured.runs().into_iter().find(|run| run.len() > 1)?;
+            let times = measured.times().get(run)?;
+            let step = (times.last()? - times.first()?) / (times.len() - 1) as f64;
+            let at = &mut |hertz| distance_at(Some(hertz));
+            bandwidth = Some(closed_loop::nearest_bandwidth(step, at)?);
+        }
         Some((Self { bandwidth, ..self }, distance_at(bandwidth)?))
     }
 

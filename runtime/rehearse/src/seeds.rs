@@ -245,7 +245,7 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
                 true
             }
             Estimator::Physical { friction, .. } => !friction,
-            _ => false,
+            Estimator::Response { .. } => false,
         };
         if !takes || rehearsal.finds_delays || rehearsal.kind != EquationKind::Forces {
             return wrong(

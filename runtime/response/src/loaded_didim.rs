@@ -126,7 +126,7 @@ where
 /// - `now`: a simulation with gains of 1; `a`: the number of drives.
 fn first_gains(now: &Simulated, a: usize) -> Vec<f64> {
     let (mut squares, mut products) = (vec![0.0; a], vec![0.0; a]);
-    let rows = now.simulated.chunks_exact(a.max(1));
+    let rows = now.efforts.chunks_exact(a.max(1));
     for (simulated, off) in rows.zip(now.differences.chunks_exact(a.max(1))) {
         for (k, (tau, off)) in simulated.iter().zip(off).enumerate() {
             squares[k] += tau * tau;
@@ -165,7 +165,7 @@ where
     /// For each row of the log the measured efforts in their own units.
     fn measured(&self, now: &Simulated, values: &[f64]) -> Vec<f64> {
         let gains = self.gains(values);
-        let all = now.differences.iter().zip(&now.simulated);
+        let all = now.differences.iter().zip(&now.efforts);
         all.zip(gains.iter().cycle())
             .map(|((off, tau), gain)| (tau + off) / gain)
             .collect()
@@ -174,7 +174,7 @@ where
     /// For each row of the log the simulated efforts minus their derivatives times the base parameters.
     fn constants(&self, now: &Simulated, slopes: &[f64], values: &[f64]) -> Vec<f64> {
         let a = self.model.info().actuated.len().max(1);
-        let mut out = now.simulated.clone();
+        let mut out = now.efforts.clone();
         let of_row = self.model.base_info().base.len() * a;
         let mut rows = out
             .chunks_exact_mut(a)

@@ -54,7 +54,7 @@ pub(super) struct Simulated {
     /// For each row of the log measured minus simulated efforts of all actuated joints, SI.
     pub(super) differences: Vec<f64>,
     /// For each row of the log the simulated efforts of all actuated joints, SI.
-    pub(super) simulated: Vec<f64>,
+    pub(super) efforts: Vec<f64>,
     /// The simulated loops, one for each run.
     pub(super) loops: Vec<LoopRun>,
     /// The mean over all equations of the logarithm of the rms error of their effort, measured minus
@@ -158,7 +158,7 @@ where
             misfit: own.sum::<f64>() / samples.max(1.0) - scale / gains.len().max(1) as f64,
             log: out,
             differences,
-            simulated: efforts_of_loops,
+            efforts: efforts_of_loops,
             loops,
         })
     }

@@ -65,7 +65,7 @@ pub fn instrumental_with_gains<M: BaseModel<f64> + ?Sized>(
     }
     let mut smooth = Some(smooth);
     let mut smoothed = |_: &[Vec<f64>]| Ok(smooth.take());
-    let mut physical = || {
+    let robot = Simulable::new(|| {
         let found = with_gains(session, plan, runs, Some((&PriorKnowledge::default(), 0)));
         let found = found.ok()?.physical?.model;
         let bodies: Vec<String> = plan.payloads.iter().map(|own| own.body.clone()).collect();
@@ -74,15 +74,14 @@ pub fn instrumental_with_gains<M: BaseModel<f64> + ?Sized>(
             found.carrying(model, &bodies, body).beta
         };
         Some(runs.iter().map(base).collect())
-    };
-    let mut robot = Simulable::new(&mut physical);
+    });
     let (mut failed, mut chosen) = (None, None::<Along<'_>>);
     let mut along = |bases: &[Vec<f64>]| {
         let Some(with) = reference else {
             return Ok(None);
         };
         let along =
-            *chosen.get_or_insert_with(|| Along::choose(model, with, &measured, &mut robot, bases));
+            *chosen.get_or_insert_with(|| Along::choose(model, with, &measured, &robot, bases));
         let all = robot.try_with(bases, |bases| {
             let own = measured.iter().zip(bases);
             let all = own.map(|(own, base)| along.motion(model, own, base));
