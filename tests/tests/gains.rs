@@ -4,6 +4,7 @@
 
 mod constrained;
 mod instruments;
+mod loops;
 mod robust;
 
 use nalgebra::{DMatrix, DVector};

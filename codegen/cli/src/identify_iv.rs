@@ -77,10 +77,12 @@ fn converged(
             "--iv did not converge in {} rounds, so there is no estimate: the instruments are weak; \
              take a motion that excites more, or {}",
             found.rounds,
-            if cutoff.is_some() {
-                "give the commanded one by --reference"
-            } else {
-                "give the robot's own gains by --pid, or as `controller` in an experiment file"
+            match (cutoff, bandwidth) {
+                (Some(_), _) => "give the commanded one by --reference",
+                (None, Some(_)) => {
+                    "give the robot's own gains by --pid, or as `controller` in an experiment file"
+                }
+                (None, None) => "check the gains of the controllers",
             }
         )));
     }

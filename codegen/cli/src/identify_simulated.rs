@@ -169,6 +169,7 @@ impl<'a> Loops<'a> {
         for setup in known.iter().copied().flatten() {
             require_known(setup)?;
         }
+        session.watch.phase("simulating the controlled robot");
         let file = args.reference.as_deref();
         Ok(Self {
             args,
@@ -193,9 +194,8 @@ impl<'a> Loops<'a> {
     }
 }
 
-/// The options of DIDIM; announces it.
+/// The options of DIDIM.
 fn options(session: &Session<'_, Interpreted<'_>>, loops: &SimulatedLoops<'_>) -> DidimOptions {
-    session.watch.phase("simulating the controlled robot");
     DidimOptions {
         least_squares: session.options,
         filtering: session.reading.filtering(),
@@ -236,11 +236,7 @@ pub(crate) fn with_gains(
     runs: &[(LogRun, Option<usize>)],
 ) -> Result<(GainFit, Simulated, Vec<FileReport>), Failure> {
     let setups = setups(args, session.model)?;
-    let in_amperes = Session {
-        reading: session.reading.clone().with_gains(&[]),
-        ..*session
-    };
-    let (all, places, reports) = read(args, &in_amperes)?;
+    let (all, places, reports) = read(args, &session.in_amperes())?;
     let of_track = |place: &usize| setups.get(*place).and_then(Option::as_ref);
     let known: Vec<Option<&Setup>> = places.iter().map(of_track).collect();
     let carried = places

@@ -49,8 +49,8 @@ pub struct InstrumentalResult {
 ///   instruments are to be simulated; without it the measured motion is smoothed.
 ///
 /// # Errors
-/// The logs cannot be read, the measured motion cannot be smoothed, or the robot cannot be
-/// simulated with an estimate: see [`InstrumentError`].
+/// The logs cannot be read, the measured motion cannot be smoothed, or the robot can be
+/// simulated neither with an estimate nor with physical parameters: see [`InstrumentError`].
 pub fn instrumental<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     start: &LeastSquaresStart,
@@ -402,6 +402,29 @@ mod tests {
                 .unwrap();
         }
         out
+    }
+
+    #[test]
+    fn a_robot_that_cannot_be_simulated_moves_with_physical_parameters() {
+        let drives = |values: &[Vec<f64>]| {
+            let mass = values[0][0];
+            if mass > 0.0 { Ok(mass) } else { Err(mass) }
+        };
+        let asked = core::cell::Cell::new(0);
+        let robot = Simulable::new(|| {
+            asked.set(asked.get() + 1);
+            Some(vec![vec![2.0]])
+        });
+        assert_eq!(robot.try_with(&[vec![1.0]], drives), Ok(1.0));
+        assert_eq!(asked.get(), 0);
+        assert_eq!(robot.try_with(&[vec![-1.0]], drives), Ok(2.0));
+        assert_eq!(robot.try_with(&[vec![-3.0]], drives), Ok(2.0));
+        assert_eq!(asked.get(), 1);
+        // the reason is that of the estimate
+        let none = Simulable::new(|| None);
+        assert_eq!(none.try_with(&[vec![-1.0]], drives), Err(-1.0));
+        let worse = Simulable::new(|| Some(vec![vec![-9.0]]));
+        assert_eq!(worse.try_with(&[vec![-1.0]], drives), Err(-1.0));
     }
 
     #[test]

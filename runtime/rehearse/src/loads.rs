@@ -208,10 +208,7 @@ impl Loads {
                 settle: *settle,
                 start,
             };
-            let in_amperes = Session {
-                reading: session.reading.clone().with_gains(&[]),
-                ..*session
-            };
+            let in_amperes = session.in_amperes();
             let (mut all, mut carried) = (Vec::new(), Vec::new());
             for (run, own) in &runs {
                 all.extend(read(&in_amperes, std::slice::from_ref(run))?);

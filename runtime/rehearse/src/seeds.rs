@@ -250,8 +250,8 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
         if !takes || rehearsal.finds_delays || rehearsal.kind != EquationKind::Forces {
             return wrong(
                 "the estimator of gains and payloads",
-                "must be least squares, instrumental variables or DIDIM from the equations of \
-                 motion, without delays to find",
+                "must be least squares, with or without physical constraints, instrumental \
+                 variables or DIDIM from the equations of motion, without delays to find",
             );
         }
         if loads.gains.iter().any(|(_, gain)| !gain.is_normal()) {

@@ -1,7 +1,7 @@
 //! How far the simulated motion of DIDIM is from the measured one.
 
 use regen_experiment::closed_loop::{LoopRun, simulate_loop};
-use regen_runtime::{BaseModel, Info};
+use regen_runtime::{BaseModel, Info, SizeError};
 
 use crate::didim::{DidimError, EffortRun};
 use crate::rounds::parameters;
@@ -33,7 +33,7 @@ const FAR_PERCENT: f64 = 0.3;
 /// measured coordinate that moves; empty if no position is measured.
 ///
 /// - `settle`: seconds at the start of each run that do not count;
-/// - `values`: the base parameters of each run, r.
+/// - `values`: for each run its base parameters, r.
 ///
 /// # Errors
 /// When the loop cannot be simulated, or a list does not fit the model.
@@ -77,6 +77,13 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
     if runs.iter().all(|run| run.positions.is_empty()) {
         return Ok(Vec::new());
     }
+    if values.len() != runs.len() {
+        return Err(DidimError::Size(SizeError {
+            argument: "values",
+            expected: runs.len(),
+            got: values.len(),
+        }));
+    }
     let simulated = |(run, values): (&EffortRun<'_>, &Vec<f64>)| {
         let phi = parameters(model, values)?;
         simulate_loop(model, &run.closed_loop, &phi, run.times).map_err(DidimError::from)
@@ -89,7 +96,7 @@ pub fn departures<M: BaseModel<f64> + ?Sized + Sync>(
 /// squares of all [`departures`]; `None` where it cannot be simulated or no position is measured.
 ///
 /// - `settle`: seconds at the start of each run that do not count;
-/// - `values`: the base parameters of each run, r.
+/// - `values`: for each run its base parameters, r.
 ///
 /// ```
 /// # mod models {

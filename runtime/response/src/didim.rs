@@ -37,7 +37,8 @@ use crate::rounds::{Round, RoundKind, Rounds, Simulated, is_same, moved};
 pub struct EffortRun<'a> {
     /// The times of the rows, s, evenly spaced.
     pub times: &'a [f64],
-    /// The efforts of all actuated joints, N m or N, in the order of `Info::actuated`; one list for
+    /// The efforts of all actuated joints, N m or N (currents of unknown gain for
+    /// [`didim_with_gains`](crate::didim_with_gains), A), in the order of `Info::actuated`; one list for
     /// each.
     pub efforts: &'a [Vec<f64>],
     /// Measured positions by coordinate, rad or m; empty for none. They show how close the simulated

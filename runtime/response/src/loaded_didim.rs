@@ -1,6 +1,8 @@
 //! DIDIM with unknown gains of drives and payloads: each run is simulated with the payload that it
 //! carries, and measured currents are compared with simulated efforts over the gains.
 
+use std::borrow::Cow;
+
 use regen_identify::estimate::EstimateError;
 use regen_identify::gains::{GainFit, LoadedLoops};
 use regen_identify::identify::{Columns, StateSample};
@@ -194,7 +196,7 @@ where
 }
 
 /// The columns of [`LoadedLoops`], row by row.
-struct LoadedColumns<'a> {
+pub(super) struct LoadedColumns<'a> {
     /// For each row, the place among the actuated joints.
     drives: Vec<usize>,
     /// For each row of the log the derivatives of the efforts, a x r, column by column.
@@ -202,7 +204,7 @@ struct LoadedColumns<'a> {
     /// For each row of the log the constant part of the efforts, a.
     constants: Vec<f64>,
     /// For each row of the log the measured efforts, a.
-    measured: &'a [f64],
+    measured: Cow<'a, [f64]>,
     /// The number of base parameters.
     base: usize,
     row: usize,
@@ -220,7 +222,26 @@ impl<'a> LoadedColumns<'a> {
             base: slopes.len() / constants.len().max(1),
             slopes,
             constants,
-            measured,
+            measured: Cow::Borrowed(measured),
+            row: 0,
+        }
+    }
+
+    /// One column: the differences of measured and simulated efforts, in the units of the measured ones.
+    ///
+    /// - `differences`: SI; `gains`: of all actuated joints.
+    pub(super) fn of_differences<M: BaseModel<f64> + ?Sized>(
+        loads: &LoadedLoops<'_, M>,
+        differences: &[f64],
+        gains: &[f64],
+    ) -> Self {
+        let own = differences.iter().zip(gains.iter().cycle());
+        Self {
+            drives: loads.drives(),
+            base: 0,
+            slopes: &[],
+            constants: Vec::new(),
+            measured: Cow::Owned(own.map(|(off, gain)| off / gain).collect()),
             row: 0,
         }
     }
@@ -243,7 +264,7 @@ impl<'a> LoadedColumns<'a> {
 
 impl Columns for LoadedColumns<'_> {
     fn count(&self) -> usize {
-        self.base + 2
+        self.base + 1 + usize::from(!self.constants.is_empty())
     }
 
     fn fill(
@@ -254,10 +275,10 @@ impl Columns for LoadedColumns<'_> {
     ) -> Result<bool, EstimateError> {
         let a = self.drives.len();
         let (slopes, rest) = out.split_at_mut((a * self.base).min(out.len()));
-        let (constant, measured) = rest.split_at_mut(a.min(rest.len()));
+        let (constant, measured) = rest.split_at_mut(rest.len().saturating_sub(a));
         self.copy(self.of_row(self.slopes, a * self.base), slopes);
         self.copy(self.of_row(&self.constants, a), constant);
-        self.copy(self.of_row(self.measured, a), measured);
+        self.copy(self.of_row(&self.measured, a), measured);
         self.row += 1;
         Ok(true)
     }

@@ -13,6 +13,7 @@ use regen_runtime::{BaseModel, SizeError};
 use crate::Number;
 use crate::didim::{DidimError, DidimOptions, EffortRun};
 use crate::effort_slopes::{LinearisedColumns, effort_slopes};
+use crate::loaded_didim::LoadedColumns;
 use crate::plant::Plant;
 use crate::search::substitute;
 use crate::threads::spread;
@@ -147,15 +148,20 @@ where
             }
             loops.push(simulated);
         }
-        let mut difference = LinearisedColumns::new(model, None, &differences);
-        let errors = errors_of_prediction(model, &mut out, &mut difference, 0)?.efforts();
+        let errors = if let Some(loads) = self.loads {
+            // in the units in which efforts were measured, and by drives, as they are fitted
+            let mut difference = LoadedColumns::of_differences(loads, &differences, &gains);
+            errors_of_prediction(model, &mut out, &mut difference, 0)?
+        } else {
+            let mut difference = LinearisedColumns::new(model, None, &differences);
+            errors_of_prediction(model, &mut out, &mut difference, 0)?
+        };
+        let errors = errors.efforts();
         let samples: f64 = errors.iter().map(|e| e.samples as f64).sum();
         let own = errors.iter();
         let own = own.map(|e| e.samples as f64 * libm::log(e.rms.max(f64::MIN_POSITIVE)));
-        // gains scale measured efforts and their errors, which are compared in the unit of measurement
-        let scale: f64 = gains.iter().map(|gain| libm::log(gain.abs())).sum();
         Ok(Simulated {
-            misfit: own.sum::<f64>() / samples.max(1.0) - scale / gains.len().max(1) as f64,
+            misfit: own.sum::<f64>() / samples.max(1.0),
             log: out,
             differences,
             efforts: efforts_of_loops,
@@ -207,7 +213,7 @@ where
         Ok(errors.relative_absolute())
     }
 
-    /// The gains of all actuated joints; 1 where they are not unknown.
+    /// The gains of all actuated joints; 1 where efforts are measured in N m or N.
     pub(super) fn gains(&self, values: &[f64]) -> Vec<f64> {
         let loaded = self.loads.map(|loads| loads.gains(values));
         loaded.unwrap_or_else(|| vec![1.0; self.model.info().actuated.len()])

@@ -48,25 +48,24 @@ impl<'a> SimulatedLoops<'a> {
     /// let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
     ///     (q[0], qd[0], qdd[0]) = (t.sin(), t.cos(), -t.sin());
     /// };
-    /// let ran = ClosedLoop {
-    ///     reference: &swing,
-    ///     lead: 0.0,
-    ///     controllers: Controllers::Tuned { bandwidth: 2.0, given: &[] },
-    /// };
     /// let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
-    /// let log = follow(&models::Pendulum, &ran, &[0.5, 2.0], &times)?;
-    /// let tracks = [Track {
-    ///     times,
-    ///     positions: vec![(0, log.q)],
-    ///     efforts: vec![(0, log.effort)],
-    ///     ..Track::default()
-    /// }];
-    /// let own = TrackControllers::new(&[None], &[]);
-    /// let known = Some((&swing as _, core::f64::consts::TAU));
-    /// let (pendulum, values) = (&models::Pendulum, [vec![0.5, 2.0]]);
-    /// let loops = SimulatedLoops::choose(pendulum, &tracks, known, &own, None, 0.5, &values)?;
-    /// assert!((loops.bandwidth().unwrap() - 2.0).abs() < 0.1);
-    /// assert_eq!((loops.settle, loops.runs()[0].closed_loop.lead), (0.0, 0.0));
+    /// for lead in [0.0, core::f64::consts::TAU] {
+    ///     let controllers = Controllers::Tuned { bandwidth: 2.0, given: &[] };
+    ///     let ran = ClosedLoop { reference: &swing, lead, controllers };
+    ///     let log = follow(&models::Pendulum, &ran, &[0.5, 2.0], &times)?;
+    ///     let tracks = [Track {
+    ///         times: times.clone(),
+    ///         positions: vec![(0, log.q)],
+    ///         efforts: vec![(0, log.effort)],
+    ///         ..Track::default()
+    ///     }];
+    ///     let own = TrackControllers::new(&[None], &[]);
+    ///     let known = Some((&swing as _, core::f64::consts::TAU));
+    ///     let (pendulum, values) = (&models::Pendulum, [vec![0.5, 2.0]]);
+    ///     let loops = SimulatedLoops::choose(pendulum, &tracks, known, &own, None, 0.5, &values)?;
+    ///     assert!((loops.bandwidth().unwrap() - 2.0).abs() < 0.1);
+    ///     assert_eq!((loops.settle, loops.runs()[0].closed_loop.lead), (0.0, lead));
+    /// }
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
     pub fn choose<M: BaseModel<f64> + ?Sized + Sync>(

@@ -1,7 +1,7 @@
 //! Gains and payloads by instrumental variables.
 
 use super::*;
-use regen_identify::gains::{LoadedInstruments, instrumental};
+use regen_identify::gains::{LoadedInstruments, LoadedMotions, instrumental};
 use regen_identify::identify::{InstrumentOptions, MotionSeries};
 
 /// Standard deviation of the noise of velocities and accelerations, SI.
@@ -132,5 +132,74 @@ fn instruments_of_a_closed_loop_are_those_of_its_drives() {
         for ratio in gains_off(&twin, &found.fit) {
             assert!(ratio < 4.0, "{ratio}");
         }
+    }
+}
+
+#[test]
+fn a_load_weighed_by_instruments_has_the_robots_uncertainty_in_its_own() {
+    let robot = arm();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
+    let gains = twin.names();
+    let joint = Plan {
+        unknown_gains: gains.clone(),
+        payloads: vec![known(Some(2.2))],
+        robot: None,
+    };
+    let before = twin.fit(&joint, 5).unwrap().model;
+    let mut random = Random::new(77);
+    let (mut log, exact) = noisy(&twin, true, &mut random);
+    let mut run = |with: bool| {
+        let own = before.gains.iter().map(|g| (g.effort.clone(), g.value));
+        let plan = Plan {
+            unknown_gains: gains.clone(),
+            payloads: vec![known(None)],
+            robot: Some(KnownRobot {
+                beta: before.beta.clone(),
+                gains: own.collect(),
+                covariance: before.covariance.clone().filter(|_| with),
+            }),
+        };
+        let mut motions = Some(vec![exact.clone()]);
+        let mut runs = [CarriedRun {
+            source: &mut log,
+            carried: Some(0),
+        }];
+        let options = InstrumentOptions::default();
+        let stages: &mut [&mut LoadedMotions<'_>] = &mut [&mut |_| Ok(motions.take())];
+        instrumental(&model, (&options, 0.95), &plan, &mut runs, stages).unwrap()
+    };
+    let (whole, narrow) = (run(true), run(false));
+    assert!(narrow.fit.is_robot_exact && !whole.fit.is_robot_exact);
+    let pairs = whole.fit.model.payloads[0].values.iter();
+    for (value, exact) in pairs.zip(&narrow.fit.model.payloads[0].values) {
+        let truth = LOAD.iter().find(|l| l.0 == value.name).unwrap().1;
+        let ratio = off(value.value, truth, value.interval);
+        assert!(ratio < 4.0, "{}: {ratio}", value.name);
+        let (own, less) = (value.interval.unwrap().sigma, exact.interval.unwrap().sigma);
+        assert!(own > less, "{}: {own} {less}", value.name);
+    }
+}
+
+#[test]
+fn instruments_that_are_missing_are_an_error() {
+    let robot = arm();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
+    let plan = Plan {
+        unknown_gains: twin.names(),
+        payloads: vec![known(Some(2.2))],
+        robot: None,
+    };
+    let (mut logs, motions) = logs(&twin, 1);
+    let options = InstrumentOptions::default();
+    for given in [None, Some(motions[..1].to_vec())] {
+        let mut given = Some(given);
+        let stages: &mut [&mut LoadedMotions<'_>] = &mut [&mut |_| Ok(given.take().flatten())];
+        let runs = &mut carried(&mut logs);
+        let refused = instrumental(&model, (&options, 0.95), &plan, runs, stages).unwrap_err();
+        assert!(refused.to_string().contains("motions"), "{refused}");
     }
 }

@@ -71,8 +71,9 @@ Examples:
 
 With --iv the transposed regressor of least squares is replaced by that at
 another motion: of the robot simulated under PID control along --reference with
-the current estimate, in up to five rounds; log and reference must have the same
-time. Without --reference it is the measured motion without frequencies above a
+the current estimate (with physical parameters, if it is not that of bodies), in
+up to five rounds; log and reference must have the same time, and the robot had
+repeated the motion or begins with it. Without --reference it is the measured motion without frequencies above a
 printed cutoff; noise below the cutoff then still biases the result. The test of
 Durbin, Wu and Hausman shows whether least squares is biased.
 

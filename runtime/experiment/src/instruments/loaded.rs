@@ -7,6 +7,7 @@ use regen_identify::estimate::EstimateError;
 use regen_identify::gains::{self, CarriedRun, GainError, LoadedInstruments, Plan};
 use regen_identify::identify::{EquationKind, MotionSeries};
 use regen_identify::session::{PriorKnowledge, Session, with_gains};
+use regen_identify::signals::SignalError;
 use regen_runtime::BaseModel;
 
 use super::{Along, InstrumentError, Simulable, options, raw};
@@ -44,11 +45,7 @@ pub fn instrumental_with_gains<M: BaseModel<f64> + ?Sized>(
         return Err(GainError::EnergyBalance.into());
     }
     let model = session.model;
-    let measured_in = Session {
-        // currents of unknown gain are read in A
-        reading: session.reading.clone().with_gains(&[]),
-        ..*session
-    };
+    let measured_in = session.in_amperes();
     session.watch.phase("reading the measured motion");
     let motions = runs.iter().map(|(run, _)| {
         let mut logs = Logs::open(model, from_ref(run), &raw(&measured_in))?;
@@ -58,10 +55,19 @@ pub fn instrumental_with_gains<M: BaseModel<f64> + ?Sized>(
     session.watch.finished();
     let measured = motions?;
     let (mut smooth, mut cutoff) = (Vec::with_capacity(runs.len()), 0.0_f64);
+    let longest = measured.iter().map(MotionSeries::len).max();
     for motion in &measured {
-        let (own, hertz) = motion.smoothed(None).map_err(InstrumentError::Unsmoothed)?;
-        smooth.push(own);
-        cutoff = cutoff.max(hertz);
+        match motion.smoothed(None) {
+            Ok((own, hertz)) => {
+                smooth.push(own);
+                cutoff = cutoff.max(hertz);
+            }
+            // a run that is too short for the filter gives no equations
+            Err(SignalError::TooFew { .. }) if Some(motion.len()) < longest => {
+                smooth.push(MotionSeries::new(model.info().dof()));
+            }
+            Err(why) => return Err(InstrumentError::Unsmoothed(why)),
+        }
     }
     let mut smooth = Some(smooth);
     let mut smoothed = |_: &[Vec<f64>]| Ok(smooth.take());

@@ -30,7 +30,8 @@ pub type LoadedMotions<'a> =
 /// The result of instrumental variables with gains and payloads.
 #[derive(Clone, Debug)]
 pub struct LoadedInstruments {
-    /// The base parameters, gains and payloads with their standard deviations.
+    /// The base parameters, gains and payloads with their standard deviations, which mean nothing
+    /// unless [`Instrumental::converged`] is set.
     pub fit: GainFit,
     /// The unknowns of the linearised equations, their rounds, and their difference from least squares
     /// of the same equations; errors are in SI.
@@ -43,8 +44,11 @@ pub struct LoadedInstruments {
 /// - `stages`: the instruments; those of each stage begin with the estimate of the one before, the
 ///   first with least squares. The estimate of the last stage is returned.
 ///
+/// The standard deviations do not include what the sampling of the motion adds to them, as those of
+/// [`fit`](super::fit) do not.
+///
 /// # Errors
-/// As [`fit`](super::fit); [`GainError::NotConverged`] if least squares have no solution to begin
+/// As [`fit`](super::fit); when there are not as many motions as runs; [`GainError::NotConverged`] if least squares have no solution to begin
 /// with; the errors of `stages`.
 ///
 /// ```
@@ -182,9 +186,9 @@ struct LinearisedEquations<'a, 'r, 's, M: ?Sized, S: ?Sized> {
     linear: Linear<'a>,
     rows: Rows<'r, M, S>,
     motions: &'s mut LoadedMotions<'s>,
-    /// Whether no round of the stage has been solved. The first one has the measured current in the
-    /// column of a gain, `k i = W x`, where it is exact however far the gain is: with the predicted
-    /// current, it would be near the solution only.
+    /// Whether no round of the stage has been solved. The first round has measured currents in the
+    /// columns of the gains: `k i = W x` is linear, so that a start far from the solution does no harm.
+    /// Later rounds have predicted currents there, which have no noise.
     is_first: bool,
 }
 
@@ -203,6 +207,7 @@ where
     fn renew(&mut self, values: &[f64]) -> Result<bool, GainError> {
         let x = self.unknowns.base(&self.linear.point_at(values));
         let Some(motions) = (self.motions)(&self.rows.base_of_runs(&x))? else {
+            self.rows.require_instruments()?;
             return Ok(false);
         };
         self.rows.set_instruments(motions)?;

@@ -1,4 +1,4 @@
-//! The equations linearised at the solution, over the unknowns that are independent there.
+//! The equations linearised at a point, over the unknowns that are independent there.
 
 use super::payload::Load;
 use super::rows::Sample;

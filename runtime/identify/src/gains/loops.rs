@@ -12,13 +12,14 @@ use super::rank::require_rank;
 use super::robust::reduce;
 use super::rows::{ByDrive, Rows, absent, drives, efforts, is_by_drive, without};
 use super::statistics::Solved;
-use super::unknowns::{GainKind, Point};
+use super::unknowns::Point;
 use super::{GainError, GainFit, GainOptions, Plan, origin};
 use crate::estimate::{EstimateError, Origin, QrFactor};
 use crate::identify::{Columns, Recorded, StateSample};
 use regen_runtime::BaseModel;
 
-/// The unknown gains and payloads of runs that are simulated.
+/// The unknown gains and payloads of runs that are simulated. Lists of unknowns have the base parameters
+/// of the robot (none if it is known), then parameters of the payloads, then gains, all in SI.
 pub struct LoadedLoops<'a, M: ?Sized> {
     model: &'a M,
     plan: &'a Plan,
@@ -35,7 +36,7 @@ pub struct LoadedLoops<'a, M: ?Sized> {
 /// The least squares of a round of simulation and estimate.
 #[derive(Clone, Debug)]
 pub struct LoadedRound {
-    /// The unknowns.
+    /// The unknowns: base parameters of the robot, parameters of the payloads, gains (SI).
     pub values: Vec<f64>,
     /// The weighted QR factor of the equations linearised there.
     pub factor: QrFactor,
@@ -62,7 +63,8 @@ impl<'a, M: BaseModel<f64> + ?Sized> LoadedLoops<'a, M> {
         planned.unknowns.known.push(1.0);
         let own = |load: &super::payload::Load| -> Vec<f64> {
             let base: Vec<f64> = load.base.iter().map(|k| start[*k]).collect();
-            load.closest(&base)
+            let all: Vec<usize> = (0..load.unknown.len()).collect();
+            load.closest(&base, &load.initial(), &all)
         };
         let unknowns = &planned.unknowns;
         let start = Point {
@@ -132,13 +134,6 @@ impl<'a, M: BaseModel<f64> + ?Sized> LoadedLoops<'a, M> {
         out
     }
 
-    /// Whether the gain of a drive, by its place among the actuated coordinates, is unknown.
-    pub fn is_unknown(&self, drive: usize) -> bool {
-        let effort = self.drives().into_iter().position(|place| place == drive);
-        let kind = effort.and_then(|effort| self.planned.unknowns.gains.get(effort));
-        matches!(kind, Some(GainKind::Unknown(_)))
-    }
-
     /// The least squares of the measured efforts on those of the linearised simulation.
     ///
     /// - `log`: the measured efforts at the simulated motion;
@@ -160,17 +155,15 @@ impl<'a, M: BaseModel<f64> + ?Sized> LoadedLoops<'a, M> {
         let mut rows = Rows::linearised(self.model, log, columns)?;
         let found = self.optimum(&mut rows, values)?;
         let set = found.problem(&self.planned.unknowns).set;
-        let linear = Linear::with_columns(&self.planned.unknowns, found.point(), &self.columns);
+        let linear = self.linear(&self.values_at(found.point()));
         let labels = linear.labels(&self.origin.labels, &rows.efforts);
         let factor = linear.factor((set, found.weights()), &self.columns, &labels)?;
         require_rank(&linear, &factor)?;
         if !found.converged {
             return Err(GainError::NotConverged);
         }
-        Ok(LoadedRound {
-            values: linear.values(),
-            factor,
-        })
+        let values = factor.solve()?;
+        Ok(LoadedRound { values, factor })
     }
 
     /// The fit of [`estimate`](Self::estimate) with its statistics.
@@ -220,6 +213,26 @@ impl<'a, M: BaseModel<f64> + ?Sized> LoadedLoops<'a, M> {
         };
         fit.shares = at_motion.shares(&at_motion.linear())?;
         Ok(fit)
+    }
+
+    /// The values of the columns for which the base parameters are those of a point, where other
+    /// unknowns of payloads are as at the start.
+    fn values_at(&self, point: &Point) -> Vec<f64> {
+        let mut out = point.clone();
+        let loads = self.planned.unknowns.loads.iter().zip(&self.start.loads);
+        for (k, ((load, start), own)) in loads.zip(&mut out.loads).enumerate() {
+            let moved = self.columns.iter().filter_map(|column| match *column {
+                Column::Load(of, unknown) if of == k => Some(unknown),
+                _ => None,
+            });
+            let moved: Vec<usize> = moved.collect();
+            let mut from = start.clone();
+            for unknown in &moved {
+                from[*unknown] = own[*unknown];
+            }
+            *own = load.closest(&load.values(own), &from, &moved);
+        }
+        Linear::with_columns(&self.planned.unknowns, &out, &self.columns).values()
     }
 
     fn optimum(

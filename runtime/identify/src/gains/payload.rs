@@ -139,19 +139,23 @@ impl Load {
     }
 
     /// The unknowns for which the base parameters are closest to these.
-    pub(super) fn closest(&self, base: &[f64]) -> Vec<f64> {
-        let mut out = self.initial();
+    ///
+    /// - `from`: unknowns to begin with;
+    /// - `moved`: which of them may change.
+    pub(super) fn closest(&self, base: &[f64], from: &[f64], moved: &[usize]) -> Vec<f64> {
+        let mut out = from.to_vec();
         for _ in 0..CLOSEST_STEPS {
-            let columns = self.columns(&out).concat();
-            let columns = DMatrix::from_vec(self.base.len(), out.len(), columns);
+            let all = self.columns(&out);
+            let columns = moved.iter().flat_map(|k| all[*k].iter().copied());
+            let columns = DMatrix::from_vec(self.base.len(), moved.len(), columns.collect());
             let pairs = base.iter().zip(self.values(&out));
             let off = DVector::from_iterator(self.base.len(), pairs.map(|(x, y)| x - y));
             // the smallest step, where the base parameters do not determine all unknowns
             let Ok(step) = columns.svd(true, true).solve(&off, DEPENDENT) else {
                 break;
             };
-            for (x, dx) in out.iter_mut().zip(&step) {
-                *x += dx;
+            for (place, dx) in moved.iter().zip(&step) {
+                out[*place] += dx;
             }
         }
         out
@@ -429,7 +433,9 @@ mod tests {
         let at = [0.9, 0.05, 0.02, 0.8, -0.03, 0.7, 0.2, -0.5, 0.3, 1.7];
         for load in every_knowledge() {
             let point: Vec<f64> = load.unknown.iter().map(|k| at[*k]).collect();
-            let found = load.values(&load.closest(&load.values(&point)));
+            let all: Vec<usize> = (0..load.unknown.len()).collect();
+            let found = load.closest(&load.values(&point), &load.initial(), &all);
+            let found = load.values(&found);
             for (x, y) in found.iter().zip(load.values(&point)) {
                 assert!((x - y).abs() < 1e-9, "{:?}: {x} {y}", load.known);
             }

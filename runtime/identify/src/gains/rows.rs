@@ -134,6 +134,7 @@ where
     ///
     /// - `motions`: the motion of the instruments of each run.
     pub(super) fn set_instruments(&mut self, motions: Vec<MotionSeries>) -> Result<(), GainError> {
+        crate::identify::require("motions", self.runs.len(), motions.len())?;
         let r = self.model.base_info().base.len();
         for ((replay, _), motion) in self.runs.iter_mut().zip(motions) {
             let columns = InstrumentRegressor::new(self.model, motion)?;
@@ -148,6 +149,20 @@ where
         }
         self.layout.z = Some(if self.by_drive { 2 * r + 1 } else { r });
         Ok(())
+    }
+
+    /// Returns an error unless the equations have instruments.
+    pub(super) fn require_instruments(&self) -> Result<(), GainError> {
+        let motions = if self.layout.z.is_some() {
+            self.runs.len()
+        } else {
+            0
+        };
+        Ok(crate::identify::require(
+            "motions",
+            self.runs.len(),
+            motions,
+        )?)
     }
 
     /// The base parameters of each run: those of payloads that it does not carry are 0.

@@ -1,5 +1,7 @@
 //! The statistics of a solved fit: residuals, deviations, shares.
 
+use nalgebra::DMatrix;
+
 use super::linear::{Column, Linear};
 use super::problem::Problem;
 use super::rank::require_rank;
@@ -99,9 +101,12 @@ impl Solved<'_> {
             errors,
             correlation_length,
         };
+        let fixed = self.fixed();
+        let moved = self.moved_by_least_squares(&linear, &fixed, &efforts)?;
+        let of_robot = self.of_robot(&linear, (&fixed, &moved), &efforts);
         Ok(GainFit {
             left_out: rows.left_out(),
-            ..self.fit(&linear, found, &efforts)?
+            ..self.fit(&linear, found, of_robot, &efforts)?
         })
     }
 
@@ -141,9 +146,12 @@ impl Solved<'_> {
             errors,
             correlation_length,
         };
+        let fixed = self.fixed();
+        let moved = self.moved_by_instruments(&linear, &fixed, rows)?;
+        let of_robot = self.of_robot(&linear, (&fixed, &moved), &efforts);
         let fit = GainFit {
             left_out: rows.left_out(),
-            ..self.fit(&linear, own, &efforts)?
+            ..self.fit(&linear, own, of_robot, &efforts)?
         };
         found.errors.clone_from(&fit.errors);
         found.left_out = fit.left_out.clone();
@@ -152,10 +160,13 @@ impl Solved<'_> {
     }
 
     /// The result of an estimate, without what is left out of the logs.
+    ///
+    /// - `of_robot`: the covariance that that of a known robot causes.
     fn fit(
         &self,
         linear: &Linear<'_>,
         found: Found,
+        of_robot: Option<Vec<f64>>,
         efforts: &[String],
     ) -> Result<GainFit, GainError> {
         let Found {
@@ -165,7 +176,6 @@ impl Solved<'_> {
             correlation_length,
             of,
         } = found;
-        let of_robot = self.of_robot(linear, efforts)?;
         let is_robot_exact = self.plan.robot.is_some() && of_robot.is_none();
         if let Some(more) = of_robot {
             deviations = deviations.with_added(&more);
@@ -296,29 +306,30 @@ impl Solved<'_> {
         Ok((scores.finish(values)?, sums))
     }
 
-    /// The part of the unknowns' covariance that the covariance of a known robot causes; `None` if
-    /// no robot is known, or its covariance is not.
-    fn of_robot(
-        &self,
-        linear: &Linear<'_>,
-        efforts: &[String],
-    ) -> Result<Option<Vec<f64>>, EstimateError> {
+    /// What is known of the robot with a covariance; empty without one.
+    fn fixed(&self) -> Vec<Column> {
         let robot = self.plan.robot.as_ref();
-        let Some(covariance) = robot.and_then(|robot| robot.covariance.as_ref()) else {
-            return Ok(None);
-        };
+        if robot.and_then(|robot| robot.covariance.as_ref()).is_none() {
+            return Vec::new();
+        }
         let mut fixed: Vec<Column> = self.of_robot.iter().map(|k| Column::Robot(*k)).collect();
         let gains = self.problem.unknowns.gains.iter().enumerate();
         let found = gains.filter(|(_, kind)| matches!(kind, GainKind::Found(_)));
         fixed.extend(found.map(|(effort, _)| Column::Gain(effort)));
+        fixed
+    }
+
+    /// For each known quantity, how far least squares move the unknowns when it is greater by one.
+    fn moved_by_least_squares(
+        &self,
+        linear: &Linear<'_>,
+        fixed: &[Column],
+        efforts: &[String],
+    ) -> Result<Vec<Vec<f64>>, EstimateError> {
         let set = self.problem.set;
         let label = |column: &Column| linear.label(*column, set.labels(), efforts);
-        let columns: Vec<Column> = linear.columns.iter().chain(&fixed).copied().collect();
+        let columns: Vec<Column> = linear.columns.iter().chain(fixed).copied().collect();
         let labels: Vec<String> = columns.iter().map(label).collect();
-        let places: Vec<Option<usize>> = fixed
-            .iter()
-            .map(|column| covariance.place(&label(column)))
-            .collect();
         let whole = linear.factor((set, self.weights), &columns, &labels)?;
         // the first columns of the QR factor are those of the unknowns alone
         let (n, m) = (linear.columns.len(), columns.len());
@@ -332,6 +343,77 @@ impl Solved<'_> {
             let step = substitute(&own, top(n + k).unwrap_or_default());
             moved.push(step.ok_or(EstimateError::NoConvergence)?);
         }
+        Ok(moved)
+    }
+
+    /// The same for instrumental variables: `(Z^T W)^-1 Z^T W_f` with the columns W_f of what is known.
+    fn moved_by_instruments<M, S>(
+        &self,
+        linear: &Linear<'_>,
+        fixed: &[Column],
+        rows: &mut Rows<'_, M, S>,
+    ) -> Result<Vec<Vec<f64>>, GainError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source + ?Sized,
+        S::Error: Into<DataError>,
+    {
+        let (n, m) = (linear.columns.len(), fixed.len());
+        if m == 0 {
+            return Ok(Vec::new());
+        }
+        let columns: Vec<Column> = linear.columns.iter().chain(fixed).copied().collect();
+        let all = Linear::with_columns(self.problem.unknowns, self.point, &columns);
+        let mut products = DMatrix::zeros(n, n + m);
+        let (mut w, mut z, mut fitted) = (Vec::new(), Vec::new(), Vec::new());
+        rows.visit(&mut |sample| {
+            all.rows(sample, &mut w, &mut fitted);
+            linear.rows(
+                &Sample {
+                    w: sample.z,
+                    ..*sample
+                },
+                &mut z,
+                &mut fitted,
+            );
+            let efforts = sample.measured.len();
+            for (effort, (own, weight)) in sample.weights.iter().zip(self.weights).enumerate() {
+                let weight = own * weight;
+                for i in 0..n {
+                    let z = weight * weight * z[i * efforts + effort];
+                    for j in 0..n + m {
+                        products[(i, j)] += z * w[j * efforts + effort];
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        let (own, of_fixed) = (products.columns(0, n), products.columns(n, m));
+        let moved = own.clone_owned().lu().solve(&of_fixed.clone_owned());
+        let moved = moved.ok_or(EstimateError::NoConvergence)?;
+        Ok(moved
+            .column_iter()
+            .map(|column| column.iter().copied().collect())
+            .collect())
+    }
+
+    /// The part of the unknowns' covariance that the covariance of a known robot causes; `None` if
+    /// no robot is known, or its covariance is not.
+    ///
+    /// - `moved`: for each of `fixed` how far the unknowns move when it is greater by one.
+    fn of_robot(
+        &self,
+        linear: &Linear<'_>,
+        (fixed, moved): (&[Column], &[Vec<f64>]),
+        efforts: &[String],
+    ) -> Option<Vec<f64>> {
+        let covariance = self.plan.robot.as_ref()?.covariance.as_ref()?;
+        let n = linear.columns.len();
+        let labels = self.problem.set.labels();
+        let places: Vec<Option<usize>> = fixed
+            .iter()
+            .map(|column| covariance.place(&linear.label(*column, labels, efforts)))
+            .collect();
         let mut out = vec![0.0; n * n];
         for (a, first) in moved.iter().enumerate() {
             for (b, second) in moved.iter().enumerate() {
@@ -346,7 +428,7 @@ impl Solved<'_> {
                 }
             }
         }
-        Ok(Some(out))
+        Some(out)
     }
 
     /// The contributions of all base parameters to the measured efforts.

@@ -39,11 +39,7 @@ pub fn with_gains<M: BaseModel<f64> + ?Sized>(
     if session.kind != EquationKind::Forces {
         return Err(GainError::EnergyBalance.into());
     }
-    let measured = Session {
-        // currents of unknown gain are read in A
-        reading: session.reading.clone().with_gains(&[]),
-        ..*session
-    };
+    let measured = session.in_amperes();
     let mut logs = Vec::with_capacity(runs.len());
     for (run, _) in runs {
         logs.push(measured.open(std::slice::from_ref(run))?);

@@ -50,6 +50,17 @@ pub struct Session<'a, M: ?Sized> {
     pub watch: &'a dyn Monitor,
 }
 
+impl<M: ?Sized> Session<'_, M> {
+    /// The same session, in which currents of unknown gain are read in A.
+    #[must_use]
+    pub fn in_amperes(&self) -> Self {
+        Self {
+            reading: self.reading.clone().with_gains(&[]),
+            ..*self
+        }
+    }
+}
+
 impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
     /// Opens runs, or the paths of whole logs, and checks their rows. Whenever a later step reads the
     /// returned logs, it reports its progress to `watch`.
