@@ -12,7 +12,9 @@ use regen_identify::data::{Run, Settings};
 use regen_identify::identify::{EquationKind, Options};
 use regen_identify::session::{NominalTrust, PriorKnowledge};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_rehearse::{Estimator, Loads, Rehearsal, RehearseError, planned, rehearse};
+use regen_rehearse::{
+    DidimSettings, Estimator, Loads, Rehearsal, RehearseError, planned, rehearse,
+};
 use regen_report::results::{Rehearsed, rehearsed_text};
 use regen_runtime::BaseModel;
 
@@ -336,12 +338,12 @@ fn estimator(args: &RehearseArgs, start: Vec<f64>) -> Result<Estimator, Failure>
         EstimatorArg::Iv => Estimator::Instrumental {
             along: own.reference,
         },
-        EstimatorArg::Didim => Estimator::Didim {
+        EstimatorArg::Didim => Estimator::Didim(DidimSettings {
             along: own.reference,
             bandwidth: own.loop_bandwidth,
             settle: identify_simulated::SETTLE,
             start,
-        },
+        }),
         EstimatorArg::Response => Estimator::Response {
             window: own.window,
             start,

@@ -41,17 +41,7 @@ pub enum Estimator {
         along: bool,
     },
     /// Efforts at the motion of the simulated loop.
-    Didim {
-        /// Whether the reference motion is given to the estimator; otherwise it uses the log's
-        /// commands.
-        along: bool,
-        /// The bandwidth of the simulated controllers, Hz; `None` for the robot's own controllers.
-        bandwidth: Option<f64>,
-        /// The time at the start of each log that is left out if the commands are the log's, s.
-        settle: f64,
-        /// The base parameters to start from, r.
-        start: Vec<f64>,
-    },
+    Didim(DidimSettings),
     /// Responses to commands, with known controllers.
     Response {
         /// The length of windows, s.
@@ -71,14 +61,14 @@ impl Estimator {
             } => "physically feasible least squares",
             Self::Physical { friction: true, .. } => "feasible least squares with friction",
             Self::Instrumental { .. } => "instrumental variables",
-            Self::Didim { .. } => "DIDIM",
+            Self::Didim(_) => "DIDIM",
             Self::Response { .. } => "responses to commands",
         }
     }
 
     /// Whether equations are set up from the measured motion.
     pub(crate) fn reads_motion(&self) -> bool {
-        !matches!(self, Self::Didim { .. } | Self::Response { .. })
+        !matches!(self, Self::Didim(_) | Self::Response { .. })
     }
 }
 
@@ -137,20 +127,7 @@ where
                 found.instrumental.rounds,
             ))
         }
-        Estimator::Didim {
-            along,
-            bandwidth,
-            settle,
-            start,
-        } => {
-            let settings = DidimSettings {
-                along: *along,
-                bandwidth: *bandwidth,
-                settle: *settle,
-                start,
-            };
-            settings.estimate(session, &read(session, runs)?, made, None)
-        }
+        Estimator::Didim(settings) => settings.estimate(session, &read(session, runs)?, made, None),
         Estimator::Response { window, start } => {
             let all = read(session, runs)?;
             from_responses(session, &all, made, *window, start)
@@ -197,15 +174,20 @@ pub(crate) fn read<M: BaseModel<f64> + ?Sized>(
 }
 
 /// What is given to DIDIM.
-pub(crate) struct DidimSettings<'a> {
-    /// See [`Estimator::Didim`].
-    pub(crate) along: bool,
-    pub(crate) bandwidth: Option<f64>,
-    pub(crate) settle: f64,
-    pub(crate) start: &'a [f64],
+#[derive(Clone, Debug)]
+pub struct DidimSettings {
+    /// Whether the reference motion is given to the estimator; otherwise it uses the log's
+    /// commands.
+    pub along: bool,
+    /// The bandwidth of the simulated controllers, Hz; `None` for the robot's own controllers.
+    pub bandwidth: Option<f64>,
+    /// The time at the start of each log that is left out if the commands are the log's, s.
+    pub settle: f64,
+    /// The base parameters to start from, r.
+    pub start: Vec<f64>,
 }
 
-impl DidimSettings<'_> {
+impl DidimSettings {
     /// Identifies from the efforts of tracks.
     ///
     /// - `loads`: unknown gains and payloads, and what is carried in each track.
@@ -219,7 +201,7 @@ impl DidimSettings<'_> {
     where
         M: BaseModel<f64> + BaseModel<Number> + ?Sized + Sync,
     {
-        let (model, start) = (session.model, self.start);
+        let (model, start) = (session.model, self.start.as_slice());
         let controllers = match self.bandwidth {
             Some(bandwidth) => Controllers::Tuned {
                 bandwidth,

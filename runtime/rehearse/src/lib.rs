@@ -21,7 +21,7 @@ mod trial;
 
 pub use chance::counts_by_chance;
 pub use error::RehearseError;
-pub use estimate::Estimator;
+pub use estimate::{DidimSettings, Estimator};
 pub use loads::Loads;
 pub use plan::{Planned, planned};
 pub use score::{FailedSeed, ParameterScore, Score};

@@ -9,7 +9,7 @@ use regen_response::Number;
 use regen_runtime::{BaseModel, Info, Model, Symbol};
 
 use crate::error::RehearseError;
-use crate::estimate::{DidimSettings, Estimated, Estimator, Made, converged, gains, read};
+use crate::estimate::{Estimated, Estimator, Made, converged, gains, read};
 
 /// What the runs carry, and which efforts are logged as currents of unknown gain.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -195,19 +195,7 @@ impl Loads {
             let (has_converged, rounds) = (found.instrumental.converged, found.instrumental.rounds);
             return Ok(converged(found.fit.model, has_converged, rounds));
         }
-        if let Estimator::Didim {
-            along,
-            bandwidth,
-            settle,
-            start,
-        } = estimator
-        {
-            let settings = DidimSettings {
-                along: *along,
-                bandwidth: *bandwidth,
-                settle: *settle,
-                start,
-            };
+        if let Estimator::Didim(settings) = estimator {
             let in_amperes = session.in_amperes();
             let (mut all, mut carried) = (Vec::new(), Vec::new());
             for (run, own) in &runs {

@@ -241,9 +241,7 @@ fn check<M: BaseModel<f64> + ?Sized>(rehearsal: &Rehearsal<'_, M>) -> Result<(),
     }
     if let Some(loads) = &rehearsal.loads {
         let takes = match &rehearsal.estimator {
-            Estimator::LeastSquares | Estimator::Instrumental { .. } | Estimator::Didim { .. } => {
-                true
-            }
+            Estimator::LeastSquares | Estimator::Instrumental { .. } | Estimator::Didim(_) => true,
             Estimator::Physical { friction, .. } => !friction,
             Estimator::Response { .. } => false,
         };

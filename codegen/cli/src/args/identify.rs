@@ -71,11 +71,12 @@ Examples:
 
 With --iv the transposed regressor of least squares is replaced by that at
 another motion: of the robot simulated under PID control along --reference with
-the current estimate (with physical parameters, if it is not that of bodies), in
-up to five rounds; log and reference must have the same time, and the robot had
-repeated the motion or begins with it. Without --reference it is the measured motion without frequencies above a
-printed cutoff; noise below the cutoff then still biases the result. The test of
-Durbin, Wu and Hausman shows whether least squares is biased.
+the current estimate (with physical parameters, if it is not that of bodies),
+in up to five rounds; log and reference must have the same time, and the robot
+had repeated the motion or begins with it. Without --reference it is the
+measured motion without frequencies above a printed cutoff; noise below the
+cutoff then still biases the result. The test of Durbin, Wu and Hausman shows
+whether least squares is biased.
 
 Two estimators compare the simulated robot under its controllers with the logs.
 `didim` uses efforts only: least squares of them on the simulated ones, along
