@@ -144,7 +144,9 @@ impl Load {
     /// - `moved`: which of them may change.
     pub(super) fn closest(&self, base: &[f64], from: &[f64], moved: &[usize]) -> Vec<f64> {
         let mut out = from.to_vec();
-        for _ in 0..CLOSEST_STEPS {
+        // a payload that is wholly known has nothing to move
+        let steps = if moved.is_empty() { 0 } else { CLOSEST_STEPS };
+        for _ in 0..steps {
             let all = self.columns(&out);
             let columns = moved.iter().flat_map(|k| all[*k].iter().copied());
             let columns = DMatrix::from_vec(self.base.len(), moved.len(), columns.collect());
