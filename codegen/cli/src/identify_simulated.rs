@@ -127,7 +127,7 @@ fn of_efforts(
 ) -> Result<(IdentifiedModel, Summary, EffortContributions), Failure> {
     let model = session.model;
     let loops = Loops::of(args, session, known)?;
-    let loops = loops.choose(model, all, &vec![start.to_vec(); all.len()])?;
+    let loops = loops.choose(session, all, &vec![start.to_vec(); all.len()])?;
     let options = options(session, &loops);
     let found = didim(model, model, &loops.runs(), &options, start);
     session.watch.finished();
@@ -169,7 +169,6 @@ impl<'a> Loops<'a> {
         for setup in known.iter().copied().flatten() {
             require_known(setup)?;
         }
-        session.watch.phase("simulating the controlled robot");
         let file = args.reference.as_deref();
         Ok(Self {
             args,
@@ -182,7 +181,7 @@ impl<'a> Loops<'a> {
 
     fn choose<'b>(
         &'b self,
-        model: &Interpreted<'_>,
+        session: &Session<'_, Interpreted<'_>>,
         all: &'b [Track],
         values: &[Vec<f64>],
     ) -> Result<SimulatedLoops<'b>, TrackError> {
@@ -190,12 +189,17 @@ impl<'a> Loops<'a> {
         let known = known.map(|series| (series as _, series.period()));
         let own = &self.args.simulated;
         let (wanted, settle) = (own.loop_bandwidth, own.settle);
-        SimulatedLoops::choose(model, all, known, &self.controllers, wanted, settle, values)
+        let (model, controllers) = (session.model, &self.controllers);
+        session.watch.phase("choosing how the robot is simulated");
+        let found = SimulatedLoops::choose(model, all, known, controllers, wanted, settle, values);
+        session.watch.finished();
+        found
     }
 }
 
-/// The options of DIDIM.
+/// The options of DIDIM, which it announces.
 fn options(session: &Session<'_, Interpreted<'_>>, loops: &SimulatedLoops<'_>) -> DidimOptions {
+    session.watch.phase("simulating the controlled robot");
     DidimOptions {
         least_squares: session.options,
         filtering: session.reading.filtering(),
@@ -248,7 +252,7 @@ pub(crate) fn with_gains(
     let loops = Loops::of(args, session, &known)?;
     let values = loads.start(&vec![1.0; model.info().actuated.len()]);
     let values: Vec<Vec<f64>> = (0..all.len()).map(|k| loads.base(&values, k)).collect();
-    let loops = loops.choose(model, &all, &values)?;
+    let loops = loops.choose(session, &all, &values)?;
     let options = options(session, &loops);
     let found = didim_with_gains(model, model, &loops.runs(), &loads, &options);
     session.watch.finished();

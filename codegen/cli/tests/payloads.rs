@@ -142,6 +142,20 @@ fn close(row: &Value, truth: f64) -> f64 {
     sigma
 }
 
+/// Simulates a run without the load and one with it, along an exciting motion.
+///
+/// - `seed`: of the motion; `options`: of `simulate`.
+fn simulated(dir: &Path, seed: u32, options: &str) {
+    let excite =
+        "excite arm.yaml --payload carried --out t.json --harmonics 3 --starts 1 --frequency 0.4";
+    run(dir, &format!("{excite} --seed {seed}"), 0);
+    for payload in ["none", "carried"] {
+        let out = format!("--out {payload}.csv --payload {payload}");
+        let line = format!("simulate arm.yaml --trajectory t.json {options} {out}");
+        run(dir, &line, 0);
+    }
+}
+
 /// Writes the runs with every effort in the row after its own; returns the time of a row.
 fn late(dir: &Path) -> f64 {
     let mut step = 0.0;
@@ -169,20 +183,7 @@ fn late(dir: &Path) -> f64 {
 fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undetermined() {
     let dir = scratch("payload_gains");
     arm(&dir);
-    run(
-        &dir,
-        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4",
-        0,
-    );
-    for payload in ["none", "carried"] {
-        run(
-            &dir,
-            &format!(
-                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.01 --seed 3 --out {payload}.csv --payload {payload}"
-            ),
-            0,
-        );
-    }
+    simulated(&dir, 1, "--noise 1e-6,0.01 --seed 3");
     fs::write(dir.join("runs.yaml"), RUNS).unwrap();
     let fit = "identify arm.yaml runs.yaml --covariance --out fit.json --report page.html";
     let found = json(&dir, fit);
@@ -288,20 +289,11 @@ fn gains_and_loads_are_identified_validated_and_refused_if_their_scale_is_undete
 fn gains_and_loads_are_found_from_the_efforts_of_each_run_s_own_simulation() {
     let dir = scratch("payload_didim");
     arm(&dir);
-    run(
+    simulated(
         &dir,
-        "excite arm.yaml --payload carried --out t.json --seed 1 --harmonics 3 --starts 1 --frequency 0.4",
-        0,
+        1,
+        "--noise 1e-6,0.05 --seed 3 --bandwidth 5 --step 0.005",
     );
-    for payload in ["none", "carried"] {
-        run(
-            &dir,
-            &format!(
-                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.05 --seed 3 --bandwidth 5 --step 0.005 --out {payload}.csv --payload {payload}"
-            ),
-            0,
-        );
-    }
     fs::write(dir.join("runs.yaml"), RUNS).unwrap();
     let line = "identify arm.yaml runs.yaml --estimator didim --loop-bandwidth 5 --reference t.json \
                 --out fit.json";
@@ -325,20 +317,7 @@ fn gains_and_loads_are_found_from_the_efforts_of_each_run_s_own_simulation() {
 fn a_load_is_weighed_on_a_robot_that_was_identified_without_it() {
     let dir = scratch("payload_weighed");
     arm(&dir);
-    run(
-        &dir,
-        "excite arm.yaml --payload carried --out t.json --seed 2 --harmonics 3 --starts 1 --frequency 0.4",
-        0,
-    );
-    for payload in ["none", "carried"] {
-        run(
-            &dir,
-            &format!(
-                "simulate arm.yaml --trajectory t.json --noise 1e-6,0.01 --seed 5 --out {payload}.csv --payload {payload}"
-            ),
-            0,
-        );
-    }
+    simulated(&dir, 2, "--noise 1e-6,0.01 --seed 5");
     let line = "identify arm.yaml none.csv --payload none --butterworth 4,20 --out";
     run(&dir, &format!("{line} exact.json"), 0);
     run(&dir, &format!("{line} robot.json --covariance"), 0);

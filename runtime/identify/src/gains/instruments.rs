@@ -9,7 +9,7 @@ use super::linear::Linear;
 use super::optimum::Optimum;
 use super::planned::Planned;
 use super::rank::require_rank;
-use super::rows::{Rows, Sample};
+use super::rows::{Rows, Sample, add_product};
 use super::statistics::Solved;
 use super::unknowns::Unknowns;
 use super::{CarriedRun, GainError, GainFit, GainOptions, Plan, origin};
@@ -48,8 +48,8 @@ pub struct LoadedInstruments {
 /// [`fit`](super::fit) do not.
 ///
 /// # Errors
-/// As [`fit`](super::fit); when there are not as many motions as runs; [`GainError::NotConverged`] if least squares have no solution to begin
-/// with; the errors of `stages`.
+/// As [`fit`](super::fit); when there are not as many motions as runs; [`GainError::NotConverged`] if least
+/// squares have no solution to begin with; the errors of `stages`.
 ///
 /// ```
 /// # mod models {
@@ -243,11 +243,7 @@ where
             }
             sides.clear();
             sides.extend(sample.measured.iter().zip(&fitted).map(|(i, f)| i - f));
-            for (column, value) in w.chunks_exact(sides.len().max(1)).zip(&values) {
-                for (side, j) in sides.iter_mut().zip(column) {
-                    *side += j * value;
-                }
-            }
+            add_product(&mut sides, &w, &values);
             w.extend_from_slice(&z);
             each(&Equations {
                 time: sample.time,

@@ -10,17 +10,19 @@ use regen_runtime::BaseModel;
 /// The unknowns of a plan, and where they stand among the base parameters.
 pub(super) struct Planned {
     pub(super) unknowns: Unknowns,
-    /// The base parameters of each payload.
+    /// For each payload, the places of its base parameters.
     pub(super) blocks: Vec<Vec<usize>>,
-    /// Those of the robot.
+    /// The places of the robot's base parameters, which are in every run.
     pub(super) of_robot: Vec<usize>,
-    /// Those of payloads that no run carries.
+    /// The places of the base parameters of payloads that no run carries: they are not identified.
     pub(super) idle: Vec<usize>,
     /// The number of all base parameters.
     pub(super) base: usize,
 }
 
 impl Planned {
+    /// Finds the unknowns of a plan.
+    ///
     /// - `carried`: the payload of each run, as an index into [`Plan::payloads`].
     pub(super) fn new<M: BaseModel<f64> + ?Sized>(
         model: &M,

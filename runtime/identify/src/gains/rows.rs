@@ -23,6 +23,7 @@ pub(super) struct Sample<'a> {
     pub(super) measured: &'a [f64],
     /// The factor on each equation; 0 for one that is left out.
     pub(super) weights: &'a [f64],
+    /// The time of the sample, s.
     pub(super) time: f64,
     pub(super) follows: bool,
 }
@@ -285,6 +286,17 @@ pub(super) fn absent(blocks: &[Vec<usize>], carried: Option<usize>) -> Vec<usize
     let absent = blocks.iter().enumerate();
     let absent = absent.filter(|(k, _)| carried != Some(*k));
     absent.flat_map(|(_, block)| block.clone()).collect()
+}
+
+/// Adds to each effort its entries in the columns times their values.
+///
+/// - `columns`: efforts x columns, column-major.
+pub(super) fn add_product(efforts: &mut [f64], columns: &[f64], values: &[f64]) {
+    for (column, value) in columns.chunks_exact(efforts.len().max(1)).zip(values) {
+        for (sum, entry) in efforts.iter_mut().zip(column) {
+            *sum += entry * value;
+        }
+    }
 }
 
 /// Base parameters with those at some places as 0.

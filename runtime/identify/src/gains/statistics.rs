@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::rank::require_rank;
 use super::result::Uncertainty;
 use super::robust::Huber;
-use super::rows::{Rows, Sample};
+use super::rows::{Rows, Sample, add_product};
 use super::unknowns::{GainKind, Point};
 use super::{GainError, GainFit, GainOptions, Plan, in_si};
 use crate::data::DataError;
@@ -473,12 +473,7 @@ where
             errors.interrupt();
         }
         fitted.fill(0.0);
-        let columns = regressor(sample).chunks_exact(gains.len().max(1));
-        for (column, value) in columns.zip(x) {
-            for (sum, w) in fitted.iter_mut().zip(column) {
-                *sum += w * value;
-            }
-        }
+        add_product(&mut fitted, regressor(sample), x);
         let used: Vec<bool> = sample.weights.iter().map(|w| *w > 0.0).collect();
         let pairs = sample.measured.iter().zip(gains);
         let measured: Vec<f64> = pairs.map(|(i, k)| i * k).collect();
