@@ -18,7 +18,11 @@ fn outliers_hardly_change_hubers_gains_and_payload() {
         outliers: 0.05,
         ..Twin::new(&model, &[8.0, -12.0, 3.0])
     };
-    let plan = unknown(&twin, Some(2.2));
+    let plan = Plan {
+        unknown_gains: twin.names(),
+        payloads: vec![known(Some(2.2))],
+        robot: None,
+    };
     let options = GainOptions {
         huber: Some(BOUND),
         ..GainOptions::default()
