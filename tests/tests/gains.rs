@@ -15,7 +15,7 @@ use regen_identify::gains::{
     CarriedRun, GainError, GainFit, GainOptions, KnownPayload, KnownRobot, Plan, fit,
 };
 use regen_identify::identify::{Recorded, StateSample};
-use regen_identify::model::Interval;
+use regen_identify::model::{IdentifiedModel, Interval};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
 use regen_runtime::{BaseModel, LoopClosure, Model};
@@ -301,6 +301,30 @@ fn known(mass: Option<f64>) -> KnownPayload {
     }
 }
 
+/// All gains are unknown, and all of the load but its mass, if that is given.
+fn unknown(twin: &Twin<'_>, mass: Option<f64>) -> Plan {
+    Plan {
+        unknown_gains: twin.names(),
+        payloads: vec![known(mass)],
+        robot: None,
+    }
+}
+
+/// The robot and its gains are known from another fit, with or without their covariance.
+fn weighing(before: &IdentifiedModel, with_covariance: bool) -> Plan {
+    let gains = before.gains.iter().map(|g| (g.effort.clone(), g.value));
+    let gains: Vec<(String, f64)> = gains.collect();
+    Plan {
+        unknown_gains: gains.iter().map(|(name, _)| name.clone()).collect(),
+        payloads: vec![known(None)],
+        robot: Some(KnownRobot {
+            beta: before.beta.clone(),
+            gains,
+            covariance: before.covariance.clone().filter(|_| with_covariance),
+        }),
+    }
+}
+
 #[test]
 fn gains_and_payload_of_an_arm_are_found_within_their_deviations() {
     let robot = arm();
@@ -350,11 +374,7 @@ fn a_closed_loop_has_its_gains_and_payload_found_whichever_coordinates_are_indep
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
         let twin = Twin::new(&model, &[2.0, 5.0]);
-        let plan = Plan {
-            unknown_gains: twin.names(),
-            payloads: vec![known(Some(0.7))],
-            robot: None,
-        };
+        let plan = unknown(&twin, Some(0.7));
         for seed in 0..SEEDS / 2 {
             let found = twin.fit(&plan, seed).unwrap();
             // in its plane, the load has no inertia about other axes
@@ -372,11 +392,7 @@ fn a_scale_that_nothing_fixes_is_refused_by_the_names_of_the_gains() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
-    let plan = Plan {
-        unknown_gains: twin.names(),
-        payloads: vec![known(None)],
-        robot: None,
-    };
+    let plan = unknown(&twin, None);
     let Err(GainError::Undetermined {
         rank,
         unknowns,
@@ -442,27 +458,13 @@ fn a_load_on_an_identified_robot_has_the_robot_s_uncertainty_in_its_own() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
-    let gains = twin.names();
-    let joint = Plan {
-        unknown_gains: gains.clone(),
-        payloads: vec![known(Some(2.2))],
-        robot: None,
-    };
+    let joint = unknown(&twin, Some(2.2));
     for seed in 0..SEEDS {
         let before = twin.fit(&joint, seed).unwrap().model;
         let mut random = Random::new(100 + seed);
         let mut loaded = twin.run(true, &mut random);
         let mut run = |with: bool| {
-            let own = before.gains.iter().map(|g| (g.effort.clone(), g.value));
-            let plan = Plan {
-                unknown_gains: gains.clone(),
-                payloads: vec![known(None)],
-                robot: Some(KnownRobot {
-                    beta: before.beta.clone(),
-                    gains: own.collect(),
-                    covariance: before.covariance.clone().filter(|_| with),
-                }),
-            };
+            let plan = weighing(&before, with);
             let mut runs = [CarriedRun {
                 source: &mut loaded,
                 carried: Some(0),

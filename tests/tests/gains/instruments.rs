@@ -82,11 +82,7 @@ fn gains_and_payload_have_no_bias_from_noise_in_the_motion() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
-    let plan = Plan {
-        unknown_gains: twin.names(),
-        payloads: vec![known(Some(2.2))],
-        robot: None,
-    };
+    let plan = unknown(&twin, Some(2.2));
     let (mut beyond, mut all) = (0, 0);
     let (mut largest, mut of_least_squares) = (0.0_f64, 0.0_f64);
     for seed in 0..SEEDS {
@@ -141,26 +137,12 @@ fn a_load_weighed_by_instruments_has_the_robots_uncertainty_in_its_own() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
-    let gains = twin.names();
-    let joint = Plan {
-        unknown_gains: gains.clone(),
-        payloads: vec![known(Some(2.2))],
-        robot: None,
-    };
+    let joint = unknown(&twin, Some(2.2));
     let before = twin.fit(&joint, 5).unwrap().model;
     let mut random = Random::new(77);
     let (mut log, exact) = noisy(&twin, true, &mut random);
     let mut run = |with: bool| {
-        let own = before.gains.iter().map(|g| (g.effort.clone(), g.value));
-        let plan = Plan {
-            unknown_gains: gains.clone(),
-            payloads: vec![known(None)],
-            robot: Some(KnownRobot {
-                beta: before.beta.clone(),
-                gains: own.collect(),
-                covariance: before.covariance.clone().filter(|_| with),
-            }),
-        };
+        let plan = weighing(&before, with);
         let mut motions = Some(vec![exact.clone()]);
         let mut runs = [CarriedRun {
             source: &mut log,
@@ -188,11 +170,7 @@ fn instruments_that_are_missing_are_an_error() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let twin = Twin::new(&model, &[8.0, 12.0, 3.0]);
-    let plan = Plan {
-        unknown_gains: twin.names(),
-        payloads: vec![known(Some(2.2))],
-        robot: None,
-    };
+    let plan = unknown(&twin, Some(2.2));
     let (mut logs, motions) = logs(&twin, 1);
     let options = InstrumentOptions::default();
     for given in [None, Some(motions[..1].to_vec())] {

@@ -14,11 +14,7 @@ fn gains_of_a_closed_loop_are_found_whichever_coordinates_are_independent() {
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
         let twin = Twin::new(&model, &[2.0, 5.0]);
-        let plan = Plan {
-            unknown_gains: twin.names(),
-            payloads: vec![known(Some(0.7))],
-            robot: None,
-        };
+        let plan = unknown(&twin, Some(0.7));
         let info = model.info();
         let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
         let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {

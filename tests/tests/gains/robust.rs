@@ -1,11 +1,11 @@
 //! Huber's estimate of gains and a payload, tested by the equations that define it.
 
-use regen_identify::gains::{GainOptions, Plan, fit};
+use regen_identify::gains::{GainOptions, fit};
 use regen_identify::identify::Source;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::BaseModel;
 
-use super::{LOAD, Twin, arm, carried, check_against_truth, known};
+use super::{LOAD, Twin, arm, carried, check_against_truth, unknown};
 
 const BOUND: f64 = 1.345;
 
@@ -18,11 +18,7 @@ fn outliers_hardly_change_hubers_gains_and_payload() {
         outliers: 0.05,
         ..Twin::new(&model, &[8.0, -12.0, 3.0])
     };
-    let plan = Plan {
-        unknown_gains: twin.names(),
-        payloads: vec![known(Some(2.2))],
-        robot: None,
-    };
+    let plan = unknown(&twin, Some(2.2));
     let options = GainOptions {
         huber: Some(BOUND),
         ..GainOptions::default()
