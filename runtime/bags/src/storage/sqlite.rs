@@ -158,7 +158,7 @@ impl SqliteMessages {
     pub(super) fn advance(&mut self) -> Result<bool, BagError> {
         if self.batch.is_empty() && !self.ended {
             let last = self.last;
-            self.read().map_err(|error| BagError::Database {
+            let disordered = self.read().map_err(|error| BagError::Database {
                 file: self.path.clone(),
                 place: match last {
                     i64::MIN => "the first messages".to_owned(),
@@ -166,6 +166,18 @@ impl SqliteMessages {
                 },
                 source: Box::new(error),
             })?;
+            if let Some(id) = disordered {
+                return Err(BagError::Broken {
+                    file: self.path.clone(),
+                    place: Place::Row(id).to_string(),
+                    why: format!(
+                        "the rows of the table `messages` are out of order, so that some would be read \
+                         again: the database is damaged; `sqlite3 {} .recover` writes what can still be \
+                         read",
+                        self.path.file_name().unwrap_or_default().display()
+                    ),
+                });
+            }
         }
         self.present = self.batch.pop();
         if let Some((id, _, _, data)) = &mut self.present {
@@ -185,8 +197,9 @@ impl SqliteMessages {
         Ok(self.present.is_some())
     }
 
-    /// Reads the next messages.
-    fn read(&mut self) -> rusqlite::Result<()> {
+    /// Reads the next messages. Returns the number of a row that is not behind the one before it, as in
+    /// damaged databases: the next query, for rows behind the last one, would begin with old rows.
+    fn read(&mut self) -> rusqlite::Result<Option<i64>> {
         let mut statement = self.database.prepare(&self.query)?;
         let mut rows = statement.query([self.last])?;
         while let Some(row) = rows.next()? {
@@ -198,7 +211,11 @@ impl SqliteMessages {
                 None if too_long => vec![0; MAX_MESSAGE as usize + 1],
                 data => data.unwrap_or_default(),
             };
-            self.last = row.get(0)?;
+            let id = row.get(0)?;
+            if id <= self.last {
+                return Ok(Some(id));
+            }
+            self.last = id;
             self.batch.push((self.last, row.get(1)?, row.get(2)?, data));
             if too_long {
                 break;
@@ -206,7 +223,7 @@ impl SqliteMessages {
         }
         self.ended = self.batch.is_empty();
         self.batch.reverse();
-        Ok(())
+        Ok(None)
     }
 
     /// The current message.
